@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from jerkbench.jobs.blocks import RowBlock, block_of
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.rows import Result, job_rows
-from jerkbench.jobs.run import RowBlock, block_of
 from jerkbench.report.tables.terminal import print_beginning
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store

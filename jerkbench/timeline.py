@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -133,11 +134,10 @@ def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str
 
 def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return the different lengths, whole nanoseconds apart, and which of them each step has (-1: none, dt = 0)."""
-    if _even(dt_s):
-        return _one_length(dt_s)
-    key = np.round(dt_s * 1e9).astype(np.int64)
-    if _even(key):
-        return _one_length(dt_s)
+    if _even(dt_s) or _even(key := np.round(dt_s * 1e9).astype(np.int64)):
+        which = np.zeros(len(dt_s), dtype=np.int64)
+        which[0] = -1
+        return dt_s[1:2], which
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     which = which.astype(np.int64)
     which[dt_s <= 0] = -1
@@ -147,12 +147,6 @@ def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
 def _even(dt: FloatArray | IntArray) -> bool:
     """Whether all steps but the first, in which no time passes, are equal; to sort them takes a tenth of a run."""
     return bool(len(dt) > 1 and dt[0] <= 0 < dt[1] and (dt[1:] == dt[1]).all())
-
-
-def _one_length(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
-    which = np.zeros(len(dt_s), dtype=np.int64)
-    which[0] = -1
-    return dt_s[1:2], which
 
 
 # The measurement noise that a filter is told: the reported R, scaled, whatever the data are.
@@ -214,8 +208,8 @@ def with_r_scale(recording: Recording, scale: RScale) -> Recording:
     p, v = recording.position, recording.velocity
     return dataclasses.replace(
         recording,
-        position=None if p is None else _told_position(p, scale.position),
-        velocity=None if v is None else _told_velocity(v, scale.velocity),
+        position=None if p is None else _told(p, "m2", scale.position),
+        velocity=None if v is None else _told(v, "m2ps2", scale.velocity),
     )
 
 
@@ -240,18 +234,13 @@ def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, 
     return dataclasses.replace(timeline, measurements=told, x0=x0, P0=P0)
 
 
-def _told_position(position: Position, factor: float) -> Position:
-    reported, true = position.covariance_m2, position.true_covariance_m2
-    return dataclasses.replace(
-        position, covariance_m2=factor * reported, true_covariance_m2=reported if true is None else true
-    )
+_Stream = TypeVar("_Stream", Position, Velocity)
 
 
-def _told_velocity(velocity: Velocity, factor: float) -> Velocity:
-    reported, true = velocity.covariance_m2ps2, velocity.true_covariance_m2ps2
-    return dataclasses.replace(
-        velocity, covariance_m2ps2=factor * reported, true_covariance_m2ps2=reported if true is None else true
-    )
+def _told(stream: _Stream, unit: str, factor: float) -> _Stream:
+    reported, true = (getattr(stream, f"{name}_{unit}") for name in ("covariance", "true_covariance"))
+    told = {f"covariance_{unit}": factor * reported, f"true_covariance_{unit}": reported if true is None else true}
+    return dataclasses.replace(stream, **told)
 
 
 def _rows_of(measurements: Measurements, begin: int, end: int) -> Measurements:

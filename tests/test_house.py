@@ -116,6 +116,7 @@ def lone_modules():
     """Modules with one importer; those that a verb or `cli` loads when it is asked for them have their reason."""
     lone = {module.name: importers()[module.name] for module in modules() if not is_plugin(module)}
     late = ("jerkbench.verbs", "jerkbench.cli", "jerkbench.__main__")
+    lone.pop("jerkbench.api")  # which is public
     return sorted(name for name, by in lone.items() if len(by) == 1 and not next(iter(by)).startswith(late))
 
 

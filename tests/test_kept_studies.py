@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from commands import verb
-from jerkbench.jobs.run import RowBlock
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 from stored_cells import about, put, row

@@ -16,20 +16,18 @@ from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import job_of, study_folder
-from jerkbench.hydra_app.looks import Look, forecast, lines, looks_left, planned_looks, undecided
+from jerkbench.hydra_app.looks import Look, forecast, looks_left, planned_looks, undecided
 from jerkbench.hydra_app.words import cluster_of
-from jerkbench.jobs.cluster import Cluster, ClusterError, Workers
+from jerkbench.jobs.cluster import Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.plan import Plan, planned
-from jerkbench.jobs.pool import processors
 from jerkbench.jobs.preflight import first_complaints, first_remarks
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.run import run_missing
 from jerkbench.report.choice import figures_choice
-from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import Study, load_study, write_study
+from jerkbench.results.study import Study, concluded, load_study
 
 # The end of a sweep: manifest, tables, figures, report, and the exit code that they come to.
 
@@ -49,9 +47,7 @@ def conclude_study(
         return None
     store.compact()
     there = {key: () if key in gone else own for key, own in seeds.items()}
-    write_manifest(folder, there, list(config.notes), sys.argv, level, list(config.tags))
-    study = load_study(folder, prefer=list(seeds))
-    table = write_study(study)
+    study, table = concluded(folder, there, list(config.notes), sys.argv, level, list(config.tags))
     shown = study.only(seeds)
     if len(shown.rows) == len(study.rows):
         print_beginning(table)
@@ -95,7 +91,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     """
     if not config.report:
         return 0
-    from jerkbench.results.study_figures import present
+    from jerkbench.results.study_report import present
 
     try:
         choice = figures_choice(config.figures)
@@ -114,7 +110,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
 
 def tell(plan: Plan, store: Store, config: DictConfig) -> None:
     """Say what would run."""
-    for line in lines(forecast(plan, store), config.workers or processors()):
+    for line in forecast(plan, store, config.workers or processors()):
         print(line)
     if config.max_seeds:
         print(f"That is the first look; seeds are added up to {config.max_seeds} where a comparison is undecided.")
@@ -135,7 +131,7 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
             for end.look in looks_left(planned_looks(plan, config.seeds, config.max_seeds), store):
                 run_missing(end.look.plan, store, workers)
                 draws = end.look.plan.draws
-                if end.look.last or not undecided(load_study(store.folder.parent, list(draws), draws), end.look.level):
+                if end.look.last or not undecided(load_study(store.folder.parent, draws), end.look.level):
                     break
         if code := _concluded(end, store, config):
             raise SystemExit(code)

@@ -131,7 +131,7 @@ def arranged_words(words: Sequence[str]) -> list[str]:
         if sentence := renamed_notice(word):
             print(sentence, file=sys.stderr)
     known = parser.parse_intermixed_args(quoted([new_word(word) for word in words]))
-    _require_sense(known)
+    _require_sensible(known)
     for word in known.overrides:
         _check(word, completing=known.shell_completion)
     flags = [_option(name) for name in FLAGS if getattr(known, name)]
@@ -147,7 +147,7 @@ def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _require_sense(known: argparse.Namespace) -> None:
+def _require_sensible(known: argparse.Namespace) -> None:
     keys = {word.partition("=")[0] for word in known.overrides}
     commands = [_option(name) for name in COMMANDS if getattr(known, name)]
     if len(commands) > 1:

@@ -21,7 +21,8 @@ from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.sums import outlined, scored
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.jobs.job import Scenario
-from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
+from jerkbench.jobs.key import code_digest, require_data, versions
+from jerkbench.jobs.sources import plugin_digest
 from jerkbench.optional import part_read
 from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
 from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
@@ -47,8 +48,6 @@ SIMULATED_PATTERN = "simulated_*"
 MOST_CACHED_BYTES = 2_000_000_000
 """About 700 drives of 150 s; then the longest unused go."""
 
-DAMAGED_ARRAYS = (OSError, ValueError, KeyError, TypeError)
-
 
 def simulated(dataset: Dataset, seed: int) -> Recording:
     """Return the recording of ``seed``: the one that is kept, or a new one, which then is."""
@@ -70,7 +69,13 @@ def _key(dataset: Dataset, seed: int) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
+ARRAYS_MAGIC = b"jerkbench arrays 1\n"
+ALIGNED = 64
+"""Arrays begin at multiples of so many bytes."""
+
+
 def _write(recording: Recording, path: Path) -> None:
+    """Write the arrays of a recording, and before them what JSON can say of the rest."""
     arrays: dict[str, Any] = {}
     header: dict[str, Any] = {}
     for part in ("", LAW, *RECORDING_PARTS):
@@ -81,82 +86,54 @@ def _write(recording: Recording, path: Path) -> None:
                 arrays[f"{part}.{each.name}"] = value
             elif each.name not in (*RECORDING_PARTS, LAW):
                 header[f"{part}.{each.name}"] = value.isoformat() if isinstance(value, datetime) else value
-    write_atomically(path, lambda partial: write_arrays(partial, arrays, header))
+    listed = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
+    described = json.dumps({"header": header, "arrays": listed}).encode()
+    content = b"".join(map(_padded, [described, *(array.tobytes() for array in arrays.values())]))
+    sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
+    write_atomically(path, lambda partial: partial.write_bytes(_padded(ARRAYS_MAGIC + sizes) + content))
+
+
+def _padded(content: bytes) -> bytes:
+    return content + bytes(-len(content) % ALIGNED)
 
 
 def _read(path: Path) -> Recording | None:
     """The recording at ``path``, or None where there is none that is whole."""
     try:
-        arrays, header = read_arrays(path)
-        values = arrays | header
+        values = _values(path)
         parts: dict[str, Any] = {
-            name: RECORDING_PARTS[name](**own) for name in RECORDING_PARTS if (own := _of(name, values))
+            name: cls(**own) for name, cls in RECORDING_PARTS.items() if (own := _of(name, values))
         }
-        law = _of(LAW, values)
+        law, own = _of(LAW, values), _of("", values)
         drawn = ErrorLaw(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
-        own = _of("", values)
         start = own.pop("start_utc")
         own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}
         with suppress(OSError):
             os.utime(path)  # used just now: others go first
         return Recording(**own, **parts, drawn=drawn)
-    except DAMAGED_ARRAYS:
+    except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def _values(path: Path) -> dict[str, Any]:
+    """What a file of `_write` holds, the arrays as views of its content."""
+    content = np.fromfile(path, dtype=np.uint8)
+    magic, head = len(ARRAYS_MAGIC), content[:ALIGNED].tobytes()
+    length, checksum = np.frombuffer(head[magic : magic + 16], dtype="<u8").tolist()
+    if not head.startswith(ARRAYS_MAGIC) or zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # a buffer
+        raise ValueError(f"{path} is damaged.")
+    described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
+    values, at = described["header"], ALIGNED + length + -length % ALIGNED
+    for name, dtype, shape in described["arrays"]:
+        size = np.dtype(dtype).itemsize * int(np.prod(shape))
+        values[name] = content[at : at + size].view(dtype).reshape(shape)
+        at += size + -size % ALIGNED
+    return dict(values)
 
 
 def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
     """The fields of one part, by name."""
     return {name.partition(".")[2]: value for name, value in values.items() if name.partition(".")[0] == part}
-
-
-ARRAYS_MAGIC = b"jerkbench arrays 1\n"
-ALIGNED = 64
-"""Arrays begin at multiples of so many bytes."""
-
-
-def write_arrays(path: Path, arrays: dict[str, Any], header: dict[str, Any]) -> None:
-    """Write ``arrays`` and what JSON can say of the rest."""
-    plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
-    listed = [(name, array.dtype.str, array.shape) for name, array in plain.items()]
-    described = json.dumps({"header": header, "arrays": listed}).encode()
-    content = bytearray(_padded(described))
-    for array in plain.values():
-        content += _padded(array.tobytes())
-    sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
-    path.write_bytes(_padded(ARRAYS_MAGIC + sizes) + content)
-
-
-def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return arrays and header.
-
-    Raises:
-        OSError: the file cannot be read.
-        ValueError: it is not what `write_arrays` has written.
-    """
-    content = np.fromfile(path, dtype=np.uint8)
-    if content[: len(ARRAYS_MAGIC)].tobytes() != ARRAYS_MAGIC or len(content) < ALIGNED:
-        raise ValueError(f"{path} holds no arrays.")
-    length, checksum = np.frombuffer(
-        content[len(ARRAYS_MAGIC) : len(ARRAYS_MAGIC) + 16].tobytes(), dtype="<u8"
-    ).tolist()
-    if zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # an array is a buffer
-        raise ValueError(f"{path} is damaged.")
-    described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
-    arrays, at = {}, ALIGNED + _rounded(length)
-    for name, dtype, shape in described["arrays"]:
-        size = np.dtype(dtype).itemsize * int(np.prod(shape))
-        arrays[name] = content[at : at + size].view(dtype).reshape(shape)
-        at += _rounded(size)
-    return arrays, described["header"]
-
-
-def _padded(content: bytes) -> bytes:
-    return content + bytes(_rounded(len(content)) - len(content))
-
-
-def _rounded(size: int) -> int:
-    """The next multiple of ALIGNED."""
-    return -(-size // ALIGNED) * ALIGNED
 
 
 KEPT_INPUTS = 32

@@ -3,18 +3,16 @@
 import hashlib
 import json
 import platform
-import secrets
 import subprocess
-import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from jerkbench.contracts import Dataset, Disturbance, ReadingFile
-from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.sources import KNOWN_MODULES, named_digests, sources_digest
+from jerkbench.errors import RecordingError
+from jerkbench.jobs.sources import plugin_digest
 
 # The provenance of a result, besides its configuration: our own code, the plugins' code, the
 # libraries.
@@ -47,35 +45,6 @@ def code_digest(*further: str) -> str:
         if not places.isdisjoint((*COMPUTING, *further)):
             digest.update(str(inside).encode() + path.read_bytes())
     return digest.hexdigest()
-
-
-@cache
-def plugin_digest(cls: type) -> str:
-    """Hash of all that a plugin outside this package depends on, and that of its bases.
-
-    Empty for our own plugins, which `code_digest` covers. A class without a file, of an interactive session, has
-    another one in each process: nothing tells whether it changed.
-    """
-    named = [line for base in cls.__mro__ for line in _named(base)]
-    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN_MODULES - sys.stdlib_module_names
-    try:
-        texts = [*map(sources_digest, sorted(homes)), *named]
-        return hashlib.sha256("".join(texts).encode()).hexdigest() if texts else ""
-    except LookupError:
-        return _this_process()
-
-
-def _named(cls: type) -> Iterator[str]:
-    """Yield a line for each place that the class itself names in `depends_on`."""
-    file, names = getattr(sys.modules.get(cls.__module__), "__file__", None), vars(cls).get("depends_on", ())
-    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
-        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of texts, such as ("gains.csv",).')
-    return named_digests(names, Path(file).parent if file else Path())
-
-
-@cache
-def _this_process() -> str:
-    return secrets.token_hex(32)
 
 
 @cache

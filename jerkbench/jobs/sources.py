@@ -7,6 +7,7 @@ another distribution by its version. What `jerkbench.jobs.key` answers for by it
 import ast
 import hashlib
 import os
+import secrets
 import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -14,6 +15,8 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution,
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType, ModuleType
+
+from jerkbench.errors import PluginError
 
 KNOWN_MODULES = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
 """Modules whose version or code is in every key."""
@@ -26,6 +29,35 @@ CACHES, RESULTS = "__pycache__", "results"
 
 NamedFile = tuple[str, Path]
 """A file, and what it is called: its place in its package."""
+
+
+@cache
+def plugin_digest(cls: type) -> str:
+    """Hash of all that a plugin outside this package depends on, and that of its bases.
+
+    Empty for our own plugins, which `code_digest` covers. A class without a file, of an interactive session, has
+    another one in each process: nothing tells whether it changed.
+    """
+    named = [line for base in cls.__mro__ for line in _named(base)]
+    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN_MODULES - sys.stdlib_module_names
+    try:
+        texts = [*map(sources_digest, sorted(homes)), *named]
+        return hashlib.sha256("".join(texts).encode()).hexdigest() if texts else ""
+    except LookupError:
+        return _this_process()
+
+
+def _named(cls: type) -> Iterator[str]:
+    """Yield a line for each place that the class itself names in `depends_on`."""
+    file, names = getattr(sys.modules.get(cls.__module__), "__file__", None), vars(cls).get("depends_on", ())
+    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of texts, such as ("gains.csv",).')
+    return named_digests(names, Path(file).parent if file else Path())
+
+
+@cache
+def _this_process() -> str:
+    return secrets.token_hex(32)
 
 
 def sources_digest(module: str) -> str:

@@ -20,8 +20,8 @@ import pyarrow.parquet as pq
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.files import exists
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.labels import Labels
-from jerkbench.jobs.run import RowBlock
 
 # A part of the store: one Parquet file with runs of many cells, its digest in its name.
 #
@@ -72,12 +72,8 @@ def content_of(table: pa.Table) -> bytes:
 
 def part_name(content: bytes) -> str:
     """Return a new name for a part with this content."""
-    return f"part-{host()}-{uuid.uuid4().hex}-{content_digest(content)}"
-
-
-def host() -> str:
-    """Return the name of this machine, as it stands in the names of parts."""
-    return re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
+    host = re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
+    return f"part-{host}-{uuid.uuid4().hex}-{content_digest(content)}"
 
 
 def content_digest(content: bytes) -> str:
@@ -205,19 +201,17 @@ class PartFiles:
         return names
 
     def each(
-        self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
+        self, columns: list[str] | None = None, seen: set[str] | None = None
     ) -> Iterator[tuple[str, pa.Table | None]]:
-        """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged.
+        """Each file by its name, with its rows (default: whole); None where it is damaged.
 
         Files that are ``seen`` are left out; those that were given are then.
         """
         seen = set() if seen is None else seen
-        wanted = None if keys is None else set(keys)
         for _ in range(LISTINGS):
-            names = self.names()
             vanished = False
-            for name in names:
-                if name in seen or (wanted is not None and not PART_NAME.fullmatch(name) and name not in wanted):
+            for name in self.names():
+                if name in seen:
                     continue
                 try:
                     yield name, self.load(name, columns)
@@ -233,17 +227,13 @@ class PartFiles:
         Raises:
             FileNotFoundError: it is gone.
         """
-        path = self.path(name)
-        if not path.is_file():
-            if exists(path):
-                return None
-            raise FileNotFoundError(path)
+        path, match = self.path(name), PART_NAME.fullmatch(name)
+        if not match or (exists(path) and not path.is_file()):  # a pipe would be waited for
+            return None
         try:
-            content = path.read_bytes()
+            return part_of(path.read_bytes(), match[1], columns)
         except PermissionError as error:
             raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
-        match = PART_NAME.fullmatch(name)
-        return part_of(content, match[1], columns) if match else None
 
     def put(self, table: pa.Table) -> Path:
         """Write rows as a new part, at once and whole; returns its path."""

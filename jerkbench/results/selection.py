@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, NotComparableError, unknown
+from jerkbench.jobs.labels import bare
 from jerkbench.renamed import new_label
 from jerkbench.report.analysis.columns import FACTORS, METHOD
 from jerkbench.report.analysis.runs import Combination
 from jerkbench.results.conditions import DECIDING_SCORES, LABELLED_PARTS, Conditions, differing_conditions
 from jerkbench.results.study import Study
-from jerkbench.results.titles import bare
 
 
 class NamedStudy(NamedTuple):

@@ -1,10 +1,9 @@
 """The store: the runs of a study's cells in parts, written at once and atomically, found again by their cells' keys."""
 
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 from uuid import uuid4
 
 import numpy as np
@@ -13,9 +12,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.rows import Row
-from jerkbench.jobs.run import RowBlock
 from jerkbench.notices import notify
 from jerkbench.plain import plain
 from jerkbench.results.content import (
@@ -81,21 +79,13 @@ class Store:
                         partial.unlink()
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
-        damaged = [name for name, table in self.files.each(None, SEEN_COLUMNS) if table is None]
+        damaged = [name for name, table in self.files.each(SEEN_COLUMNS) if table is None]
         for path in map(self.files.path, damaged):
             with suppress(FileNotFoundError):  # another process has just set it aside
                 path.rename(path.with_name(f"{path.name}.damaged"))
         if damaged:
             notify(set_aside(damaged))
         return damaged
-
-    def write(self, key: str, rows: Sequence[Row], metadata: Mapping[str, Any]) -> None:
-        """Store a whole cell, as a part of its own.
-
-        Raises:
-            JerkbenchError: no reader would take it for a cell.
-        """
-        self.write_blocks([RowBlock(key, len(rows), rows, metadata)])
 
     def write_blocks(self, blocks: Sequence[RowBlock]) -> None:
         """Store runs of some cells as one part; a reader sees the whole of it or nothing.
@@ -172,7 +162,7 @@ class Store:
         wanted = pa.array(list(keys), pa.string())
         tables = [
             table.filter(pc.is_in(table[KEY].cast(pa.string()), wanted))
-            for _, table in self.files.each(None, [KEY, *RUN_COLUMNS, "cell.created", *metrics])
+            for _, table in self.files.each([KEY, *RUN_COLUMNS, "cell.created", *metrics])
             if table is not None
         ]
         if not tables:
@@ -190,7 +180,7 @@ class Store:
 
     def compact(self) -> None:
         """Join small parts, where there are many."""
-        parts = self.files.each(None, [KEY])
+        parts = self.files.each([KEY])
         small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL_ROWS]
         if len(small) >= MANY_PARTS:
             for names in _stretches(small):
@@ -216,19 +206,21 @@ class Store:
             raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
         if content is None or not content.keys:
             raise JerkbenchError(f"{self.folder} holds no results.")
-        return self.files.replace([name for name, _ in list(self.files.each(None))], content.table)
+        return self.files.replace([name for name, _ in list(self.files.each())], content.table)
 
     def _tables(
         self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
     ) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file that is not ``seen``, and the names of the files that are damaged."""
         tables, damaged = [], []
-        wanted = None if keys is None else frozenset(keys)
-        for name, table in self.files.each(keys, columns, seen):
+        wanted = None if keys is None else pa.array(keys, pa.string())
+        for name, table in self.files.each(columns, seen):
             if table is None:
                 damaged.append(name)
-            elif rows := _rows_of(table, wanted):
-                tables.append(rows)
+                continue
+            own = table if wanted is None else table.filter(pc.is_in(table[KEY].cast(pa.string()), wanted))
+            if own.num_rows:
+                tables.append(own)
         return tables, damaged
 
 
@@ -243,15 +235,3 @@ def _stretches(parts: Sequence[tuple[str, int]]) -> Iterator[list[str]]:
         names.append(name)
         rows += count
     yield names
-
-
-def _rows_of(table: pa.Table, keys: Collection[str] | None) -> pa.Table | None:
-    """The rows of some cells; None where there are none."""
-    if keys is None:
-        return table
-    own = pc.unique(table[KEY]).cast(pa.string()).to_pylist()
-    wanted = [key for key in own if key in keys]
-    if len(wanted) == len(own):
-        return table
-    rows = table.filter(pc.is_in(table[KEY].cast(pa.string()), pa.array(wanted, pa.string())))
-    return rows if rows.num_rows else None

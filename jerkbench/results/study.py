@@ -1,6 +1,6 @@
 """A study's folder: its rows, tables and manifest, made from the cells that are there, as often as one likes."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -16,7 +16,7 @@ from jerkbench.report.analysis.runs import SPENDS
 from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number
 from jerkbench.results.conditions import Conditions, conditions, current, told_apart, with_one_name
 from jerkbench.results.content import Content, frame
-from jerkbench.results.manifest import read_manifest, stretches
+from jerkbench.results.manifest import read_manifest, stretches, write_manifest
 from jerkbench.results.parts import HEAD_COLUMNS
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import code_of, not_as_published, remarks_on, study_notes, worse_than_fixes
@@ -92,15 +92,15 @@ class Study:
         return replace(self, rows=rows, keys=keys_of_rows)
 
 
-def load_study(folder: Path, prefer: Collection[str] = (), seeds: Mapping[str, Sequence[int]] | None = None) -> Study:
-    """Read the cells of a study; of several with the same name, one.
+def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -> Study:
+    """Read the cells of a study; of several with the same name, one of the last run, else the newest.
 
     Cells that were not measured under the same conditions (data, protocol, engine) get names that say so.
 
     Args:
         folder: the study's.
-        prefer: keys that are taken before others of the same name; without them those of the last run, then the newest.
-        seeds: of the cells' runs; of a cell that is not named, those that the manifest shows.
+        seeds: of cells that are taken before others of the same name, as those of the last run are without; of the
+            others the manifest says which seeds are shown.
 
     Raises:
         JerkbenchError: there is no cell.
@@ -112,8 +112,8 @@ def load_study(folder: Path, prefer: Collection[str] = (), seeds: Mapping[str, S
         held = f"no results but {len(broken)} damaged files" if broken else "no results"
         raise JerkbenchError(f"{folder} holds {held}; `jerkbench run` writes them there (cells/*.parquet).")
     content = replace(content, metadata=with_one_name(content.metadata))
-    order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *prefer]))}
-    chosen = current(content, order, set(prefer or manifest.get("last", [])))
+    order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *named]))}
+    chosen = current(content, order, set(named or manifest.get("last", [])))
     cells = [content.metadata[place] for place in chosen.places]
     keys = [content.keys[place] for place in chosen.places]
     known = conditions(cells)
@@ -158,6 +158,23 @@ def tagged(study: Study, tag: str) -> Study:
     if not len(keys):
         raise JerkbenchError(unknown("tag", tag, {word for own in words for word in own}))
     return study.only(keys)
+
+
+def concluded(
+    folder: Path,
+    seeds: Mapping[str, Sequence[int]],
+    notes: Sequence[str],
+    command: Sequence[str],
+    level: float | None = None,
+    tags: Sequence[str] = (),
+) -> tuple[Study, "Table"]:
+    """Write manifest, rows and tables of a study after a command; returns it, and the first of the tables.
+
+    The arguments are those of `write_manifest`.
+    """
+    write_manifest(folder, seeds, notes, command, level, tags)
+    study = load_study(folder)
+    return study, write_study(study)
 
 
 def write_study(study: Study) -> "Table":

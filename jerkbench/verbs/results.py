@@ -131,12 +131,13 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
     from jerkbench.report.choice import Choice
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures import FIGURES, LIMIT, Request, draw_study
+    from jerkbench.results.study_figures import LIMIT, Request, draw_study
+    from jerkbench.results.study_report import FIGURES
 
     out = chosen.out or chosen.folder / FIGURES
     counted = chosen.scenarios.isdecimal()
@@ -177,10 +178,11 @@ def report_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
     """
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report
+    from jerkbench.results.study_figures import Request
+    from jerkbench.results.study_report import REPORT, write_report
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT
@@ -189,8 +191,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
     method, rule = chosen_method(chosen), chosen_rule(chosen)
     request = Request(Choice(chosen.figures), chosen.scenarios, run_programs=chosen.run_programs)
     tell_left_out(study, run_programs=chosen.run_programs)
-    drawn = draw_study(study, request, processors())
-    write_report(study, drawn, path, method, rule)
+    write_report(study, path, request, processors(), method, rule)
     print(path)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 READ_FIVE_TIMES = """
 import os
-from jerkbench.jobs.run import RowBlock
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results.parts import content_digest, content_of, part_of, table_of
 from stored_cells import about, row
 

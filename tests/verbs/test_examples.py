@@ -8,7 +8,7 @@ import pytest
 
 from commands import swept, verb
 from jerkbench.cli import _parser
-from jerkbench.verbs.examples import VERB_EXAMPLES
+from jerkbench.verbs.arguments import VERB_EXAMPLES
 
 NOT_RUN = ("jerkbench data fetch broad", "jerkbench data cache --clear")
 """They need the network, and delete what the tests have compiled."""

@@ -1,13 +1,22 @@
-"""The titles above the figures of a run, and the names of their files."""
+"""The figures of runs: the titles above them, the names of their files, and those of a single run."""
 
 import hashlib
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from jerkbench.estimate import Estimate
 from jerkbench.jobs.job import Job
+from jerkbench.jobs.labels import bare
+from jerkbench.jobs.rows import run_seed
 from jerkbench.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WIDTH = 70
 """Letters of a line: as many as a figure has room for."""
@@ -47,12 +56,29 @@ def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:
     return "\n".join(textwrap.wrap(", ".join(words)[: LINES * WIDTH // 2] + tail, WIDTH))
 
 
-def bare(label: str) -> str:
-    """A label without its parameters: "bias(accel_mps2=0.1)+dropout" is bias+dropout."""
-    depth, kept = 0, []
-    for letter in label:
-        depth += letter == "("
-        if not depth:
-            kept.append(letter)
-        depth -= letter == ")" and depth > 0
-    return "".join(kept)
+def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
+    """Draw trajectory and errors of the first seed; returns the files."""
+    recording, estimate = run_seed(job, job.draws[0])
+    return draw_run(job, with_title(recording, job, job.draws[0]), estimate, folder / "figures", pdf=pdf)
+
+
+def draw_run(job: Job, recording: Recording, estimate: Estimate, folder: Path, *, pdf: bool = False) -> list[Path]:
+    """Draw the trajectory and the errors of one run, with the recording's name above; returns the files."""
+    from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure
+    from jerkbench.report.plots.style import save_figure
+    from jerkbench.report.plots.trajectory import trajectory_figure
+
+    labels = job.labels
+    estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
+    name = file_stem(labels)
+    errors = partial(error_figure, burn_in_s=job.scoring.burn_in_s)
+    drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
+    if estimate.attitude_only:
+        drawn = {"inclination": inclination_figure}
+    paths = []
+    for kind, draw in drawn.items():
+        figure = draw(recording, estimates)
+        for ending in ("png", "pdf") if pdf else ("png",):
+            paths.append(folder / f"{name}-{kind}.{ending}")
+            save_figure(figure, paths[-1])
+    return paths
