@@ -33,7 +33,7 @@ class TiltStart(NamedTuple):
     variance: float
 
 
-def align(recording: Recording, variance: float | None = None, alignment: str = "rest") -> TiltStart:
+def tilt_start(recording: Recording, variance: float | None = None, alignment: str = "rest") -> TiltStart:
     """Return the state before the first sample.
 
     gravity: x is the normalised mean specific force of the first second, P = 1e-3 I at rest and .03 I in motion.
@@ -49,23 +49,10 @@ def align(recording: Recording, variance: float | None = None, alignment: str = 
     if alignment == "track":
         x = tracked_vertical(recording)
     elif at_rest or alignment == "gravity":
-        x = _mean_force(recording)
+        x = recording.apparent_vertical(ALIGNMENT_S)
     else:
         x = np.array([0.0, 0.0, 1.0])
     return TiltStart(x, usual if variance is None else variance)
-
-
-def _mean_force(recording: Recording) -> FloatArray:
-    """The direction (3,) of the mean specific force over the first second."""
-    imu = recording.inertial
-    mean = imu.accel_mps2[imu.t_s < imu.t_s[0] + ALIGNMENT_S].mean(axis=0)
-    norm = float(np.linalg.norm(mean))
-    if not norm > 0:
-        raise RecordingError(
-            f"{recording.name}: the accelerometer's mean over the first second is zero, so that no tilt can be read"
-            " from it; specific force must contain gravity."
-        )
-    return np.asarray(mean / norm)
 
 
 def tracked_vertical(recording: Recording) -> FloatArray:
