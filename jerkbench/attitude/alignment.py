@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
+from jerkbench.geometry import best_rotation
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
 ALIGNMENTS = ("rest", "gravity", "track")
@@ -84,9 +85,7 @@ def tracked_vertical(recording: Recording) -> FloatArray:
     integral = np.cumsum(step_s * force, axis=0)
     a = np.column_stack([np.interp(t_s, imu.t_s[first], integral[:, i]) for i in range(3)])
     b = v_mps + np.outer(t_s, [0.0, 0.0, GRAVITY_MPS2])
-    U, _, V = np.linalg.svd((b - b[0])[1:].T @ (a - a[0])[1:])
-    C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
-    return np.asarray(C[2])
+    return np.asarray(best_rotation(b - b[0], a - a[0])[2])
 
 
 def _velocities(recording: Recording) -> tuple[FloatArray, FloatArray]:
