@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from jerkbench.audit.verdicts import DEFAULTS, TUNED
+from made_losses import JERK, losses
 
 from experiment_scripts import EXPERIMENTS, experiment
-from made_losses import JERK, losses
 
 of_paper = experiment("paper/claims.py")
 ten_times = experiment("paper/ten_times.py")
