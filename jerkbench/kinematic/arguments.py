@@ -244,6 +244,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "ended": (),  # step at whose end that was, or -1
     "waits": (),  # 1 where an adaptation of all runs at once is still to be asked
     "asks": (),  # 1 where it is being asked
+    "due": (),  # above 0 where an update has a row
     "e": (6,),  # error of position and velocity
     "square": (),  # of the position error
 }

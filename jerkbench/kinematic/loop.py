@@ -35,25 +35,37 @@ from jerkbench.kinematic.predict import (
     mirror,
     predict,
     predict_covariance,
+    predict_measured,
 )
-from jerkbench.kinematic.whole_matrices import advance, advance_by, begin_transition, find_gains, put_gains
+from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_gains, put_gains, show_transition
 
 
-def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
-    """Score the state with row ``k`` of the reference."""
-    add_row(run, taken(score.truth, k, run, "6"), score.weights[k], score.consistency)
+def compare_later(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
+    """The same as `compare` where the covariance is predicted later."""
+    if score.truth.shape[2] > 1:
+        ask_for(row(score.truth, k + AHEAD, run, "6"))
+    P = room(run, "6 6")
+    if score.consistency or score.mark[k] >= 0:
+        predict_measured(run, P)
+    compare(run, P, score, errors, k)
+
+
+def compare(run: Lanes, P: View, score: Score, errors: FloatArray, k: int) -> None:
+    """Score the state with row ``k`` of the reference; P (6, 6) is the covariance of position and velocity."""
+    add_row(run, P, score, k)
     if score.mark[k] >= 0:
         marked = row(errors, score.mark[k], run, "marked")
         for i in range(3):
-            marked[i], marked[3 + i] = run.e[i], run.P[0, i]
-        marked[6], marked[7], marked[8] = run.P[1, 1], run.P[1, 2], run.P[2, 2]
+            marked[i], marked[3 + i] = run.e[i], P[0, i]
+        marked[6], marked[7], marked[8] = P[1, 1], P[1, 2], P[2, 2]
     if len(score.outage) > 0:
         run.outage += taken(score.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: Lanes, truth: View, weights: FloatArray, consistency: bool) -> None:
-    """Add the errors of the state to the sums; ``weights`` (4,) in the order of `arguments.WEIGHTS`."""
-    counted, whole, moving = weights[0], weights[1], weights[2]
+def add_row(run: Lanes, P: View, score: Score, k: int) -> None:
+    """Add the errors of the state to the sums."""
+    truth, weights = taken(score.truth, k, run, "6"), score.weights[k]
+    counted, whole, moving = weights[0], weights[1], weights[2]  # in the order of `arguments.WEIGHTS`
     for s in range(6):
         run.e[s] = run.x[s] - truth[s]
     for i in range(3):
@@ -64,17 +76,17 @@ def add_row(run: Lanes, truth: View, weights: FloatArray, consistency: bool) -> 
     run.whole += whole * square
     run.farthest = chosen(square, run.farthest, square, run.farthest)
     run.largest = chosen(counted * square, run.largest, square, run.largest)
-    if consistency:
-        _add_nees(run, counted, weights[3])
+    if score.consistency:
+        _add_nees(run, P, counted, weights[3])
 
 
-def _add_nees(run: Lanes, counted: float, both: float) -> None:
+def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):
         e[r] = run.e[r]
         for c in range(r, 6):
-            C[r, c] = run.P[r, c]
+            C[r, c] = P[r, c]
     for c in range(6):
         pivot = C[c, c]
         run.lost += chosen(pivot, 0.0, 0.0, 1.0)
@@ -239,16 +251,14 @@ def run_steps(
     reached = updates = begun = 0
     states = 3 * (2 + len(model.extra))
     how = way_of(model)
-    if run.width > 1 and how == TRIANGULAR and not score.consistency:
-        how = LATER  # nobody reads P but updates and marks
+    if run.width > 1 and how == TRIANGULAR:
+        how = LATER  # P is read by updates, and seldom by the score
     for k in range(len(steps.model)):
         move(run, steps, model, how, k)
-        if how == LATER and (steps.update[k] >= 0 or (steps.reference[k] >= 0 and score.mark[reached] >= 0)):
-            if DENSE == 1:
-                advance_by(run, run.gone_A, run.gone_Q)
-            predict_covariance(run)
         if steps.update[k] >= 0:
-            if DENSE == 1 and how != LATER:
+            if how == LATER:
+                catch_up(run, taken(steps.z, steps.update[k], run, "6"))
+            elif DENSE == 1:
                 advance(run, model, steps, begun, k + 1)
                 begun = k + 1
             update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
@@ -256,9 +266,24 @@ def run_steps(
             if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
-            keep(run, score, kept, steps.reference[k], reached)
+            if how == LATER:
+                kept.reference[reached] = steps.reference[k]
+                compare_later(run, score, kept.errors, reached)
+            else:
+                keep(run, score, kept, steps.reference[k], reached)
             reached += 1
     return reached, updates
+
+
+def catch_up(run: Lanes, z: View) -> None:
+    """Predict the covariance of the runs that measure anything of ``z``, and the transition that a rule is shown."""
+    due = run.zero
+    for r in range(6):
+        due += chosen(1.0, z[r] * 0.0, 1.0, 0.0)
+    run.due = due
+    if DENSE == 1:
+        show_transition(run)
+    predict_covariance(run)
 
 
 def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
@@ -312,7 +337,7 @@ def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
     if len(score.mark) > 0:
         if score.truth.shape[2] > 1:
             ask_for(row(score.truth, k + AHEAD, run, "6"))
-        compare(run, score, kept.errors, k)
+        compare(run, run.P_measured, score, kept.errors, k)
 
 
 def all_lost(run: Lanes, step: int) -> bool:

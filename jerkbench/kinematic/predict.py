@@ -1,5 +1,6 @@
 """Prediction with F = A (x) I3: the same product for each pair of axes, of which half of the covariance is enough."""
 
+from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, eights, room, wide_room
 
 Model = tuple[View, View, View]
@@ -57,13 +58,33 @@ def _join(run: Lanes, A: View, Q: View) -> None:
 
 
 def predict_covariance(run: Lanes) -> None:
-    """Take P over all steps since it was predicted, at once."""
-    A, Q = room(run, "n n"), room(run, "n n")
+    """Take P over all steps since it was predicted, at once, of the runs in which an update is ``due``.
+
+    The others go over no step at all, so that no run depends on the updates of its neighbours.
+    """
+    A, Q, due = room(run, "n n"), room(run, "n n"), run.due
     for a in range(run.n):
         for b in range(run.n):
-            A[a, b], Q[a, b] = run.gone_A[a, b], run.gone_Q[a, b]
+            same = run.zero + (1.0 if a == b else 0.0)
+            A[a, b], Q[a, b] = chosen(due, 0.0, run.gone_A[a, b], same), chosen(due, 0.0, run.gone_Q[a, b], 0.0)
+            run.gone_A[a, b] = chosen(due, 0.0, same, run.gone_A[a, b])
+            run.gone_Q[a, b] = chosen(due, 0.0, 0.0, run.gone_Q[a, b])
     _predict_every_pair(run, A, Q)
-    begin_to_join(run)
+
+
+def predict_measured(run: Lanes, C: View) -> None:
+    """Fill the upper triangle of C (6, 6), the covariance of position and velocity now; P stays where it is."""
+    A, M = room(run, "n n"), room(run, "n n")
+    for a in range(run.n):
+        for b in range(run.n):
+            A[a, b] = run.gone_A[a, b]
+    for i in range(3):
+        for j in range(i, 3):
+            _move_pair(run, M, A, i, j)
+            for a in range(2):
+                for b in range(a if i == j else 0, 2):
+                    r, c = min(3 * a + i, 3 * b + j), max(3 * a + i, 3 * b + j)
+                    C[r, c] = M[a, b] + run.gone_Q[a, b] if i == j else M[a, b]
 
 
 def begin_to_join(run: Lanes) -> None:
@@ -94,13 +115,18 @@ def _predict_every_pair(run: Lanes, A: View, Q: View) -> None:
 def _predict_pair(run: Lanes, A: View, Q: View, i: int, j: int) -> None:
     """The covariance of two axes; of equal ones the upper triangle."""
     M = room(run, "n n")
+    _move_pair(run, M, A, i, j)
+    for a in range(run.n):
+        for c in range(a if i == j else 0, run.n):
+            run.P[3 * a + i, 3 * c + j] = M[a, c] + Q[a, c] if i == j else M[a, c]
+
+
+def _move_pair(run: Lanes, M: View, A: View, i: int, j: int) -> None:
+    """Make M = A P A' of two axes likewise."""
     for a in range(run.n):
         for c in range(a if i == j else 0, run.n):
             M[a, c] = run.P[3 * a + i, 3 * c + j]
     _transform(M, A, run.n, 1 if i == j else 0)
-    for a in range(run.n):
-        for c in range(a if i == j else 0, run.n):
-            run.P[3 * a + i, 3 * c + j] = M[a, c] + Q[a, c] if i == j else M[a, c]
 
 
 def _transform(M: View, A: View, n: int, half: int) -> None:

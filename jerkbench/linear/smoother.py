@@ -165,7 +165,7 @@ def give(steps: Steps, score: Score, kept: Kept, k: int, filtered: Lanes, a: Lan
     else:
         smooth(run, filtered, a)
         if len(score.mark) > 0:
-            compare(run, score, kept.errors, place)
+            compare(run, run.P_measured, score, kept.errors, place)
     return place
 
 
