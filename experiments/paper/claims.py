@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jerkbench.audit.methods import AuditMethod
+from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
 
 from jerkbench.arrays import FloatArray
-from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import SECTIONS
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.study import FOLDER, run_audit
-from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
 from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.campaigns.ratios import NOMINAL
 from jerkbench.campaigns.search import levels_of
