@@ -1,0 +1,80 @@
+"""`jerkbench audit --scale small`: killed and gone on with by two processes, against one that was left alone."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+from test_audit_answer import same_as_in_pandas
+
+from commands import PATIENCE_S, environment
+from jerkbench.audit.answer import answered
+from jerkbench.audit.protocol import read_protocol
+from jerkbench.audit.stored import read_rows
+from jerkbench.audit.study import run_audit
+from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.cluster import LOCAL
+
+COMMAND = [sys.executable, "-m", "jerkbench", "audit", "--scale", "small", "--workers"]
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """An audit of one process that was left alone."""
+    folder = tmp_path_factory.mktemp("alone") / "audit-small"
+    run_audit(read_protocol("small"), folder, LOCAL, workers=1)
+    return folder
+
+
+@pytest.mark.slow
+def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
+    folder = tmp_path / "results" / "audit-small"
+    begun = subprocess.Popen([*COMMAND, "1"], cwd=tmp_path, env=environment(), stderr=subprocess.DEVNULL)
+    since = time.monotonic()
+    while not list(folder.glob("runs/*.parquet")):
+        assert begun.poll() is None
+        assert time.monotonic() - since < PATIENCE_S
+        time.sleep(0.1)
+    os.kill(begun.pid, signal.SIGKILL)
+    begun.wait()
+    assert not (folder / "README.md").exists()
+    done = subprocess.run([*COMMAND, "2"], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "pieces are done already" in done.stderr
+    parts = pd.concat(map(pd.read_parquet, folder.glob("runs/*.parquet")))
+    assert not parts.duplicated(["filter", "adaptation", "tuning", "trial", "seed"]).any()  # nothing was run twice
+    first, second = read_rows(alone), read_rows(folder)
+    for (name, table), (_, again) in zip(first.tables, second.tables, strict=True):
+        known = [column for column in table if column != "cpu_s"]
+        pd.testing.assert_frame_equal(
+            *(own[known].sort_values(known, ignore_index=True) for own in (table, again)), obj=name
+        )
+    assert (folder / "methods.csv").read_bytes() == (alone / "methods.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_every_number_of_the_small_audit_is_that_of_pandas(alone):
+    same_as_in_pandas(answered(read_rows(alone)))
+
+
+@pytest.mark.slow
+def test_a_small_audit_on_a_cluster_comes_out_the_same(alone, tmp_path):
+    pytest.importorskip("dask")
+    words = [sys.executable, "-m", "jerkbench", "audit", "--scale", "small", "--cluster", "dask", "--workers", "2"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "results/audit-small/methods.csv").read_bytes() == (alone / "methods.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_protocol_that_was_changed_afterwards_is_refused(alone, tmp_path):
+    for path in alone.glob("*.*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    text = (tmp_path / "protocol.json").read_text(encoding="utf-8")
+    (tmp_path / "protocol.json").write_text(text.replace('"margin": 0.1', '"margin": 0.2'), encoding="utf-8")
+
+    with pytest.raises(JerkbenchError, match="it was changed"):
+        read_rows(tmp_path)
