@@ -19,7 +19,7 @@ from jerkbench.jobs.names import words as as_words
 from jerkbench.presets import preset_names
 from jerkbench.renamed import new_word, renamed_notice
 
-NAMED = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")
+MAPPING_WORD = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*\{{|\{{\s*name\s*:)")
 """A plugin with its parameters in one mapping, as Python code gives it; Hydra has names only."""
 
 
@@ -48,7 +48,7 @@ def refuse_mappings(typed: Sequence[str]) -> None:
         PluginError: there is one; says how to give its parameters.
     """
     for word in typed:
-        if NAMED.match(word):
+        if MAPPING_WORD.match(word):
             raise PluginError(
                 f"{word}: a plugin is chosen by its name alone; give each parameter by itself: {_by_itself(word)}."
             )
@@ -109,7 +109,7 @@ def _parameters(group: str, part: dict[str, Any]) -> list[str]:
 # The words behind `jerkbench run`, checked before Hydra sees them, and in the order in which it
 # takes them.
 
-CHOSEN = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
+NAMED_GROUPS = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 """Groups of which a name is chosen."""
 COMMANDS = ("run", "multirun", "cfg", "info")
 """Options of Hydra that say what is to be done; one of them at a time."""
@@ -130,7 +130,7 @@ def arranged_words(words: Sequence[str]) -> list[str]:
         if sentence := renamed_notice(word):
             print(sentence, file=sys.stderr)
     known = parser.parse_intermixed_args(quoted([new_word(word) for word in words]))
-    _require_sense(known)
+    _require_sensible(known)
     for word in known.overrides:
         _check(word)
     flags = [_option(name) for name in FLAGS if getattr(known, name)]
@@ -146,7 +146,7 @@ def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _require_sense(known: argparse.Namespace) -> None:
+def _require_sensible(known: argparse.Namespace) -> None:
     commands = [_option(name) for name in COMMANDS if getattr(known, name)]
     if len(commands) > 1:
         raise PluginError(f"{' and '.join(commands)} ask for different things; give one of them.")
@@ -176,12 +176,12 @@ def _check(word: str) -> None:
 
 
 def _is_group(key: str) -> bool:
-    return key in CHOSEN or key.startswith("hydra/")
+    return key in NAMED_GROUPS or key.startswith("hydra/")
 
 
 def _check_deletion(override: Override) -> None:
     key = override.key_or_group
-    if key in NO_GROUPS or (key in CHOSEN and key != "experiment"):
+    if key in NO_GROUPS or (key in NAMED_GROUPS and key != "experiment"):
         raise PluginError(f"~{key}: a run cannot be without {key}; leave it out for the default, or give {key}=...")
 
 

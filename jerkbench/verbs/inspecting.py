@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError, RecordingError, unknown
 from jerkbench.verbs.arguments import argument, output, require_new, verb
-from jerkbench.verbs.source import SOURCE, dataset_of
+from jerkbench.verbs.source import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
     from jerkbench.contracts import Dataset
     from jerkbench.inspection.guessing import Draft
     from jerkbench.recording import Recording
 
-SUFFIX = ".csv"
+TABLE_SUFFIX = ".csv"
 
 
 def _guesses_columns(chosen: argparse.Namespace) -> bool:
@@ -25,7 +25,7 @@ def _guesses_columns(chosen: argparse.Namespace) -> bool:
     from jerkbench.io.tracks import track_reader
 
     paths = [Path(source).expanduser() for source in chosen.source]
-    tables = [path for path in paths if path.is_file() and (path.suffix.lower() == SUFFIX or track_reader(path))]
+    tables = [path for path in paths if path.is_file() and (path.suffix.lower() == TABLE_SUFFIX or track_reader(path))]
     guesses = chosen.dataset is None and tables == paths
     if not guesses and (getattr(chosen, "preset", None) is not None or len(paths) > 1):
         which = next((path for path in paths if path not in tables), paths[0])
@@ -81,7 +81,7 @@ def _write_preset(draft: "Draft", preset: Path) -> None:
     print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {folder} dataset={path.stem}")
 
 
-SHIFTS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
+SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
 """Parameters of data sets that move stamps to the time when the values were true."""
 
 FIGURES = (".pdf", ".png", ".svg")
@@ -94,7 +94,7 @@ SEVERAL_SOURCES = (
         metavar="SOURCE",
         help="a file or folder, a data set or its preset; or the tables of one log: IMU, fixes, reference",
     ),
-    *SOURCE[1:],
+    *SOURCE_WORDS[1:],
 )
 
 
@@ -131,7 +131,7 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
     from jerkbench.inspection.facts import facts_text
 
     print(facts_text(recording))
-    shifts = {name: getattr(dataset, name, None) for name in SHIFTS}
+    shifts = {name: getattr(dataset, name, None) for name in SHIFT_PARAMETERS}
     shifts_text = [
         f"{name}={value}" for name, value in shifts.items() if (any(value) if isinstance(value, tuple) else value)
     ]
@@ -154,7 +154,9 @@ def _print_topics(path: Path) -> None:
             print(line)
 
 
-@verb(*SOURCE, argument("--figure", type=Path, metavar="FILE", help="draw the errors and their memory (.png, .pdf)"))
+@verb(
+    *SOURCE_WORDS, argument("--figure", type=Path, metavar="FILE", help="draw the errors and their memory (.png, .pdf)")
+)
 def receiver_verb(chosen: argparse.Namespace) -> None:
     """Measure how far off a receiver's covariance is, and say what to put into a filter.
 

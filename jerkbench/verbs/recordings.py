@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.verbs.arguments import argument, output, require_new, verb
-from jerkbench.verbs.source import SOURCE, dataset_of
+from jerkbench.verbs.source import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
     from jerkbench.jobs.job import Job
@@ -24,7 +24,7 @@ TARGETS = {
 
 
 @verb(
-    *SOURCE,
+    *SOURCE_WORDS,
     argument("target", type=Path, help="the file to write; its suffix says what"),
     argument("--coordinates", choices=("enu", "geodetic", "ned"), default="enu", help="of a table's positions"),
     argument("--stream", choices=("reference", "position"), help="which trajectory (default: the reference's)"),
@@ -154,7 +154,7 @@ def fetch_verb(chosen: argparse.Namespace) -> None:
 
 
 @verb(
-    *SOURCE,
+    *SOURCE_WORDS,
     argument("target", type=Path, help="the file to write, .parquet"),
     argument("--offset", choices=("remove", "keep"), default="remove", help="the median error (default: remove)"),
     argument("--licence", default="", help="of the data, to stand in the file"),
@@ -189,7 +189,7 @@ def cache_verb(chosen: argparse.Namespace) -> None:
     for title, name, patterns in (
         ("compiled filters and adaptations", module_cache.COMPILED, ("jerkbench_*", "__pycache__/jerkbench_*")),
         ("messages of bags", extract.BAGS, (extract.PATTERN,)),
-        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.PATTERN,)),
+        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.SIMULATED_PATTERN,)),
     ):
         folder = cache_folder(name)
         files = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]

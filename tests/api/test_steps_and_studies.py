@@ -12,7 +12,7 @@ import pytest
 from commands import environment, swept
 from jerkbench import api, plugins
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.disturbances.imu_bias import ImuBias
+from jerkbench.disturbances.imu import ImuBias
 from jerkbench.errors import JerkbenchError
 from jerkbench.filters.jerk import Jerk
 from jerkbench.results.study import Study, load_study

@@ -13,7 +13,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.scalar_q import ScalarQ
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import Field
-from jerkbench.disturbances.noise_step import NoiseStep
+from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import scored, sums_from, sums_of
