@@ -22,7 +22,7 @@ from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, style_axes
 from jerkbench.timeline import build_timeline
 
-LEAST_FIXES = 10
+FEWEST_FIXES = 10
 
 FIRST_STEPS = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]])
 """Of the search, in logarithms: the walk 4.5 times as large, then the sigmas."""
@@ -30,13 +30,13 @@ FIRST_STEPS = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]])
 FREEDOMS = (4.0, 1000.0)
 """Degrees of freedom of Student's t that are tried: heavy tails, as real receivers have them, and hardly any."""
 
-PASSES = 10
+WEIGHINGS = 10
 """So often the weights of the fixes are found anew."""
 
-SCALES = (0.01, 100.0)
+SIGMA_SCALES = (0.01, 100.0)
 """So much the sigmas of the fixes may be multiplied by."""
 
-NOISES = {
+WALKS = {
     "constant_velocity": ("velocity_walk_mps_per_sqrt_s",),
     "acceleration": ("accel_walk_mps2_per_sqrt_s",),
     "constant_turn": ("velocity_walk_mps_per_sqrt_s", "turn_walk_radps_per_sqrt_s"),
@@ -86,7 +86,7 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     Robotics and Automation, 2011, doi:10.1109/ICRA.2011.5979605, whose R is estimated too.
 
     Raises:
-        RecordingError: there are fewer than `LEAST_FIXES` fixes, or no model explains them.
+        RecordingError: there are fewer than `FEWEST_FIXES` fixes, or no model explains them.
     """
     position, velocity = _fixes(recording), recording.velocity
     if velocity is not None and velocity.frame != "enu":
@@ -124,7 +124,7 @@ def _robust(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: fl
     attitude, rule, fixes = no_attitude(alone.clock_s), NoAdaptation(), _fixes(alone)
     R = scale**2 * fixes.covariance_m2
     weight = np.ones(len(R))
-    for _ in range(PASSES):
+    for _ in range(WEIGHINGS):
         recording = _declaring(alone, R / weight[:, None, None])
         estimate = smoother.estimate_compiled(recording, attitude, rule) or smoother.estimate(recording, attitude, rule)
         if estimate.failure:
@@ -137,8 +137,8 @@ def _robust(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: fl
 
 
 def _fixes(recording: Recording) -> Position:
-    if recording.position is None or len(recording.position.t_s) < LEAST_FIXES:
-        raise RecordingError(f"{recording.name} has fewer than {LEAST_FIXES} fixes: there is no track to smooth.")
+    if recording.position is None or len(recording.position.t_s) < FEWEST_FIXES:
+        raise RecordingError(f"{recording.name} has fewer than {FEWEST_FIXES} fixes: there is no track to smooth.")
     return recording.position
 
 
@@ -147,13 +147,13 @@ def _declaring(alone: Recording, covariance_m2: FloatArray) -> Recording:
     return replace(alone, position=replace(_fixes(alone), covariance_m2=covariance_m2))
 
 
-Setting = tuple[SmoothedFixes, float, float]
+TrackSetting = tuple[SmoothedFixes, float, float]
 """The smoother, the factor on the sigmas, and the degrees of freedom."""
 
 
-def _most_likely(alone: Recording) -> Setting:
+def _most_likely(alone: Recording) -> TrackSetting:
     """The setting whose innovations are the most likely."""
-    tried: list[Setting] = []
+    tried: list[TrackSetting] = []
     for freedom in FREEDOMS:
         straight, scale, _ = _searched(alone, "constant_velocity", freedom)
         walks = [TURN_WALK.value(share) for share in np.linspace(0.0, 1.0, TURNS).tolist()]
@@ -163,12 +163,12 @@ def _most_likely(alone: Recording) -> Setting:
     return min(tried, key=lambda setting: _surprise(alone, *setting))
 
 
-def _searched(alone: Recording, model: str, freedom: float) -> Setting:
+def _searched(alone: Recording, model: str, freedom: float) -> TrackSetting:
     """The best walk of a model, and the best factor on the sigmas beside it (Nelder and Mead, over logarithms)."""
-    (walk,) = NOISES[model]
+    (walk,) = WALKS[model]
     bounds = ranges_of(SmoothedFixes)[walk]
 
-    def setting(logs: FloatArray) -> Setting:
+    def setting(logs: FloatArray) -> TrackSetting:
         walk_value, scale = np.exp(logs).tolist()
         return SmoothedFixes(model=model, **{walk: walk_value}), scale, freedom
 
@@ -177,7 +177,7 @@ def _searched(alone: Recording, model: str, freedom: float) -> Setting:
         lambda logs: _surprise(alone, *setting(logs)),
         start,
         method="Nelder-Mead",
-        bounds=np.log([(bounds.low, bounds.high), SCALES]),
+        bounds=np.log([(bounds.low, bounds.high), SIGMA_SCALES]),
         options={"initial_simplex": start + FIRST_STEPS, "xatol": 0.03, "fatol": 1e-4},
     )
     return setting(found.x)
@@ -211,7 +211,7 @@ def surprises(updates: Updates, nu: float) -> FloatArray:
 def track_lines(track: SmoothedTrack) -> Iterator[str]:
     """Yield what was chosen, which fixes are far from the track, and how much better it is."""
     smoother, distance_m = track.smoother, track.distance_m
-    noises = ", ".join(f"filter.{name}={getattr(smoother, name):.3g}" for name in NOISES[smoother.model])
+    noises = ", ".join(f"filter.{name}={getattr(smoother, name):.3g}" for name in WALKS[smoother.model])
     chosen = f"filter.model={smoother.model}, {noises}, r_scale.position={track.sigma_scale**2:.3g}"
     tails = "heavy tails" if track.freedom == FREEDOMS[0] else "no heavy tails"
     yield f"Most likely over {len(distance_m)} fixes: {chosen}, {tails}."
