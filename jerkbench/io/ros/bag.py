@@ -2,16 +2,16 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import unknown
-from jerkbench.io.ros.bulk import read_in_bulk
-from jerkbench.io.ros.decode import LAYOUTS, MessageBlock, decode, source_of
+from jerkbench.io.ros.bulk import Blocks, read_in_bulk
+from jerkbench.io.ros.decode import LAYOUTS, decode, source_of
 from jerkbench.io.ros.files import BagError, bag_errors, bag_files, storage_files, way_out
 
 if TYPE_CHECKING:
@@ -95,18 +95,6 @@ class Topic:
     count: int
 
 
-@dataclass
-class _Collected:
-    """The messages of one topic that are read so far."""
-
-    fields: Sequence[str]
-    count: int = 0
-    bag_ns: list[int] = field(default_factory=list)
-    stamps: list[IntArray] = field(default_factory=list)
-    raw: list[bytes] = field(default_factory=list)
-    blocks: list[MessageBlock] = field(default_factory=list)
-
-
 class Bag:
     """An open bag; `open_bag` makes it."""
 
@@ -148,12 +136,10 @@ class Bag:
             return None
         types = {name: self.topic(name).msgtype for name in wanted}
         whole = read_in_bulk(self._connections(wanted), types, wanted)
-        if whole is None or any(len(part.bag_ns) != self.topic(name).count for name, part in whole.items()):
+        if whole is None:
             return None
-        return {
-            name: Messages(name, types[name], *part.block.strings, part.bag_ns, part.block.stamp_ns, part.block.values)
-            for name, part in whole.items()
-        }
+        messages = {name: self._joined(name, fields, whole[name]) for name, fields in wanted.items()}
+        return messages if all(len(part) == self.topic(name).count for name, part in messages.items()) else None
 
     def _connections(self, names: Iterable[str]) -> dict[Path, dict[int, str]]:
         """Each file, and which of its connections have which topic."""
@@ -165,21 +151,33 @@ class Bag:
         return files
 
     def _one_by_one(self, wanted: Wanted, most: int | None) -> dict[str, Messages]:
-        collected = {name: _Collected(fields) for name, fields in wanted.items()}
+        waiting: dict[str, list[tuple[int, bytes]]] = {name: [] for name in wanted}
+        read: dict[str, Blocks] = {name: [] for name in wanted}
+        counts = dict.fromkeys(wanted, 0)
+
+        def flush(name: str) -> None:
+            times, raw = zip(*waiting[name], strict=True)
+            with bag_errors(self.path, name):
+                cdr, deserialise = self._reader.is2, self._reader.deserialize
+                block = decode(raw, self.topic(name).msgtype, wanted[name], deserialise, cdr=cdr)
+            read[name].append((np.array(times, dtype=np.int64), block))
+            waiting[name].clear()
+
         with bag_errors(self.path, ", ".join(wanted)):
             for name, bag_ns, raw in self._messages(list(wanted)):
-                pending = collected[name]
-                if most is None or pending.count < most:
-                    pending.count += 1
-                    pending.bag_ns.append(bag_ns)
-                    pending.raw.append(raw)
-                elif all(pending.count >= most for pending in collected.values()):
+                if most is None or counts[name] < most:
+                    counts[name] += 1
+                    waiting[name].append((bag_ns, raw))
+                elif all(count >= most for count in counts.values()):
                     break
-                if len(pending.raw) >= BLOCK:
-                    self._flush(name, pending)
+                if len(waiting[name]) >= BLOCK:
+                    flush(name)
         if most is None:
-            self._check_counts({name: pending.count for name, pending in collected.items()})
-        return {name: self._messages_of(name, pending) for name, pending in collected.items()}
+            self._check_counts(counts)
+        for name in wanted:
+            if waiting[name]:
+                flush(name)
+        return {name: self._joined(name, fields, read[name]) for name, fields in wanted.items()}
 
     def text(self, name: str) -> str:
         """Return the last message of a topic of type std_msgs/msg/String."""
@@ -211,34 +209,20 @@ class Bag:
                     f" {self.topic(name).count}. {way_out(self.path)}"
                 )
 
-    def _flush(self, name: str, pending: _Collected) -> None:
-        if pending.raw:
-            with bag_errors(self.path, name):
-                cdr, deserialise = self._reader.is2, self._reader.deserialize
-                pending.blocks.append(
-                    decode(pending.raw, self.topic(name).msgtype, pending.fields, deserialise, cdr=cdr)
-                )
-            pending.stamps.append(np.array(pending.bag_ns, dtype=np.int64))
-            pending.raw.clear()
-            pending.bag_ns.clear()
-
-    def _messages_of(self, name: str, pending: _Collected) -> Messages:
-        self._flush(name, pending)
-        msgtype = self.topic(name).msgtype
-        strings = pending.blocks[0].strings if pending.blocks else ("", "")
-        sources = {name: source_of(msgtype, name) for name in pending.fields}
-        widths = {name: part.count if first is None else 9 for name, (part, first) in sources.items()}
-        values = {f: _joined([block.values.pop(f) for block in pending.blocks], width) for f, width in widths.items()}
-        bag_ns, stamp_ns = _stamps(pending.stamps), _stamps([block.stamp_ns for block in pending.blocks])
-        return Messages(name, msgtype, *strings, bag_ns, stamp_ns, values)
-
-
-def _stamps(blocks: list[IntArray]) -> IntArray:
-    return np.concatenate(blocks) if blocks else np.empty(0, dtype=np.int64)
-
-
-def _joined(blocks: list[Any], width: int) -> Any:  # noqa: ANN401 - arrays of numbers
-    return np.concatenate(blocks) if blocks else np.empty((0, width))
+    def _joined(self, name: str, fields: Sequence[str], parts: Blocks) -> Messages:
+        """The blocks of a topic as one, in the order in which they were recorded; takes the values out of them."""
+        msgtype, values = self.topic(name).msgtype, {}
+        for wanted in fields:
+            part, first = source_of(msgtype, wanted)
+            empty = np.empty((0, part.count if first is None else 9))
+            values[wanted] = np.concatenate([empty, *(block.values.pop(wanted) for _, block in parts)])
+        none = np.empty(0, dtype=np.int64)
+        bag_ns = np.concatenate([none, *(times for times, _ in parts)])
+        stamp_ns = np.concatenate([none, *(block.stamp_ns for _, block in parts)])
+        strings = parts[0][1].strings if parts else ("", "")
+        messages = Messages(name, msgtype, *strings, bag_ns, stamp_ns, values)
+        in_order = bool((np.diff(bag_ns) >= 0).all())
+        return messages if in_order else messages.rows(np.argsort(bag_ns, kind="stable"))
 
 
 @contextmanager

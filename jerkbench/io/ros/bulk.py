@@ -4,7 +4,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import IntArray
-from jerkbench.io.ros.decode import MessageBlock, field_table, joined_blocks, message_block
+from jerkbench.io.ros.decode import MessageBlock, decode_grid
 from jerkbench.io.ros.salvage import CHUNK, INDEX, MAGIC, MESSAGE, Record, decompressed, header_fields
 
 Bytes = npt.NDArray[np.uint8]
@@ -315,52 +315,45 @@ AT_ONCE = 4096
 """So many messages of a connection become numbers at once."""
 
 
-@dataclass(frozen=True, eq=False)
-class TopicMessages:
-    """All messages of a topic.
-
-    Attributes:
-        bag_ns: (n,) when each was recorded, in this order.
-        block: what was read of them.
-    """
-
-    bag_ns: IntArray
-    block: MessageBlock
-
-
-@dataclass
-class _Waiting:
-    """Messages of a connection, cut out and not yet read, and what was read before."""
-
-    bag_ns: list[IntArray] = field(default_factory=list)
-    grids: list[Bytes] = field(default_factory=list)
-    blocks: list[MessageBlock] = field(default_factory=list)
+Blocks = list[tuple[IntArray, MessageBlock]]
+"""When messages were recorded (n,), and what was read of them, block by block."""
 
 
 def read_in_bulk(
     files: Mapping[Path, Mapping[int, str]], types: Mapping[str, str], fields: Mapping[str, Sequence[str]]
-) -> dict[str, TopicMessages] | None:
-    """Return the ``fields`` of each topic, or None where the ordinary reader has to do it.
+) -> dict[str, Blocks] | None:
+    """Return the ``fields`` of each topic, connection by connection; None where the ordinary reader has to do it.
 
     Args:
         files: each file, and, of a ROS 1 bag, its connections' numbers and topics.
         types: the type of each topic.
         fields: topics, and the fields of each that are read.
     """
-    waiting: dict[tuple[str, Path, int], _Waiting] = {}
+    waiting: dict[tuple[str, Path, int], list[Cut]] = {}
+    read: dict[tuple[str, Path, int], Blocks] = {}
+
+    def flush(key: tuple[str, Path, int]) -> None:
+        (topic, path, _), cuts = key, waiting[key]
+        grid = np.concatenate([cut.grid for cut in cuts])  # a ValueError where lengths differ
+        block = decode_grid(grid, types[topic], fields[topic], cdr=path.suffix != ".bag")
+        if block is None:
+            raise NotInBulk
+        read.setdefault(key, []).append((np.concatenate([cut.bag_ns for cut in cuts]), block))
+        cuts.clear()
+
     try:
         for path, cut in _cuts(files, fields):
-            pending = waiting.setdefault((cut.topic, path, cut.source), _Waiting())
-            pending.bag_ns.append(cut.bag_ns)
-            pending.grids.append(cut.grid)
-            if sum(len(grid) for grid in pending.grids) >= AT_ONCE:
-                _read(pending, types[cut.topic], fields[cut.topic], cdr=path.suffix != ".bag")
-        for (topic, path, _), pending in waiting.items():
-            _read(pending, types[topic], fields[topic], cdr=path.suffix != ".bag")
+            key = cut.topic, path, cut.source
+            waiting.setdefault(key, []).append(cut)
+            if sum(len(part.grid) for part in waiting[key]) >= AT_ONCE:
+                flush(key)
+        for key, cuts in waiting.items():
+            if cuts:
+                flush(key)
     except UNFIT:
         return None
-    topics = {topic: [waiting[key] for key in sorted(waiting) if key[0] == topic] for topic in fields}
-    return {topic: _joined(connections) for topic, connections in topics.items()} if all(topics.values()) else None
+    topics = {topic: [part for key in sorted(read) if key[0] == topic for part in read[key]] for topic in fields}
+    return topics if all(topics.values()) else None
 
 
 def _cuts(files: Mapping[Path, Mapping[int, str]], fields: Mapping[str, Sequence[str]]) -> Iterator[tuple[Path, Cut]]:
@@ -370,24 +363,3 @@ def _cuts(files: Mapping[Path, Mapping[int, str]], fields: Mapping[str, Sequence
         else:
             cuts = (cut_mcap if path.suffix == ".mcap" else cut_sqlite)(path, fields.keys())
         yield from ((path, cut) for cut in cuts)
-
-
-def _read(pending: _Waiting, msgtype: str, fields: Sequence[str], *, cdr: bool) -> None:
-    if not pending.grids:
-        return
-    if len({grid.shape[1] for grid in pending.grids}) > 1:
-        raise NotInBulk
-    table = field_table(np.concatenate(pending.grids), msgtype, cdr=cdr)
-    if table is None:
-        raise NotInBulk
-    pending.blocks.append(message_block(table, msgtype, fields))
-    pending.grids.clear()
-
-
-def _joined(connections: Sequence[_Waiting]) -> TopicMessages:
-    bag_ns = np.concatenate([part for pending in connections for part in pending.bag_ns])
-    block = joined_blocks([block for pending in connections for block in pending.blocks])
-    if (np.diff(bag_ns) < 0).any():
-        order = np.argsort(bag_ns, kind="stable")
-        bag_ns, block = bag_ns[order], block.rows(order)
-    return TopicMessages(bag_ns, block)

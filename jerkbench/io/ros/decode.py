@@ -8,7 +8,7 @@ does not fit (strings that change, another byte order) is left to the deserialis
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -103,37 +103,29 @@ def source_of(msgtype: str, name: str) -> tuple[Part, int | None]:
     return parts[whole], first
 
 
-@dataclass(frozen=True)
-class FieldTable:
-    """Messages of equal layout.
+class MessageBlock(NamedTuple):
+    """Some messages of one topic.
 
     Attributes:
-        frame_id: of the header.
-        child_frame_id: of an odometry; else empty.
-        rows: (n,) structured: sec, nanosec, and the parts by name.
+        strings: frame_id and child_frame_id of the first.
+        stamp_ns: (n,) stamps of the headers.
+        values: the wanted fields, (n, k) each.
     """
 
-    frame_id: str
-    child_frame_id: str
-    rows: npt.NDArray[Any]
+    strings: tuple[str, str]
+    stamp_ns: IntArray
+    values: dict[str, FloatArray]
 
 
-def read_table(raw: Sequence[bytes], msgtype: str, *, cdr: bool) -> FieldTable | None:
-    """Return the messages as one structured array; None where they are not all of one layout.
+def decode_grid(grid: npt.NDArray[np.uint8], msgtype: str, fields: Sequence[str], *, cdr: bool) -> MessageBlock | None:
+    """Return the ``fields`` of messages (n, size) of equal length, n at least one; None where their layouts differ.
 
     Args:
-        raw: the serialised messages, at least one.
+        grid: the serialised messages.
         msgtype: one of `LAYOUTS`.
+        fields: which are wanted.
         cdr: ROS 2's serialisation; else ROS 1's.
     """
-    size, joined = len(raw[0]), b"".join(raw)
-    if len(joined) != size * len(raw) or not size:
-        return None
-    return field_table(np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size), msgtype, cdr=cdr)
-
-
-def field_table(grid: npt.NDArray[np.uint8], msgtype: str, *, cdr: bool) -> FieldTable | None:
-    """Return the same of messages (n, size) of equal length, n at least one."""
     first, size = bytes(grid[0]), grid.shape[1]
     if cdr and first[:2] != b"\x00\x01":
         return None
@@ -146,7 +138,12 @@ def field_table(grid: npt.NDArray[np.uint8], msgtype: str, *, cdr: bool) -> Fiel
     if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
         return None
     rows = np.ascontiguousarray(grid).view(_padded(layout, size))[:, 0]
-    return FieldTable(strings[0], strings[1] if len(strings) > 1 else "", rows)
+    values = {}
+    for name in fields:
+        part, begins = source_of(msgtype, name)
+        values[name] = _block(rows[part.name].reshape(len(rows), -1), begins).astype(np.float64)
+    stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
+    return MessageBlock((strings[0], strings[1] if len(strings) > 1 else ""), stamp_ns, values)
 
 
 def _padded(layout: np.dtype[Any], size: int) -> np.dtype[Any]:
@@ -200,35 +197,16 @@ class Deserialise(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class MessageBlock:
-    """Some messages of one topic.
-
-    Attributes:
-        strings: frame_id and child_frame_id of the first.
-        stamp_ns: (n,) stamps of the headers.
-        values: the wanted fields, (n, k) each.
-    """
-
-    strings: tuple[str, str]
-    stamp_ns: IntArray
-    values: dict[str, FloatArray]
-
-    def rows(self, rows: IntArray) -> "MessageBlock":
-        """Return only ``rows``, in this order."""
-        return MessageBlock(
-            self.strings, self.stamp_ns[rows], {name: value[rows] for name, value in self.values.items()}
-        )
-
-
 def decode(
     raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise, *, cdr: bool
 ) -> MessageBlock:
-    """Return the ``fields`` of the messages, fast where their layout is fixed."""
-    table = read_table(raw, msgtype, cdr=cdr)
-    return (
-        message_block(table, msgtype, fields) if table is not None else decode_each(raw, msgtype, fields, deserialise)
-    )
+    """Return the ``fields`` of the messages, at least one, fast where their layout is fixed."""
+    size, joined = len(raw[0]), b"".join(raw)
+    block = None
+    if size and len(joined) == size * len(raw):
+        grid = np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size)
+        block = decode_grid(grid, msgtype, fields, cdr=cdr)
+    return block or decode_each(raw, msgtype, fields, deserialise)
 
 
 def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> MessageBlock:
@@ -245,23 +223,6 @@ def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deser
             whole[name][k] = _numbers(message, part)
         strings = strings if k else (message.header.frame_id, getattr(message, "child_frame_id", ""))
     return MessageBlock(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
-
-
-def message_block(table: FieldTable, msgtype: str, fields: Sequence[str]) -> MessageBlock:
-    """Return the ``fields`` of messages of equal layout."""
-    rows, values = table.rows, {}
-    for name in fields:
-        part, first = source_of(msgtype, name)
-        whole = rows[part.name].reshape(len(rows), -1)
-        values[name] = _block(whole, first).astype(np.float64)
-    stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
-    return MessageBlock((table.frame_id, table.child_frame_id), stamp_ns, values)
-
-
-def joined_blocks(blocks: Sequence[MessageBlock]) -> MessageBlock:
-    """Return blocks, at least one, as one; takes the values out of them."""
-    values = {name: np.concatenate([block.values.pop(name) for block in blocks]) for name in list(blocks[0].values)}
-    return MessageBlock(blocks[0].strings, np.concatenate([block.stamp_ns for block in blocks]), values)
 
 
 def _block(whole: FloatArray, first: int | None) -> FloatArray:
