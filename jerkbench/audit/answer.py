@@ -174,7 +174,7 @@ def method_frame(rows: AuditRows, losses: Losses, said: Statements, kinds: pd.Da
             for method, mine, best in zip(protocol.methods, said.own_plain, said.best_plain, strict=True)
         ]
     ).assign(untuned=untuned, tuning_sd=[one.tuning_sd for one in said.own_plain])
-    of_method = [kinds[(kinds[["filter", "adaptation"]] == method).all(axis=1)] for method in protocol.methods]
+    of_method = [kinds[(kinds[["filter", "adaptation"]] == list(method)).all(axis=1)] for method in protocol.methods]
     table = table.join(pd.DataFrame([_over_kinds(each) for each in of_method]))
     table["pays_from"] = pays_from(own.mean(axis=1), kinds_of(rows)[NO_FAULT])
     for name, ratio in WORSE.items():

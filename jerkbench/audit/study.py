@@ -41,9 +41,10 @@ def run_audit(
         JerkbenchError: a run failed, or is not stored and may not be run.
         OSError: nothing can be written.
     """
-    if git_commit().endswith(CHANGED):
-        notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
-    write_protocol(protocol, folder)
+    if not only_stored:
+        if git_commit().endswith(CHANGED):
+            notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
+        write_protocol(protocol, folder)
     ledger = Ledger(folder / "runs", protocol.digest, any_code=only_stored)
     with Workers(cluster, workers) as own:
         campaign = Campaign(protocol, ledger, None if only_stored else own)
