@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from jerkbench.audit.protocol import AuditMethod, job_of
 from jerkbench.campaigns.entrant import knobs_of
 from jerkbench.files import write_atomically
-from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.rows import Task, work
@@ -62,7 +62,7 @@ class Piece(NamedTuple):
 
 def blocks(seeds: range) -> list[range]:
     """Cut seeds so that a process keeps the drives of a block in memory."""
-    return [seeds[begin : begin + KEPT] for begin in range(0, len(seeds), KEPT)]
+    return [seeds[begin : begin + KEPT_INPUTS] for begin in range(0, len(seeds), KEPT_INPUTS)]
 
 
 class Ran(NamedTuple):

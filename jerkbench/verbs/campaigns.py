@@ -105,7 +105,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.audit.study import FOLDER, compare_audits, run_audit
     from jerkbench.audit.words import reweighted_text, three_sentences
     from jerkbench.hydra_app.words import cluster_named
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
 
     if chosen.what:
         _audit_attitude(chosen, chosen.results / f"{FOLDER}{chosen.what}", chosen.workers or processors())
@@ -123,7 +123,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     print(f"Written to {folder}.")
 
 
-METHOD = ("filter", "adaptation", "noise", "r_scale")
+ENTRANT_GROUPS = ("filter", "adaptation", "noise", "r_scale")
 """Groups of a method; all else is the suite's."""
 
 ATTITUDES = "attitude-"
@@ -168,8 +168,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.campaigns.site import Site
     from jerkbench.hydra_app.words import cluster_named
-    from jerkbench.jobs.cluster import Workers
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import Workers, processors
     from jerkbench.suite.enter import enter
 
     entrant = (_attitude_entrant if chosen.scale.startswith(ATTITUDES) else _entrant)(chosen.words)
@@ -187,7 +186,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 def _entrant(words: Sequence[str]) -> "Entrant":
     from jerkbench.campaigns.entrant import Entrant
 
-    spec = _spec(words, METHOD, "filter=jerk adaptation=mtf adaptation.window=3")
+    spec = _spec(words, ENTRANT_GROUPS, "filter=jerk adaptation=mtf adaptation.window=3")
     return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
 
 
