@@ -15,7 +15,7 @@ from jerkbench.attitude.gravity_update import (
     fill_noise,
     fill_rotation,
     gravity_update,
-    innovate,
+    see_gravity,
     updating,
 )
 from jerkbench.errors import PluginError
@@ -160,7 +160,7 @@ class TiltState(NamedTuple):
     gravity: GravityUpdate
 
 
-update = updating(3)
+update_tilt = updating(3)
 
 
 def run_tilt(
@@ -170,9 +170,9 @@ def run_tilt(
     noise = state.sigma_accel_mps2**2
     for k in range(len(dt)):
         _predict(state, gyro[k], dt[k])
-        excess = innovate(state.gravity, state.P, state.x, accel[k], k, noise)
+        excess = see_gravity(state.gravity, state.P, state.x, accel[k], k, noise)
         fill_noise(state.gravity, k, excess, noise, 1.0)
-        update(state.gravity, state.P)
+        update_tilt(state.gravity, state.P)
         triggered[k] = excess >= 0.0
         length = 1.0
         for i in range(3):

@@ -18,7 +18,7 @@ from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 if TYPE_CHECKING:
     import vqf
 
-LONGEST_STEP_S = 0.1
+SILENCE_S = 0.1
 """Over a longer interval the filter sees several steps of the gyro, each as long as the others."""
 
 OF_PACKAGE = DefaultOrigin("literature: the package's default")
@@ -89,7 +89,7 @@ class Vqf(TiltAndYaw):
         filter_ = package.VQF(step_s, **self._parameters())
         if self.alignment != "gravity":
             self._settle(filter_, tilt_start(recording, alignment=self.alignment).x, step_s)
-        gaps = np.flatnonzero(intervals(imu) > LONGEST_STEP_S)
+        gaps = np.flatnonzero(intervals(imu) > SILENCE_S)
         parts = []
         for begin, end in zip([0, *gaps], [*gaps, len(imu.t_s)], strict=True):
             if begin in gaps:
@@ -140,10 +140,10 @@ class OfflineVqf(Vqf):
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, from all of them."""
         imu = recording.inertial
-        if intervals(imu).max() > LONGEST_STEP_S:
+        if intervals(imu).max() > SILENCE_S:
             raise RecordingError(
                 f"{recording.name} has a gap of {intervals(imu).max():.2f} s between two samples, and attitude"
-                f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {LONGEST_STEP_S} s."
+                f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {SILENCE_S} s."
             )
         smoothed = vqf_package().offlineVQF(
             *_samples(imu, 0, len(imu.t_s)), None, imu.nominal_interval_s, self._parameters()

@@ -18,7 +18,7 @@ from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.recording import GRAVITY_MPS2, Recording
 from jerkbench.timeline import Timeline, build_timeline
 
-YAW_SOURCES = ("attitude", "track")
+INERTIAL_YAW_SOURCES = ("attitude", "track")
 
 DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
@@ -143,8 +143,8 @@ class Eskf15Parameters:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.yaw_source not in YAW_SOURCES:
-            raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, YAW_SOURCES))
+        if self.yaw_source not in INERTIAL_YAW_SOURCES:
+            raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES))
         optional = ("position_sigma_m",) if self.position_sigma_m is not None else ()
         for name in (*POSITIVE, *optional):
             if not getattr(self, name) > 0:

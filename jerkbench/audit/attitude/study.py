@@ -23,7 +23,7 @@ from jerkbench.audit.attitude.verdicts import (
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
 
-ERRORS = "errors.parquet"
+TILT_ERRORS = "errors.parquet"
 
 TILT_PAGE = """\
 # Attitude filters: the error of the tilt, domain by domain
@@ -72,7 +72,7 @@ def run_attitude_audit(data: Path, folder: Path, workers: int, settings: int = T
     vqf_package()
     trials = list(all_trials(data))
     rows = audit_rows(trials, folder / "rows", workers, settings)
-    write_atomically(folder / ERRORS, lambda path: rows.to_parquet(path, index=False))
+    write_atomically(folder / TILT_ERRORS, lambda path: rows.to_parquet(path, index=False))
     write_text(folder / "manifest.json", json.dumps(_manifest(trials, settings), indent=1) + "\n")
     if settings < TILT_SETTINGS:
         return f"{len(rows)} rows of {len(trials)} trials."

@@ -11,7 +11,7 @@ import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.alignment import TRACK_S
-from jerkbench.attitude.vqf import LONGEST_STEP_S
+from jerkbench.attitude.vqf import SILENCE_S
 from jerkbench.datasets.broad import ENDINGS, Broad
 from jerkbench.datasets.field import Field
 from jerkbench.datasets.repoimu import RepoImu
@@ -34,7 +34,7 @@ DRIVES = 16
 LEAST_S = 5.0
 """Shorter pieces do not count."""
 
-STILL_MPS = 0.1
+RESTING_MPS = 0.1
 
 VELOCITY_SIGMA_MPS, VELOCITY_EVERY = 0.1, 10
 """White noise of the velocities for a known start, and the samples from one to the next."""
@@ -94,7 +94,7 @@ def _whole(source: Broad | RepoImu | Field, seed: int) -> list[TiltPiece]:
 def kitti_pieces(path: Path, seed: int) -> list[TiltPiece]:
     """The pieces of a drive: t; ax, ay, az; gx, gy, gz; e, n, u; ve, vn, vu; roll, pitch, yaw. All counts."""
     drive = pd.read_parquet(path).astype(float)
-    edges = [0, *(np.flatnonzero(np.diff(drive["t"]) > LONGEST_STEP_S) + 1), len(drive)]
+    edges = [0, *(np.flatnonzero(np.diff(drive["t"]) > SILENCE_S) + 1), len(drive)]
     parts = [drive.iloc[begin:end] for begin, end in pairwise(edges)]
     return [_part(path.stem, part, seed) for part in parts if np.ptp(part["t"]) >= LEAST_S]
 
@@ -114,7 +114,7 @@ def _part(name: str, part: pd.DataFrame, seed: int) -> TiltPiece:
     accel, gyro, place, velocity, euler = (
         part[names.split()].to_numpy() for names in ("ax ay az", "gx gy gz", "e n u", "ve vn vu", "roll pitch yaw")
     )
-    moving = np.linalg.norm(velocity, axis=1) > STILL_MPS
+    moving = np.linalg.norm(velocity, axis=1) > RESTING_MPS
     rest_s = float(t_s[np.argmax(moving)]) if moving.any() else float(t_s[-1])
     reference = Reference(
         t_s,
