@@ -28,7 +28,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.measurements import Measurements
 from jerkbench.recording import Imu, Recording, Reference
-from jerkbench.sums import Run, Scoring
+from jerkbench.sums import ErrorWeights, Run
 from jerkbench.timeline import Timeline
 
 DT_S, STEPS, EVERY = 0.01, 15_000, 10
@@ -105,11 +105,11 @@ def many_entrants(model: Filter) -> list[Entrant]:
     return entrants
 
 
-def scoring_of(timeline: Timeline) -> Scoring:
+def scoring_of(timeline: Timeline) -> ErrorWeights:
     """Every stamp counts; the truth is zero."""
     k = len(timeline.t_s)
     ones = np.ones(k)
-    return Scoring(np.zeros((k, 6)), ones, ones, ones, np.zeros(k), np.zeros(0, dtype=np.int64), 0.0)
+    return ErrorWeights(np.zeros((k, 6)), ones, ones, ones, np.zeros(k), np.zeros(0, dtype=np.int64), 0.0)
 
 
 def tilt_lines(rounds: int) -> list[Line]:

@@ -26,6 +26,10 @@ def tilted(roll, pitch, gyro=(0.0, 0.0, 0.0), static_start_s=2.0):
     return replace(rest, imu=Imu(rest.imu.t_s, np.tile(force, (n, 1)), np.tile(gyro, (n, 1))))
 
 
+def steps_of(timeline):
+    return timeline.t_s, timeline.update, timeline.reference
+
+
 def start_of(recording, yaw=0.7, *, from_rest=True, sigmas=SIGMAS):
     attitude = level_attitude(recording)
     timeline = build_timeline(recording, attitude)
@@ -164,7 +168,7 @@ def test_headings_split_the_steps_and_keep_everything_else():
     t_s = np.array([0.1, 0.75, 1.0, 1.25, 5.0])  # before the start, between, on a fix, between, after the end
     headings = Heading(t_s, np.zeros(5), np.full(5, 0.1))
     timeline = build_timeline(recording, level_attitude(recording))
-    plain, events = (merge_events(timeline, recording.imu, h, 0.5) for h in (None, headings))
+    plain, events = (merge_events(*steps_of(timeline), recording.imu, h, 0.5) for h in (None, headings))
 
     np.testing.assert_array_equal(plain.t_s, timeline.t_s)
     np.testing.assert_array_equal(plain.sample, timeline.sample)
@@ -180,6 +184,6 @@ def test_headings_split_the_steps_and_keep_everything_else():
 def test_constraints_are_due_once_an_interval():
     recording = recording_at_rest(duration_s=3.0)
     timeline = build_timeline(recording, level_attitude(recording))
-    events = merge_events(timeline, recording.imu, None, 0.25)
+    events = merge_events(*steps_of(timeline), recording.imu, None, 0.25)
 
     np.testing.assert_allclose(events.t_s[events.constrained], np.arange(1, 13) * 0.25)
