@@ -6,7 +6,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative
+from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative, require_positive
 from jerkbench.attitude.alignment import TiltStart, tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
 from jerkbench.attitude.gravity_update import (
@@ -121,10 +121,8 @@ class Tilt(TiltAndYaw):
         )
 
     def _check_numbers(self) -> None:
-        for name in ("sigma_accel_mps2", "initial_tilt_variance"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < np.inf:
-                raise PluginError(f"attitude tilt: {name} is {value}; it must be a positive number.")
+        may_be_null = "sigma_accel_mps2", "initial_tilt_variance"
+        require_positive("attitude tilt", self, [name for name in may_be_null if getattr(self, name) is not None])
         require_not_negative("attitude tilt", self, ("sigma_gyro_radps",))
         if not 0 <= self.external_memory <= 1:
             raise PluginError(f"attitude tilt: external_memory is {self.external_memory}; it must be from 0 to 1.")

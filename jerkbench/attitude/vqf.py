@@ -9,7 +9,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
+from jerkbench.attitude.common import TiltAndYaw, Verticals
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
@@ -89,11 +89,11 @@ class Vqf(TiltAndYaw):
         filter_ = package.VQF(step_s, **self._parameters())
         if self.alignment != "gravity":
             self._settle(filter_, tilt_start(recording, alignment=self.alignment).x, step_s)
-        gaps = np.flatnonzero(intervals(imu) > SILENCE_S)
+        gaps = np.flatnonzero(imu.intervals_s > SILENCE_S)
         parts = []
         for begin, end in zip([0, *gaps], [*gaps, len(imu.t_s)], strict=True):
             if begin in gaps:
-                for _ in range(round(intervals(imu)[begin] / step_s) - 1):
+                for _ in range(round(imu.intervals_s[begin] / step_s) - 1):
                     filter_.updateGyr(imu.gyro_radps[begin].copy())
             if end > begin:
                 parts.append(filter_.updateBatch(*_samples(imu, begin, end))["quat6D"])
@@ -140,9 +140,9 @@ class OfflineVqf(Vqf):
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, from all of them."""
         imu = recording.inertial
-        if intervals(imu).max() > SILENCE_S:
+        if imu.intervals_s.max() > SILENCE_S:
             raise RecordingError(
-                f"{recording.name} has a gap of {intervals(imu).max():.2f} s between two samples, and attitude"
+                f"{recording.name} has a gap of {imu.intervals_s.max():.2f} s between two samples, and attitude"
                 f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {SILENCE_S} s."
             )
         smoothed = vqf_package().offlineVQF(

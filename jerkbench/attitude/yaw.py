@@ -21,7 +21,7 @@ from jerkbench.attitude.track import (
 )
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import wrap_angle
-from jerkbench.recording import HEADING_SOURCES, Heading, Recording, Velocity
+from jerkbench.recording import HEADING_SOURCES, Heading, Imu, Recording, Velocity
 
 UNKNOWN_RAD = np.pi / np.sqrt(3.0)
 """One sigma of a yaw of which nothing is known: any direction is as likely."""
@@ -46,9 +46,9 @@ def yaw_rate(gyro_radps: FloatArray, roll_rad: FloatArray, pitch_rad: FloatArray
 
 
 def estimate_yaw(
-    t_s: FloatArray,
-    dt_s: FloatArray,
-    rate_radps: FloatArray,
+    imu: Imu,
+    roll_rad: FloatArray,
+    pitch_rad: FloatArray,
     source: Heading | Track | None,
     walk_rad_per_sqrt_s: float,
     course_sigma_min_rad: float = 0.0,
@@ -61,13 +61,14 @@ def estimate_yaw(
     take the place of headings, see `jerkbench.attitude.track`. Without either yaw starts at zero, and nobody knows it.
 
     Args:
-        t_s: (n,) stamps.
-        dt_s: (n,) the interval that ends at each stamp.
-        rate_radps: (n,) mean yaw rate over that interval.
+        imu: the gyro is the mean over the interval that ends at each stamp.
+        roll_rad: (n,) at the stamps.
+        pitch_rad: (n,) likewise.
         source: headings, at least one; the track of the fixes; or None.
         walk_rad_per_sqrt_s: random walk of yaw.
         course_sigma_min_rad: least standard deviation of a course of the track.
     """
+    t_s, dt_s, rate_radps = imu.t_s, imu.intervals_s, yaw_rate(imu.gyro_radps, roll_rad, pitch_rad)
     psi = np.cumsum(dt_s * rate_radps)
     if source is None:
         return Yaw(wrap_angle(psi), np.full(len(psi), UNKNOWN_RAD))
