@@ -85,6 +85,11 @@ class Imu:
         """The interval dt0 between samples (median)."""
         return float(np.median(np.diff(self.t_s)))
 
+    @property
+    def intervals_s(self) -> FloatArray:
+        """The interval (n,) that ends at each stamp; nobody saw the first one begin, so it is the nominal one."""
+        return np.concatenate(([self.nominal_interval_s], np.diff(self.t_s)))
+
 
 @dataclass(frozen=True, eq=False)
 class Position:
