@@ -1,17 +1,21 @@
 """What linear estimators share: the model of three axes, the start, the measurement updates, ranges of noises."""
 
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
+from jerkbench.estimate import Attitude, Estimate
 from jerkbench.kalman import squared_distance, updated
 from jerkbench.memory import empty_memory
 from jerkbench.optional import clocked, wants_truth
 from jerkbench.parameters import DefaultOrigin, Range
-from jerkbench.timeline import Recorder, Timeline
+from jerkbench.recording import Recording
+from jerkbench.sums import RecordedRun, Run, Streamed
+from jerkbench.timeline import Recorder, Timeline, kept_timeline
 
 
 class StepModel(NamedTuple):
@@ -60,18 +64,18 @@ def _of_three_axes(matrix: FloatArray) -> FloatArray:
 # Models of one axis for many lengths of a step at once: an IMU with uneven stamps has as many as
 # samples.
 
-Models = tuple[FloatArray, FloatArray, FloatArray]
+AxisModels = tuple[FloatArray, FloatArray, FloatArray]
 """A (k, n, n), b (k, n), Q (k, n, n)."""
 
 
-class ManyLengths:
+class VectorisedModel:
     """A filter that writes its model down for all lengths; that of one length is one of them."""
 
-    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
+    def axis_models(self, dt: FloatArray, dt0: float) -> AxisModels:
         """Return A (k, n, n), b (k, n), Q (k, n, n) for steps of ``dt`` (k,) seconds."""
         raise NotImplementedError
 
-    def axis_model(self, dt: float, dt0: float) -> Models:
+    def axis_model(self, dt: float, dt0: float) -> AxisModels:
         """Return A (n, n), b (n,), Q (n, n) for a step of ``dt`` seconds."""
         A, b, Q = self.axis_models(np.array([dt]), dt0)
         return A[0], b[0], Q[0]
@@ -124,6 +128,53 @@ class MeasurementUpdates:
             x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
         self.recorder.update(row, rows, innovation, np.diag(R), nis, used, log_det)
         return x, P, prior
+
+
+CompiledWays = tuple[Callable[..., Estimate | None], Callable[..., Sequence[Streamed | None]]]
+"""What runs one timeline with its trajectory, and what runs several without."""
+
+
+class OverTimelines:
+    """The compiled way of an estimator over kinematic filters: `jerkbench.contracts.Batched`."""
+
+    def compiled_ways(self) -> CompiledWays:
+        """Return what runs one timeline with its trajectory, and what runs several without."""
+        raise NotImplementedError
+
+    def start(self, timeline: Timeline) -> Any:  # noqa: ANN401 - what its compiled ways begin with
+        """Return the filters at the start of a timeline."""
+        raise NotImplementedError
+
+    def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
+        """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
+        from jerkbench.kinematic.plugin_call import compiled_rule  # what it imports takes half a second
+
+        timeline = kept_timeline(recording, attitude)
+        rule = compiled_rule(clocked(adaptation, timeline))
+        return None if rule is None else self.compiled_ways()[0](timeline, self.start(timeline), rule)
+
+    def run_settings(
+        self,
+        runs: Sequence[RecordedRun],
+        estimators: Sequence[Self],
+        adaptations: Sequence[Adaptation],
+        *,
+        updates: bool,
+        attitude: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        """Return the sums of each run, with its own of ``estimators`` and ``adaptations``; it finds no attitude."""
+        from jerkbench.kinematic.plugin_call import compiled_rule
+
+        results: list[Streamed | None] = [None] * len(runs)
+        every = enumerate(zip(adaptations, runs, strict=True))
+        rules = {k: rule for k, (a, run) in every if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
+        compiled_runs = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
+        starts, several = [estimators[k].start(runs[k].timeline) for k in rules], self.compiled_ways()[1]
+        streamed = several(compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
+        for k, result in zip(rules, streamed, strict=True):
+            results[k] = result
+        return results
 
 
 # The adaptations that an estimator can take.

@@ -1,8 +1,7 @@
 """The Rauch-Tung-Striebel smoother over a kinematic filter: it sees the future, as a yardstick."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -10,14 +9,15 @@ from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._over_timelines import OverTimelines
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.common import (
     ACCEL,
     BIAS_WALK,
     JERK_WALK,
+    CompiledWays,
     MeasurementUpdates,
+    OverTimelines,
     StepModels,
     initial,
     of_r_or_fading,
@@ -27,11 +27,7 @@ from jerkbench.kalman import is_healthy
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Recorder, Timeline, build_timeline
-
-if TYPE_CHECKING:
-    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
 
 MODELS = ("baseline", "bias", "jerk")
 NOISES = (
@@ -108,24 +104,15 @@ class RauchTungStriebel(OverTimelines):
         """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
         return self.smooth(build_timeline(recording, attitude), adaptation)
 
-    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
-        from jerkbench.linear.smoother import smooth_one
+    def compiled_ways(self) -> CompiledWays:
+        """Return what smooths one timeline, and what smooths several side by side."""
+        from jerkbench.linear.smoother import smooth_many, smooth_one
 
-        return smooth_one(timeline, self.kinematic_filter(), rule)
+        return smooth_one, smooth_many
 
-    def _together(
-        self,
-        runs: Sequence[Run],
-        estimators: "Sequence[RauchTungStriebel]",
-        rules: "Sequence[Rule]",
-        *,
-        updates: bool,
-        threads: int,
-    ) -> Sequence[Streamed | None]:
-        from jerkbench.linear.smoother import smooth_many
-
-        models = [estimator.kinematic_filter() for estimator in estimators]
-        return smooth_many(runs, models, rules, updates=updates, threads=threads)
+    def start(self, timeline: Timeline) -> Filter:
+        """Return the filter of the forward pass, which begins as the timeline says."""
+        return self.kinematic_filter()
 
     def smooth(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
         """Return the smoothed solution of a timeline."""
