@@ -90,8 +90,8 @@ def _displaced(recording: Recording) -> list[_Displaced]:
         return []
     says, is_ = (np.diagonal(c, axis1=1, axis2=2) for c in (position.covariance_m2, position.true_covariance_m2))
     size_m = np.sqrt(np.maximum((is_ - says).sum(axis=1), 0.0))
-    at_fault = streaks((is_ > LARGER * says).any(axis=1)).tolist()
-    return [_Displaced(a, b - 1, float(size_m[a:b].max())) for a, b in at_fault]
+    at_fault: BoolArray = np.any(is_ > LARGER * says, axis=1)
+    return [_Displaced(a, b - 1, float(size_m[a:b].max())) for a, b in streaks(at_fault).tolist()]
 
 
 def _errors(estimate: Estimate, recording: Recording, counted: BoolArray) -> tuple[FloatArray, FloatArray]:
