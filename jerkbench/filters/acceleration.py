@@ -6,14 +6,14 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL_WALK, START, WALK, AxisModels, VectorisedModel, identities, outer
+from jerkbench.filters.common import ACCEL_WALK, START, WALK, AxisModels, Models, identities, outer
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "acceleration")
 @dataclass(frozen=True)
-class Acceleration(VectorisedModel):
+class Acceleration(AxisModels):
     """Nine states [p, v, a]: the acceleration is a random walk, and the IMU is not used.
 
     For each axis, with q = [dt^2/2, dt, 1] and no input (b = 0)::
@@ -43,7 +43,7 @@ class Acceleration(VectorisedModel):
         """Check that every noise is a number, and not negative."""
         require_not_negative("filter acceleration", self, ("accel_walk_mps2_per_sqrt_s", "initial_accel_mps2"))
 
-    def axis_models(self, dt: FloatArray, dt0: float) -> AxisModels:
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
         A = identities(dt, 3)
         A[:, 0, 1], A[:, 0, 2], A[:, 1, 2] = dt, 0.5 * dt**2, dt

@@ -6,14 +6,14 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL, AxisModels, VectorisedModel, identities, outer
+from jerkbench.filters.common import ACCEL, AxisModels, Models, identities, outer
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "baseline")
 @dataclass(frozen=True)
-class Baseline(VectorisedModel):
+class Baseline(AxisModels):
     """Six states [p, v], driven by the gravity-compensated acceleration u.
 
     For each axis, with b = [dt^2/2, dt]::
@@ -44,7 +44,7 @@ class Baseline(VectorisedModel):
         """Check that every noise is a number, and not negative."""
         require_not_negative("filter baseline", self, ("accel_mps2",))
 
-    def axis_models(self, dt: FloatArray, dt0: float) -> AxisModels:
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 2, 2), b (k, 2), Q (k, 2, 2) for steps of ``dt`` (k,) seconds."""
         A = identities(dt, 2)
         A[:, 0, 1] = dt

@@ -6,14 +6,14 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL, BIAS_WALK, FIELD, START, AxisModels, VectorisedModel, identities, outer
+from jerkbench.filters.common import ACCEL, BIAS_WALK, FIELD, START, AxisModels, Models, identities, outer
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "bias")
 @dataclass(frozen=True)
-class Bias(VectorisedModel):
+class Bias(AxisModels):
     """Nine states [p, v, b]: the baseline with an ENU acceleration bias that is a random walk.
 
     For each axis, with b = [dt^2/2, dt, 0]::
@@ -44,7 +44,7 @@ class Bias(VectorisedModel):
         """Check that every noise is a number, and not negative."""
         require_not_negative("filter bias", self, ("accel_mps2", "bias_mps2_per_sqrt_s", "initial_bias_mps2"))
 
-    def axis_models(self, dt: FloatArray, dt0: float) -> AxisModels:
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
         A = identities(dt, 3)
         A[:, 0, 1], A[:, 0, 2], A[:, 1, 2] = dt, 0.5 * dt**2, dt

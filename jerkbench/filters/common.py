@@ -1,6 +1,7 @@
 """What linear estimators share: the model of three axes, the start, the measurement updates, ranges of noises."""
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -10,8 +11,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.kalman import squared_distance, updated
-from jerkbench.memory import empty_memory
-from jerkbench.optional import clocked, wants_truth
+from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
@@ -64,18 +64,18 @@ def _of_three_axes(matrix: FloatArray) -> FloatArray:
 # Models of one axis for many lengths of a step at once: an IMU with uneven stamps has as many as
 # samples.
 
-AxisModels = tuple[FloatArray, FloatArray, FloatArray]
+Models = tuple[FloatArray, FloatArray, FloatArray]
 """A (k, n, n), b (k, n), Q (k, n, n)."""
 
 
-class VectorisedModel:
+class AxisModels:
     """A filter that writes its model down for all lengths; that of one length is one of them."""
 
-    def axis_models(self, dt: FloatArray, dt0: float) -> AxisModels:
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, n, n), b (k, n), Q (k, n, n) for steps of ``dt`` (k,) seconds."""
         raise NotImplementedError
 
-    def axis_model(self, dt: float, dt0: float) -> AxisModels:
+    def axis_model(self, dt: float, dt0: float) -> Models:
         """Return A (n, n), b (n,), Q (n, n) for a step of ``dt`` seconds."""
         A, b, Q = self.axis_models(np.array([dt]), dt0)
         return A[0], b[0], Q[0]
@@ -137,8 +137,8 @@ CompiledWays = tuple[Callable[..., Estimate | None], Callable[..., Sequence[Stre
 class OverTimelines:
     """The compiled way of an estimator over kinematic filters: `jerkbench.contracts.Batched`."""
 
-    def compiled_ways(self) -> CompiledWays:
-        """Return what runs one timeline with its trajectory, and what runs several without."""
+    def compiled_ways(self) -> CompiledWays | None:
+        """Return what runs one timeline with its trajectory, and what runs several without; None: nothing does."""
         raise NotImplementedError
 
     def start(self, timeline: Timeline) -> Any:  # noqa: ANN401 - what its compiled ways begin with
@@ -149,9 +149,9 @@ class OverTimelines:
         """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
         from jerkbench.kinematic.plugin_call import compiled_rule  # what it imports takes half a second
 
-        timeline = kept_timeline(recording, attitude)
+        timeline, ways = kept_timeline(recording, attitude), self.compiled_ways()
         rule = compiled_rule(clocked(adaptation, timeline))
-        return None if rule is None else self.compiled_ways()[0](timeline, self.start(timeline), rule)
+        return None if rule is None or ways is None else ways[0](timeline, self.start(timeline), rule)
 
     def run_settings(
         self,
@@ -169,9 +169,12 @@ class OverTimelines:
         results: list[Streamed | None] = [None] * len(runs)
         every = enumerate(zip(adaptations, runs, strict=True))
         rules = {k: rule for k, (a, run) in every if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
+        ways = [way for k in rules if (way := estimators[k].compiled_ways()) is not None]
+        if not ways or len(ways) < len(rules):
+            return results
         compiled_runs = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
-        starts, several = [estimators[k].start(runs[k].timeline) for k in rules], self.compiled_ways()[1]
-        streamed = several(compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
+        starts = [estimators[k].start(runs[k].timeline) for k in rules]
+        streamed = ways[0][1](compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
         for k, result in zip(rules, streamed, strict=True):
             results[k] = result
         return results
@@ -185,14 +188,23 @@ BEYOND_R = (Fading, AdaptingPrior, AdaptingGain)
 
 def of_r_alone() -> tuple[str, ...]:
     """Names of all adaptations, also a third party's, that change R alone."""
-    names = plugins.names("adaptation")
-    return tuple(name for name in names if not isinstance(plugins.get("adaptation", name), BEYOND_R))
+    return _without(BEYOND_R)
 
 
 def of_r_or_fading() -> tuple[str, ...]:
     """Names of all that change R, or fade the prior covariance."""
+    return _without((AdaptingPrior, AdaptingGain))
+
+
+def _without(contracts: tuple[type, ...]) -> tuple[str, ...]:
     names = plugins.names("adaptation")
-    return tuple(n for n in names if not isinstance(plugins.get("adaptation", n), (AdaptingPrior, AdaptingGain)))
+    return tuple(name for name in names if not _keeps(plugins.get("adaptation", name), contracts))
+
+
+@cache
+def _keeps(adaptation: type, contracts: tuple[type, ...]) -> bool:
+    """Whether the class has any of the contracts: asked of each cell of a sweep, and slow to find out."""
+    return isinstance(adaptation, contracts)
 
 
 # The ranges and origins that the noises of several filters share.

@@ -6,14 +6,14 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL, FIELD, JERK_WALK, START, AxisModels, VectorisedModel, identities, outer
+from jerkbench.filters.common import ACCEL, FIELD, JERK_WALK, START, AxisModels, Models, identities, outer
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "jerk")
 @dataclass(frozen=True)
-class Jerk(VectorisedModel):
+class Jerk(AxisModels):
     """Nine states [p, v, j]: the baseline with a jerk that is a random walk.
 
     For each axis, with b = [dt^2/2, dt, 0]::
@@ -25,7 +25,7 @@ class Jerk(VectorisedModel):
     velocity, just as an acceleration bias of j dt/2 would. The filter `bias` says so openly and is its control.
 
     Source: the jerk-augmented extended Kalman filter of Candan, Atallah, Servadio and Arabi, "Resilient Navigation for
-    Autonomous Farm Robots by Leveraging Jerk-Augmented AxisModels with IMU-Only Disturbance Rejection".
+    Autonomous Farm Robots by Leveraging Jerk-Augmented Models with IMU-Only Disturbance Rejection".
 
     Attributes:
         accel_mps2: sigma_a, noise of one sample of u [m/s2].
@@ -43,7 +43,7 @@ class Jerk(VectorisedModel):
         """Check that every noise is a number, and not negative."""
         require_not_negative("filter jerk", self, ("accel_mps2", "jerk_mps3_per_sqrt_s", "initial_jerk_mps3"))
 
-    def axis_models(self, dt: FloatArray, dt0: float) -> AxisModels:
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
         A = identities(dt, 3)
         A[:, 0, 1], A[:, 0, 2], A[:, 1, 2] = dt, dt**3 / 6.0, 0.5 * dt**2

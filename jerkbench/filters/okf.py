@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.errors import PluginError
-from jerkbench.filters.common import AxisModels, VectorisedModel, identities
+from jerkbench.filters.common import AxisModels, Models, identities
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
@@ -16,7 +16,7 @@ AS_BASELINE = DefaultOrigin("that of `baseline` at its default and 100 Hz")
 
 @register("filter", "okf")
 @dataclass(frozen=True)
-class OptimisedKalmanFilter(VectorisedModel):
+class OptimisedKalmanFilter(AxisModels):
     """Six states [p, v], as `baseline` has them, with a process noise that is free: made to be tuned.
 
     For each axis, with b = [dt^2/2, dt]::
@@ -60,7 +60,7 @@ class OptimisedKalmanFilter(VectorisedModel):
         if not -1.0 <= self.correlation <= 1.0:
             raise PluginError(f"filter okf: correlation is {self.correlation}; it must be from -1 to 1.")
 
-    def axis_models(self, dt: FloatArray, dt0: float) -> AxisModels:
+    def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 2, 2), b (k, 2), Q (k, 2, 2) for steps of ``dt`` (k,) seconds."""
         q_p, q_v, rho = self.position_walk_m_per_sqrt_s, self.velocity_walk_mps_per_sqrt_s, self.correlation
         A = identities(dt, 2)

@@ -177,6 +177,9 @@ FACTORS = Combination._fields
 METHOD = ("filter", "adaptation", "noise")
 """What a method is made of, unless one says otherwise; the other factors make a scenario."""
 
+SCENARIO_FACTORS = ("dataset", "disturbance", "attitude")
+"""What methods are compared on."""
+
 
 def require_factors(keys: Iterable[str]) -> None:
     """Raise a JerkbenchError unless each of ``keys`` is a factor."""
