@@ -21,6 +21,8 @@ from jerkbench.timeline import Timeline
 class InertialFilter(Eskf15Parameters):
     """What the filters with the parts and the parameters of `eskf15` share; they run in NumPy with either engine."""
 
+    invariant: ClassVar[bool] = False
+
     @property
     def adaptations(self) -> tuple[str, ...]:
         """Names of the adaptations that it accepts: all that change R alone."""
@@ -115,7 +117,6 @@ class Eskf15(InertialFilter):
     )
 
     title: ClassVar[str] = "eskf15"
-    invariant: ClassVar[bool] = False
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
         """Return the same as `estimate`; None where numba cannot compile the adaptation."""
