@@ -218,4 +218,4 @@ def nees_verdict(group: "pd.DataFrame") -> str:
         return UNKNOWN
     well = group["status"] == "ok"
     values = group.loc[well, ANEES].to_numpy(dtype=np.float64)
-    return runs_verdict(values, CONSISTENT, lost=int((~well).sum())).word
+    return runs_verdict(values, CONSISTENT, lost=int((~well).sum()))
