@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from jerkbench import files
 from jerkbench.audit.attitude.tables import TILT_TABLES, VERDICT_HEADS, plain_table, verdict_cells
 from jerkbench.audit.attitude.tuned import TiltErrors, errors_of, tilt_verdicts
 
@@ -53,11 +54,7 @@ TABLES: dict[str, Callable[[TiltErrors], str]] = {**TILT_TABLES, "starts": of_st
 
 def filled(page: str, errors: TiltErrors) -> str:
     """Return the page with each of its tables from the rows."""
-    for name, make in TABLES.items():
-        begin, end = f"<!-- {name} -->\n", "<!-- end -->"
-        before, rest = page.split(begin)
-        page = f"{before}{begin}{make(errors)}\n{end}{rest.split(end, 1)[1]}"
-    return page
+    return files.filled(page, {name: make(errors) for name, make in TABLES.items()})
 
 
 def main() -> None:
