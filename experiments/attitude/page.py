@@ -16,6 +16,7 @@ from figure import draw_dots, draw_over_time
 from navigation import navigation_rows, navigation_table
 from starts import start_rows, start_table
 
+from jerkbench import files
 from jerkbench.audit.attitude.methods import TILT_SETTINGS
 from jerkbench.audit.attitude.rows import audit_rows
 from jerkbench.audit.attitude.trials import all_trials
@@ -30,11 +31,7 @@ def filled(page: str, errors: TiltErrors, folder: Path = HERE) -> str:
     tables = {name: make(errors) for name, make in TILT_TABLES.items()}
     tables["starts"] = start_table(pd.read_parquet(folder / STARTS))
     tables["navigation"] = navigation_table(pd.read_parquet(folder / NAVIGATION))
-    for name, table in tables.items():
-        begin, end = f"<!-- {name} -->\n", "<!-- end -->"
-        before, rest = page.split(begin)
-        page = f"{before}{begin}{table}\n{end}{rest.split(end, 1)[1]}"
-    return page
+    return files.filled(page, tables)
 
 
 def run(folder: Path, out: Path, settings: int, drives: int | None) -> None:

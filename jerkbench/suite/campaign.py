@@ -71,7 +71,7 @@ class SuiteCampaign:
 
     def _searched(self, levels: Mapping[int, float]) -> dict[str, Setting]:
         rows = self.tuned()
-        rows["loss"] = losses(rows, levels, self._protocol.numbers[0])
+        rows["loss"] = losses(rows, levels, self._protocol.numbers[0], self._protocol.level_of)
         means = {half: mean_losses(rows, seen(half, self._protocol.scenarios)) for half in self._protocol.searches}
         return {half: self._tried[best_trials(of, 1)[0]] for half, of in means.items()}
 
@@ -122,4 +122,4 @@ def suite_levels(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[int, float
     Raises:
         JerkbenchError: it was lost in all runs of some scenario.
     """
-    return levels_of(rows.assign(filter=PLAIN, adaptation=PLAIN), PLAIN, protocol.numbers[0])
+    return levels_of(rows.assign(filter=PLAIN, adaptation=PLAIN), PLAIN, protocol.numbers[0], protocol.level_of)

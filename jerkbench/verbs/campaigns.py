@@ -127,6 +127,8 @@ def audit_verb(chosen: argparse.Namespace) -> None:
 ENTRANT_GROUPS = ("filter", "adaptation", "noise", "r_scale")
 """Groups of a method; all else is the suite's."""
 
+DEFAULT_SUITE = "v2"
+
 ATTITUDES = "attitude-"
 """The names of suites of attitude filters begin so."""
 
@@ -134,14 +136,15 @@ ENTER = """\
 KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
 
   jerkbench suite run filter=jerk adaptation=mtf
-  jerkbench suite run filter=baseline adaptation=my_rule --scale tiny       seconds: does it run?
+  jerkbench suite run filter=baseline adaptation=my_rule --scale v2-tiny    seconds: does it run?
+  jerkbench suite run filter=jerk adaptation=mtf --scale v1                 an earlier suite
   jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
   jerkbench suite run attitude=madgwick --scale attitude-v1                 of attitude filters; attitude-tiny: seconds
   jerkbench suite run filter=attitude_command filter.command="./mine {recording} {out}" --scale attitude-v1 --name mine
 
-A method whose parameters have ranges is tuned on one half of the faults and scored on the other, and the reverse; one
-without, and a program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was
-stopped. Written: entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
+A method whose parameters have ranges is tuned on 60 random drives and scored on 240 others; one without, and a program,
+is scored as it is given. The plain filter is tuned alike. The same command goes on where it was stopped. Written:
+entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
 """
 
 
@@ -155,7 +158,7 @@ def _audit_attitude(chosen: argparse.Namespace, folder: Path, workers: int) -> N
 
 @verb(
     argument("words", nargs="+", metavar="KEY=VALUE", help="the method"),
-    argument("--scale", default="v1", help="name of the suite in conf/suite (default: v1)"),
+    argument("--scale", default=DEFAULT_SUITE, help=f"name of the suite in conf/suite (default: {DEFAULT_SUITE})"),
     argument("--name", default="", help="what the board calls it (default: filter + adaptation)"),
     argument("--out", type=output, metavar="FOLDER", help="of the entry (default: results/suite-SCALE/NAME)"),
     *WHERE,
@@ -177,7 +180,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
         re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
     )
-    scale = [] if chosen.scale == "v1" else ["--scale", chosen.scale]
+    scale = [] if chosen.scale == DEFAULT_SUITE else ["--scale", chosen.scale]
     command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
     with Workers(cluster_named(chosen.cluster), chosen.workers or processors()) as workers:
         print(enter(chosen.scale, entrant, name, Site(folder, workers), command))

@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from made_rows import SMALL, made_rows
 from recomputed import recomputed
 
 from jerkbench.audit.answer import NO_FAULT, answered, changed_verdicts, kinds_of, pays_from, reweighted
@@ -15,6 +14,7 @@ from jerkbench.audit.page import write_page
 from jerkbench.audit.words import compared_text, reweighted_text
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.drives_and_tunings import statements
+from made_rows import SMALL, made_rows
 
 METHOD = ["filter", "adaptation"]
 
