@@ -8,7 +8,7 @@ for it; one whose part is misspelt is refused when it is registered.
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cache
-from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
+from typing import ClassVar, Literal, Protocol, Self, TypeGuard, TypeVar, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude, Estimate
@@ -16,6 +16,8 @@ from jerkbench.parameters import Provenance
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed, Sums
 from jerkbench.timeline import Timeline
+
+P = TypeVar("P")
 
 # Optional parts of several kinds.
 
@@ -514,7 +516,7 @@ REQUIRED: Mapping[str, tuple[type, ...]] = {
 """The contract of each kind; a filter has one of two."""
 
 
-def has_methods(plugin: object, protocol: type) -> bool:
+def has_methods(plugin: object, protocol: type[P]) -> TypeGuard[P]:
     """Whether the class of a plugin has the methods of a ``protocol`` that asks for methods alone."""
     kind: type = type(plugin)
     return _has_methods(kind, protocol)

@@ -1,7 +1,5 @@
 """The memory of an adaptation: a vector, which it need not have."""
 
-from typing import cast
-
 import numpy as np
 
 from jerkbench.arrays import FloatArray
@@ -22,5 +20,5 @@ def empty_memory(adaptation: object, states: int = MEASURED) -> FloatArray:
 def memory_size(adaptation: object, states: int) -> int:
     """Return how many numbers ``adaptation`` remembers over a filter of ``states`` states."""
     if has_methods(adaptation, RememberingStates):
-        return cast("RememberingStates", adaptation).memory_size_of(states)
-    return cast("Remembering", adaptation).memory_size() if has_methods(adaptation, Remembering) else 0
+        return adaptation.memory_size_of(states)
+    return adaptation.memory_size() if has_methods(adaptation, Remembering) else 0

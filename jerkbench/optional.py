@@ -72,7 +72,7 @@ def clocked(adaptation: A, timeline: Timeline) -> A:
     """Return ``adaptation`` for the run over ``timeline``: one that is `Clocked` hears when its updates are."""
     if not has_methods(adaptation, Clocked):
         return adaptation
-    return cast("A", cast("Clocked", adaptation).at_updates(timeline.update_times_s))
+    return cast("A", adaptation.at_updates(timeline.update_times_s))
 
 
 def wants_truth(adaptation: object) -> bool:
@@ -93,6 +93,11 @@ def on_request(metric: object) -> bool:
 
 def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
     """The part of an estimate that a metric looks at."""
+    return _part_read(type(metric))
+
+
+@cache
+def _part_read(metric: type) -> Literal["attitude", "updates", "everything"]:
     return metric.reads if isinstance(metric, Reading) else "everything"
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.contracts import Metric, Summarising
+from jerkbench.contracts import Metric, Summarising, has_methods
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts
@@ -140,7 +140,7 @@ def metric_values(
 
     def columns(metric: Metric) -> Mapping[str, float]:
         """Return the columns of one metric, from the sums where it can."""
-        if sums is not None and isinstance(metric, Summarising):
+        if sums is not None and has_methods(metric, Summarising):
             return metric.summarise(sums)
         return evaluate(metric, estimate, recording, counted)
 

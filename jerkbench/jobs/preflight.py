@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from jerkbench.contracts import Remarking, Requiring
+from jerkbench.contracts import Remarking, Requiring, has_methods
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.jobs.inputs import Inputs
@@ -174,8 +174,10 @@ def _gaps(recording: Recording) -> list[str]:
 
 
 def _remarks(job: Job, recording: Recording) -> list[str]:
-    of_attitude = job.scenario.attitude.remarks(recording) if isinstance(job.scenario.attitude, Remarking) else ()
-    of_filter = job.method.filter.remarks(recording) if isinstance(job.method.filter, Remarking) else ()
+    of_attitude, of_filter = (
+        plugin.remarks(recording) if has_methods(plugin, Remarking) else ()
+        for plugin in (job.scenario.attitude, job.method.filter)
+    )
     return [*(f"{_name(job)}: {remark}" for remark in of_attitude), *of_filter]
 
 
