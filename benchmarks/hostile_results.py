@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from jerkbench.cli import main
 from jerkbench.errors import NOT_COMPARABLE
-from jerkbench.results.parts import REQUIRED, content_of, part_name
+from jerkbench.results.parts import REQUIRED_COLUMNS, content_of, part_name
 from jerkbench.results.store import Store
 
 Rng = np.random.Generator
@@ -132,7 +132,7 @@ def changed_manifest(study: Path, rng: Rng) -> str:
 
 def dropped_column(study: Path, rng: Rng) -> str:
     """Leave out a column that every row has, and sign it."""
-    path, name = chosen(study, rng), sorted(REQUIRED)[rng.integers(len(REQUIRED))]
+    path, name = chosen(study, rng), sorted(REQUIRED_COLUMNS)[rng.integers(len(REQUIRED_COLUMNS))]
     sign(path, pq.read_table(path).drop([name]))
     return name
 

@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from jerkbench.jobs.blocks import RowBlock, block_of
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.rows import Result, job_rows
-from jerkbench.jobs.run import Block, block_of
 from jerkbench.report.tables.terminal import print_beginning
 from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
@@ -63,7 +63,7 @@ def plan_of(cells: int, seeds: int) -> Plan:
     return planned(made[:cells])
 
 
-def blocks(plan: Plan) -> Iterator[Block]:
+def blocks(plan: Plan) -> Iterator[RowBlock]:
     """Made-up rows: those of one run, with every number a little off."""
     (model,), notes = job_rows(plan.jobs[0], [0])
     metrics = {name: value for name, value in model.items() if isinstance(value, float)}
@@ -79,7 +79,7 @@ def blocks(plan: Plan) -> Iterator[Block]:
 
 def store_all(plan: Plan, store: Store) -> None:
     """Store the rows in parts of `BUNDLE` cells."""
-    held: list[Block] = []
+    held: list[RowBlock] = []
     for block in blocks(plan):
         held.append(block)
         if len(held) == BUNDLE:

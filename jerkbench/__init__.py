@@ -9,7 +9,7 @@ A data set, a disturbance or a filter of one's own is made of these: `Recording`
 `register` makes it known. Every error that a user can put right is a `JerkbenchError`.
 """
 
-from jerkbench.api.combination import run
+from jerkbench.api import run
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.plugins import register

@@ -82,9 +82,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(RUN_HELP, end="")
         elif words[:1] == ["run"]:
             with _hydra_in_words(words[1:]):
-                from jerkbench.hydra_app.app import run_app
+                from jerkbench.hydra_app.app import prepared_app
 
-                run_app(words[1:])
+                prepared_app(words[1:])()
         else:
             with _files_in_words("{path} cannot be read or written: {reason}; correct the path."):
                 chosen = _chosen(words)

@@ -2,13 +2,12 @@
 
 Each kind (`Dataset`, `Disturbance`, `AttitudeFilter`, `Filter` (kinematic), `Estimator` (any other filter),
 `Adaptation`, `Engine`, `Metric`) has one contract, and behind it its optional parts, each a Protocol of its own; those
-that several kinds may have come first. `OPTIONAL` and `REQUIRED` list them. A plugin that has an optional part is asked
-for it; one whose part is misspelt is refused when it is registered.
+that several kinds may have come first. `jerkbench.optional` lists them. A plugin that has an optional part is asked for
+it; one whose part is misspelt is refused when it is registered.
 """
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from functools import cache
-from typing import ClassVar, Literal, Protocol, Self, TypeGuard, TypeVar, runtime_checkable
+from collections.abc import Callable, Hashable, Sequence
+from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude, Estimate
@@ -16,8 +15,6 @@ from jerkbench.parameters import Provenance
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed, Sums
 from jerkbench.timeline import Timeline
-
-P = TypeVar("P")
 
 # Optional parts of several kinds.
 
@@ -263,6 +260,16 @@ class InLanes(Protocol):
     lanes: ClassVar[bool]
 
 
+@runtime_checkable
+class ChangingNothing(Protocol):
+    """An adaptation that leaves R as it is, if the attribute is True: runs side by side need not ask.
+
+    It counts for the class that states it, and not for those that are made from it.
+    """
+
+    changes_nothing: ClassVar[bool]
+
+
 # Adaptations that change more than R: the prior covariance, the gain.
 
 
@@ -473,56 +480,3 @@ class OnRequest(Protocol):
     """A metric that is only computed where it is asked for (``metrics=[name]``), if the attribute is False."""
 
     default: ClassVar[bool]
-
-
-# What each kind has to offer, and may.
-
-
-OPTIONAL: Mapping[str, tuple[type, ...]] = {
-    kind: (*own, Cited, Depending)
-    for kind, own in (
-        ("dataset", (PreferringAttitude, AttitudeOnly, WithoutImu)),
-        ("disturbance", (ReadingFile,)),
-        ("attitude", (Requiring, Remarking)),
-        (
-            "filter",
-            (
-                *(Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile),
-                Remarking,
-            ),
-        ),
-        (
-            "adaptation",
-            (
-                *(Classified, Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked),
-                *(TrueCovariance, InLanes),
-            ),
-        ),
-        ("engine", (SideBySide, Preparing)),
-        ("metric", (Summarising, Reading, OnRequest)),
-    )
-}
-"""The optional parts of each kind; a new one is a Protocol beside its contract, and a word here."""
-
-REQUIRED: Mapping[str, tuple[type, ...]] = {
-    "dataset": (Dataset,),
-    "disturbance": (Disturbance,),
-    "attitude": (AttitudeFilter,),
-    "filter": (Filter, Estimator),
-    "adaptation": (Adaptation,),
-    "engine": (Engine,),
-    "metric": (Metric,),
-}
-"""The contract of each kind; a filter has one of two."""
-
-
-def has_methods(plugin: object, protocol: type[P]) -> TypeGuard[P]:
-    """Whether the class of a plugin has the methods of a ``protocol`` that asks for methods alone."""
-    kind: type = type(plugin)
-    return _has_methods(kind, protocol)
-
-
-@cache
-def _has_methods(kind: type, protocol: type) -> bool:
-    """As `isinstance` says, which takes ten microseconds each time: of a sweep each run asks."""
-    return issubclass(kind, protocol)

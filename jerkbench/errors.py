@@ -16,7 +16,7 @@ INTERRUPTED = 130
 """Exit code of the command line after Ctrl-C."""
 
 
-LONGEST = 8000
+LONGEST_MESSAGE = 8000
 """Characters of a message."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
@@ -76,7 +76,7 @@ def exit_with(error: JerkbenchError) -> NoReturn:
 
 def shortened(text: str) -> str:
     """Return ``text`` without its middle where it is longer than a screen, as one that repeats megabytes."""
-    if len(text) <= LONGEST:
+    if len(text) <= LONGEST_MESSAGE:
         return text
-    half = LONGEST // 2
+    half = LONGEST_MESSAGE // 2
     return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"

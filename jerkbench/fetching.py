@@ -20,7 +20,7 @@ ATTEMPTS = 4
 """The number of times that a lost connection is opened again before giving up."""
 
 TIMEOUT_S = 30.0
-BLOCK = 1 << 16
+BLOCK_BYTES = 1 << 16
 
 OK, PARTIAL, BEYOND = 200, 206, 416
 
@@ -76,7 +76,7 @@ class ResumingDownloader:
 
     def _append(self, answer: http.client.HTTPResponse, *, resumed: bool) -> None:
         with self.part.open("ab" if resumed else "wb") as file:
-            while block := answer.read(BLOCK):
+            while block := answer.read(BLOCK_BYTES):
                 file.write(block)
         if answer.length:  # a plain read() stops at a cut without a word
             raise http.client.IncompleteRead(b"", answer.length)
@@ -150,7 +150,7 @@ def _recording(name: str, entry: dict[str, object]) -> PublicRecording:
     return PublicRecording(name, str(entry["title"]), str(entry["licence"]), tuple(files))
 
 
-PARTS = ".parts"
+PARTS_FOLDER = ".parts"
 """Folder of what was received of files that are not whole yet."""
 
 
@@ -169,8 +169,8 @@ def fetch(recording: PublicRecording, folder: Path, say: Callable[[str], None]) 
         unfinished.mkdir(parents=True, exist_ok=True)
         for file in recording.files:
             _fetch_file(file, unfinished, say)
-        if (unfinished / PARTS).is_dir():
-            (unfinished / PARTS).rmdir()
+        if (unfinished / PARTS_FOLDER).is_dir():
+            (unfinished / PARTS_FOLDER).rmdir()
         unfinished.rename(folder)
     except OSError as error:
         raise RecordingError(f"{folder} cannot be written: {error.strerror or error}.") from error
@@ -192,7 +192,7 @@ def _fetch_file(file: PublicFile, folder: Path, say: Callable[[str], None]) -> N
             known_hash=file.sha256,
             fname=name.name,
             path=target.parent,
-            downloader=ResumingDownloader(folder / PARTS / file.sha256),
+            downloader=ResumingDownloader(folder / PARTS_FOLDER / file.sha256),
         )
     except ValueError as error:  # pooch's word for a wrong hash
         raise RecordingError(

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-FOLDER = "JERKBENCH_NOTICES"
+NOTICES_FOLDER = "JERKBENCH_NOTICES"
 """Environment variable: where processes that work together note what has been said."""
 
 _GIVEN: set[str] = set()
@@ -28,22 +28,22 @@ def notify(text: str, topic: str = "") -> None:
 @contextmanager
 def shared_notices() -> Iterator[None]:
     """Let this process, and those that it starts meanwhile, say each thing once between them."""
-    if FOLDER in os.environ:
+    if NOTICES_FOLDER in os.environ:
         yield
         return
     with TemporaryDirectory(prefix="jerkbench-notices-") as folder:
-        os.environ[FOLDER] = folder
+        os.environ[NOTICES_FOLDER] = folder
         try:
             for topic in _GIVEN:
                 _claimed(topic)
             yield
         finally:
-            del os.environ[FOLDER]
+            del os.environ[NOTICES_FOLDER]
 
 
 def _claimed(topic: str) -> bool:
     """Whether it is this process that speaks of ``topic``; one whose word cannot be noted is rather said twice."""
-    folder = os.environ.get(FOLDER)
+    folder = os.environ.get(NOTICES_FOLDER)
     if not folder:
         return True
     try:

@@ -1,36 +1,95 @@
 """The optional parts of a plugin: what holds for one that lacks them, and the refusal of one whose part is misspelt."""
 
 import difflib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, fields
 from functools import cache
-from typing import Literal, TypeVar, cast, get_args, get_type_hints
+from typing import Literal, TypeGuard, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import (
-    OPTIONAL,
-    REQUIRED,
+    Adaptation,
     AdaptingGain,
+    AdaptingPrior,
+    AttitudeFilter,
     AttitudeOnly,
+    Batched,
+    ChangingNothing,
+    Cited,
+    Classified,
     Clocked,
+    Dataset,
+    Depending,
+    Disturbance,
+    Engine,
+    Estimator,
     Fading,
     Filter,
     InLanes,
+    Labelled,
     ManyLengths,
+    Metric,
     OnRequest,
+    PerSeed,
     PreferringAttitude,
+    Preparing,
     Reading,
+    ReadingFile,
+    Remarking,
+    Remembering,
+    RememberingStates,
+    Requiring,
+    SideBySide,
+    Summarising,
     TrueCovariance,
     UsingImu,
     WithoutImu,
-    has_methods,
 )
 from jerkbench.errors import unknown
 from jerkbench.timeline import Timeline
 
 A = TypeVar("A")
+P = TypeVar("P")
+
+OPTIONAL: Mapping[str, tuple[type, ...]] = {
+    kind: (*own, Cited, Depending)
+    for kind, own in (
+        ("dataset", (PreferringAttitude, AttitudeOnly, WithoutImu)),
+        ("disturbance", (ReadingFile,)),
+        ("attitude", (Requiring, Remarking)),
+        (
+            "filter",
+            (
+                *(Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile),
+                Remarking,
+            ),
+        ),
+        (
+            "adaptation",
+            (
+                *(Classified, Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked),
+                *(TrueCovariance, InLanes, ChangingNothing),
+            ),
+        ),
+        ("engine", (SideBySide, Preparing)),
+        ("metric", (Summarising, Reading, OnRequest)),
+    )
+}
+"""The optional parts of each kind; a new one is a Protocol beside its contract, and a word here."""
+
+REQUIRED: Mapping[str, tuple[type, ...]] = {
+    "dataset": (Dataset,),
+    "disturbance": (Disturbance,),
+    "attitude": (AttitudeFilter,),
+    "filter": (Filter, Estimator),
+    "adaptation": (Adaptation,),
+    "engine": (Engine,),
+    "metric": (Metric,),
+}
+"""The contract of each kind; a filter has one of two."""
+
 
 NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
 """Modules of bases that no author has written."""
@@ -41,11 +100,23 @@ READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
 PARAMETERS = (bool, int, float, str, tuple)
 """Types of the values that parameters have."""
 
-DEFAULTS = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
+DEFAULT_TYPES = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
 """Types that the default of a parameter may have, by the parameter's."""
 
 ALIKE = 0.8
 """Names that are more alike than this are one name, misspelt."""
+
+
+def has_methods(plugin: object, protocol: type[P]) -> TypeGuard[P]:
+    """Whether the class of a plugin has the methods of a ``protocol`` that asks for methods alone."""
+    kind, contract = cast("tuple[type, type]", (type(plugin), protocol))
+    return _has_methods(kind, contract)
+
+
+@cache
+def _has_methods(kind: type, protocol: type) -> bool:
+    """As `isinstance` says, which takes ten microseconds each time: of a sweep each run asks."""
+    return issubclass(kind, protocol)
 
 
 def preferred_attitude(dataset: object) -> str | None:
@@ -75,15 +146,39 @@ def clocked(adaptation: A, timeline: Timeline) -> A:
     return cast("A", adaptation.at_updates(timeline.update_times_s))
 
 
+MEASURED_STATES = 6
+"""States of position and velocity, which every filter has."""
+
+
+def empty_memory(adaptation: object, states: int = MEASURED_STATES) -> FloatArray:
+    """Return the memory of ``adaptation`` at the start of a run over a filter of ``states`` states.
+
+    It is zero, and of no length where the adaptation does not remember anything.
+    """
+    return np.zeros(memory_size(adaptation, states))
+
+
+def memory_size(adaptation: object, states: int) -> int:
+    """Return how many numbers ``adaptation`` remembers over a filter of ``states`` states."""
+    if has_methods(adaptation, RememberingStates):
+        return adaptation.memory_size_of(states)
+    return adaptation.memory_size() if has_methods(adaptation, Remembering) else 0
+
+
 def wants_truth(adaptation: object) -> bool:
     """Whether an adaptation gets the true covariance as R."""
-    return isinstance(adaptation, TrueCovariance) and adaptation.wants_true_covariance
+    return bool(getattr(adaptation, "wants_true_covariance", False))  # `isinstance` takes ten microseconds
 
 
 def asked_in_lanes(adaptation: object) -> bool:
     """Whether many runs ask an adaptation at once; one that fades, or has a gain of its own, each asks by itself."""
-    beyond = isinstance(adaptation, Fading | AdaptingGain)
-    return isinstance(adaptation, InLanes) and adaptation.lanes and not beyond
+    beyond = has_methods(adaptation, Fading) or has_methods(adaptation, AdaptingGain)
+    return bool(getattr(adaptation, "lanes", False)) and not beyond
+
+
+def changes_nothing(adaptation: object) -> bool:
+    """Whether the class of an adaptation states itself that it leaves R as it is."""
+    return bool(vars(type(adaptation)).get("changes_nothing", False))
 
 
 def on_request(metric: object) -> bool:
@@ -93,7 +188,8 @@ def on_request(metric: object) -> bool:
 
 def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
     """The part of an estimate that a metric looks at."""
-    return _part_read(type(metric))
+    kind: type = type(metric)
+    return _part_read(kind)
 
 
 @cache
@@ -140,7 +236,7 @@ def _wrong_default(cls: type) -> str:
     """Return a sentence about a parameter whose default is not of its type."""
     hints = get_type_hints(cls)
     for field in fields(cls):
-        suitable = DEFAULTS.get(hints[field.name])
+        suitable = DEFAULT_TYPES.get(hints[field.name])
         if suitable and field.default is not MISSING and type(field.default) not in suitable:
             return (
                 f"{cls.__name__}.{field.name} has the type {hints[field.name].__name__} and the default"

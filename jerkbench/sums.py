@@ -72,7 +72,7 @@ class Sums(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Scoring:
+class ErrorWeights:
     """The weights of a run's errors, at the k stamps of the reference that it visits.
 
     Attributes:
@@ -100,7 +100,7 @@ class Run(NamedTuple):
     """A run without its filter."""
 
     timeline: Timeline
-    scoring: Scoring
+    scoring: ErrorWeights
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class RecordedRun:
     reported: Recording
     attitude: Attitude
     timeline: Timeline
-    scoring: Scoring
+    scoring: ErrorWeights
     r_scale: RScale = AS_REPORTED
 
     @cached_property

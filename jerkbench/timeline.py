@@ -9,13 +9,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate, Updates
-from jerkbench.measurements import FLOOR, Measurements, floored, merged_measurements, start_motion
+from jerkbench.measurements import (
+    Measurements,
+    ScaledMeasurements,
+    first_of_start,
+    merged_measurements,
+    start_motion,
+)
 from jerkbench.recording import Position, Recording, Velocity
 
 
@@ -127,11 +134,10 @@ def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str
 
 def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return the different lengths, whole nanoseconds apart, and which of them each step has (-1: none, dt = 0)."""
-    if _even(dt_s):
-        return _one_length(dt_s)
-    key = np.round(dt_s * 1e9).astype(np.int64)
-    if _even(key):
-        return _one_length(dt_s)
+    if _even(dt_s) or _even(key := np.round(dt_s * 1e9).astype(np.int64)):
+        which = np.zeros(len(dt_s), dtype=np.int64)
+        which[0] = -1
+        return dt_s[1:2], which
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     which = which.astype(np.int64)
     which[dt_s <= 0] = -1
@@ -141,12 +147,6 @@ def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
 def _even(dt: FloatArray | IntArray) -> bool:
     """Whether all steps but the first, in which no time passes, are equal; to sort them takes a tenth of a run."""
     return bool(len(dt) > 1 and dt[0] <= 0 < dt[1] and (dt[1:] == dt[1]).all())
-
-
-def _one_length(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
-    which = np.zeros(len(dt_s), dtype=np.int64)
-    which[0] = -1
-    return dt_s[1:2], which
 
 
 # The measurement noise that a filter is told: the reported R, scaled, whatever the data are.
@@ -176,7 +176,7 @@ class RScale:
     @property
     def changed(self) -> dict[str, float]:
         """The factors that are not 1, by name."""
-        return {name: value for name, value in dataclasses.asdict(self).items() if value != 1.0}
+        return {name: value for name, value in vars(self).items() if value != 1.0}
 
 
 def scale_of(values: object) -> RScale:
@@ -208,8 +208,8 @@ def with_r_scale(recording: Recording, scale: RScale) -> Recording:
     p, v = recording.position, recording.velocity
     return dataclasses.replace(
         recording,
-        position=None if p is None else _told_position(p, scale.position),
-        velocity=None if v is None else _told_velocity(v, scale.velocity),
+        position=None if p is None else _told(p, "m2", scale.position),
+        velocity=None if v is None else _told(v, "m2ps2", scale.velocity),
     )
 
 
@@ -221,44 +221,31 @@ def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, 
     if not scale.changed:
         return timeline
     before = timeline.measurements
-    R = (
-        _scaled(before, scale)
-        if _can_scale(before, recording)
-        else merged_measurements(with_r_scale(recording, scale), attitude).R
-    )
-    measurements = dataclasses.replace(before, R=R)
     first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
-    x0, P0 = start_motion(measurements, first, attitude if recording.imu else None, timeline.dt0_s)
-    return dataclasses.replace(timeline, measurements=measurements, x0=x0, P0=P0)
+    begin = first_of_start(before.t_ns, first)
+    if before.above_floor and (recording.velocity is None or recording.velocity.frame == "enu"):
+        told: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
+        start: Measurements = ScaledMeasurements(_rows_of(before, begin, first + 1), scale.position, scale.velocity)
+    else:  # R is not the reported one, but was turned, or raised to the floor
+        R = merged_measurements(with_r_scale(recording, scale), attitude).R
+        told = dataclasses.replace(before, R=R)
+        start = _rows_of(told, begin, first + 1)
+    x0, P0 = start_motion(start, first - begin, attitude if recording.imu else None, timeline.dt0_s)
+    return dataclasses.replace(timeline, measurements=told, x0=x0, P0=P0)
 
 
-def _told_position(position: Position, factor: float) -> Position:
-    reported, true = position.covariance_m2, position.true_covariance_m2
-    return dataclasses.replace(
-        position, covariance_m2=factor * reported, true_covariance_m2=reported if true is None else true
-    )
+_Stream = TypeVar("_Stream", Position, Velocity)
 
 
-def _told_velocity(velocity: Velocity, factor: float) -> Velocity:
-    reported, true = velocity.covariance_m2ps2, velocity.true_covariance_m2ps2
-    return dataclasses.replace(
-        velocity, covariance_m2ps2=factor * reported, true_covariance_m2ps2=reported if true is None else true
-    )
+def _told(stream: _Stream, unit: str, factor: float) -> _Stream:
+    reported, true = (getattr(stream, f"{name}_{unit}") for name in ("covariance", "true_covariance"))
+    told = {f"covariance_{unit}": factor * reported, f"true_covariance_{unit}": reported if true is None else true}
+    return dataclasses.replace(stream, **told)
 
 
-def _can_scale(measurements: Measurements, recording: Recording) -> bool:
-    """Whether R is the reported covariance itself: not turned, and no variance was raised to the floor."""
-    as_it_is = recording.velocity is None or recording.velocity.frame == "enu"
-    return as_it_is and bool((np.einsum("nii->ni", measurements.R) > FLOOR).all())
-
-
-def _scaled(measurements: Measurements, scale: RScale) -> FloatArray:
-    present = np.asarray(np.isfinite(measurements.z).reshape(-1, 2, 3).any(axis=2))
-    factors = np.ones((1 if present.all() else len(present), 6, 6))
-    for k, factor in enumerate((scale.position, scale.velocity)):
-        block = slice(3 * k, 3 * k + 3)
-        factors[:, block, block] = factor if len(factors) == 1 else np.where(present[:, k], factor, 1.0)[:, None, None]
-    return floored(factors * measurements.R)
+def _rows_of(measurements: Measurements, begin: int, end: int) -> Measurements:
+    m = measurements
+    return Measurements(m.t_ns[begin:end], m.z[begin:end], m.R[begin:end], m.R_true[begin:end])
 
 
 # The recorder of a run: its states and updates, in arrays that are made once.

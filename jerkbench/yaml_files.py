@@ -1,5 +1,6 @@
 """YAML of anybody, measured before it is read: a few lines of aliases can stand for more than a machine can hold."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,9 @@ MOST_INTERPOLATIONS = 20
 """References to other values (${...}): each repeats what it refers to, as an alias does, and may hold some itself."""
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+TOO_DEEP = "exceeded maximum nesting depth"
+"""What newer versions of libyaml say of a file, as they read some way ahead of the values that they give."""
 
 
 def read_yaml(path: Path) -> Any:  # noqa: ANN401 - whatever stands there
@@ -43,7 +47,7 @@ def require_small(text: str, path: Path) -> None:
     values, interpolations = 0, 0
     sizes: dict[str | None, int] = {}
     open_since: list[tuple[str | None, int]] = []
-    for event in yaml.parse(text, LOADER):
+    for event in _events(text, path):
         if isinstance(event, yaml.AliasEvent):
             values += sizes.get(event.anchor, MOST_VALUES + 1)
         elif isinstance(event, yaml.NodeEvent):
@@ -56,7 +60,21 @@ def require_small(text: str, path: Path) -> None:
         if interpolations > MOST_INTERPOLATIONS:
             raise JerkbenchError(f"{path} has more than {MOST_INTERPOLATIONS} interpolations (${{...}}); write values.")
         if values > MOST_VALUES or len(open_since) > DEEPEST:
-            raise JerkbenchError(
-                f"{path} stands for more than {MOST_VALUES} values, or has lists nested more than {DEEPEST} deep. An"
-                " alias (*NAME) counts as all the values that it repeats. Make the file smaller."
-            )
+            raise _too_large(path)
+
+
+def _events(text: str, path: Path) -> Iterator[yaml.Event]:
+    """The events of a text; where the library itself refuses its depth, our sentence."""
+    try:
+        yield from yaml.parse(text, LOADER)
+    except yaml.MarkedYAMLError as error:
+        if error.problem == TOO_DEEP:
+            raise _too_large(path) from error
+        raise
+
+
+def _too_large(path: Path) -> JerkbenchError:
+    return JerkbenchError(
+        f"{path} stands for more than {MOST_VALUES} values, or has lists nested more than {DEEPEST} deep. An alias"
+        " (*NAME) counts as all the values that it repeats. Make the file smaller."
+    )

@@ -1,6 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.jobs.run import Block
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results.store import Store
 
 LABELS = {
@@ -28,6 +28,11 @@ def row(rmse_m=0.1 + 0.2, seed=0, status="ok", **labels):
     return {**LABELS, **labels, **told, "position_rmse_m": rmse_m}
 
 
+def store_cell(store, key, rows, metadata):
+    """Store a whole cell, as a part of its own."""
+    store.write_blocks([RowBlock(key, len(rows), rows, metadata)])
+
+
 def put(folder, key, rmse_m, *, seeds=1, conditions=None, **changed):
     """Store a cell of a few runs; ``changed`` are labels, or what stands beside the rows."""
     named = {name: changed.pop(name) for name in LABELS if name in changed}
@@ -42,7 +47,7 @@ def put(folder, key, rmse_m, *, seeds=1, conditions=None, **changed):
         "protocol": {**PROTOCOL, **more.get("protocol", {})},
     }
     rows = [row(rmse_m, seed, **named) for seed in range(seeds)]
-    Store(folder).write(key, rows, about(labels={**LABELS, **named}, **more))
+    store_cell(Store(folder), key, rows, about(labels={**LABELS, **named}, **more))
 
 
 def drop(store, keys):
@@ -52,4 +57,4 @@ def drop(store, keys):
         path.unlink()
     for cell in cells:
         if cell.key not in keys:
-            store.write_blocks([Block(cell.key, len(cell.rows), cell.rows.to_dict("records"), cell.metadata)])
+            store_cell(store, cell.key, cell.rows.to_dict("records"), cell.metadata)

@@ -272,8 +272,8 @@ def test_folders_of_hydras_own_that_cannot_be_made_are_a_sentence(said_in_proces
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--shell-completion"], "install=SHELL"),
-        (["--shell-completion", "query=fish"], "install=SHELL"),
+        (["--shell-completion"], "jerkbench completion SHELL"),
+        (["--shell-completion", "query=fish"], "jerkbench completion SHELL"),
         (["--experimental-rerun", "gone"], "jerkbench rerun DIR ROW"),
         (["--cfg", "job", "--info"], "--cfg and --info ask for different things"),
     ],
@@ -341,7 +341,7 @@ def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_sam
         finally:
             raise ConfigAttributeError("Missing key _flags_cache")  # as OmegaConf, tidying up what it had half made
 
-    monkeypatch.setattr("jerkbench.hydra_app.app.run_app", composing)
+    monkeypatch.setattr("jerkbench.hydra_app.app.prepared_app", composing)
     with pytest.raises(SystemExit) as end:
         main(["run"])
     assert (end.value.code, capsys.readouterr().err) == (130, "jerkbench: interrupted.\n")
@@ -427,17 +427,16 @@ main(sys.argv[1:])
 """
 PAUSING = """
 import signal
-from jerkbench.jobs import run
-from jerkbench.jobs.run import Tally
+from jerkbench.jobs import blocks
 
-def pausing(tally, task, result, add=Tally.add, count=[0]):
+def pausing(writer, job, result, add=blocks.Writer.add, count=[0]):
+    add(writer, job, result)
     count[0] += 1
     if count[0] > 3:
         signal.pause()  # until Ctrl-C, however slow its sender is
-    return add(tally, task, result)
 
-Tally.add = pausing
-run.HELD_S = 0.0
+blocks.Writer.add = pausing
+blocks.HELD_S = 0.0
 """
 
 

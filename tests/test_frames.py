@@ -13,8 +13,8 @@ OWN = str(Path(jerkbench.__file__).parent)
 WORDS = ("filter=baseline", "adaptation=mtf", "engine=filterpy", "dataset.duration_s=8", "seeds=1", "figures=false")
 
 
-@pytest.mark.parametrize(("first", "most"), [(("run",), 12), (("run", "-m", "workers=1"), 12)], ids=["one", "sweep"])
-def test_the_way_to_adapt_is_no_longer_than_it_was(first, most, tmp_path, monkeypatch):
+@pytest.mark.parametrize("first", [("run",), ("run", "-m", "workers=1")], ids=["one", "sweep"])
+def test_the_way_to_adapt_is_short(first, tmp_path, monkeypatch):
     stacks, adapt = [], Mtf.adapt
 
     def watched(*given):
@@ -28,4 +28,4 @@ def test_the_way_to_adapt_is_no_longer_than_it_was(first, most, tmp_path, monkey
 
     (names,) = stacks
     assert names[0] == "main"
-    assert len(names) <= most, names
+    assert len(names) <= 9, names

@@ -24,6 +24,7 @@ from jerkbench.jobs.run import run_missing
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
+from stored_cells import store_cell
 
 DAMAGES = 200
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -54,7 +55,7 @@ def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.jobs.run.HELD_S", 0.0)
+        patched.setattr("jerkbench.jobs.blocks.HELD_S", 0.0)
         with End() as end:
             run_missing(plan, store)
     conclude_study(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
@@ -231,7 +232,7 @@ def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys,
 def test_a_method_without_any_error_has_no_ratio(whole, tmp_path):
     folder = tmp_path / "study"
     for one in Store(whole).read()[0]:
-        Store(folder).write(one.key, one.rows.assign(position_rmse_m=0.0).to_dict("records"), one.metadata)
+        store_cell(Store(folder), one.key, one.rows.assign(position_rmse_m=0.0).to_dict("records"), one.metadata)
 
     assert ending(["report", str(folder), "--scenarios", "0"]) == 0
 

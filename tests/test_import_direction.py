@@ -29,7 +29,7 @@ ORDER = [
     ["timeline"],
     ["sums"],
     ["contracts"],
-    ["memory", "optional"],
+    ["optional"],
     ["kinematic"],
     ["inertial", "linear", "plugins", "simulation", "io", "traces"],
     ["datasets", "disturbances", "attitude"],

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from commands import verb
-from jerkbench.jobs.run import Block
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study
 from stored_cells import about, put, row
@@ -37,7 +37,7 @@ def test_a_packed_study_has_the_same_rows_in_one_file_and_answers(tmp_path):
     study = tmp_path / "study"
     for key, rmse_m, name in (("a", 0.5, "jerk"), ("b", 0.25, "baseline"), ("b", 0.25, "baseline")):
         put(study, key, rmse_m, filter=name, seeds=8)
-    Store(study).write_blocks([Block("c", 2, [row()], about())])  # a cell that was begun
+    Store(study).write_blocks([RowBlock("c", 2, [row()], about())])  # a cell that was begun
     before = load_study(study)
     packed = verb("pack", study, cwd=tmp_path)
 

@@ -14,7 +14,7 @@ SAY = "from jerkbench.notices import notify; notify('compiling a', 'a'); notify(
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch):
     monkeypatch.setattr(notices, "_GIVEN", set())
-    monkeypatch.delenv(notices.FOLDER, raising=False)
+    monkeypatch.delenv(notices.NOTICES_FOLDER, raising=False)
 
 
 def said_by_another():

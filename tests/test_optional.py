@@ -101,4 +101,4 @@ def test_a_plugin_that_has_a_part_fits_its_protocol():
 
 
 def test_every_kind_has_a_contract_and_a_list_of_optional_parts():
-    assert set(contracts.OPTIONAL) == set(contracts.REQUIRED) == set(plugins.KINDS)
+    assert set(optional.OPTIONAL) == set(optional.REQUIRED) == set(plugins.KINDS)

@@ -10,7 +10,7 @@ import pytest
 
 from commands import swept, verb
 from jerkbench.results.store import Store
-from stored_cells import put
+from stored_cells import put, store_cell
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]
 
@@ -37,7 +37,7 @@ def changed_copy(study, folder, factor, count=None):
     stored, _ = Store(study).read()
     for one in stored[:count]:
         rows = one.rows.assign(position_rmse_m=one.rows["position_rmse_m"] * factor)
-        Store(folder).write(one.key, rows.to_dict("records"), one.metadata)
+        store_cell(Store(folder), one.key, rows.to_dict("records"), one.metadata)
     return folder / "cells"
 
 
@@ -50,7 +50,7 @@ def test_a_row_whose_numbers_are_others_is_seen(study, tmp_path):
 def test_a_metric_that_is_gone_is_seen(study, tmp_path):
     (stored, *_), _ = Store(study).read()
     rows = stored.rows.assign(position_of_old_m=1.0)
-    Store(tmp_path).write(stored.key, rows.to_dict("records"), stored.metadata)
+    store_cell(Store(tmp_path), stored.key, rows.to_dict("records"), stored.metadata)
     done = verb("rerun", str(tmp_path / "cells"), "1", cwd=tmp_path)
     assert done.returncode == 1
     assert "1 of " in done.stdout
@@ -109,7 +109,7 @@ def test_sets_without_a_common_name_are_not_compared(study, tmp_path):
     for stored in Store(study).read()[0]:
         labels = {**stored.metadata["labels"], "noise": "accel_mps2=3"}
         rows = stored.rows.assign(noise=labels["noise"]).to_dict("records")
-        Store(tmp_path).write(stored.key, rows, {**stored.metadata, "labels": labels})
+        store_cell(Store(tmp_path), stored.key, rows, {**stored.metadata, "labels": labels})
     done = verb("compare", str(study), str(tmp_path / "cells"), cwd=tmp_path)
     assert done.returncode == 4
     assert "No combination of the 8" in done.stderr

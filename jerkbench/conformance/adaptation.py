@@ -17,7 +17,7 @@ from jerkbench.conformance.requirements import (
 )
 from jerkbench.conformance.samples import ROWS, SIGMAS, STATES, Prior, Update, every_kind, ordinary
 from jerkbench.contracts import AdaptingGain, AdaptingPrior, Fading, Remembering, RememberingStates
-from jerkbench.memory import empty_memory
+from jerkbench.optional import empty_memory
 from jerkbench.random_streams import stream
 
 

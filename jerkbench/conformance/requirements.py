@@ -10,8 +10,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.contracts import REQUIRED, Estimator, Filter
+from jerkbench.contracts import Estimator, Filter
 from jerkbench.errors import article
+from jerkbench.optional import REQUIRED
 
 Plugin = Any
 """A plugin of any kind, which is asked what it is."""

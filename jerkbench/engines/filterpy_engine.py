@@ -22,8 +22,7 @@ from jerkbench.kalman import (
     squared_distance_by,
     without_measured,
 )
-from jerkbench.memory import empty_memory
-from jerkbench.optional import clocked, wants_truth
+from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.plugins import register
 from jerkbench.timeline import Recorder, Timeline
 
@@ -60,8 +59,16 @@ class FilterpyEngine:
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""
-        run = _Run(timeline, model, adaptation, joseph=self.covariance == "joseph")
-        return run.to_the_end()
+        t, run = timeline, _Run(timeline, model, adaptation, joseph=self.covariance == "joseph")
+        steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
+        for dt, sample, update, reference in steps:
+            if dt > 0:
+                run.predict(dt, t.accel_enu_mps2[sample, :, None])
+            if update >= 0 and (failure := run.update(update)):
+                return run.recorder.estimate(failure)
+            if reference >= 0:
+                run.recorder.state(reference, run.kf.x[:6, 0], run.kf.P[:6, :6])
+        return run.recorder.estimate()
 
 
 class _Run:
@@ -82,52 +89,39 @@ class _Run:
         self.models = StepModels(model, timeline.dt0_s)
         self.recorder = Recorder(timeline)
 
-    def to_the_end(self) -> Estimate:
-        """Go through the timeline."""
-        t = self.timeline
-        steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
-        for dt, sample, update, reference in steps:
-            if dt > 0:
-                self._predict(dt, t.accel_enu_mps2[sample, :, None])
-            if update >= 0 and (failure := self._update(update)):
-                return self.recorder.estimate(failure)
-            if reference >= 0:
-                self.recorder.state(reference, self.kf.x[:6, 0], self.kf.P[:6, :6])
-        return self.recorder.estimate()
-
-    def _predict(self, dt: float, u: FloatArray) -> None:
+    def predict(self, dt: float, u: FloatArray) -> None:
+        """Go on by ``dt`` with the input ``u`` (3, 1)."""
         F, B, Q = self.models.of(dt)
         self.kf.predict(u=u, B=B, F=F, Q=Q)
         if self.adapt_prior is not None:
             self.since.add(F, Q)
 
-    def _update(self, update: int) -> str:
-        """Adapt R and update; return the reason if the filter has diverged."""
-        kf, z = self.kf, self.z[update]
+    def update(self, update: int) -> str:
+        """Adapt R and update with a row of the measurements; return the reason if the filter has diverged.
+
+        The adaptation may change P first. Without any measured axis it is not asked.
+        """
+        kf, z, memory = self.kf, self.z[update], self.memory
         rows = np.flatnonzero(np.isfinite(z))
-        innovation, HPHt = z[rows] - kf.x[rows, 0], kf.P[np.ix_(rows, rows)]
-        factor = innovation_factor(HPHt + self.reported[update][np.ix_(rows, rows)])
+        block = np.ix_(rows, rows)
+        innovation, HPHt, R = z[rows] - kf.x[rows, 0], kf.P[block], self.R[update][block]
+        factor = innovation_factor(HPHt + self.reported[update][block])
         nis = used = log_det = np.nan
         variances, healthy = np.full(len(rows), np.nan), False
         if factor is not None:
             nis, log_det = squared_distance_by(innovation, factor), 2.0 * float(np.log(np.diag(factor)).sum())
-            R = self._adapted(innovation, HPHt, update, rows)
+            if rows.size and self.fade is not None:
+                kf.P = kf.P * self.fade(innovation, HPHt, R, rows, memory)
+            if rows.size and self.adapt_prior is not None:
+                since, self.since = self.since, Transition(len(kf.x))
+                P = self.adapt_prior(kf.x[:, 0], kf.P, since.F, since.Q, innovation, R, rows, memory)
+                kf.P = 0.5 * (P + P.T)
+            if rows.size:
+                R = self.adaptation.adapt(innovation, kf.P[block], R, rows, memory)
             variances, (used, healthy) = np.diag(R), self._correct(innovation, R, rows)
         self.recorder.update(update, rows, innovation, variances, nis, used, log_det)
-        return "" if healthy else f"the covariance is no longer positive definite at {self._time(update):.2f} s"
-
-    def _adapted(self, innovation: FloatArray, HPHt: FloatArray, update: int, rows: IntArray) -> FloatArray:
-        """Change P, where the adaptation does, and return the adapted R; without any row nothing is asked."""
-        R: FloatArray = self.R[update][np.ix_(rows, rows)]
-        if not rows.size:
-            return R
-        if self.fade is not None:
-            self.kf.P = self.kf.P * self.fade(innovation, HPHt, R, rows, self.memory)
-        if self.adapt_prior is not None:
-            since, self.since = self.since, Transition(len(self.kf.x))
-            P = self.adapt_prior(self.kf.x[:, 0], self.kf.P, since.F, since.Q, innovation, R, rows, self.memory)
-            self.kf.P = 0.5 * (P + P.T)
-        return self.adaptation.adapt(innovation, self.kf.P[np.ix_(rows, rows)], R, rows, self.memory)
+        time_s = float(self.timeline.measurements.t_ns[update] * 1e-9)
+        return "" if healthy else f"the covariance is no longer positive definite at {time_s:.2f} s"
 
     def _correct(self, innovation: FloatArray, R: FloatArray, rows: IntArray) -> tuple[float, bool]:
         """Update with the rows whose variance is finite; return the NIS that this update saw, and whether it is sound.
@@ -160,9 +154,6 @@ class _Run:
         left = variances > ROUNDING * spread
         self.kf.P = self.kf.P + np.diag(rounding_noise(variances, spread))
         return bool(left.all() and np.isfinite(self.kf.x).all() and is_positive_definite(self.kf.P))
-
-    def _time(self, update: int) -> float:
-        return float(self.timeline.measurements.t_ns[update] * 1e-9)
 
 
 def _new_filter(timeline: Timeline, model: Filter) -> Any:  # noqa: ANN401 - filterpy has no types

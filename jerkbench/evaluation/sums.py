@@ -22,7 +22,7 @@ from jerkbench.evaluation.counted_rows import (
 )
 from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.recording import Recording
-from jerkbench.sums import Scoring, Streamed, Sums
+from jerkbench.sums import ErrorWeights, Streamed, Sums
 from jerkbench.timeline import Timeline
 
 
@@ -47,13 +47,13 @@ class Scored:
         outline: an estimate of which ``index`` and ``euler_rad`` are known at least.
     """
 
-    scoring: Scoring
+    scoring: ErrorWeights
     rows: Rows
     counted: BoolArray
     outline: Estimate
 
     @cached_property
-    def errors_alone(self) -> Scoring:
+    def errors_alone(self) -> ErrorWeights:
         """What the engine scores where no metric asks how consistent the errors are with the covariances."""
         return replace(self.scoring, consistency=False)
 
@@ -127,7 +127,7 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
         )
 
 
-def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> Scoring:
+def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
     """Return the weights of the errors at the rows ``index`` (k,) of the reference, which count for ``rows``."""
     reference = recording.reference
     truth = np.zeros((len(index), 6))
@@ -135,7 +135,7 @@ def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> Scoring:
         truth[:, :3] = np.nan_to_num(rows_at(reference.enu_m, index))
     if reference.velocity_mps is not None:
         truth[:, 3:] = np.nan_to_num(rows_at(reference.velocity_mps, index))
-    return Scoring(
+    return ErrorWeights(
         truth,
         rows.position[0].astype(np.float64),
         rows.whole.astype(np.float64),
@@ -148,7 +148,8 @@ def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> Scoring:
 
 def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) -> FloatArray:
     """Sum each of ``squares`` over its axes."""
-    return np.array([of[list(chosen)].sum() for of, chosen in zip(squares, axes.values(), strict=True)])
+    numbers = map(np.ndarray.tolist, squares)
+    return np.array([sum(of[axis] for axis in chosen) for of, chosen in zip(numbers, axes.values(), strict=True)])
 
 
 def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:

@@ -198,7 +198,8 @@ def run_inputs(
 
 @lru_cache(maxsize=32)  # as many as a process keeps recordings
 def _events(steps: Same, imu: Imu, headings: Heading | None, constraint_interval_s: float) -> Events:
-    return merge_events(*steps.objects, imu, headings, constraint_interval_s)
+    t_s, updates, references = steps.objects
+    return merge_events(t_s, updates, references, imu, headings, constraint_interval_s)
 
 
 def takes_timeline(parameters: Eskf15Parameters, recording: Recording) -> bool:

@@ -10,8 +10,7 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.estimate import Estimate
 from jerkbench.filters.common import StepModels, initial
 from jerkbench.kalman import is_healthy, squared_distance, updated
-from jerkbench.memory import empty_memory
-from jerkbench.optional import clocked, wants_truth
+from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.timeline import Recorder, Timeline
 
 

@@ -6,14 +6,14 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL_WALK, START, WALK, ManyLengths, Models, identities, outer
+from jerkbench.filters.common import ACCEL_WALK, START, WALK, AxisModels, Models, identities, outer
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "acceleration")
 @dataclass(frozen=True)
-class Acceleration(ManyLengths):
+class Acceleration(AxisModels):
     """Nine states [p, v, a]: the acceleration is a random walk, and the IMU is not used.
 
     For each axis, with q = [dt^2/2, dt, 1] and no input (b = 0)::

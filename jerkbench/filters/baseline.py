@@ -6,14 +6,14 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL, ManyLengths, Models, identities, outer
+from jerkbench.filters.common import ACCEL, AxisModels, Models, identities, outer
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "baseline")
 @dataclass(frozen=True)
-class Baseline(ManyLengths):
+class Baseline(AxisModels):
     """Six states [p, v], driven by the gravity-compensated acceleration u.
 
     For each axis, with b = [dt^2/2, dt]::

@@ -6,14 +6,14 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL, BIAS_WALK, FIELD, START, ManyLengths, Models, identities, outer
+from jerkbench.filters.common import ACCEL, BIAS_WALK, FIELD, START, AxisModels, Models, identities, outer
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "bias")
 @dataclass(frozen=True)
-class Bias(ManyLengths):
+class Bias(AxisModels):
     """Nine states [p, v, b]: the baseline with an ENU acceleration bias that is a random walk.
 
     For each axis, with b = [dt^2/2, dt, 0]::

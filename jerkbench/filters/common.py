@@ -9,8 +9,7 @@ from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
 from jerkbench.kalman import squared_distance, updated
-from jerkbench.memory import empty_memory
-from jerkbench.optional import clocked, wants_truth
+from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.timeline import Recorder, Timeline
 
@@ -65,7 +64,7 @@ Models = tuple[FloatArray, FloatArray, FloatArray]
 """A (k, n, n), b (k, n), Q (k, n, n)."""
 
 
-class ManyLengths:
+class AxisModels:
     """A filter that writes its model down for all lengths; that of one length is one of them."""
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:

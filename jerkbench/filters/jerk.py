@@ -6,14 +6,14 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.filters.common import ACCEL, FIELD, JERK_WALK, START, ManyLengths, Models, identities, outer
+from jerkbench.filters.common import ACCEL, FIELD, JERK_WALK, START, AxisModels, Models, identities, outer
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
 
 @register("filter", "jerk")
 @dataclass(frozen=True)
-class Jerk(ManyLengths):
+class Jerk(AxisModels):
     """Nine states [p, v, j]: the baseline with a jerk that is a random walk.
 
     For each axis, with b = [dt^2/2, dt, 0]::

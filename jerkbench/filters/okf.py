@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.errors import PluginError
-from jerkbench.filters.common import ManyLengths, Models, identities
+from jerkbench.filters.common import AxisModels, Models, identities
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
 
@@ -16,7 +16,7 @@ AS_BASELINE = DefaultOrigin("that of `baseline` at its default and 100 Hz")
 
 @register("filter", "okf")
 @dataclass(frozen=True)
-class OptimisedKalmanFilter(ManyLengths):
+class OptimisedKalmanFilter(AxisModels):
     """Six states [p, v], as `baseline` has them, with a process noise that is free: made to be tuned.
 
     For each axis, with b = [dt^2/2, dt]::

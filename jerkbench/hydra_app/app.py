@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,6 +12,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from jerkbench.contracts import Estimator, Preparing
 from jerkbench.errors import JerkbenchError, PluginError, exit_with
 from jerkbench.hydra_app.configuration import (
     LAUNCHER,
@@ -31,27 +32,26 @@ from jerkbench.hydra_app.launched_sweep import (
     tell,
 )
 from jerkbench.hydra_app.looks import typed as typed_seeds
-from jerkbench.hydra_app.single_run import draw_single, prepare_drawing
 from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
 from jerkbench.hydra_app.typed_words import arranged_words, refuse_mappings
 from jerkbench.hydra_app.words import Words, cluster_of
 from jerkbench.jobs.cluster import LOCAL
 from jerkbench.jobs.inputs import shared_inputs
-from jerkbench.jobs.job import Job
-from jerkbench.jobs.names import refusal
+from jerkbench.jobs.names import refusal, require_sensible
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.preflight import first_remarks
 from jerkbench.jobs.progress import Progress, Pulse, duration
 from jerkbench.jobs.run import run_missing
 from jerkbench.presets import config_folder, folder_words
 from jerkbench.report.choice import Choice, figures_choice
-from jerkbench.results.manifest import stretches, write_manifest
+from jerkbench.results.manifest import stretches
+from jerkbench.results.run_figures import draw_single
 from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_study
+from jerkbench.results.study import concluded
 
 
-def run_app(arguments: Sequence[str]) -> None:
-    """Run the app with Hydra's command line ``arguments``."""
+def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
+    """Return the app for Hydra's command line ``arguments``; it runs when it is called."""
     if {"-m", "--multirun"} & set(arguments) and {"-c", "--cfg"} & set(arguments):
         exit_with(
             PluginError("--cfg shows the configuration of one run: leave out -m, and give each option one value.")
@@ -59,12 +59,12 @@ def run_app(arguments: Sequence[str]) -> None:
     refuse_mappings(arguments)
     register_schemas()
     register_hydra_parts()
-    app = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(one)
+    app: Callable[[], Any] = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(one)
     arguments = ["dry=true" if word == "--dry" else word for word in arguments]
     words = [typed for word in arguments for typed in typed_seeds(word)]
     words = swept_addresses(words) if {"-m", "--multirun"} & set(arguments) else without_addresses(words)
     sys.argv = ["jerkbench run", *arranged_words([*folder_words(), *words])]
-    app()
+    return app
 
 
 class Conclude(Callback):
@@ -102,7 +102,8 @@ def one(config: DictConfig) -> None:
         if (reason := refusal(job)) and sweeping:
             print(f"Left out: {reason}.", file=sys.stderr)
             return
-        plan = _planned_alone(job)
+        require_sensible(job)
+        plan = planned([job])
         for line in first_remarks(plan.jobs, shared_inputs()):
             print(line, file=sys.stderr)
         if config.dry:
@@ -113,8 +114,9 @@ def one(config: DictConfig) -> None:
             run_missing(plan, store, progress=Progress(0))
             return
         drawing = figures_choice(config.figures) is not Choice.NONE
-        if drawing:
-            prepare_drawing(job)
+        engine, model = job.method.engine, job.method.filter
+        if drawing and isinstance(engine, Preparing) and not isinstance(model, Estimator):
+            engine.prepare(model)  # what a trajectory needs and sums do not: to compile it takes as long as all else
         with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
             run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
         _show(plan, store, config)
@@ -134,7 +136,9 @@ def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, An
     Raises:
         JerkbenchError: a file cannot be scored; nothing is stored then.
     """
-    plan = _planned_alone(words.job(dataset or {}, file=pattern, label=label))
+    job = words.job(dataset or {}, file=pattern, label=label)
+    require_sensible(job)
+    plan = planned([job])
     store = Store(study_folder(words.config))
     run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
     _show(plan, store, words.config)
@@ -150,13 +154,6 @@ def _sentences() -> Iterator[None]:
         exit_with(error)
 
 
-def _planned_alone(job: Job) -> Plan:
-    """The plan of one job; refuses one that makes no sense."""
-    if reason := refusal(job):
-        raise PluginError(f"This combination makes no sense: {reason}.")
-    return planned([job])
-
-
 def _show(plan: Plan, store: Store, config: DictConfig) -> None:
     """Print rows and notes at once, for files and figures take longer than the run; then write the study."""
     from jerkbench.report.tables.terminal import print_run
@@ -166,5 +163,4 @@ def _show(plan: Plan, store: Store, config: DictConfig) -> None:
     print_run(stored.rows)
     for note in stored.metadata["notes"]:
         print(note, flush=True)
-    write_manifest(folder, plan.draws, list(config.notes), sys.argv, tags=list(config.tags))
-    write_study(load_study(folder, prefer=list(plan.draws)))
+    concluded(folder, plan.draws, list(config.notes), sys.argv, tags=list(config.tags))

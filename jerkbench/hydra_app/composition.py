@@ -25,26 +25,25 @@ from jerkbench.jobs.names import choose, noise_of
 from jerkbench.optional import preferred_attitude
 from jerkbench.presets import config_folder
 
-CHOSEN = (*GROUPS, "disturbance", "noise")
+COMPOSED_GROUPS = (*GROUPS, "disturbance", "noise")
 """Groups whose choices are put into what Hydra has composed."""
 
-NO_GROUPS = {f.name for f in fields(Schema)} - {*CHOSEN, "cluster"}
+NO_GROUPS = {f.name for f in fields(Schema)} - {*COMPOSED_GROUPS, "cluster"}
 """Options that are no group."""
 
 BLANK = "blank"
 """A choice without parameters: what a group has with it, the other words (an experiment) say of every choice."""
 
-NOISE = [f.name for f in fields(Noise)]
+NOISE_FIELDS = [f.name for f in fields(Noise)]
 
 UNSAID = -1.2345e300
 """What the noise has where nobody says anything; its blank has to have numbers, for it has types."""
 
-NAME = r"[A-Za-z_]\w*"
-NAMES = rf"{NAME}|\[{NAME}(?:,{NAME})*\]"
+CHOICE = r"[A-Za-z_]\w*"
+NAMES = rf"{CHOICE}|\[{CHOICE}(?:,{CHOICE})*\]"
 """A choice of several."""
 
-Job = Sequence[str]
-Words = tuple[str, ...]
+JobWords = Sequence[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class Composed:
     overrides: list[str]
 
 
-def compose_jobs(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[Composed]:
+def compose_jobs(loader: ConfigLoader, config: DictConfig, jobs: Sequence[JobWords]) -> list[Composed]:
     """Compose every job: what it would be alone.
 
     Raises:
@@ -95,9 +94,9 @@ class _Composer:
         others = (Path(folder) for folder in folders if folder != str(config_folder()))
         self._of_user = {(path.parent.name, path.stem) for folder in others for path in folder.glob("*/*.yaml")}
 
-    def compose(self, job: Job) -> Composed:
+    def compose(self, job: JobWords) -> Composed:
         """Compose a job; where its parts do not fit together, Hydra does it, or says why."""
-        about: dict[str, Words] = {}
+        about: dict[str, tuple[str, ...]] = {}
         for word in job:
             about[owner(word)] = (*about.get(owner(word), ()), word)
         try:
@@ -109,7 +108,7 @@ class _Composer:
             plain = _plain(OmegaConf.create(plain), resolve=True)
         return Composed(plain, choices, list(job))
 
-    def _put_together(self, about: Mapping[str, Words]) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _put_together(self, about: Mapping[str, tuple[str, ...]]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Put values, and choices of plugins, into what Hydra makes of all other words."""
         chosen = {key: choice for key, words in about.items() if (choice := self._choice(key, words))}
         parts = {key: words for key, words in about.items() if key in chosen or all(map(_is_value, words))}
@@ -122,7 +121,7 @@ class _Composer:
         names = {key: None if choice.startswith("[") else choice for key, choice in chosen.items()}
         return whole.plain | plain, whole.choices | names
 
-    def _of_hydra(self, words: Job, blank: Words = (), attitude: str | None = None) -> _Whole:
+    def _of_hydra(self, words: JobWords, blank: tuple[str, ...] = (), attitude: str | None = None) -> _Whole:
         """Let Hydra compose ``words``, some groups ``blank``, with the ``attitude`` that a data set prefers."""
         with _blanks(blank, attitude):
             config = self._loader.load_sweep_config(self._sweep, [*words, *(f"{group}={BLANK}" for group in blank)])
@@ -131,13 +130,13 @@ class _Composer:
             del config["hydra"]
         return _Whole(config, _plain(config), choices)
 
-    def _chosen(self, group: str, words: Words) -> str:
+    def _chosen(self, group: str, words: tuple[str, ...]) -> str:
         """Return the name that is chosen in a group, or the [names]; empty where only Hydra can tell what is."""
         choices = [word for word in words if not _is_value(word)]
-        if group not in CHOSEN or len(choices) != 1:
+        if group not in COMPOSED_GROUPS or len(choices) != 1:
             return ""
         choice = choices[0].removeprefix(f"{group}=")
-        is_plain = re.fullmatch(NAMES if group == "disturbance" else NAME, choice)
+        is_plain = re.fullmatch(NAMES if group == "disturbance" else CHOICE, choice)
         return choice if is_plain and all(self._is_ours(group, name) for name in _names(choice)) else ""
 
     def _is_ours(self, group: str, name: str) -> bool:
@@ -150,7 +149,7 @@ class _Composer:
             return False
         return self._readable and self._of_user.isdisjoint((group, key) for key in (name, alone.get("name"), *alone))
 
-    def _made(self, whole: _Whole, key: str, words: Words) -> Any:  # noqa: ANN401 - whatever stands under the key
+    def _made(self, whole: _Whole, key: str, words: tuple[str, ...]) -> Any:  # noqa: ANN401 - whatever stands under the key
         """Return what stands under a key with ``words``: their choice, or what ``whole`` has, with their values."""
         config: Any
         if choice := self._choice(key, words):
@@ -185,11 +184,11 @@ def _with_schema(group: str, plain: Mapping[str, Any]) -> DictConfig:
 
 
 @contextmanager
-def _blanks(groups: Words, attitude: str | None) -> Iterator[None]:
+def _blanks(groups: tuple[str, ...], attitude: str | None) -> Iterator[None]:
     """Let groups have the choice `BLANK`; that of the data sets chooses an attitude filter, if one is given."""
     store = ConfigStore.instance()
     for group in groups:
-        store.store(BLANK, dict.fromkeys(NOISE, UNSAID) if group == "noise" else {}, group)
+        store.store(BLANK, dict.fromkeys(NOISE_FIELDS, UNSAID) if group == "noise" else {}, group)
     if attitude:
         choosing = {"defaults": ["_self_", {"override /attitude": attitude}], "dataset": {}}
         store.store(BLANK, choosing, "dataset", "_global_")

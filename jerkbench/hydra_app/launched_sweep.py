@@ -16,20 +16,18 @@ from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import job_of, study_folder
-from jerkbench.hydra_app.looks import Look, forecast, lines, looks_left, planned_looks, undecided
+from jerkbench.hydra_app.looks import Look, forecast, looks_left, planned_looks, undecided
 from jerkbench.hydra_app.words import cluster_of
-from jerkbench.jobs.cluster import Cluster, ClusterError, Workers
+from jerkbench.jobs.cluster import Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.plan import Plan, planned
-from jerkbench.jobs.pool import processors
 from jerkbench.jobs.preflight import first_complaints, first_remarks
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.run import run_missing
 from jerkbench.report.choice import figures_choice
-from jerkbench.results.manifest import write_manifest
 from jerkbench.results.store import Store
-from jerkbench.results.study import Study, load_study, write_study
+from jerkbench.results.study import Study, concluded, load_study
 
 # The end of a sweep: manifest, tables, figures, report, and the exit code that they come to.
 
@@ -37,11 +35,9 @@ FAILED = 1
 """Exit code of a sweep of which a run failed."""
 
 
-Seeds = Mapping[str, Sequence[int]]
-"""Of cells that were run, by their keys."""
-
-
-def conclude_study(store: Store, seeds: Seeds, config: DictConfig, level: float | None = None) -> Study | None:
+def conclude_study(
+    store: Store, seeds: Mapping[str, Sequence[int]], config: DictConfig, level: float | None = None
+) -> Study | None:
     """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
     from jerkbench.report.tables.terminal import print_beginning, print_table
 
@@ -51,9 +47,7 @@ def conclude_study(store: Store, seeds: Seeds, config: DictConfig, level: float 
         return None
     store.compact()
     there = {key: () if key in gone else own for key, own in seeds.items()}
-    write_manifest(folder, there, list(config.notes), sys.argv, level, list(config.tags))
-    study = load_study(folder, prefer=list(seeds))
-    table = write_study(study)
+    study, table = concluded(folder, there, list(config.notes), sys.argv, level, list(config.tags))
     shown = study.only(seeds)
     if len(shown.rows) == len(study.rows):
         print_beginning(table)
@@ -68,13 +62,13 @@ def failed_code(study: Study | None) -> int:
     return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
 
 
-def _not_whole(store: Store, seeds: Seeds) -> list[str]:
+def _not_whole(store: Store, seeds: Mapping[str, Sequence[int]]) -> list[str]:
     """Return the cells of which a run is neither done nor failed."""
     known = store.known(seeds, failed=True)
     return [key for key, own in seeds.items() if not known.get(key, set()).issuperset(own)]
 
 
-def lost(store: Store, seeds: Seeds) -> int:
+def lost(store: Store, seeds: Mapping[str, Sequence[int]]) -> int:
     """The exit code for cells that have run and are not there, or 0."""
     gone = len(_not_whole(store, seeds))
     if gone:
@@ -97,7 +91,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     """
     if not config.report:
         return 0
-    from jerkbench.results.study_figures import present
+    from jerkbench.results.study_report import present
 
     try:
         choice = figures_choice(config.figures)
@@ -116,7 +110,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
 
 def tell(plan: Plan, store: Store, config: DictConfig) -> None:
     """Say what would run."""
-    for line in lines(forecast(plan, store), config.workers or processors()):
+    for line in forecast(plan, store, config.workers or processors()):
         print(line)
     if config.max_seeds:
         print(f"That is the first look; seeds are added up to {config.max_seeds} where a comparison is undecided.")
@@ -137,7 +131,7 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
             for end.look in looks_left(planned_looks(plan, config.seeds, config.max_seeds), store):
                 run_missing(end.look.plan, store, workers)
                 draws = end.look.plan.draws
-                if end.look.last or not undecided(load_study(store.folder.parent, list(draws), draws), end.look.level):
+                if end.look.last or not undecided(load_study(store.folder.parent, draws), end.look.level):
                     break
         if code := _concluded(end, store, config):
             raise SystemExit(code)
@@ -213,7 +207,7 @@ def _concluded(end: End, store: Store, config: DictConfig) -> int:
 # The planned order of a sweep whose jobs another launcher than ours runs, each in a process of its
 # own.
 
-FOLDER = ".order"
+ORDER_FOLDER = ".order"
 """In the study's folder: a file for each job, named by its number."""
 
 
@@ -225,7 +219,7 @@ def forget_order(folder: Path) -> None:
 
 def note_place(folder: Path, number: int, job: Job) -> None:
     """Note what the job ``number`` is: a cell, and its seeds."""
-    write_text(folder / FOLDER / f"{number:07d}", json.dumps([job.key, list(job.draws)]))
+    write_text(folder / ORDER_FOLDER / f"{number:07d}", json.dumps([job.key, list(job.draws)]))
 
 
 def take_order(folder: Path) -> dict[str, list[int]]:
@@ -235,10 +229,10 @@ def take_order(folder: Path) -> dict[str, list[int]]:
         key, draws = json.loads(path.read_text(encoding="utf-8"))
         found.setdefault(key, set()).update(draws)
     forget_order(folder)
-    if (folder / FOLDER).is_dir():
-        (folder / FOLDER).rmdir()
+    if (folder / ORDER_FOLDER).is_dir():
+        (folder / ORDER_FOLDER).rmdir()
     return {key: sorted(draws) for key, draws in found.items()}
 
 
 def _files(folder: Path) -> list[Path]:
-    return sorted(path for path in (folder / FOLDER).glob("*") if path.name.isdecimal())
+    return sorted(path for path in (folder / ORDER_FOLDER).glob("*") if path.name.isdecimal())

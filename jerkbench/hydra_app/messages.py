@@ -10,7 +10,7 @@ from jerkbench.hydra_app.configuration import Schema, ToldR
 from jerkbench.hydra_app.typed_words import several_in_one, swept
 from jerkbench.jobs.job import Noise
 
-NOISE = ("full_key", "object_type", "Config search", "provider=")
+UNHELPFUL = ("full_key", "object_type", "Config search", "provider=")
 """Beginnings of lines that help nobody."""
 
 LAUNCHERS = {
@@ -23,7 +23,7 @@ LAUNCHERS = {
 }
 """Hydra's own launchers, and the distribution that each is in."""
 
-PACKAGE = (
+NO_PACKAGE_LINE = (
     "The file of this experiment lacks its first line '# @package _global_', so all that it sets would stand below the"
     " name 'experiment'; add that line."
 )
@@ -76,14 +76,14 @@ def _of_configuration(text: str, typed: Sequence[str]) -> str:
     if key:
         full = re.search(r"full_key: (\S+)", text)
         if key[1] == "experiment":
-            return PACKAGE
+            return NO_PACKAGE_LINE
         return _no_option(key[2], full[1] if full else key[1], typed)
     value = re.search(r"(Value .*)", text)
     if value:
         full = re.search(r"full_key: (\S+)", text)
         return f"{full[1] if full else 'An option'}: {value[1].rstrip('.')}."
     lines = (line.strip() for line in text.splitlines() if line.strip())
-    return " ".join(line for line in lines if not line.startswith(NOISE))
+    return " ".join(line for line in lines if not line.startswith(UNHELPFUL))
 
 
 def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
@@ -140,4 +140,4 @@ def _chain(error: BaseException | None) -> list[str]:
 def _options(text: str) -> list[str]:
     """The options that Hydra lists, one a line, each behind a tab; the schemas among them are not to be chosen."""
     lines = [line.strip() for line in text.splitlines() if line.startswith("\t")]
-    return [line for line in lines if line != "schema" and not line.startswith(NOISE)]
+    return [line for line in lines if line != "schema" and not line.startswith(UNHELPFUL)]

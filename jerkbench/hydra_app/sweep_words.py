@@ -17,11 +17,11 @@ from omegaconf import DictConfig
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.composition import Composed, Job, compose_jobs, owner
+from jerkbench.hydra_app.composition import Composed, JobWords, compose_jobs, owner
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.presets import default_names, preset_names
 
-MOST = 100_000
+MOST_COMBINATIONS = 100_000
 """Combinations of one sweep."""
 
 
@@ -32,13 +32,14 @@ def ranges_listed(overrides: Sequence[Override]) -> list[Override]:
     its stop); here the decimals are added that were typed.
 
     Raises:
-        PluginError: a range has no end or no values, or there are more combinations than `MOST`.
+        PluginError: a range has no end or no values, or there are more combinations than `MOST_COMBINATIONS`.
     """
     last = {override.get_key_element(): override for override in overrides}  # a key that is given twice has its last
     count = math.prod(_count(override) for override in last.values())
-    if count > MOST:
+    if count > MOST_COMBINATIONS:
         raise PluginError(
-            f"The sweep has {count:,} combinations; {MOST:,} are the most of one sweep: give fewer values, or split it."
+            f"The sweep has {count:,} combinations; {MOST_COMBINATIONS:,} are the most of one sweep: give fewer"
+            " values, or split it."
         )
     return [_listed(override) for override in overrides]
 
@@ -90,7 +91,7 @@ class Address(NamedTuple):
     plain: str
 
 
-def where_chosen(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Job]) -> list[list[str]]:
+def where_chosen(loader: ConfigLoader, config: DictConfig, jobs: Sequence[JobWords]) -> list[list[str]]:
     """Give addressed parameters to the jobs that choose their plugin; jobs that are then equal are one.
 
     A parameter of a disturbance that no job chooses stays, so that Hydra refuses it.
@@ -174,7 +175,7 @@ def _as_choice(word: str) -> str:
     return f"{key}=choice({value})"
 
 
-def _choice(job: Job, group: str) -> tuple[str, ...]:
+def _choice(job: JobWords, group: str) -> tuple[str, ...]:
     """The words that decide which plugin of a group there is."""
     return tuple(w for w in job if owner(w) in ("experiment", "dataset", group) and "." not in w.partition("=")[0])
 

@@ -18,24 +18,22 @@ from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
-from jerkbench.jobs.cluster import LOCAL, Workers
+from jerkbench.jobs.cluster import LOCAL, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.names import refusal
-from jerkbench.jobs.pool import processors
+from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
 from jerkbench.optional import is_attitude_only
 from jerkbench.presets import user_folders
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.evaluate import RunPlace, trial_table
-from jerkbench.tuning.foreign import EXPORTS
+from jerkbench.tuning.exports import EXPORTS, TUNED_PARTS, preset_words, write_presets
 from jerkbench.tuning.objectives import objective_of
-from jerkbench.tuning.outcome import Effort, Tuning, tune
-from jerkbench.tuning.search import Budget
-from jerkbench.tuning.space import STREAMS, Space, space_of
+from jerkbench.tuning.search import Budget, Effort, Tuning, tune
+from jerkbench.tuning.space import R_STREAMS, Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-from jerkbench.tuning.summary import PARTS, preset_words, record, summary, tunings_table, write_presets
+from jerkbench.tuning.summary import record, summary, tunings_table
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.
@@ -43,7 +41,7 @@ from jerkbench.tuning.summary import PARTS, preset_words, record, summary, tunin
 METHOD_GROUPS = ("filter", "adaptation", "noise", "engine", "r_scale")
 """Groups of which several values are several methods; several of the others are scenarios of one tuning."""
 
-ALONE = "filter=attitude_only"
+ATTITUDE_ALONE = "filter=attitude_only"
 """With this word the attitude filter is the method."""
 
 
@@ -109,7 +107,7 @@ def tuning_words(words: Sequence[str], *, several: bool) -> TuneWords:
     names = {f.name for f in fields(TuneOptions)}
     own = [word for word in words if word.partition("=")[0] in names]
     others = [word for word in words if word not in own]
-    groups = (*METHOD_GROUPS, "attitude") if ALONE in others else METHOD_GROUPS
+    groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ALONE in others else METHOD_GROUPS
     methods = _combinations([word for word in others if owner(word) in groups])
     if len(methods) > 1 and not several:
         raise PluginError(f"There are {len(methods)} methods; add -m to tune each of them with the same budget.")
@@ -161,16 +159,15 @@ def tune_all(words: TuneWords) -> None:
     count = config.workers or processors()
     workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
     effort = _effort(options, threads, alone=is_attitude_only(jobs[0][0].method.filter))
-    efforts = [effort for _ in jobs]
-    for scenarios in jobs:
-        _require_sense(scenarios)
+    for job in itertools.chain.from_iterable(jobs):
+        require_sensible(job)
     measured = _streams(jobs[0])
     spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in jobs]
     cases = [cases_of(scenarios, options, config.first_seed) for scenarios in jobs]
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in jobs])
     with workers:
-        tunings = _tuned(names, cases, spaces, efforts, RunPlace(folder, workers))
+        tunings = _tuned(names, cases, spaces, effort, RunPlace(folder, workers))
     for tuning, method in zip(tunings, words.methods, strict=True):
         own = folder / tuning.name
         command = _command(tuning, own / "conf", words, method)
@@ -182,7 +179,7 @@ def tune_all(words: TuneWords) -> None:
 def _streams(jobs: Sequence[Job]) -> list[str]:
     """The streams that the recording of any scenario has, of those whose R is tuned."""
     recordings = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs]
-    return [name for name in STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
+    return [name for name in R_STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
 
 
 def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Cases:
@@ -203,29 +200,20 @@ def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Case
 def _effort(options: TuneOptions, threads: int, *, alone: bool) -> Effort:
     name = ("inclination" if alone else "rmse") if options.objective == "auto" else options.objective
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
-    return Effort(objective_of(name), budget, options.restarts, tuple(options.knobs), threads)
-
-
-def _require_sense(jobs: Sequence[Job]) -> None:
-    for job in jobs:
-        if reason := refusal(job):
-            raise PluginError(f"This combination makes no sense: {reason}.")
+    return Effort(objective_of(name), budget, options.restarts, threads)
 
 
 def _tuned(
-    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], efforts: Sequence[Effort], runs: RunPlace
+    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], effort: Effort, runs: RunPlace
 ) -> list[Tuning]:
-    tunings = []
-    count = sum(effort.budget.trials * effort.restarts for effort in efforts)
+    count = len(names) * effort.budget.trials * effort.restarts
     with Progress(count, doing="Tuning", unit="settings") as progress:
 
         def advance(settings: int) -> None:
-            for _ in range(settings):
-                progress.advance()
+            progress.advance(count=settings)
 
-        for name, own, space, effort in zip(names, cases, spaces, efforts, strict=True):
-            tunings.append(tune(name, own, space, effort, runs, advance))
-    return tunings
+        methods = zip(names, cases, spaces, strict=True)
+        return [tune(name, own, space, effort, runs, advance) for name, own, space in methods]
 
 
 def _names(jobs: Sequence[Job]) -> list[str]:
@@ -246,7 +234,7 @@ def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[s
     """The command that runs what was tuned: its presets, on the data sets and under the faults of the tuning."""
     chosen = preset_words(tuning, typed="experiment" in map(owner, words.shared))
     tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
-    covered = {part for part in PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
+    covered = {part for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
     several = ["-m"] if len(words.scenarios) > 1 else []
     folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
@@ -269,7 +257,7 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     print(page)
     if figures:
         from jerkbench.report.plots.style import save_figure
-        from jerkbench.tuning.figures import tuning_figure
+        from jerkbench.tuning.curves import tuning_figure
 
         save_figure(tuning_figure(tuning), folder / "search.png")
         print(f"Figure: {folder / 'search.png'}\n")

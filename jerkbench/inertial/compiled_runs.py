@@ -23,7 +23,7 @@ from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.optional import clocked
 from jerkbench.recording import Imu
-from jerkbench.sums import Run, Scoring, Streamed
+from jerkbench.sums import ErrorWeights, Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
 OWN = (
@@ -51,7 +51,7 @@ def solve_compiled(journey: Journey, adaptation: Adaptation) -> InertialSolution
 
 def stream_journeys(
     journeys: Sequence[Journey | None],
-    scorings: Sequence[Scoring],
+    scorings: Sequence[ErrorWeights],
     adaptations: Sequence[Adaptation],
     *,
     updates: bool,

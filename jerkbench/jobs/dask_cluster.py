@@ -2,6 +2,7 @@
 
 import logging
 import math
+import signal
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError
@@ -65,8 +66,14 @@ class Dask:
             memory_limit=0,  # a worker that is paused or ended for its memory would be a surprise
             dashboard_address=None,
             silence_logs=logging.CRITICAL,
-            preload=["jerkbench.jobs.dask_worker_setup"],
+            preload=[__name__],
         )
+
+
+def dask_setup(worker: object) -> None:
+    """Leave Ctrl-C to the sweep, which ends its workers; Dask calls this in each worker of this machine."""
+    del worker
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def lent_by(client: Any, workers: int, name: str) -> Iterator[Lent]:  # noqa: ANN401 - Dask has no types

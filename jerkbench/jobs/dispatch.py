@@ -17,8 +17,8 @@ from jerkbench.jobs.cluster import ClusterError, Lent
 from jerkbench.jobs.identity import Identity, identity_of, worker_refusal
 from jerkbench.plain import keep_output_plain
 
-Task = TypeVar("Task")
-Result = TypeVar("Result")
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result")
 
 TRIES = 3
 """So often a task may lose its worker: in its bundle, and then by itself."""
@@ -29,7 +29,7 @@ BUNDLE_S = 2.0
 
 
 @dataclass(frozen=True)
-class Order(Generic[Task, Result]):
+class Order(Generic[_Task, _Result]):
     """The work of a round.
 
     Attributes:
@@ -42,16 +42,16 @@ class Order(Generic[Task, Result]):
         identity: code, versions and plugins that a worker elsewhere must have.
     """
 
-    work: Callable[[Task], Result]
-    groups: Sequence[Sequence[Task]]
-    bundle: Callable[[Task], Hashable] = id
-    admit: Callable[[Sequence[Task]], list[Task]] = list
-    rest: Callable[[Result], Task | None] = lambda _: None
-    alone: Callable[[Task], list[Task]] = lambda task: [task]
+    work: Callable[[_Task], _Result]
+    groups: Sequence[Sequence[_Task]]
+    bundle: Callable[[_Task], Hashable] = id
+    admit: Callable[[Sequence[_Task]], list[_Task]] = list
+    rest: Callable[[_Result], _Task | None] = lambda _: None
+    alone: Callable[[_Task], list[_Task]] = lambda task: [task]
     identity: Callable[[], Identity] = lambda: identity_of(())
 
 
-def outcomes(order: Order[Task, Result], lent: Lent | None) -> Iterator[tuple[Task, Result | Exception]]:
+def outcomes(order: Order[_Task, _Result], lent: Lent | None) -> Iterator[tuple[_Task, _Result | Exception]]:
     """Yield each task with its result as it is done, or with what kept it from being done.
 
     The tasks of a bundle that loses its worker are sent again, each part by itself: the one that ends its worker is
@@ -69,31 +69,31 @@ def outcomes(order: Order[Task, Result], lent: Lent | None) -> Iterator[tuple[Ta
         return
     for group in order.groups:
         for first in group:
-            task: Task | None = first
+            task: _Task | None = first
             while task is not None and order.admit([task]):
                 result = order.work(task)
                 yield task, result
                 task = order.rest(result)
 
 
-class _Bundle(NamedTuple, Generic[Task]):
+class _Bundle(NamedTuple, Generic[_Task]):
     """Tasks that are sent together; ``tries`` of them lost their worker."""
 
-    tasks: list[Task]
+    tasks: list[_Task]
     tries: int = 0
 
 
-class _Dispatch(Generic[Task, Result]):
+class _Dispatch(Generic[_Task, _Result]):
     """What waits, and what is on its way."""
 
-    def __init__(self, order: Order[Task, Result], lent: Lent) -> None:
+    def __init__(self, order: Order[_Task, _Result], lent: Lent) -> None:
         self.order, self.lent = order, lent
         self.groups = [deque(self._bundles(group)) for group in order.groups]
-        self.lost: deque[_Bundle[Task]] = deque()
-        self.running: dict[Future[list[Any]], tuple[_Bundle[Task], deque[_Bundle[Task]]]] = {}
-        self.freed: list[deque[_Bundle[Task]]] = []
+        self.lost: deque[_Bundle[_Task]] = deque()
+        self.running: dict[Future[list[Any]], tuple[_Bundle[_Task], deque[_Bundle[_Task]]]] = {}
+        self.freed: list[deque[_Bundle[_Task]]] = []
 
-    def outcomes(self) -> Iterator[tuple[Task, Result | Exception]]:
+    def outcomes(self) -> Iterator[tuple[_Task, _Result | Exception]]:
         """Yield what comes, until nothing is left."""
         try:
             while True:
@@ -110,12 +110,12 @@ class _Dispatch(Generic[Task, Result]):
             for future in self.running:
                 future.cancel()
 
-    def _bundles(self, group: Sequence[Task]) -> Iterator[_Bundle[Task]]:
+    def _bundles(self, group: Sequence[_Task]) -> Iterator[_Bundle[_Task]]:
         if not self.lent.elsewhere:
             return (_Bundle([task]) for task in group)
         return (_Bundle(list(tasks)) for _, tasks in groupby(group, self.order.bundle))
 
-    def _send(self) -> Iterator[tuple[Task, Result | Exception]]:
+    def _send(self) -> Iterator[tuple[_Task, _Result | Exception]]:
         """Send as many bundles as there is room for; what cannot even be packed comes back at once."""
         while len(self.running) < self.lent.slots() and (group := self._group()) is not None:
             bundle = group.popleft()
@@ -131,7 +131,7 @@ class _Dispatch(Generic[Task, Result]):
                 continue
             self.running[self.lent.executor.submit(run_packed, pack)] = bundle, group
 
-    def _group(self) -> deque[_Bundle[Task]] | None:
+    def _group(self) -> deque[_Bundle[_Task]] | None:
         """Whose turn it is: the group of which a worker has just done some, one that nobody has, or the longest."""
         last = self.freed.pop() if self.freed else None
         if last:
@@ -141,7 +141,7 @@ class _Dispatch(Generic[Task, Result]):
         untouched = [group for group in left if id(group) not in at_work]
         return max(untouched or left, key=len, default=self.lost or None)
 
-    def _received(self, future: "Future[list[Any]]") -> Iterator[tuple[Task, Result | Exception]]:
+    def _received(self, future: "Future[list[Any]]") -> Iterator[tuple[_Task, _Result | Exception]]:
         bundle, group = self.running.pop(future)
         self.freed = [] if group is self.lost else [group]
         try:
@@ -164,7 +164,7 @@ class _Dispatch(Generic[Task, Result]):
             else:
                 yield task, result
 
-    def _failed(self, task: Task, error: Exception) -> Iterator[tuple[Task, Exception]]:
+    def _failed(self, task: _Task, error: Exception) -> Iterator[tuple[_Task, Exception]]:
         """Yield a task that raised something; one of several parts is sent again, each part by itself."""
         parts = self.order.alone(task)
         if len(parts) > 1:
@@ -172,7 +172,7 @@ class _Dispatch(Generic[Task, Result]):
         else:
             yield task, error
 
-    def _again(self, bundle: _Bundle[Task], error: Exception) -> Iterator[tuple[Task, Result | Exception]]:
+    def _again(self, bundle: _Bundle[_Task], error: Exception) -> Iterator[tuple[_Task, _Result | Exception]]:
         """Let each part of each task wait for another worker, or give it up."""
         tries = bundle.tries + 1
         if tries < TRIES:
@@ -208,7 +208,7 @@ class Parcel:
     content: bytes
 
 
-def packed(order: Order[Task, Result], tasks: Sequence[Task], *, elsewhere: bool) -> Parcel:
+def packed(order: Order[_Task, _Result], tasks: Sequence[_Task], *, elsewhere: bool) -> Parcel:
     """Pack some tasks.
 
     Raises:
@@ -237,7 +237,7 @@ def run_packed(pack: Parcel) -> list[Any]:
     return results
 
 
-def _outcome(work: Callable[[Task], Result], task: Task) -> Result | Exception:
+def _outcome(work: Callable[[_Task], _Result], task: _Task) -> _Result | Exception:
     """What came of a task; errors of anybody's own classes as text, which can always be sent."""
     try:
         return work(task)

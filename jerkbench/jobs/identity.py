@@ -8,7 +8,8 @@ from functools import cache
 from typing import Any
 
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import code_digest, plugin_digest, versions
+from jerkbench.jobs.key import code_digest, versions
+from jerkbench.jobs.sources import plugin_digest
 from jerkbench.plugins import is_own
 
 SENT = ("audit", "campaigns", "jobs", "results", "suite", "tuning")

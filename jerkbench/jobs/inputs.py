@@ -21,15 +21,16 @@ from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.sums import outlined, scored
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.jobs.job import Scenario
-from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
+from jerkbench.jobs.key import code_digest, require_data, versions
+from jerkbench.jobs.sources import plugin_digest
 from jerkbench.optional import part_read
 from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.timeline import build_timeline, with_r_scale
+from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
 
-PARTS = {
+RECORDING_PARTS = {
     "imu": Imu,
     "reference": Reference,
     "position": Position,
@@ -43,11 +44,9 @@ LAW = "drawn"
 SIMULATED = "simulated"
 """The kind of cache that holds simulated recordings."""
 
-PATTERN = "simulated_*"
-MOST_BYTES = 2_000_000_000
+SIMULATED_PATTERN = "simulated_*"
+MOST_CACHED_BYTES = 2_000_000_000
 """About 700 drives of 150 s; then the longest unused go."""
-
-DAMAGE = (OSError, ValueError, KeyError, TypeError)
 
 
 def simulated(dataset: Dataset, seed: int) -> Recording:
@@ -60,7 +59,7 @@ def simulated(dataset: Dataset, seed: int) -> Recording:
     with suppress(OSError):  # no room, or no right to write: then it is simulated again the next time
         _write(recording, path)
         if seed % 16 == 0:
-            forget_oldest(path.parent, PATTERN, MOST_BYTES)
+            forget_oldest(path.parent, SIMULATED_PATTERN, MOST_CACHED_BYTES)
     return recording
 
 
@@ -70,36 +69,66 @@ def _key(dataset: Dataset, seed: int) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
+ARRAYS_MAGIC = b"jerkbench arrays 1\n"
+ALIGNED = 64
+"""Arrays begin at multiples of so many bytes."""
+
+
 def _write(recording: Recording, path: Path) -> None:
+    """Write the arrays of a recording, and before them what JSON can say of the rest."""
     arrays: dict[str, Any] = {}
     header: dict[str, Any] = {}
-    for part in ("", LAW, *PARTS):
+    for part in ("", LAW, *RECORDING_PARTS):
         owner = getattr(recording, part) if part else recording
         for each in dataclasses.fields(owner) if owner is not None else ():
             value = getattr(owner, each.name)
             if isinstance(value, np.ndarray):
                 arrays[f"{part}.{each.name}"] = value
-            elif each.name not in (*PARTS, LAW):
+            elif each.name not in (*RECORDING_PARTS, LAW):
                 header[f"{part}.{each.name}"] = value.isoformat() if isinstance(value, datetime) else value
-    write_atomically(path, lambda partial: write_arrays(partial, arrays, header))
+    listed = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
+    described = json.dumps({"header": header, "arrays": listed}).encode()
+    content = b"".join(map(_padded, [described, *(array.tobytes() for array in arrays.values())]))
+    sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
+    write_atomically(path, lambda partial: partial.write_bytes(_padded(ARRAYS_MAGIC + sizes) + content))
+
+
+def _padded(content: bytes) -> bytes:
+    return content + bytes(-len(content) % ALIGNED)
 
 
 def _read(path: Path) -> Recording | None:
     """The recording at ``path``, or None where there is none that is whole."""
     try:
-        arrays, header = read_arrays(path)
-        values = arrays | header
-        parts: dict[str, Any] = {name: PARTS[name](**own) for name in PARTS if (own := _of(name, values))}
-        law = _of(LAW, values)
+        values = _values(path)
+        parts: dict[str, Any] = {
+            name: cls(**own) for name, cls in RECORDING_PARTS.items() if (own := _of(name, values))
+        }
+        law, own = _of(LAW, values), _of("", values)
         drawn = ErrorLaw(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
-        own = _of("", values)
         start = own.pop("start_utc")
         own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}
         with suppress(OSError):
             os.utime(path)  # used just now: others go first
         return Recording(**own, **parts, drawn=drawn)
-    except DAMAGE:
+    except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def _values(path: Path) -> dict[str, Any]:
+    """What a file of `_write` holds, the arrays as views of its content."""
+    content = np.fromfile(path, dtype=np.uint8)
+    magic, head = len(ARRAYS_MAGIC), content[:ALIGNED].tobytes()
+    length, checksum = np.frombuffer(head[magic : magic + 16], dtype="<u8").tolist()
+    if not head.startswith(ARRAYS_MAGIC) or zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # a buffer
+        raise ValueError(f"{path} is damaged.")
+    described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
+    values, at = described["header"], ALIGNED + length + -length % ALIGNED
+    for name, dtype, shape in described["arrays"]:
+        size = np.dtype(dtype).itemsize * int(np.prod(shape))
+        values[name] = content[at : at + size].view(dtype).reshape(shape)
+        at += size + -size % ALIGNED
+    return dict(values)
 
 
 def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
@@ -107,74 +136,27 @@ def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
     return {name.partition(".")[2]: value for name, value in values.items() if name.partition(".")[0] == part}
 
 
-MAGIC = b"jerkbench arrays 1\n"
-ALIGNED = 64
-"""Arrays begin at multiples of so many bytes."""
-
-
-def write_arrays(path: Path, arrays: dict[str, Any], header: dict[str, Any]) -> None:
-    """Write ``arrays`` and what JSON can say of the rest."""
-    plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
-    listed = [(name, array.dtype.str, array.shape) for name, array in plain.items()]
-    described = json.dumps({"header": header, "arrays": listed}).encode()
-    content = bytearray(_padded(described))
-    for array in plain.values():
-        content += _padded(array.tobytes())
-    sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
-    path.write_bytes(_padded(MAGIC + sizes) + content)
-
-
-def read_arrays(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return arrays and header.
-
-    Raises:
-        OSError: the file cannot be read.
-        ValueError: it is not what `write_arrays` has written.
-    """
-    content = np.fromfile(path, dtype=np.uint8)
-    if content[: len(MAGIC)].tobytes() != MAGIC or len(content) < ALIGNED:
-        raise ValueError(f"{path} holds no arrays.")
-    length, checksum = np.frombuffer(content[len(MAGIC) : len(MAGIC) + 16].tobytes(), dtype="<u8").tolist()
-    if zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # an array is a buffer
-        raise ValueError(f"{path} is damaged.")
-    described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
-    arrays, at = {}, ALIGNED + _rounded(length)
-    for name, dtype, shape in described["arrays"]:
-        size = np.dtype(dtype).itemsize * int(np.prod(shape))
-        arrays[name] = content[at : at + size].view(dtype).reshape(shape)
-        at += _rounded(size)
-    return arrays, described["header"]
-
-
-def _padded(content: bytes) -> bytes:
-    return content + bytes(_rounded(len(content)) - len(content))
-
-
-def _rounded(size: int) -> int:
-    """The next multiple of ALIGNED."""
-    return -(-size // ALIGNED) * ALIGNED
-
-
-KEPT = 32
+KEPT_INPUTS = 32
 """The number of each kind that is kept; a recording of 150 s at 100 Hz has some 2 MB."""
 
 
 class Inputs:
-    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT` of each kind kept.
+    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT_INPUTS` of each kind kept.
 
     No cache holds the object that holds it, so that all of them go with the last reference, some 100 MB.
     """
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._loaded = lru_cache(KEPT)(loaded)
-        self._disturbed = lru_cache(KEPT)(partial(disturbed, self._loaded))
-        self.attitude = lru_cache(KEPT)(attitude_of)
-        self.told = lru_cache(KEPT)(with_r_scale)
-        self.timeline = lru_cache(KEPT)(build_timeline)
-        self.scored = lru_cache(KEPT)(scored)
-        self._outline = lru_cache(KEPT)(_Outline.of)
-        self._columns = lru_cache(8 * KEPT)(_columns)
+        self._loaded = lru_cache(KEPT_INPUTS)(loaded)
+        self._disturbed = lru_cache(KEPT_INPUTS)(partial(disturbed, self._loaded))
+        self.attitude = lru_cache(KEPT_INPUTS)(attitude_of)
+        self.told = lru_cache(KEPT_INPUTS)(with_r_scale)
+        self.timeline = lru_cache(KEPT_INPUTS)(build_timeline)
+        self.told_timeline = lru_cache(8 * KEPT_INPUTS)(told_timeline)
+        self.scored = lru_cache(KEPT_INPUTS)(scored)
+        self._outline = lru_cache(KEPT_INPUTS)(_Outline.of)
+        self._columns = lru_cache(8 * KEPT_INPUTS)(_columns)
 
     def recording(self, scenario: Scenario, draw: int) -> Recording:
         """Return the recording of ``draw`` after all disturbances; changed files are other data."""

@@ -3,29 +3,27 @@
 import hashlib
 import json
 import platform
-import secrets
 import subprocess
-import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from jerkbench.contracts import Dataset, Disturbance, ReadingFile
-from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.sources import KNOWN, named_digests, sources_digest
+from jerkbench.errors import RecordingError
+from jerkbench.jobs.sources import plugin_digest
 
 # The provenance of a result, besides its configuration: our own code, the plugins' code, the
 # libraries.
 
-PACKAGE = Path(__file__).parents[1]
-LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
+PACKAGE_FOLDER = Path(__file__).parents[1]
+KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("memory", "optional", "random_streams", "renamed", "sums", "tuning/excerpts"),
+    *("optional", "random_streams", "renamed", "sums", "tuning/excerpts"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
     "evaluation/statistics/correlated_errors",
@@ -41,8 +39,8 @@ def code_digest(*further: str) -> str:
         further: rooms on which a result depends besides.
     """
     digest = hashlib.sha256()
-    for path in sorted([*PACKAGE.rglob("*.py"), *PACKAGE.glob("traces/shipped/*.parquet")]):
-        inside = path.relative_to(PACKAGE)
+    for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("traces/shipped/*.parquet")]):
+        inside = path.relative_to(PACKAGE_FOLDER)
         places = {part.as_posix() for part in (inside.with_suffix(""), *inside.parents)}
         if not places.isdisjoint((*COMPUTING, *further)):
             digest.update(str(inside).encode() + path.read_bytes())
@@ -50,38 +48,9 @@ def code_digest(*further: str) -> str:
 
 
 @cache
-def plugin_digest(cls: type) -> str:
-    """Hash of all that a plugin outside this package depends on, and that of its bases.
-
-    Empty for our own plugins, which `code_digest` covers. A class without a file, of an interactive session, has
-    another one in each process: nothing tells whether it changed.
-    """
-    named = [line for base in cls.__mro__ for line in _named(base)]
-    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN - sys.stdlib_module_names
-    try:
-        texts = [*map(sources_digest, sorted(homes)), *named]
-        return hashlib.sha256("".join(texts).encode()).hexdigest() if texts else ""
-    except LookupError:
-        return _this_process()
-
-
-def _named(cls: type) -> Iterator[str]:
-    """Yield a line for each place that the class itself names in `depends_on`."""
-    file, names = getattr(sys.modules.get(cls.__module__), "__file__", None), vars(cls).get("depends_on", ())
-    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
-        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of texts, such as ("gains.csv",).')
-    return named_digests(names, Path(file).parent if file else Path())
-
-
-@cache
-def _this_process() -> str:
-    return secrets.token_hex(32)
-
-
-@cache
 def versions() -> dict[str, str]:
     """Versions of Python, this package and the libraries that compute."""
-    return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *LIBRARIES)}}
+    return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *KEY_LIBRARIES)}}
 
 
 ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
@@ -98,18 +67,22 @@ def processor_kind() -> str:
     return f"{binding.get_host_cpu_name()}: {' '.join(names)}"
 
 
+OF_CODE = ("--", ":/", ":(top,exclude)results")
+"""Where a change is one of the code: a run that writes results changes nothing that it depends on."""
+
+
 @cache
 def git_commit() -> str:
     """The commit of the checkout that the package runs from, with "+changes" if it has any; empty outside one."""
 
     def git(*words: str) -> str:
-        done = subprocess.run(["git", "-C", str(PACKAGE), *words], capture_output=True, text=True, check=False)  # noqa: S603, S607 - fixed words
+        done = subprocess.run(["git", "-C", str(PACKAGE_FOLDER), *words], capture_output=True, text=True, check=False)  # noqa: S603, S607 - fixed words
         return done.stdout.strip() if done.returncode == 0 else ""
 
     try:
         tracked = git("ls-files", "--", "__init__.py")
         commit = git("rev-parse", "HEAD") if tracked else ""
-        return commit + ("+changes" if commit and git("status", "--porcelain") else "")
+        return commit + ("+changes" if commit and git("status", "--porcelain", *OF_CODE) else "")
     except FileNotFoundError:  # no git on this machine
         return ""
 

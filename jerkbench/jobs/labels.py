@@ -111,3 +111,14 @@ def _parameters(overrides: list[str]) -> dict[str, list[str]]:
 
 def _named(name: str, parameters: list[str]) -> str:
     return f"{name}({', '.join(parameters)})" if parameters else name
+
+
+def bare(label: str) -> str:
+    """Return a label without its parameters: "bias(accel_mps2=0.1)+dropout" is bias+dropout."""
+    depth, kept = 0, []
+    for letter in label:
+        depth += letter == "("
+        if not depth:
+            kept.append(letter)
+        depth -= letter == ")" and depth > 0
+    return "".join(kept)

@@ -205,6 +205,16 @@ def refusal(job: Job) -> str:
     return f"the filter {job.spec['filter']['name']} takes no adaptation '{name}', only: {accepted}"
 
 
+def require_sensible(job: Job) -> None:
+    """Refuse a combination that makes no sense.
+
+    Raises:
+        PluginError: the filter does not take the data set or the adaptation.
+    """
+    if reason := refusal(job):
+        raise PluginError(f"This combination makes no sense: {reason}.")
+
+
 def _lacking(job: Job, stream: str, filters: Sequence[str]) -> str:
     dataset, model = (job.spec[kind]["name"] for kind in ("dataset", "filter"))
     return (

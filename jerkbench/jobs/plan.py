@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from jerkbench.contracts import PerSeed
 from jerkbench.errors import PluginError
-from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Job, Scenario
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.preflight import require_inputs
@@ -106,7 +106,7 @@ def _require_names(jobs: Sequence[Job]) -> None:
 
 
 def grouped(
-    jobs: Sequence[Job], remaining: Mapping[str, Sequence[int]] | None = None, least: int = 1
+    jobs: Sequence[Job], remaining: Mapping[str, Collection[int]] | None = None, least: int = 1
 ) -> list[list[Task]]:
     """Tasks that share their recordings and attitudes, together; groups that share the data set follow each other.
 
@@ -114,15 +114,15 @@ def grouped(
 
     Args:
         jobs: those of the plan.
-        remaining: by key, the seeds that are to run; of a job that is not named, all.
+        remaining: by key, the seeds that are to run; default: all of all jobs.
         least: so many jobs make a bundle at least.
     """
-    wanted = remaining or {}
     groups: dict[object, dict[object, list[Task]]] = {}
     for job in jobs:
         scenario = job.scenario
-        size = 1 if isinstance(job.method.filter, PerSeed) else KEPT  # programs of the user's: each seed on its own
-        for block, draws in _blocks(job.draws, wanted.get(job.key, job.draws), size):
+        each_alone = isinstance(job.method.filter, PerSeed)  # a program of the user's
+        wanted = job.draws if remaining is None else remaining.get(job.key, ())
+        for block, draws in _blocks(job.draws, set(wanted), 1 if each_alone else KEPT_INPUTS):
             near = groups.setdefault((scenario.dataset, scenario.data, block), {})
             near.setdefault((scenario.disturbances, scenario.attitude), []).append(Task((job,), draws))
     numbered = _numbered([group for near in groups.values() for group in near.values()], least)
@@ -144,9 +144,8 @@ def _numbered(groups: list[list[Task]], least: int) -> list[list[Task]]:
     return [[task._replace(bundle=n) for n, tasks in group for task in tasks] for group in bundled]
 
 
-def _blocks(draws: Sequence[int], remaining: Sequence[int], size: int) -> Iterator[tuple[int, Sequence[int]]]:
-    """Number and seeds of each block of ``size`` of the ``draws``, as far as they are ``remaining``: maybe none."""
-    wanted = set(remaining)
+def _blocks(draws: Sequence[int], wanted: set[int], size: int) -> Iterator[tuple[int, Sequence[int]]]:
+    """Number and seeds of each block of ``size`` of the ``draws``, as far as they are ``wanted``: maybe none."""
     for begin in range(0, len(draws), size):
         block = draws[begin : begin + size]
         yield begin, block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]

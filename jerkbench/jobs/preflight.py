@@ -7,11 +7,12 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from jerkbench.contracts import Remarking, Requiring, has_methods
+from jerkbench.contracts import Remarking, Requiring
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job
+from jerkbench.optional import has_methods
 from jerkbench.plain import plain
 from jerkbench.plugins import is_own
 from jerkbench.recording import Recording
@@ -143,7 +144,7 @@ def _first_remarks(job: Job, inputs: Inputs) -> list[str]:
 # The notes on a job: where the reference comes from, what the recording and its filters have to
 # say.
 
-GAP_S = 0.2
+IMU_GAP_S = 0.2
 """A longer step between two samples of the IMU is told: in it a vehicle turns and brakes."""
 
 
@@ -165,7 +166,9 @@ def _gaps(recording: Recording) -> list[str]:
     if recording.imu is None:
         return []
     steps_s = np.diff(recording.imu.t_s)
-    gaps_s = steps_s[steps_s > max(GAP_S, 2.5 * recording.imu.nominal_interval_s)]
+    if steps_s.max() <= IMU_GAP_S:
+        return []
+    gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * recording.imu.nominal_interval_s)]
     if not len(gaps_s):
         return []
     count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
@@ -175,8 +178,8 @@ def _gaps(recording: Recording) -> list[str]:
 
 def _remarks(job: Job, recording: Recording) -> list[str]:
     of_attitude, of_filter = (
-        plugin.remarks(recording) if has_methods(plugin, Remarking) else ()
-        for plugin in (job.scenario.attitude, job.method.filter)
+        part.remarks(recording) if has_methods(part, Remarking) else ()
+        for part in (job.scenario.attitude, job.method.filter)
     )
     return [*(f"{_name(job)}: {remark}" for remark in of_attitude), *of_filter]
 

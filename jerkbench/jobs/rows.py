@@ -15,7 +15,7 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
 from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, metric_values, run_status, strays
 from jerkbench.evaluation.sums import Scored, can_stream, outlined, sums_from, with_updates
-from jerkbench.jobs.inputs import KEPT, Inputs, shared_inputs
+from jerkbench.jobs.inputs import KEPT_INPUTS, Inputs, shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import processor_kind
 from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, unfit
@@ -23,10 +23,10 @@ from jerkbench.optional import part_read
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
-from jerkbench.timeline import Timeline, build_timeline, told_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 Row = dict[str, Any]
-Piece = tuple[list[Row], list[str]]
+NotedRows = tuple[list[Row], list[str]]
 """Rows of some seeds that are done together, and what a reader of them has to know."""
 OK = {"status": "ok", "reason": ""}
 
@@ -103,7 +103,7 @@ class How:
     inputs: Inputs = field(default_factory=shared_inputs)
 
 
-def job_rows(job: Job, draws: Sequence[int] = (), *, strict: bool = False, inputs: Inputs | None = None) -> Piece:
+def job_rows(job: Job, draws: Sequence[int] = (), *, strict: bool = False, inputs: Inputs | None = None) -> NotedRows:
     """Return a row for each seed of ``draws`` (default: all), and what a reader of them has to know.
 
     Raises:
@@ -127,13 +127,13 @@ def work(task: Task, *, strict: bool = False, threads: int = 1, inputs: Inputs |
     if sentence := unfit(first):
         return Done([Result(*failed_piece(job, task.draws, PluginError(sentence), how)) for job in task.jobs])
     begun = time.perf_counter()
-    for draw in task.draws[:KEPT]:  # beforehand: the time of a run is that of the filter
+    for draw in task.draws[:KEPT_INPUTS]:  # beforehand: the time of a run is that of the filter
         with suppress(Exception):  # its run says what is wrong
             how.inputs.attitude(how.inputs.recording(first.scenario, draw), first.scenario.attitude)
     began = time.perf_counter()
     together = streams(first)
-    size = KEPT if together else 1
-    done: list[list[Piece]] = []
+    size = KEPT_INPUTS if together else 1
+    done: list[list[NotedRows]] = []
     for begin in range(0, len(task.draws), size):
         block = task.draws[begin : begin + size]
         if together:
@@ -160,11 +160,11 @@ def run_seed(job: Job, draw: int, inputs: Inputs | None = None) -> tuple[Recordi
     if isinstance(model, Estimator):
         told = inputs.told(recording, method.r_scale)
         return recording, solution(told, attitude, model, method.adaptation, method.engine)
-    timeline = told_timeline(inputs.timeline(recording, attitude), recording, attitude, method.r_scale)
+    timeline = inputs.told_timeline(inputs.timeline(recording, attitude), recording, attitude, method.r_scale)
     return recording, method.engine.run(timeline, model, method.adaptation)
 
 
-def alone(job: Job, draw: int, how: How, values: Mapping[str, float] | None = None) -> Piece:
+def alone(job: Job, draw: int, how: How, values: Mapping[str, float] | None = None) -> NotedRows:
     """Return the row of a seed that is run alone; ``values`` are its metrics, where they are known."""
     scoring = job.scoring
     try:
@@ -179,7 +179,7 @@ def alone(job: Job, draw: int, how: How, values: Mapping[str, float] | None = No
         return failed_piece(job, [draw], error, how)
 
 
-def failed_piece(job: Job, draws: Sequence[int], error: Exception, how: How) -> Piece:
+def failed_piece(job: Job, draws: Sequence[int], error: Exception, how: How) -> NotedRows:
     """Return the rows of seeds in which something was wrong, or raise it."""
     if how.strict:
         with plugins_in_words(job):
@@ -196,7 +196,7 @@ def _head(job: Job, draw: int) -> Row:
     return {**job.labels._asdict(), "seed": draw, "replicate": "seed" if job.scenario.seeded else "phase"}
 
 
-def joined_pieces(several: Iterable[Piece]) -> Piece:
+def joined_pieces(several: Iterable[NotedRows]) -> NotedRows:
     """Return the rows of several pieces of a job as one, each note once."""
     rows, notes = zip(*several, strict=True)
     return [row for own in rows for row in own], list(dict.fromkeys(note for own in notes for note in own))
@@ -232,7 +232,7 @@ def streams(job: Job) -> bool:
     return able and isinstance(job.method.engine, SideBySide) and all(map(can_stream, job.scoring.metrics))
 
 
-def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[Piece]:
+def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[NotedRows]:
     try:
         streamed = _streamed(jobs, draws, how)
     except Exception as error:  # noqa: BLE001 - whatever an engine raises becomes rows, or a sentence
@@ -262,7 +262,7 @@ class _Sums(NamedTuple):
     far: bool
 
 
-def _finished(job: Job, draw: int, streamed: _Sums | None, how: How) -> Piece:
+def _finished(job: Job, draw: int, streamed: _Sums | None, how: How) -> NotedRows:
     """Return the row of a seed; one that stopped, or went too far, is run alone, which says where and when."""
     if streamed is None or streamed.far:
         return alone(job, draw, how, streamed.values if streamed else None)
@@ -310,7 +310,7 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
     nees = any(getattr(metric, "reads_nees", not isinstance(metric, Reading)) for metric in first.scoring.metrics)
     bare = [
         Run(
-            told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
+            how.inputs.told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
             seed.scored.scoring if nees else seed.scored.errors_alone,
         )
         for job, seed in runs

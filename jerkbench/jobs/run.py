@@ -1,63 +1,39 @@
-"""The one loop: what is missing of a plan runs, here or on a cluster, and every row is stored as it comes."""
+"""The one loop: what is missing of a plan runs, here or on a cluster, and every row is stored as it comes.
 
+Several processes may work in one folder: bundles of tasks are locked before they run, and left out where another
+process has run them already.
+"""
+
+import hashlib
 import time
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, Self
+from types import TracebackType
+from typing import Self
+from uuid import uuid4
 
+from filelock import FileLock, Timeout
+
+from jerkbench.jobs.blocks import RowStore, Writer
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.identity import identity_of
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.jobs.locks import FOLDER, Locks, plan_name
 from jerkbench.jobs.plan import Plan, grouped, missing
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import Done, Result, Row, Task, failed_rows, work
+from jerkbench.jobs.rows import Done, Result, Task, failed_rows, work
 from jerkbench.notices import notify
 
 POLL_S = 1.0
 """So long we wait before we look again for what other processes have done."""
-HELD_S = 1.0
-"""So long a result waits for others at most, while results come: so much is lost with the process."""
-HELD_ROWS = 20_000
-"""And so many rows are kept in memory."""
 
-
-class Block(NamedTuple):
-    """Runs of a job that are stored together.
-
-    Attributes:
-        key: of the job.
-        runs: how many it has in all.
-        rows: one for each of these runs.
-        metadata: of the job: labels, specification, protocol, data, notes and times.
-    """
-
-    key: str
-    runs: int
-    rows: Sequence[Row]
-    metadata: Mapping[str, Any]
-
-
-class RowStore(Protocol):
-    """Where rows are kept."""
-
-    folder: Path
-
-    def prepare(self) -> list[str]:
-        """Make it ready to be written; damaged files are set aside."""
-
-    def known(self, keys: Collection[str], *, seen: set[str]) -> Mapping[str, Collection[int]]:
-        """Return the seeds of ``keys`` that did not fail in files that are not ``seen``; then they are."""
-
-    def write_blocks(self, blocks: Sequence[Block]) -> None:
-        """Store the blocks, all or none."""
+LOCKS_FOLDER = ".locks"
+"""The folder of the locks, in the study's."""
 
 
 def run_missing(
@@ -88,14 +64,13 @@ def run_missing(
         ClusterError: the cluster cannot go on; what is done is stored.
     """
     store.prepare()
-    known = Known(store, plan.jobs)
+    known = KnownSeeds(store, plan.jobs)
     left = known.unfinished(plan.jobs)
-    locks = Locks(store.folder.parent / FOLDER, plan_name(plan.draws))
+    locks = Locks(store.folder.parent / LOCKS_FOLDER, plan_name(plan.draws))
     with _shown(progress, len(plan.jobs), len(plan.jobs) - len(left)) as bar, locks, Writer(store) as writer:
-        tally = Tally(bar)
         while left:
-            remaining = {job.key: () for job in plan.jobs} | {job.key: tally.resume(job, known) for job in left}
-            groups = grouped(plan.jobs, remaining, least)
+            to_do = {job.key: set(missing(job, known.get(job.key, ()))) for job in left}
+            groups = grouped(plan.jobs, to_do, least)
             shared = Shared(groups, known, locks, writer)
             order = Order(
                 work=partial(work, strict=strict, threads=threads),
@@ -111,9 +86,10 @@ def run_missing(
                 done = _done(task, outcome, strict=strict)
                 for job, result in zip(task.jobs, done.results, strict=True):
                     writer.add(job, result)
-                    tally.add(job, result)
+                    to_do[job.key].difference_update(row["seed"] for row in result.rows)
+                    bar.advance([row["status"] for row in result.rows], count=not to_do[job.key])
                 shared.settle(task.bundle, sum(len(result.rows) for result in done.results))
-            left = _wait_for_others([job for job in left if job.key not in tally.whole], known, bar)
+            left = _wait_for_others([job for job in left if to_do[job.key]], known, bar)
 
 
 @contextmanager
@@ -127,7 +103,7 @@ def _shown(progress: Progress | None, jobs: int, done: int) -> Iterator[Progress
         yield progress
 
 
-class Known(dict[str, set[int]]):
+class KnownSeeds(dict[str, set[int]]):
     """The seeds of the jobs of a plan that are stored, by key, as far as was looked."""
 
     def __init__(self, store: RowStore, jobs: Sequence[Job]) -> None:
@@ -156,7 +132,7 @@ def _done(task: Task, outcome: Done | Exception, *, strict: bool) -> Done:
     return Done([Result(failed_rows(job, task.draws, reason), []) for job in task.jobs])
 
 
-def _wait_for_others(left: Sequence[Job], known: Known, progress: Progress) -> list[Job]:
+def _wait_for_others(left: Sequence[Job], known: KnownSeeds, progress: Progress) -> list[Job]:
     """Return what other processes have not done either, after a moment if there is any."""
     waiting = known.unfinished(left) if left else []
     progress.advance(count=len(left) - len(waiting))
@@ -166,98 +142,91 @@ def _wait_for_others(left: Sequence[Job], known: Known, progress: Progress) -> l
     return waiting
 
 
-class Tally:
-    """The count of the finished runs of jobs of which some are still running.
+# Bundles that are shared with other processes.
+
+
+def plan_name(draws: Mapping[str, Sequence[int]]) -> str:
+    """Name a plan by its keys and their seeds; its bundles have the same numbers in every process."""
+    sha = hashlib.sha256()
+    for key, own in draws.items():
+        sha.update(f"{key} {own}\n".encode())
+    return sha.hexdigest()[:12]
+
+
+class Locks:
+    """The locks of this process on the bundles of one plan. A lock ends with its process, whatever has ended that.
 
     Attributes:
-        whole: keys of the jobs of which none is.
+        mark: a file of this process; a worker that sees it has this folder, and may store there.
     """
 
-    def __init__(self, progress: Progress) -> None:
-        """Begin with nothing; ``progress`` is told of every job that is whole."""
-        self.whole: set[str] = set()
-        self._statuses: dict[str, dict[int, str]] = {}
-        self._progress = progress
-
-    def resume(self, job: Job, known: Mapping[str, Collection[int]]) -> Sequence[int]:
-        """Take up the stored runs of a job; returns the seeds to run."""
-        own = known.get(job.key, ())
-        self._statuses[job.key] = {draw: "" for draw in job.draws if draw in own}
-        self._count(job)
-        return missing(job, own)
-
-    def add(self, job: Job, result: Result) -> None:
-        """Add runs of a job."""
-        self._statuses.setdefault(job.key, {}).update({int(row["seed"]): row["status"] for row in result.rows})
-        self._count(job)
-
-    def _count(self, job: Job) -> None:
-        if len(self._statuses[job.key]) == len(job.draws):
-            self.whole.add(job.key)
-            self._progress.advance(list(self._statuses.pop(job.key).values()))
-
-
-class Writer:
-    """Results on their way into a store: those of many tasks become one file of it.
-
-    What is held is stored at the end, whatever has ended it.
-
-    Attributes:
-        store: where they go.
-    """
-
-    def __init__(self, store: RowStore) -> None:
-        """Write into ``store``."""
-        self.store = store
-        self._held: list[Block] = []
-        self._written = time.monotonic()
+    def __init__(self, folder: Path, plan: str) -> None:
+        """Lock in ``folder``; ``plan`` names the plan."""
+        self._folder, self._plan = folder, plan
+        self.mark = folder / f"{uuid4().hex}.process"
+        self._held: dict[str, FileLock] = {}
 
     def __enter__(self) -> Self:
-        """Begin with nothing."""
+        """Say that this process is here."""
+        while not self.mark.exists():
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._take(self.mark)
+            with suppress(FileNotFoundError):  # another process has just cleared the folder
+                self.mark.touch()
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Store what is held."""
-        self.flush()
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give up what is still locked; the last process clears the folder."""
+        for name in list(self._held):
+            self._release(name)
+        with suppress(OSError):  # what is left does no harm
+            self.mark.unlink(missing_ok=True)
+            if all(self._left_behind(path) for path in self._folder.glob("*.process")):
+                for path in self._folder.iterdir():
+                    path.unlink(missing_ok=True)
+                self._folder.rmdir()
 
-    def add(self, job: Job, result: Result) -> None:
-        """Take rows of a job."""
-        if result.rows:
-            self._held.append(block_of(job, result))
-        if time.monotonic() - self._written > HELD_S or sum(len(block.rows) for block in self._held) > HELD_ROWS:
-            self.flush()
+    def take(self, bundle: int) -> bool:
+        """Lock a bundle; False where another process has it."""
+        return self._take(self._path(bundle))
 
-    def flush(self) -> None:
-        """Store what is held as one file."""
-        if self._held:
-            self.store.write_blocks(self._held)
-        self._held = []
-        self._written = time.monotonic()
+    def release(self, bundle: int) -> None:
+        """Give up a bundle."""
+        self._release(self._path(bundle).name)
 
+    def _path(self, bundle: int) -> Path:
+        return self._folder / f"{self._plan}.{bundle}"
 
-def block_of(job: Job, result: Result) -> Block:
-    """Return the runs of ``result`` as they are stored."""
-    about = {
-        "labels": job.labels._asdict(),
-        "spec": job.spec,
-        "protocol": job.scoring.limits,
-        "data": job.scenario.data,
-        "notes": result.notes,
-        "code": code_digest(),
-        "versions": versions(),
-        "commit": git_commit(),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "seconds": round(result.seconds + result.inputs_s, 3),
-        "run_s": float(f"{result.seconds / len(result.rows):.4g}"),
-        "processor": result.processor,
-    }
-    return Block(job.key, len(job.draws), result.rows, about)
+    def _take(self, path: Path) -> bool:
+        lock = FileLock(f"{path}.lock", timeout=0, thread_local=False)
+        try:
+            lock.acquire()
+        except Timeout:
+            return False
+        except (OSError, NotImplementedError):
+            notify(f"{self._folder} can hold no locks: let one process at a time work there")
+            return True
+        self._held[path.name] = lock
+        return True
+
+    def _release(self, name: str) -> None:
+        if lock := self._held.pop(name, None):
+            lock.release()
+
+    def _left_behind(self, mark: Path) -> bool:
+        """Whether the process of a mark has ended."""
+        if not self._take(mark):
+            return False
+        self._release(mark.name)
+        return True
 
 
 class Shared:
     """The tasks of one round, as far as they are for this process: other processes may work in the same folder."""
 
-    def __init__(self, groups: Iterable[Sequence[Task]], known: Known, locks: Locks, writer: Writer) -> None:
+    def __init__(self, groups: Iterable[Sequence[Task]], known: KnownSeeds, locks: Locks, writer: Writer) -> None:
         """Begin with ``groups`` of which what is ``known`` is left out already."""
         self._known, self._locks, self._writer = known, locks, writer
         self._left = Counter[int]()

@@ -7,6 +7,7 @@ another distribution by its version. What `jerkbench.jobs.key` answers for by it
 import ast
 import hashlib
 import os
+import secrets
 import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -15,17 +16,48 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType, ModuleType
 
-KNOWN = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
+from jerkbench.errors import PluginError
+
+KNOWN_MODULES = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
 """Modules whose version or code is in every key."""
 
-MOST_BYTES = 64_000_000
+MOST_HASHED_BYTES = 64_000_000
 """A larger file counts by its size and the time of its last change."""
 
 CACHES, RESULTS = "__pycache__", "results"
 """Folders on which nothing depends."""
 
-Named = tuple[str, Path]
+NamedFile = tuple[str, Path]
 """A file, and what it is called: its place in its package."""
+
+
+@cache
+def plugin_digest(cls: type) -> str:
+    """Hash of all that a plugin outside this package depends on, and that of its bases.
+
+    Empty for our own plugins, which `code_digest` covers. A class without a file, of an interactive session, has
+    another one in each process: nothing tells whether it changed.
+    """
+    named = [line for base in cls.__mro__ for line in _named(base)]
+    homes = {c.__module__.partition(".")[0] for c in cls.__mro__} - KNOWN_MODULES - sys.stdlib_module_names
+    try:
+        texts = [*map(sources_digest, sorted(homes)), *named]
+        return hashlib.sha256("".join(texts).encode()).hexdigest() if texts else ""
+    except LookupError:
+        return _this_process()
+
+
+def _named(cls: type) -> Iterator[str]:
+    """Yield a line for each place that the class itself names in `depends_on`."""
+    file, names = getattr(sys.modules.get(cls.__module__), "__file__", None), vars(cls).get("depends_on", ())
+    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of texts, such as ("gains.csv",).')
+    return named_digests(names, Path(file).parent if file else Path())
+
+
+@cache
+def _this_process() -> str:
+    return secrets.token_hex(32)
 
 
 def sources_digest(module: str) -> str:
@@ -52,7 +84,9 @@ def _lines(module: str) -> Iterator[str]:
             continue
         files = list(_loose(top, required=top == own) if installed is None else _whole(installed, top))
         yield from (f"{name} {_content(path)}" for name, path in files)
-        for name in sorted(_reached(top, [path for _, path in files]) - visited - KNOWN - sys.stdlib_module_names):
+        for name in sorted(
+            _reached(top, [path for _, path in files]) - visited - KNOWN_MODULES - sys.stdlib_module_names
+        ):
             visited.add(name)
             waiting.append(name)
 
@@ -117,7 +151,7 @@ def _place(top: str) -> Path | None:
     return Path(place).resolve() if place else None
 
 
-def _distributed(installed: Distribution) -> Iterator[Named]:
+def _distributed(installed: Distribution) -> Iterator[NamedFile]:
     """Yield every file that was installed with it."""
     for file in installed.files or ():
         path = Path(str(file.locate()))
@@ -125,14 +159,14 @@ def _distributed(installed: Distribution) -> Iterator[Named]:
             yield str(file), path
 
 
-def _whole(installed: Distribution, top: str) -> Iterator[Named]:
+def _whole(installed: Distribution, top: str) -> Iterator[NamedFile]:
     """Yield every file of a distribution, and what was put into the package's folder later."""
     yield from _distributed(installed)
     if (place := _place(top)) is not None and place.is_dir():
         yield from _loose(top, required=False)
 
 
-def _loose(top: str, *, required: bool) -> Iterator[Named]:
+def _loose(top: str, *, required: bool) -> Iterator[NamedFile]:
     """Yield the files of a package; of a module that stands alone, itself, and the data beside it."""
     place = _place(top)
     if place is None:
@@ -173,7 +207,7 @@ def named_digests(names: Iterable[str], home: Path) -> Iterator[str]:
 
 def _content(path: Path) -> str:
     stat = path.stat()
-    if stat.st_size > MOST_BYTES:
+    if stat.st_size > MOST_HASHED_BYTES:
         return f"{stat.st_size} {stat.st_mtime_ns}"
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -13,7 +13,7 @@ from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.estimate import Estimate
-from jerkbench.sums import Scoring, Streamed
+from jerkbench.sums import ErrorWeights, Streamed
 
 EAST, NORTH, UP, VEAST, VNORTH, VUP, WHOLE, OUTAGE, LARGEST, FARTHEST = range(10)
 NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(10, 16)
@@ -24,7 +24,7 @@ class TrajectoryScore(NamedTuple):
     """What the k visited rows of the reference count for, and the sums.
 
     Attributes:
-        truth: (k, 6) as in `jerkbench.sums.Scoring`, like the next four.
+        truth: (k, 6) as in `jerkbench.sums.ErrorWeights`, like the next four.
         counted: (k,) likewise.
         whole: (k,) likewise.
         moving: (k,) likewise.
@@ -48,7 +48,7 @@ class TrajectoryScore(NamedTuple):
     room: FloatVector
 
 
-def _score_of(scoring: Scoring, update_s: FloatArray) -> TrajectoryScore:
+def _score_of(scoring: ErrorWeights, update_s: FloatArray) -> TrajectoryScore:
     """What is needed to score a run with updates at ``update_s`` (m,)."""
     marks = np.unique(scoring.marks)
     mark = np.full(len(scoring.truth), -1, dtype=np.int64)
@@ -71,7 +71,7 @@ def _plain(array: FloatArray) -> FloatArray:
     return np.require(array, np.float64, ["C", "W", "A"])
 
 
-def scored_trajectory(estimate: Estimate, scoring: Scoring) -> Streamed:
+def scored_trajectory(estimate: Estimate, scoring: ErrorWeights) -> Streamed:
     """Return the sums of a trajectory; what is no number in it is none in them, where it counts."""
     updates = estimate.updates
     kept = updates.rows - np.isinf(updates.R_diagonal).sum(axis=1)

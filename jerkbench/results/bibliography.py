@@ -14,12 +14,12 @@ DOI = re.compile(r"doi:(10\.\d{4,}/[^\s,;]*[^\s,;.:)])")
 """As docstrings have it."""
 
 TITLED = re.compile(r'(?P<author>[^;:(]+?), "(?P<title>[^"]+?),?"[^"]*$')
-PLAIN = re.compile(r"\((?P<author>[^();]+?), \d{4}, $")
+UNTITLED = re.compile(r"\((?P<author>[^();]+?), \d{4}, $")
 YEAR = re.compile(r"\b(?:19|20)\d\d\b(?!-)")
 
 INITIAL = re.compile(r"\b[A-Z]\. ?-?[A-Z]")
 
-OWN = "CITATION.cff"
+OWN_CITATION = "CITATION.cff"
 
 
 def entries_of(folder: Path) -> list[str]:
@@ -58,7 +58,7 @@ def entry(doi: str, before: str, titles: Iterable[str]) -> str:
         before: what a docstring has before the DOI: authors, a title in quotation marks, a year.
         titles: what it is the source of.
     """
-    read = TITLED.search(before) or PLAIN.search(before)
+    read = TITLED.search(before) or UNTITLED.search(before)
     known = {name: text for name, text in (read.groupdict() if read else {}).items() if text}
     if "author" in known:
         known["author"] = _authors(known["author"])
@@ -72,7 +72,7 @@ def own_entry() -> str:
     from omegaconf import OmegaConf
 
     package = Path(__file__).parents[1]
-    beside, inside = package.parent / OWN, package / OWN
+    beside, inside = package.parent / OWN_CITATION, package / OWN_CITATION
     cited: Any = OmegaConf.to_container(OmegaConf.load(beside if beside.is_file() else inside))
     fields = {
         "author": " and ".join(f"{{{author['name']}}}" for author in cited["authors"]),

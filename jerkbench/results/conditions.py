@@ -5,13 +5,13 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from jerkbench.jobs.labels import bare
 from jerkbench.results.content import Content
-from jerkbench.results.titles import bare
 
-PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
+LABELLED_PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
 """Parts of a cell that a label stands for; the noise is a parameter of the filter."""
 
-MEASURED = ("dataset", "disturbance")
+DECIDING_SCORES = ("dataset", "disturbance")
 """Parts that decide what was measured and how it was scored, not which method was run."""
 
 PROTOCOL = ("burn_in_s", "divergence_limit_m")
@@ -20,7 +20,7 @@ PROTOCOL = ("burn_in_s", "divergence_limit_m")
 PLACES = ("folder", "file")
 """Ends of the parameters that say where data are; estimates from elsewhere have another file in each scenario."""
 
-UNKNOWN = "none"
+NO_DATA = "none"
 """In the place of the hash of data that were drawn, not read."""
 
 BESIDE = {"dataset": ("engine",), "filter": ("r_scale",)}
@@ -29,19 +29,22 @@ BESIDE = {"dataset": ("engine",), "filter": ("r_scale",)}
 NO_PARAMETERS: Mapping[str, Any] = {}
 """Of a part that a specification lacks."""
 
-Values = dict[str, str]
+ConditionValues = dict[str, str]
 """Parameter -> its value as text."""
 
+Conditions = Mapping[str, ConditionValues]
+"""Of each of `LABELLED_PARTS`."""
 
-def conditions(cells: Iterable[Mapping[str, Any]]) -> list[dict[str, Values]]:
+
+def conditions(cells: Iterable[Mapping[str, Any]]) -> list[Conditions]:
     """Return the parameters of each part of each cell; the protocol and the engine belong to the data set.
 
     Args:
         cells: the metadata of each. Parts that are one object are so in the answer too: most of many cells are.
     """
-    known: dict[object, Values] = {}
+    known: dict[object, ConditionValues] = {}
     kept = list(cells)  # as long as they are, no two of their parts have one id
-    return [{part: _of_part(part, cell, known) for part in PARTS} for cell in kept]
+    return [{part: _of_part(part, cell, known) for part in LABELLED_PARTS} for cell in kept]
 
 
 def with_one_name(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -49,8 +52,8 @@ def with_one_name(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
     So ``mtf`` and ``mtf(window=1)``, whose window is 1 unless one says otherwise, are one method.
     """
-    labels, known = [dict(cell["labels"]) for cell in cells], dict[object, Values]()
-    for part in PARTS:
+    labels, known = [dict(cell["labels"]) for cell in cells], dict[object, ConditionValues]()
+    for part in LABELLED_PARTS:
         spelled = Counter(map(bare, {label[part] for label in labels}))
         groups: dict[object, list[dict[str, str]]] = {}
         for cell, label in zip(cells, labels, strict=True):
@@ -66,7 +69,7 @@ def with_one_name(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def told_apart(
-    cells: Sequence[Mapping[str, Any]], known: Sequence[Mapping[str, Values]]
+    cells: Sequence[Mapping[str, Any]], known: Sequence[Conditions]
 ) -> tuple[list[dict[str, str]], list[str]]:
     """Return the labels of each cell, with what two cells of one label differ in, and a sentence for each such label.
 
@@ -78,7 +81,7 @@ def told_apart(
     """
     labels = [dict(cell["labels"]) for cell in cells]
     remarks = []
-    for part in PARTS:
+    for part in LABELLED_PARTS:
         for label, places in _of_one_label(cells, part).items():
             varying = _varying(list({id(known[place][part]): known[place][part] for place in places}.values()))
             if varying:
@@ -88,7 +91,7 @@ def told_apart(
     return labels, remarks
 
 
-def _of_part(part: str, cell: Mapping[str, Any], known: dict[object, Values]) -> Values:
+def _of_part(part: str, cell: Mapping[str, Any], known: dict[object, ConditionValues]) -> ConditionValues:
     """The parameters of one part of a cell, once for all cells that share it."""
     spec, protocol = cell["spec"], cell["protocol"]
     own, others = spec.get(part, NO_PARAMETERS), [spec.get(name, NO_PARAMETERS) for name in BESIDE.get(part, ())]
@@ -98,7 +101,7 @@ def _of_part(part: str, cell: Mapping[str, Any], known: dict[object, Values]) ->
         known[which] = _parameters(part, own)
         if part == "dataset":
             scored = {name: _text(protocol[name]) for name in PROTOCOL if name in protocol}
-            known[which] |= {"data": cell["data"][:12] or UNKNOWN, **scored}
+            known[which] |= {"data": cell["data"][:12] or NO_DATA, **scored}
         if part == "filter":
             known[which] = {name: text for name, text in known[which].items() if not name.endswith(PLACES)}
         for name, plugin in zip(BESIDE.get(part, ()), others, strict=True):
@@ -115,12 +118,12 @@ def _of_one_label(cells: Sequence[Mapping[str, Any]], part: str) -> dict[tuple[s
     return groups
 
 
-def _own(part: str, values: Values, varying: Mapping[str, Mapping[str, str]]) -> list[str]:
+def _own(part: str, values: ConditionValues, varying: Mapping[str, Mapping[str, str]]) -> list[str]:
     """The parameters of one cell that differ between cells."""
     return [f"{name.removeprefix(f'{part}.')}={texts[values[name]]}" for name, texts in varying.items()]
 
 
-def differing_conditions(first: Mapping[str, Values], second: Mapping[str, Values], parts: Iterable[str]) -> list[str]:
+def differing_conditions(first: Conditions, second: Conditions, parts: Iterable[str]) -> list[str]:
     """Return what two cells differ in, "burn_in_s (0, 10)", for some parts."""
     names = []
     for part in parts:
@@ -143,7 +146,7 @@ def with_parameters(label: str, parameters: Sequence[str]) -> str:
     return f"{label[:-1]}, {joined})" if label.endswith(")") else f"{label}({joined})"
 
 
-def _parameters(part: str, plugins: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Values:
+def _parameters(part: str, plugins: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> ConditionValues:
     """The parameters of a plugin, or of several disturbances in order, whose names and places are conditions too."""
     if isinstance(plugins, Mapping):
         return {f"{part}.{key}": _text(value) for key, value in plugins.items()}
@@ -156,7 +159,7 @@ def _parameters(part: str, plugins: Mapping[str, Any] | Sequence[Mapping[str, An
     }
 
 
-def _varying(known: Sequence[Values]) -> dict[str, dict[str, str]]:
+def _varying(known: Sequence[ConditionValues]) -> dict[str, dict[str, str]]:
     """Parameters that differ, each with its values in short; one that some do not have is of other code.
 
     Where the data have a hash, it decides; places of files only say in better words which data these are.
@@ -168,7 +171,7 @@ def _varying(known: Sequence[Values]) -> dict[str, dict[str, str]]:
     if "data" in differing:
         shown = [name for name in differing if name != "data" or not places]
     else:
-        hashed = values.get("data", [UNKNOWN]) != [UNKNOWN]
+        hashed = values.get("data", [NO_DATA]) != [NO_DATA]
         shown = [name for name in differing if not (hashed and name in places)]
     return {name: dict(zip(differing[name], _short(differing[name]), strict=True)) for name in shown}
 

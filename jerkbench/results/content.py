@@ -13,14 +13,14 @@ import pyarrow.compute as pc
 from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.jobs.labels import Labels
 from jerkbench.renamed import new_label
-from jerkbench.results.parts import CELL, COLUMNS, HEAD, KEY, PROCESSOR, RUNS, parsed
+from jerkbench.results.parts import CELL, COLUMNS, HEAD_COLUMNS, KEY, PROCESSOR, RUNS, parsed
 
 OF_BLOCKS = ("cell.notes", "cell.seconds", "cell.created")
 """What differs from block to block of a cell."""
 
 Stretches = Sequence[Sequence[int]]
 """Seeds that follow each other: the first, and how many."""
-Shown = Mapping[str, Stretches]
+ShownSeeds = Mapping[str, Stretches]
 """The seeds that are shown, by the keys of their cells."""
 
 
@@ -67,7 +67,7 @@ class Content:
     def stored(self) -> Iterator[Stored]:
         """Yield every cell with its rows."""
         for place, key in enumerate(self.keys):
-            rows = frame(self.rows_of(place), [*HEAD, *self.columns[place]])
+            rows = frame(self.rows_of(place), [*HEAD_COLUMNS, *self.columns[place]])
             yield Stored(key, rows, self.metadata[place])
 
     def rows_in_order(self, places: Sequence[int]) -> pa.Table:
@@ -76,7 +76,7 @@ class Content:
         return self.table.take(pa.array(np.concatenate(ranges)))
 
 
-def content_of_tables(tables: Sequence[pa.Table], shown: Shown) -> Content:
+def content_of_tables(tables: Sequence[pa.Table], shown: ShownSeeds) -> Content:
     """Join parts: of a run that was stored more than once one that did not fail, the newest; cells that are whole.
 
     Args:
@@ -114,18 +114,16 @@ def _shown(runs: IntArray, seeds: IntArray, stretches: Stretches | None) -> Bool
 def concatenated(tables: Sequence[pa.Table]) -> pa.Table:
     """Join tables; a metric that is whole in some of them and not in others is a floating point number."""
     types: dict[str, set[pa.DataType]] = {}
-    for name, kind in chain.from_iterable(map(_types, tables)):
-        types.setdefault(name, set()).add(kind)
-    mixed = {name for name, kinds in types.items() if len(kinds - {pa.null()}) > 1}
-    alike = [_as_floats(table, [name for name in table.column_names if name in mixed]) for table in tables]
+    for field in chain.from_iterable(table.schema for table in tables):
+        types.setdefault(field.name, set()).add(field.type)
+    floats = {name: pa.float64() for name, kinds in types.items() if len(kinds - {pa.null()}) > 1}
+    alike = [table.cast(_with_types(table.schema, floats), safe=False) for table in tables]
     return pa.concat_tables(alike, promote_options="default").unify_dictionaries().combine_chunks()
 
 
-def _as_floats(table: pa.Table, names: Sequence[str]) -> pa.Table:
-    for name in names:
-        column = table[name].cast(pa.float64(), safe=False)
-        table = table.set_column(table.column_names.index(name), name, column)
-    return table
+def _with_types(schema: pa.Schema, types: Mapping[str, pa.DataType]) -> pa.Schema:
+    """The schema with other types of some columns."""
+    return pa.schema([field.with_type(types.get(field.name, field.type)) for field in schema])
 
 
 def ordered_runs(table: pa.Table) -> tuple[IntArray, IntArray]:
@@ -148,23 +146,17 @@ def codes_of(column: pa.ChunkedArray) -> IntArray:
 def frame(table: pa.Table, names: Iterable[str]) -> pd.DataFrame:
     """Return some columns for pandas, whatever the file says that pandas should make of them."""
     chosen = table.select(list(names))
-    plain = {name: pa.string() if pa.types.is_dictionary(kind) else kind for name, kind in _types(chosen)}
-    rows: pd.DataFrame = chosen.cast(pa.schema(plain.items())).to_pandas(use_threads=False, ignore_metadata=True)
+    texts = {field.name: pa.string() for field in chosen.schema if pa.types.is_dictionary(field.type)}
+    plain = chosen.cast(_with_types(chosen.schema, texts))
+    rows: pd.DataFrame = plain.to_pandas(use_threads=False, ignore_metadata=True)
     return rows
-
-
-def _types(table: pa.Table) -> list[tuple[str, pa.DataType]]:
-    return [(field.name, field.type) for field in table.schema]
 
 
 def _ranks(column: pa.ChunkedArray) -> IntArray:
     """Return the place of each text among the texts in order."""
     encoded = column.combine_chunks().dictionary_encode()
-    texts = encoded.dictionary.to_pylist()
-    ranks = np.empty(len(texts), np.int64)
-    ranks[np.argsort(np.array(texts, dtype=object))] = np.arange(len(texts))
-    places: IntArray = ranks[encoded.indices.to_numpy()]
-    return places
+    ranks = np.argsort(np.argsort(np.array(encoded.dictionary.to_pylist(), dtype=object)))
+    return np.asarray(ranks[encoded.indices.to_numpy()], np.int64)
 
 
 def _metadata(first: pa.Table) -> list[dict[str, Any]]:
@@ -185,7 +177,7 @@ def _metadata(first: pa.Table) -> list[dict[str, Any]]:
 
 def _metrics(first: pa.Table) -> list[list[str]]:
     """The metrics of each cell, in its own order; cells with the same ones share the list."""
-    columns = {name for name in first.column_names if name not in HEAD and not name.startswith(CELL)}
+    columns = {name for name in first.column_names if name not in HEAD_COLUMNS and not name.startswith(CELL)}
     texts = first[COLUMNS].to_pylist()
     named = {text: [name for name in dict.fromkeys(parsed(text)) if name in columns] for text in set(texts)}
     return [named[text] for text in texts]

@@ -20,24 +20,27 @@ import pyarrow.parquet as pq
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.evaluated_run import RUN
 from jerkbench.files import exists
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.labels import Labels
-from jerkbench.jobs.run import Block
 
 # A part of the store: one Parquet file with runs of many cells, its digest in its name.
 #
 # A row is a run: the labels of its cell, its seed and status, its metrics, and in columns that begin with ``cell.``
 # what else is known of its cell, as JSON. Those columns repeat from row to row, so that Parquet keeps each text once.
 
-NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
+PART_NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
 """Host, a number of its own and a hash of the content: no two parts have one name, and a flipped bit is found."""
 
 NOT_FACTS = ("labels", "spec", "failed")
 """Entries of a cell's metadata that have columns of their own, or are counted."""
 
-NUMBERS = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_null)
+NUMERIC = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_null)
 """Tests of the types that a metric's column may have."""
 
-DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, pa.ArrowException)
+DAMAGED_PARQUET = (
+    *(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError),
+    pa.ArrowException,
+)
 """Errors of pyarrow on a damaged file."""
 
 CELL = "cell."
@@ -47,12 +50,15 @@ KEY, RUNS, COLUMNS = "cell.key", "cell.runs", "cell.columns"
 PROCESSOR = "cell.processor"
 """The kind of processor that ran the cell."""
 
-HEAD = (*Labels._fields, *RUN)
+HEAD_COLUMNS = (*Labels._fields, *RUN)
 """The columns that every row has, before its metrics."""
 
 SPEC = ("dataset", "disturbance", "attitude", "filter", "adaptation", "engine", "metrics")
 ABOUT = ("protocol", "data", "notes", "code", "versions", "commit", "created", "seconds")
-REQUIRED = {*HEAD, KEY, RUNS, COLUMNS, *(CELL + name for name in ABOUT), *(f"{CELL}spec.{part}" for part in SPEC)}
+REQUIRED_COLUMNS = {
+    *(*HEAD_COLUMNS, KEY, RUNS, COLUMNS),
+    *(f"{CELL}{name}" for name in (*ABOUT, *(f"spec.{part}" for part in SPEC))),
+}
 """The columns of every part; a file that lacks one is damaged."""
 
 
@@ -66,12 +72,8 @@ def content_of(table: pa.Table) -> bytes:
 
 def part_name(content: bytes) -> str:
     """Return a new name for a part with this content."""
-    return f"part-{host()}-{uuid.uuid4().hex}-{content_digest(content)}"
-
-
-def host() -> str:
-    """Return the name of this machine, as it stands in the names of parts."""
-    return re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
+    host = re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
+    return f"part-{host}-{uuid.uuid4().hex}-{content_digest(content)}"
 
 
 def content_digest(content: bytes) -> str:
@@ -93,11 +95,11 @@ def part_of(content: bytes, expected: str, columns: list[str] | None = None) -> 
         # Not read_table: its threads may let go of the content when the interpreter has ended, which aborts it.
         file = pq.ParquetFile(pa.BufferReader(content))
         return file.read(columns=columns, use_threads=False) if _is_part(file.schema_arrow) else None
-    except DAMAGE:
+    except DAMAGED_PARQUET:
         return None
 
 
-def table_of(blocks: Sequence[Block]) -> pa.Table:
+def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
     """Return the rows of some cells, with all that is known of these.
 
     Raises:
@@ -111,7 +113,7 @@ def table_of(blocks: Sequence[Block]) -> pa.Table:
     return table
 
 
-def with_facts(columns: dict[str, pa.Array], blocks: Sequence[Block]) -> pa.Table:
+def with_facts(columns: dict[str, pa.Array], blocks: Sequence[RowBlock]) -> pa.Table:
     """Return the table of columns of the rows of some blocks, with all that is known of their cells."""
     counts = [len(block.rows) for block in blocks]
     known = [_facts(block) for block in blocks]
@@ -129,14 +131,15 @@ def parsed(text: str) -> Any:  # noqa: ANN401 - any JSON
 
 def _is_part(schema: pa.Schema) -> bool:
     """Whether every column is there, and each metric is a number."""
-    kinds = [field.type for field in schema if field.name not in HEAD and not field.name.startswith(CELL)]
-    return set(schema.names) >= REQUIRED and all(any(is_number(kind) for is_number in NUMBERS) for kind in kinds)
+    kinds = [field.type for field in schema if field.name not in HEAD_COLUMNS and not field.name.startswith(CELL)]
+    numeric = all(any(is_kind(kind) for is_kind in NUMERIC) for kind in kinds)
+    return numeric and set(schema.names) >= REQUIRED_COLUMNS
 
 
-def _names(blocks: Sequence[Block]) -> Iterator[str]:
+def _names(blocks: Sequence[RowBlock]) -> Iterator[str]:
     """The names of all columns of rows, those of the head first."""
     rows = chain.from_iterable(block.rows for block in blocks)
-    names = dict.fromkeys([*HEAD, *chain.from_iterable(rows)])
+    names = dict.fromkeys([*HEAD_COLUMNS, *chain.from_iterable(rows)])
     if strange := [name for name in names if str(name).startswith(CELL)]:
         raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
     return iter(names)
@@ -154,9 +157,9 @@ def _values(name: str, values: list[Any]) -> pa.Array:
     return array.dictionary_encode() if pa.types.is_string(array.type) else array
 
 
-def _facts(block: Block) -> dict[str, str]:
+def _facts(block: RowBlock) -> dict[str, str]:
     """All that is known of a cell, each entry as JSON, by the name of its column."""
-    own = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD]
+    own = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
     entries: dict[str, Any] = {name: block.metadata[name] for name in block.metadata if name not in NOT_FACTS}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
     texts = {CELL + name: json.dumps(value) for name, value in entries.items()}
@@ -198,19 +201,17 @@ class PartFiles:
         return names
 
     def each(
-        self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
+        self, columns: list[str] | None = None, seen: set[str] | None = None
     ) -> Iterator[tuple[str, pa.Table | None]]:
-        """Each file that may hold ``keys``, by its name, with its rows (default: whole); None where it is damaged.
+        """Each file by its name, with its rows (default: whole); None where it is damaged.
 
         Files that are ``seen`` are left out; those that were given are then.
         """
         seen = set() if seen is None else seen
-        wanted = None if keys is None else set(keys)
         for _ in range(LISTINGS):
-            names = self.names()
             vanished = False
-            for name in names:
-                if name in seen or (wanted is not None and not NAME.fullmatch(name) and name not in wanted):
+            for name in self.names():
+                if name in seen:
                     continue
                 try:
                     yield name, self.load(name, columns)
@@ -226,17 +227,13 @@ class PartFiles:
         Raises:
             FileNotFoundError: it is gone.
         """
-        path = self.path(name)
-        if not path.is_file():
-            if exists(path):
-                return None
-            raise FileNotFoundError(path)
+        path, match = self.path(name), PART_NAME.fullmatch(name)
+        if not match or (exists(path) and not path.is_file()):  # a pipe would be waited for
+            return None
         try:
-            content = path.read_bytes()
+            return part_of(path.read_bytes(), match[1], columns)
         except PermissionError as error:
             raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
-        match = NAME.fullmatch(name)
-        return part_of(content, match[1], columns) if match else None
 
     def put(self, table: pa.Table) -> Path:
         """Write rows as a new part, at once and whole; returns its path."""

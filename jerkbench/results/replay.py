@@ -21,6 +21,7 @@ from jerkbench.jobs.preflight import plugins_in_words
 from jerkbench.jobs.rows import Row, job_rows, run_seed
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
+from jerkbench.report.analysis.columns import SCENARIO_FACTORS
 from jerkbench.results.content import Stored
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, load_study
@@ -29,10 +30,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-LARGEST = 100_000
+LARGEST_SPEC = 100_000
 """Characters of a stored specification: the longest of this project's own studies has some thousands."""
 
-SHOWN = 200
+SHOWN_CHARS = 200
 """Characters of a command that a sentence shows."""
 
 
@@ -128,7 +129,8 @@ def program_of(spec: Mapping[str, Any]) -> str:
     if name not in plugins.names("filter") or not issubclass(plugins.get("filter", name), Command):
         return ""
     command = " ".join(plain(str(model.get("command"))).split()) or name
-    return command if len(command) <= SHOWN else f"{command[:SHOWN]} ... ({len(command) - SHOWN} more characters)"
+    more = len(command) - SHOWN_CHARS
+    return f"{command[:SHOWN_CHARS]} ... ({more} more characters)" if more > 0 else command
 
 
 def runnable(cells: Sequence[Stored], *, run_programs: bool) -> list[Stored]:
@@ -155,10 +157,10 @@ def _job_of(stored: Stored) -> Job:
         JerkbenchError: it describes none, at least not for this version of the plugins, or is too large to be true.
     """
     metadata = stored.metadata
-    if (size := len(json.dumps(metadata["spec"]))) > LARGEST:
+    if (size := len(json.dumps(metadata["spec"]))) > LARGEST_SPEC:
         raise JerkbenchError(
-            f"The configuration that is stored with the cell {stored.key} has {size} characters, and at most {LARGEST}"
-            " are taken: no run writes that much. It is damaged, or forged."
+            f"The configuration that is stored with the cell {stored.key} has {size} characters, and at most"
+            f" {LARGEST_SPEC} are taken: no run writes that much. It is damaged, or forged."
         )
     if "${" in json.dumps(metadata["spec"]):
         raise JerkbenchError(
@@ -215,7 +217,6 @@ def _by_key(folder: Path, which: str) -> tuple[str, int | None]:
 
 # The time that a step of each method takes, measured again on this machine.
 
-SCENARIO = ("dataset", "disturbance", "attitude")
 REPEATS = 5
 """Of so many runs the quickest counts: what else the machine does makes a run slower, never quicker."""
 
@@ -233,7 +234,7 @@ def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
         JerkbenchError: no run of the scenario went well, or its data are not there any more.
     """
     rows = study.rows.assign(key=study.keys.to_numpy())
-    scenario = (rows[[*SCENARIO]] == rows[[*SCENARIO]].iloc[0]).all(axis=1)
+    scenario = (rows[[*SCENARIO_FACTORS]] == rows[[*SCENARIO_FACTORS]].iloc[0]).all(axis=1)
     chosen = rows[scenario & (rows["status"] == "ok")].drop_duplicates("key")
     if chosen.empty:
         raise JerkbenchError(f"No run of the first scenario of {study.folder} went well, so no step can be timed.")

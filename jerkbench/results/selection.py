@@ -9,15 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, NotComparableError, unknown
+from jerkbench.jobs.labels import bare
 from jerkbench.renamed import new_label
-from jerkbench.report.analysis.columns import FACTORS, METHOD
-from jerkbench.report.analysis.runs import Combination
-from jerkbench.results.conditions import MEASURED, PARTS, Values, differing_conditions
+from jerkbench.report.analysis.columns import FACTORS, METHOD, Combination, require_factors
+from jerkbench.results.conditions import DECIDING_SCORES, LABELLED_PARTS, Conditions, differing_conditions
 from jerkbench.results.study import Study
-from jerkbench.results.titles import bare
 
 
-class Named(NamedTuple):
+class NamedStudy(NamedTuple):
     """A study's folder, and what was chosen of it.
 
     Attributes:
@@ -29,7 +28,7 @@ class Named(NamedTuple):
     chosen: Mapping[str, str]
 
 
-def named_study(words: str) -> Named:
+def named_study(words: str) -> NamedStudy:
     """Read ``FOLDER`` or ``FOLDER:FILTER+ADAPTATION+NOISE``; a word ``FACTOR=VALUE`` names another factor.
 
     Raises:
@@ -37,17 +36,16 @@ def named_study(words: str) -> Named:
     """
     folder, colon, method = words.rpartition(":")
     if not (colon and folder and method) or set(method) & {"/", "\\"} or Path(words).exists():
-        return Named(Path(words), {})
+        return NamedStudy(Path(words), {})
     chosen: dict[str, str] = {}
     for position, word in enumerate(method.split("+")):
         factor, equals, value = word.partition("=")
         factor, value = (factor, value) if equals else (_of_position(position, words), word)
-        if factor not in FACTORS:
-            raise JerkbenchError(unknown("factor", factor, FACTORS))
+        require_factors([factor])
         if factor in chosen:
             raise JerkbenchError(f"'{words}' names the {factor} twice; name it once.")
         chosen[factor] = new_label(factor, value)
-    return Named(Path(folder), chosen)
+    return NamedStudy(Path(folder), chosen)
 
 
 def _of_position(position: int, words: str) -> str:
@@ -128,10 +126,8 @@ def told(first: Study, second: Study, chosen: tuple[Mapping[str, str], Mapping[s
 
 # The comparability of two studies: conditions that differ, and combinations that one of them lacks.
 
-COMPARED = tuple(part for part in PARTS if part not in MEASURED)
+COMPARED = tuple(part for part in LABELLED_PARTS if part not in DECIDING_SCORES)
 """Parts that a comparison of two versions may be about."""
-
-Conditions = Mapping[str, Values]
 
 
 def require_alike(first: Study, second: Study) -> None:
@@ -144,7 +140,7 @@ def require_alike(first: Study, second: Study) -> None:
     mixed = [f"In {study.folder}: {words}" for study in (first, second) for words in study.unlike]
     if mixed and not shared:
         raise NotComparableError(f"{first.folder} and {second.folder} have no combination in common. {' '.join(mixed)}")
-    unlike = {name: differing for name, a, b in shared if (differing := differing_conditions(a, b, MEASURED))}
+    unlike = {name: differing for name, a, b in shared if (differing := differing_conditions(a, b, DECIDING_SCORES))}
     if not unlike:
         return
     conditions = " and ".join(dict.fromkeys(name for names in unlike.values() for name in names))
@@ -173,4 +169,4 @@ def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditio
 
 def _keys(study: Study) -> dict[Combination, str]:
     named = study.rows[[*FACTORS]].astype(str).itertuples(index=False, name=None)
-    return dict(zip(named, study.keys, strict=True))
+    return dict(zip(map(Combination._make, named), study.keys, strict=True))

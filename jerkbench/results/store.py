@@ -1,10 +1,9 @@
 """The store: the runs of a study's cells in parts, written at once and atomically, found again by their cells' keys."""
 
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 from uuid import uuid4
 
 import numpy as np
@@ -13,15 +12,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import WHAT
-from jerkbench.jobs.rows import Row
-from jerkbench.jobs.run import Block
 from jerkbench.notices import notify
 from jerkbench.plain import plain
 from jerkbench.results.content import (
     Content,
-    Shown,
+    ShownSeeds,
     Stored,
     codes_of,
     concatenated,
@@ -33,10 +30,10 @@ from jerkbench.results.manifest import read_manifest
 from jerkbench.results.parts import CELL, KEY, PartFiles, table_of
 from jerkbench.results.study_remarks import set_aside
 
-SEEN = [KEY, "seed", "status"]
+SEEN_COLUMNS = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
 
-FACTS = {
+RUN_COLUMNS = {
     **{name: name for name in ("seed", "status", "reason")},
     **{f"{CELL}{name}": name for name in ("code", "versions", "run_s")},
 }
@@ -45,11 +42,11 @@ FACTS = {
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
 
-SMALL = 20_000
+SMALL_ROWS = 20_000
 """Rows of a part that is not worth joining with others."""
 JOINED = 100_000
 """Rows of which joined parts have no more: so many are in memory at once."""
-MANY = 16
+MANY_PARTS = 16
 """Small parts from which on they are joined."""
 
 
@@ -82,7 +79,7 @@ class Store:
                         partial.unlink()
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
-        damaged = [name for name, table in self.files.each(None, SEEN) if table is None]
+        damaged = [name for name, table in self.files.each(SEEN_COLUMNS) if table is None]
         for path in map(self.files.path, damaged):
             with suppress(FileNotFoundError):  # another process has just set it aside
                 path.rename(path.with_name(f"{path.name}.damaged"))
@@ -90,15 +87,7 @@ class Store:
             notify(set_aside(damaged))
         return damaged
 
-    def write(self, key: str, rows: Sequence[Row], metadata: Mapping[str, Any]) -> None:
-        """Store a whole cell, as a part of its own.
-
-        Raises:
-            JerkbenchError: no reader would take it for a cell.
-        """
-        self.write_blocks([Block(key, len(rows), rows, metadata)])
-
-    def write_blocks(self, blocks: Sequence[Block]) -> None:
+    def write_blocks(self, blocks: Sequence[RowBlock]) -> None:
         """Store runs of some cells as one part; a reader sees the whole of it or nothing.
 
         Raises:
@@ -112,7 +101,7 @@ class Store:
         Files that are ``seen`` are left out; those that are read now are seen then.
         """
         known: dict[str, set[int]] = {}
-        tables, _ = self._tables(list(keys), SEEN, seen)
+        tables, _ = self._tables(list(keys), SEEN_COLUMNS, seen)
         for table in tables:
             wanted = table if failed else table.filter(pc.not_equal(table["status"].cast(pa.string()), "failed"))
             codes, seeds = codes_of(wanted[KEY]), wanted["seed"].to_numpy()
@@ -121,7 +110,9 @@ class Store:
                 known.setdefault(names[codes[places[0]]], set()).update(seeds[places].tolist())
         return known
 
-    def read(self, keys: Iterable[str] | None = None, shown: Shown | None = None) -> tuple[list[Stored], list[str]]:
+    def read(
+        self, keys: Iterable[str] | None = None, shown: ShownSeeds | None = None
+    ) -> tuple[list[Stored], list[str]]:
         """Return the cells that `content` has, in the order of ``keys``, and the names of damaged files."""
         wanted = None if keys is None else list(keys)
         content, damaged = self.content(wanted, shown)
@@ -129,7 +120,7 @@ class Store:
         return [cells[key] for key in (sorted(cells) if wanted is None else wanted) if key in cells], damaged
 
     def content(
-        self, keys: Sequence[str] | None = None, shown: Shown | None = None
+        self, keys: Sequence[str] | None = None, shown: ShownSeeds | None = None
     ) -> tuple[Content | None, list[str]]:
         """Return the whole cells among ``keys`` in one table, and the names of damaged files.
 
@@ -143,7 +134,7 @@ class Store:
         known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None else shown
         return content_of_tables(tables, known), damaged
 
-    def rows(self, jobs: Sequence[Job], metrics: Sequence[str], *, any_code: bool = False) -> pd.DataFrame:
+    def rows(self, jobs: Sequence[Job], metrics: Sequence[str]) -> pd.DataFrame:
         """Return the runs of some jobs, in their order and that of their seeds; without a status: not stored.
 
         Of a run that is there more than once one that did not fail, the newest.
@@ -151,7 +142,6 @@ class Store:
         Args:
             jobs: with the seeds that are wanted.
             metrics: the columns that are wanted besides.
-            any_code: take what other code has computed, too.
 
         Returns:
             The place of the job (``place``), seed, status, reason, code, versions, run_s [s] and the metrics.
@@ -160,35 +150,27 @@ class Store:
         asked = pd.DataFrame(
             {
                 "place": np.repeat(np.arange(len(jobs)), counts),
-                "what": np.repeat(np.array([job.key[:WHAT] for job in jobs], dtype=object), counts),
+                KEY: np.repeat(np.array([job.key for job in jobs], dtype=object), counts),
                 "seed": np.concatenate([[*job.draws] for job in jobs]) if jobs else [],
             }
         )
-        stored = self._rows({job.key for job in jobs}, metrics, any_code=any_code)
-        return asked.merge(stored, on=["what", "seed"], how="left").drop(columns="what")
+        stored = self._rows({job.key for job in jobs}, metrics)
+        return asked.merge(stored, on=[KEY, "seed"], how="left").drop(columns=KEY)
 
-    def _rows(self, keys: Collection[str], metrics: Sequence[str], *, any_code: bool) -> pd.DataFrame:
-        """The stored runs of ``keys``, each once; ``what`` are the first digits of a key."""
-        wanted = pa.array({key[:WHAT] for key in keys} if any_code else list(keys), pa.string())
-        tables = []
-        for _, table in self.files.each(None, [KEY, *FACTS, "cell.created", *metrics]):
-            if table is not None:
-                key = table[KEY].cast(pa.string())
-                what = pc.utf8_slice_codeunits(key, 0, WHAT)
-                named = table.set_column(table.column_names.index(KEY), KEY, what)
-                tables.append(named.filter(pc.is_in(what if any_code else key, wanted)))
+    def _rows(self, keys: Collection[str], metrics: Sequence[str]) -> pd.DataFrame:
+        """The stored runs of ``keys``, each once."""
+        wanted = pa.array(list(keys), pa.string())
+        tables = [
+            table.filter(pc.is_in(table[KEY].cast(pa.string()), wanted))
+            for _, table in self.files.each([KEY, *RUN_COLUMNS, "cell.created", *metrics])
+            if table is not None
+        ]
         if not tables:
-            return pd.DataFrame(columns=["what", *FACTS.values(), *metrics])
+            return pd.DataFrame(columns=[KEY, *RUN_COLUMNS.values(), *metrics])
         table = concatenated(tables)
         rows = frame(table.take(pa.array(ordered_runs(table)[1])), table.column_names)
-        rows = rows.rename(columns={KEY: "what", **FACTS}).reindex(columns=["what", *FACTS.values(), *metrics])
+        rows = rows.rename(columns=RUN_COLUMNS).reindex(columns=[KEY, *RUN_COLUMNS.values(), *metrics])
         return rows.assign(run_s=rows["run_s"].astype(float))
-
-    def makers(self) -> set[tuple[str, str]]:
-        """Return the code, and the versions of libraries, that made what is stored, as JSON."""
-        tables = (table for _, table in self.files.each(None, ["cell.code", "cell.versions"]) if table is not None)
-        columns = (zip(*(table[name].to_pylist() for name in table.column_names), strict=True) for table in tables)
-        return {(code, versions) for own in columns for code, versions in own}
 
     def keys_from(self, beginning: str) -> list[str]:
         """The keys that begin so, of all cells that are there, whole, damaged or begun."""
@@ -198,9 +180,9 @@ class Store:
 
     def compact(self) -> None:
         """Join small parts, where there are many."""
-        parts = self.files.each(None, [KEY])
-        small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL]
-        if len(small) >= MANY:
+        parts = self.files.each([KEY])
+        small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL_ROWS]
+        if len(small) >= MANY_PARTS:
             for names in _stretches(small):
                 self._join(names)
 
@@ -224,19 +206,21 @@ class Store:
             raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
         if content is None or not content.keys:
             raise JerkbenchError(f"{self.folder} holds no results.")
-        return self.files.replace([name for name, _ in list(self.files.each(None))], content.table)
+        return self.files.replace([name for name, _ in list(self.files.each())], content.table)
 
     def _tables(
         self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
     ) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file that is not ``seen``, and the names of the files that are damaged."""
         tables, damaged = [], []
-        wanted = None if keys is None else frozenset(keys)
-        for name, table in self.files.each(keys, columns, seen):
+        wanted = None if keys is None else pa.array(keys, pa.string())
+        for name, table in self.files.each(columns, seen):
             if table is None:
                 damaged.append(name)
-            elif rows := _rows_of(table, wanted):
-                tables.append(rows)
+                continue
+            own = table if wanted is None else table.filter(pc.is_in(table[KEY].cast(pa.string()), wanted))
+            if own.num_rows:
+                tables.append(own)
         return tables, damaged
 
 
@@ -251,15 +235,3 @@ def _stretches(parts: Sequence[tuple[str, int]]) -> Iterator[list[str]]:
         names.append(name)
         rows += count
     yield names
-
-
-def _rows_of(table: pa.Table, keys: Collection[str] | None) -> pa.Table | None:
-    """The rows of some cells; None where there are none."""
-    if keys is None:
-        return table
-    own = pc.unique(table[KEY]).cast(pa.string()).to_pylist()
-    wanted = [key for key in own if key in keys]
-    if len(wanted) == len(own):
-        return table
-    rows = table.filter(pc.is_in(table[KEY].cast(pa.string()), pa.array(wanted, pa.string())))
-    return rows if rows.num_rows else None

@@ -1,6 +1,6 @@
 """A study's folder: its rows, tables and manifest, made from the cells that are there, as often as one likes."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -14,10 +14,10 @@ from jerkbench.files import write_atomically
 from jerkbench.jobs.labels import Labels
 from jerkbench.report.analysis.runs import SPENDS
 from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number
-from jerkbench.results.conditions import Values, conditions, current, told_apart, with_one_name
+from jerkbench.results.conditions import Conditions, conditions, current, told_apart, with_one_name
 from jerkbench.results.content import Content, frame
-from jerkbench.results.manifest import read_manifest, stretches
-from jerkbench.results.parts import HEAD
+from jerkbench.results.manifest import read_manifest, stretches, write_manifest
+from jerkbench.results.parts import HEAD_COLUMNS
 from jerkbench.results.store import Store
 from jerkbench.results.study_remarks import code_of, not_as_published, remarks_on, study_notes, worse_than_fixes
 
@@ -49,7 +49,7 @@ class Study:
     notes: tuple[str, ...]
     keys: pd.Series
     code: str = ""
-    conditions: Mapping[str, Mapping[str, Values]] = field(default_factory=dict)
+    conditions: Mapping[str, Conditions] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
 
@@ -92,15 +92,15 @@ class Study:
         return replace(self, rows=rows, keys=keys_of_rows)
 
 
-def load_study(folder: Path, prefer: Collection[str] = (), seeds: Mapping[str, Sequence[int]] | None = None) -> Study:
-    """Read the cells of a study; of several with the same name, one.
+def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -> Study:
+    """Read the cells of a study; of several with the same name, one of the last run, else the newest.
 
     Cells that were not measured under the same conditions (data, protocol, engine) get names that say so.
 
     Args:
         folder: the study's.
-        prefer: keys that are taken before others of the same name; without them those of the last run, then the newest.
-        seeds: of the cells' runs; of a cell that is not named, those that the manifest shows.
+        seeds: of cells that are taken before others of the same name, as those of the last run are without; of the
+            others the manifest says which seeds are shown.
 
     Raises:
         JerkbenchError: there is no cell.
@@ -112,8 +112,8 @@ def load_study(folder: Path, prefer: Collection[str] = (), seeds: Mapping[str, S
         held = f"no results but {len(broken)} damaged files" if broken else "no results"
         raise JerkbenchError(f"{folder} holds {held}; `jerkbench run` writes them there (cells/*.parquet).")
     content = replace(content, metadata=with_one_name(content.metadata))
-    order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *prefer]))}
-    chosen = current(content, order, set(prefer or manifest.get("last", [])))
+    order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *named]))}
+    chosen = current(content, order, set(named or manifest.get("last", [])))
     cells = [content.metadata[place] for place in chosen.places]
     keys = [content.keys[place] for place in chosen.places]
     known = conditions(cells)
@@ -140,7 +140,7 @@ def _rows(
 ) -> tuple[pd.DataFrame, list[int]]:
     """The rows of some cells, in this order and with these labels, and the number of rows of each."""
     orders = {id(content.columns[place]): content.columns[place] for place in places}
-    rows = frame(content.rows_in_order(places), dict.fromkeys([*HEAD, *chain(*orders.values())]))
+    rows = frame(content.rows_in_order(places), dict.fromkeys([*HEAD_COLUMNS, *chain(*orders.values())]))
     counts = [int(content.starts[place + 1] - content.starts[place]) for place in places]
     for name in Labels._fields:
         rows[name] = pd.Series(np.repeat(np.array([own[name] for own in labels], dtype=object), counts), dtype="str")
@@ -160,6 +160,23 @@ def tagged(study: Study, tag: str) -> Study:
     return study.only(keys)
 
 
+def concluded(
+    folder: Path,
+    seeds: Mapping[str, Sequence[int]],
+    notes: Sequence[str],
+    command: Sequence[str],
+    level: float | None = None,
+    tags: Sequence[str] = (),
+) -> tuple[Study, "Table"]:
+    """Write manifest, rows and tables of a study after a command; returns it, and the first of the tables.
+
+    The arguments are those of `write_manifest`.
+    """
+    write_manifest(folder, seeds, notes, command, level, tags)
+    study = load_study(folder)
+    return study, write_study(study)
+
+
 def write_study(study: Study) -> "Table":
     """Write rows.csv and the tables; returns the first of these."""
     from jerkbench.report.tables.study_tables import write_tables
@@ -171,7 +188,7 @@ def write_study(study: Study) -> "Table":
 # rows.csv.
 
 
-STRETCH = 20_000
+ROWS_AS_TEXT = 20_000
 """So many rows are in memory as text."""
 
 
@@ -179,8 +196,8 @@ def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
     """Write a header and one line a row; what is missing is empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(csv_line(csv_escaped(str(name)) for name in rows.columns))
-        for begin in range(0, len(rows), STRETCH):
-            file.writelines(_lines(rows.iloc[begin : begin + STRETCH]))
+        for begin in range(0, len(rows), ROWS_AS_TEXT):
+            file.writelines(_lines(rows.iloc[begin : begin + ROWS_AS_TEXT]))
 
 
 def _lines(rows: pd.DataFrame) -> Iterator[str]:

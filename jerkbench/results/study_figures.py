@@ -1,34 +1,43 @@
-"""The figures of a study, made in processes of their own, scenarios side by side; its report."""
+"""The figures of a study: of each scenario the runs of some methods made once more, drawn in processes side by side."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from jerkbench import plugins
+from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import write_atomically, write_text
+from jerkbench.estimate import Estimate
+from jerkbench.evaluation.navigation_errors import position_error_length_m
+from jerkbench.files import write_atomically
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, outcomes
+from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.progress import Progress
-from jerkbench.report.analysis.columns import METHOD
-from jerkbench.report.analysis.runs import RULE, VerdictRule
+from jerkbench.recording import Recording
+from jerkbench.report.analysis.columns import METHOD, SCENARIO_FACTORS, competes
 from jerkbench.report.choice import Choice
 from jerkbench.report.drawings import (
     Drawing,
     Methods,
     Picture,
+    Scene,
     by_difference,
     of_rows,
     of_scene,
     palette_of,
     telling_scenes,
 )
-from jerkbench.report.page.script_data import Stretch
+from jerkbench.report.page.script_data import Stretch, largest_of_steps
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric
-from jerkbench.results.manifest import read_manifest
-from jerkbench.results.scenario_runs import SCENARIO, Cells, load_scene, load_stretch, scene_cells, steps_of
+from jerkbench.results.content import Stored
+from jerkbench.results.replay import StoredRow, row_of, runnable
+from jerkbench.results.run_figures import file_stem, with_title
 from jerkbench.results.selection import named_part
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
@@ -36,18 +45,35 @@ from jerkbench.results.study import Study
 if TYPE_CHECKING:
     import pandas as pd
 
-FIGURES, REPORT = "figures", "report.html"
-PROVENANCE = ("command", "finished", "commit", "versions", "host")
-"""Entries of the manifest that the report shows."""
-
-OTHERWISE = {
-    Choice.FEW: "figures=all draws those of every scenario, figures=none leaves them out",
-    Choice.ALL: "figures=few draws those that carry a finding, figures=none leaves them out",
-}
-"""What one can ask for instead."""
-
 LIMIT = 20
 """Scenarios whose runs are drawn at most, unless asked otherwise."""
+
+WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
+"""Filters and adaptations that are drawn where they are there, beside the best one."""
+
+SHOWN_METHODS = 5
+"""Methods in one picture, unless more are the user's own, or wanted by name."""
+
+SceneCells = Mapping[str, Mapping[str, str]]
+"""Key and labels of each cell."""
+
+TILTS = ("none", "scalar", "mtf")
+"""Ways of the tilt filter to adapt that are compared; lee needs a memory of its own."""
+
+FROM_ELSEWHERE = ("command", "trajectory")
+"""Filters of this package that are a method of the user's."""
+
+SEEDS = 10
+"""Runs of the best method whose NEES and NIS are averaged."""
+
+MOST_CELLS = 40
+"""Cells of a scenario whose errors are kept, the user's own and the best ones."""
+
+KEPT_ERRORS = 120_000
+"""Errors of all cells together: two bytes each, so that the file stays small."""
+
+STRETCH_STEPS = (100, 600)
+"""Fewest and most steps of a recording."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +122,7 @@ class Picturing:
     request: Request
     study: Path
     scenario: str
-    cells: Cells
+    cells: SceneCells
     metric: str
     palette: Palette
     rows: "pd.DataFrame | None" = None
@@ -152,7 +178,9 @@ def _jobs(study: Study, request: Request) -> list[Picturing]:
     """Return what is to be done, in the order in which it is shown."""
     metric, palette = main_metric(study.rows), palette_of(study.rows)
     study = _requested(study, request)
-    scenes = scene_cells(study)
+    scenes: dict[str, dict[str, Mapping[str, str]]] = {}
+    for key, labels in study.labels.items():
+        scenes.setdefault(", ".join(labels[factor] for factor in SCENARIO_FACTORS), {})[key] = labels
     named = tuple(dict.fromkeys(zip(study.rows["filter"], study.rows["adaptation"], strict=True)))
     shown: Mapping[str, Methods] = dict.fromkeys(scenes, named if request.methods else ())
     few = request.choice is Choice.FEW and not (request.methods or request.scenarios)
@@ -173,7 +201,7 @@ def _jobs(study: Study, request: Request) -> list[Picturing]:
 
 def _requested(study: Study, request: Request) -> Study:
     """Return the part of a study that has the names of the request."""
-    for names, factors in ((request.scenarios, SCENARIO), (request.methods, METHOD)):
+    for names, factors in ((request.scenarios, SCENARIO_FACTORS), (request.methods, METHOD)):
         study = named_part(study, names, factors) if names else study
     seeds = sorted(set(study.rows["seed"]))
     if request.seed is not None and request.seed not in seeds:
@@ -183,25 +211,24 @@ def _requested(study: Study, request: Request) -> Study:
 
 def draw(job: Picturing) -> Drawn:
     """Draw the figures of ``job``; none where its runs cannot be run again, which is told on standard error."""
-    programs = job.request.run_programs
+    if job.rows is not None:
+        return Drawn(tuple(_picture(drawing, job) for drawing in of_rows(job.rows, job.palette)))
     try:
-        pictures = tuple(_picture(drawing, job) for drawing in _drawings(job))
-        stretch = None
-        if job.cells and job.steps:
-            stretch = load_stretch(job.study, job.scenario, job.cells, job.metric, job.steps, run_programs=programs)
+        stored, _ = Store(job.study).read(list(job.cells))
+        cells = ranked(
+            [
+                replace(cell, metadata={**cell.metadata, "labels": job.cells[cell.key]})
+                for cell in runnable(stored, run_programs=job.request.run_programs)
+            ],
+            job.metric,
+        )
+        drawings = [] if job.methods is None else of_scene(_scene(job, cells, job.methods), job.palette)
+        pictures = tuple(_picture(drawing, job) for drawing in drawings)
+        stretch = _stretch(job, cells) if job.steps else None
         return Drawn(pictures, (stretch,) if stretch else ())
     except JerkbenchError as error:
         print(f"jerkbench: no figures of {job.scenario}: {error}", file=sys.stderr)
         return Drawn()
-
-
-def _drawings(job: Picturing) -> Iterator[Drawing]:
-    if job.rows is not None:
-        yield from of_rows(job.rows, job.palette)
-    elif job.methods is not None:
-        seed, programs = job.request.seed, job.request.run_programs
-        where = job.study, job.scenario, job.cells
-        yield from of_scene(load_scene(*where, job.metric, job.methods, seed, run_programs=programs), job.palette)
 
 
 def _picture(drawing: Drawing, job: Picturing) -> Picture:
@@ -217,43 +244,130 @@ def _picture(drawing: Drawing, job: Picturing) -> Picture:
     return Picture(drawing.name, drawing.caption, job.scenario, png)
 
 
-def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, run_programs: bool = False) -> None:
-    """Draw the figures of a study and write its report; say so before, because it takes a while.
+# The runs behind the figures of a scenario; programs among its cells may run.
+
+
+def _scene(job: Picturing, cells: Sequence[Stored], wanted: Methods) -> Scene:
+    """Run those of ``cells``, the best first, again that are worth a picture, or those that are ``wanted``.
+
+    Raises:
+        JerkbenchError: they cannot be run again.
+    """
+    if not cells:
+        raise JerkbenchError("each of its methods is a stored program, which runs only with --run-programs.")
+    chosen = _chosen(cells, wanted)
+    rows = {method: row_of(stored, job.request.seed, run_programs=True) for method, stored in chosen.items()}
+    runs = {method: row.run() for method, row in rows.items()}
+    best, row = next(iter(rows.items()))
+    recording, estimate = runs[best]
+    return Scene(
+        job.scenario,
+        stem=file_stem([job.scenario]),
+        recording=with_title(recording, row.job, row.draw),
+        attitude=shared_inputs().attitude(recording, row.job.scenario.attitude),
+        estimates={method: estimate for method, (_, estimate) in runs.items()},
+        tilts=_tilts(row, estimate),
+        best=best,
+        best_runs=tuple(_best_runs(chosen[best])),
+        burn_in_s=row.job.scoring.burn_in_s,
+    )
+
+
+def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
+    scenario, attitude = row.job.scenario, row.job.scenario.attitude
+    if not isinstance(attitude, Tilt):
+        return {row.job.labels.attitude: own}
+    varied = {adapt: replace(scenario, attitude=replace(attitude, adapt=adapt)) for adapt in TILTS}
+    jobs = {adapt: replace(row.job, scenario=own) for adapt, own in varied.items()}
+    return {f"tilt + {adapt}": replace(row, job=job).run()[1] for adapt, job in jobs.items()}
+
+
+def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
+    good = stored.rows[(stored.rows["status"] == "ok") & (stored.rows["replicate"] == "seed")]
+    seeds: list[int | None] = [int(seed) for seed in list(good["seed"])[:SEEDS]]
+    return (row_of(stored, seed, run_programs=True).run() for seed in seeds or [None])
+
+
+def _chosen(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
+    """Pick the best, of each plugin of the user's the best, those that are wanted, and then the next best.
+
+    Of one method with several noises it is the best.
 
     Args:
-        study: the study.
-        workers: number of processes.
-        choice: which figures.
-        pdf: whether each is a PDF, too.
-        run_programs: whether programs of stored cells may run; without it they are left out.
+        cells: the best first.
+        wanted: filters and adaptations; none: `WANTED`, and the next best.
     """
-    drawn = Drawn()
-    if choice is not Choice.NONE:
-        print(f"Drawing the figures ({OTHERWISE[choice]}).", flush=True)
-        drawn = draw_study(
-            study, Request(choice, out=study.folder / FIGURES, pdf=pdf, run_programs=run_programs), workers
-        )
-        print(f"Figures: {study.folder / FIGURES}")
-    write_report(study, drawn, study.folder / REPORT)
-    print(f"Report: {study.folder / REPORT}")
+    methods: dict[tuple[str, str], Stored] = {}
+    own: dict[tuple[str, str], tuple[str, str]] = {}
+    for cell in cells:
+        method = cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]
+        methods.setdefault(method, cell)
+        for plugin in of_user(cell.metadata["spec"]):
+            own.setdefault(plugin, method)
+    best, *others = methods
+    known = [method for method in wanted or WANTED if method in methods]
+    most = len(methods) if wanted else max(SHOWN_METHODS, 1 + len(own))
+    places = list(dict.fromkeys([best, *own.values(), *known, *([] if wanted else others)]))
+    return {_name(methods[key]): methods[key] for key in places[:most]}
 
 
-def write_report(
-    study: Study, drawn: Drawn, path: Path, method: tuple[str, ...] | None = None, rule: VerdictRule = RULE
-) -> None:
-    """Write the report of a study as one HTML file, its methods made of ``method`` and judged by ``rule``."""
-    from jerkbench.report.page.page import Results, page
+def of_user(spec: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return kind and name of filter and adaptation of a stored cell, where they are the user's own.
 
-    stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
-    manifest, labels = read_manifest(study.folder), study.labels
-    results = Results(
-        name=study.folder.resolve().name,
-        rows=study.rows,
-        keys=list(study.keys),
-        about={cell.key: {**cell.metadata, "labels": labels[cell.key]} for cell in stored},
-        notes=study.notes,
-        provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
-        rule=rule,
-        method=method,
-    )
-    write_text(path, page(results, drawn.pictures, drawn.stretches))
+    That is a plugin from elsewhere, a program, or a trajectory that something else estimated.
+    """
+    parts = [(kind, str(spec[kind]["name"])) for kind in ("filter", "adaptation")]
+    known = [(kind, name) for kind, name in parts if name in plugins.names(kind)]
+    return [part for part in known if part[1] in FROM_ELSEWHERE or not plugins.is_own(plugins.get(*part))]
+
+
+def ranked(group: Sequence[Stored], metric: str) -> list[Stored]:
+    """Return cells of a scenario, the best first, and those that do not compete last."""
+    return sorted(group, key=lambda cell: (not competes(cell.metadata["labels"]), _mean(cell, metric)))
+
+
+def _mean(cell: Stored, metric: str) -> float:
+    """The mean of the metric; of a method that lost a run, or has no value, infinite."""
+    if metric not in cell.rows or not (cell.rows["status"] == "ok").all():
+        return float("inf")
+    mean = float(cell.rows[metric].mean())
+    return mean if mean == mean else float("inf")  # noqa: PLR0124 - NaN
+
+
+def _name(cell: Stored) -> str:
+    labels = cell.metadata["labels"]
+    noise = "" if labels["noise"] == "default" else f", {labels['noise']}"
+    return f"{labels['filter']} + {labels['adaptation']}{noise}"
+
+
+def steps_of(scenarios: Iterable[SceneCells]) -> int:
+    """Return into how many steps the recordings are cut, so that the errors of all cells fit.
+
+    Args:
+        scenarios: the cells of each.
+    """
+    lines = sum(min(len(cells), MOST_CELLS) for cells in scenarios)
+    return int(np.clip(KEPT_ERRORS // max(1, lines), *STRETCH_STEPS))
+
+
+def _stretch(job: Picturing, cells: Sequence[Stored]) -> Stretch | None:
+    """Run one run of each of the best and of the user's own cells again; None where the position is not known.
+
+    Raises:
+        JerkbenchError: they cannot be run again.
+    """
+    kept = {cell.key for cell in sorted(cells, key=lambda cell: not of_user(cell.metadata["spec"]))[:MOST_CELLS]}
+    rows = {cell.key: row_of(cell, run_programs=True) for cell in cells if cell.key in kept}
+    runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
+    recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
+    if not recordings:
+        return None
+    t_s, first = recordings[0].reference.t_s, next(iter(rows.values()))
+    edges_s = np.linspace(t_s[0], t_s[-1], min(job.steps, len(t_s)) + 1)
+    errors_m = {
+        key: largest_of_steps(seen.reference.t_s[estimate.index], position_error_length_m(estimate, seen), edges_s)
+        for key, (seen, estimate) in runs.items()
+    }
+    draw = f"{'seed' if first.job.scenario.seeded else 'phase'} {first.draw}"
+    step_s = float(edges_s[1] - edges_s[0])
+    return Stretch(job.scenario, draw, float(edges_s[0]), step_s, recordings[0].outages_s, errors_m)

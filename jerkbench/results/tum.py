@@ -51,17 +51,17 @@ def _lines(t_s: FloatArray, position_m: FloatArray, euler_rad: FloatArray) -> st
 # Every update of a run as a table.
 
 
-MEASURED = tuple(
+MEASURED_ROWS = tuple(
     f"{name}_{axis}_{unit}"
     for name, unit in (("position", "m"), ("velocity", "mps"))
     for axis in ("east", "north", "up")
 )
 """The six rows of a measurement, with their unit."""
 
-COLUMNS = (
+UPDATE_COLUMNS = (
     *("t_s", "rows", "nis", "nis_used"),
-    *(f"innovation_{name}" for name in MEASURED),
-    *(f"sigma_used_{name}" for name in MEASURED),
+    *(f"innovation_{name}" for name in MEASURED_ROWS),
+    *(f"sigma_used_{name}" for name in MEASURED_ROWS),
 )
 
 
@@ -79,4 +79,4 @@ def write_updates(path: Path, updates: Updates) -> None:
     head = np.column_stack([updates.t_s, updates.rows, updates.nis, updates.nis_used])
     table = np.hstack([head, updates.innovation, np.sqrt(updates.R_diagonal)])
     lines = [",".join("" if np.isnan(value) else repr(value) for value in line) for line in table.tolist()]
-    write_text(path, "\n".join([",".join(COLUMNS), *lines, ""]))
+    write_text(path, "\n".join([",".join(UPDATE_COLUMNS), *lines, ""]))

@@ -10,8 +10,8 @@ from jerkbench.campaigns.protocol import domain_of
 from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen
 from jerkbench.campaigns.site import RunRules, Site, Try
 from jerkbench.contracts import ReadingFile
-from jerkbench.jobs.key import plugin_digest
 from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.sources import plugin_digest
 from jerkbench.suite.protocol import SuiteProtocol
 from jerkbench.tuning.space import Setting
 

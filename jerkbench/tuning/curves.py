@@ -1,11 +1,16 @@
-"""Curves over the trials of a search: profiles, the budget's curve, settings that cannot be told apart."""
+"""Curves over the trials of a search, and their figure: profiles, the budget, settings that cannot be told apart."""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.tuning.evaluate import Trials
-from jerkbench.tuning.search import SearchOutcome
+from jerkbench.tuning.search import SearchOutcome, Tuning
 from jerkbench.tuning.space import Space
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LOOKS = (1, 4, 16, 64, 256, 1024)
 """Budgets at which the curve is read."""
@@ -48,7 +53,8 @@ def shares(space: Space, trials: Trials) -> FloatArray:
 
 def importance(space: Space, trials: Trials) -> list[int]:
     """Return the knobs by how much their profile varies, the most first."""
-    spread = [np.nan_to_num(np.ptp(least[np.isfinite(least)])) for least in _profiles(space, trials)]
+    profiles = (profile(space, trials, k)[1] for k in range(len(space.knobs)))
+    spread = [np.nan_to_num(np.ptp(least[np.isfinite(least)])) for least in profiles]
     return [int(k) for k in np.argsort(spread, kind="stable")[::-1]]
 
 
@@ -75,5 +81,19 @@ def knob_intervals(space: Space, outcome: SearchOutcome) -> list[tuple[float, fl
     return [(k.bounds.value(a), k.bounds.value(b)) for k, a, b in zip(space.knobs, low, high, strict=True)]
 
 
-def _profiles(space: Space, trials: Trials) -> list[FloatArray]:
-    return [profile(space, trials, k)[1] for k in range(len(space.knobs))]
+def tuning_figure(tuning: Tuning) -> "Figure":
+    """Draw the profile of each knob, the map of the two that matter most, and the curve of the budget."""
+    from jerkbench.report.plots.sweeps import Map, Profile, search_figure
+
+    space, trials, drawn = tuning.space, tuning.outcome.trials, None
+    profiles = [
+        Profile(knob.name, values, *profile(space, trials, k), tuning.setting[k], knob.bounds.log)
+        for k, (knob, values) in enumerate(zip(space.knobs, np.array(trials.settings).T, strict=True))
+    ]
+    if len(space.knobs) > 1:
+        first, second = importance(space, trials)[:2]
+        chosen = [space.knobs[k].share(tuning.setting[k]) for k in (first, second)]
+        least = loss_map(space, trials, first, second)
+        drawn = Map(space.names[first], space.names[second], least, (chosen[0], chosen[1]))
+    title = f"{tuning.name}: {tuning.effort.objective.name}, {len(trials)} settings"
+    return search_figure(profiles, trials.means, drawn, budget_curve(trials), title)

@@ -21,7 +21,7 @@ class Sampler(Protocol):
         ...
 
 
-FIRST = 6
+FIRST_POINTS_LOG2 = 6
 """Points of a sequence that are made at once, as a power of two."""
 
 
@@ -39,7 +39,7 @@ class Sobol:
         from scipy.stats import qmc
 
         self._sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed), bits=30)
-        self._points, self._asked = self._sequence.random_base2(FIRST), 0
+        self._points, self._asked = self._sequence.random_base2(FIRST_POINTS_LOG2), 0
 
     def ask(self, count: int) -> FloatArray:
         """Return the next points."""

@@ -12,13 +12,13 @@ from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import Range, is_switch, is_whole, ranges_of
 from jerkbench.timeline import RScale
 
-TOLD = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
+R_RANGE = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
 """The range of each factor on the reported R."""
 
 EDGE = 0.02
 """A share of the way that is as good as a bound."""
 
-STREAMS = tuple(f.name for f in dataclasses.fields(RScale))
+R_STREAMS = tuple(f.name for f in dataclasses.fields(RScale))
 """Streams of which a filter is told R: position, velocity."""
 
 Setting = tuple[float, ...]
@@ -113,7 +113,7 @@ class Space:
         return sentences
 
 
-def space_of(job: Job, chosen: Collection[str] = (), measured: Collection[str] = STREAMS) -> Space:
+def space_of(job: Job, chosen: Collection[str] = (), measured: Collection[str] = R_STREAMS) -> Space:
     """Return the knobs of the method of a job: fields with a range, and what is told of R.
 
     Where nothing is navigated they are those of the attitude filter.
@@ -150,4 +150,4 @@ def _knobs(part: str, plugin: object) -> Sequence[Knob]:
 
 
 def _told(scale: RScale) -> Sequence[Knob]:
-    return [Knob("r_scale", f.name, TOLD, False, getattr(scale, f.name)) for f in dataclasses.fields(RScale)]  # noqa: FBT003
+    return [Knob("r_scale", f.name, R_RANGE, False, getattr(scale, f.name)) for f in dataclasses.fields(RScale)]  # noqa: FBT003

@@ -9,8 +9,6 @@ from jerkbench.jobs.job import MOST_SEEDS, Job
 from jerkbench.renamed import new_name
 from jerkbench.tuning.excerpts import Excerpt
 
-PARTS = ("tune", "choose", "test")
-
 
 @dataclass(frozen=True, eq=False)
 class Cases:

@@ -2,16 +2,12 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from omegaconf import OmegaConf
 
-from jerkbench.files import write_text
 from jerkbench.tuning.curves import budget_curve, knob_intervals
-from jerkbench.tuning.outcome import Tuning
-from jerkbench.tuning.search import equal_budgets
+from jerkbench.tuning.search import Tuning, equal_budgets
 
 
 def summary(tuning: Tuning) -> str:
@@ -107,59 +103,3 @@ def _shown(tuning: Tuning, losses: Any) -> str:  # noqa: ANN401 - a number or an
     """The mean loss: as a ratio to the plain filter, or as a difference to it."""
     mean = float(np.mean(losses))
     return f"{math.exp(mean):.3f}" if tuning.effort.objective.relative else f"{mean:+.3f}"
-
-
-# What was tuned as presets.
-
-
-PARTS = ("filter", "adaptation", "attitude")
-
-
-def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
-    """Return the words that choose what was tuned.
-
-    Args:
-        tuning: the tuned method.
-        typed: whether the words of the tuning choose an experiment themselves; a run takes one only.
-    """
-    if not typed:
-        return [f"experiment={_name(tuning)}"]
-    spec, setting = tuning.job.spec, tuning.setting
-    parts = [f"{part}={spec[part]['name']}_tuned" for part in PARTS if tuning.space.of_part(part, setting)]
-    return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
-
-
-def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
-    """Write a preset of each part that was tuned, and an experiment that chooses them.
-
-    Args:
-        tuning: the tuned method.
-        folder: below which the groups are.
-        remarks: what stands at the top of each file, one line.
-    """
-    spec, chosen = tuning.job.spec, {}
-    for part in PARTS:
-        plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
-        if values or part != "attitude":
-            chosen[part] = f"{plugin}_tuned" if values else plugin
-        if values:
-            kept = {**_given(spec[part]), **values}
-            write_text(folder / part / f"{plugin}_tuned.yaml", _text(remarks, {"defaults": [plugin, "_self_"], **kept}))
-    told = tuning.space.of_part("r_scale", tuning.setting)
-    defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]
-    whole = {"defaults": [*defaults, "_self_"], **({"r_scale": told} if told else {})}
-    write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(remarks, whole)}")
-
-
-def _name(tuning: Tuning) -> str:
-    """The name of the experiment."""
-    return f"{tuning.name}_tuned".replace("-", "_")
-
-
-def _given(spec: dict[str, Any]) -> dict[str, Any]:
-    """The parameters of a part, without its name."""
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in spec.items() if key != "name"}
-
-
-def _text(remarks: str, content: dict[str, Any]) -> str:
-    return f"# {remarks}\n{OmegaConf.to_yaml(OmegaConf.create(content))}"

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from jerkbench.report.compared import MetricChanges, Tolerances
     from jerkbench.results.study import Study
 
-FORMATS = ("terminal", "md", "json", "junit")
+COMPARISON_FORMATS = ("terminal", "md", "json", "junit")
 
-WORSE = 3
+WORSE_CODE = 3
 """Exit code where the second set is worse than it may be."""
 
 COMPARE = """\
@@ -43,7 +43,7 @@ Exit codes:
   4  A and B cannot be compared; with --fail-above or --tolerances also: B lacks results of A, or a file is damaged
 """
 
-READING = (
+READING_NOTE = (
     "A, B: geometric means over the runs that went well (arithmetic where a value is 0); B/A: geometric mean with "
     "Student's 95 % interval, over the seeds of both where they match; with lost runs the median."
 )
@@ -63,7 +63,7 @@ READING = (
         help="exit with 3 where B is worse than A by more than PCT percent, with 4 where it lacks what A has",
     ),
     argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; see below"),
-    argument("--format", choices=FORMATS, default="terminal", help="default: terminal"),
+    argument("--format", choices=COMPARISON_FORMATS, default="terminal", help="default: terminal"),
     *JUDGING,
     epilog=COMPARE,
 )
@@ -146,7 +146,7 @@ def _notes(
     rule, method, changed = chosen_rule(chosen), chosen_method(chosen), parts[0].changes
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
     notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
-    notes += [READING, *notes_of_tests(changed), *_left_out(changed, first, second)]
+    notes += [READING_NOTE, *notes_of_tests(changed), *_left_out(changed, first, second)]
     notes += tolerances.idle((part.metric, change.combination) for part in parts for change in part.changes)
     verdicts = (study_verdicts(study.rows, parts[0].metric, method, rule) for study in (first, second))
     return [*notes, *other_leaders(*(of.standings for of in verdicts))]
@@ -167,7 +167,7 @@ def _failures(
     if damaged:
         sentences.append(f"{damaged} damaged file{'s' * (damaged > 1)} cannot be judged.")
     unjudged = NOT_COMPARABLE if lacking or damaged else 0
-    return sentences, WORSE if any(any(part.worse) for part in parts) else unjudged
+    return sentences, WORSE_CODE if any(any(part.worse) for part in parts) else unjudged
 
 
 def _counted(part: "MetricChanges", file: Path | None) -> str:

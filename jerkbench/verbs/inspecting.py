@@ -1,4 +1,4 @@
-"""`jerkbench data inspect`: the streams of a recording, and their faults; of tables, what their columns may be."""
+"""The verbs that judge a recording: inspect, receiver and smooth."""
 
 import argparse
 from pathlib import Path
@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError, RecordingError, unknown
 from jerkbench.verbs.arguments import argument, output, require_new, verb
-from jerkbench.verbs.source import SOURCE, dataset_of
+from jerkbench.verbs.source import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
     from jerkbench.contracts import Dataset
     from jerkbench.inspection.guessing import Draft
     from jerkbench.recording import Recording
 
-SUFFIX = ".csv"
+TABLE_SUFFIX = ".csv"
 
 
 def _guesses_columns(chosen: argparse.Namespace) -> bool:
@@ -25,9 +25,9 @@ def _guesses_columns(chosen: argparse.Namespace) -> bool:
     from jerkbench.io.tracks import track_reader
 
     paths = [Path(source).expanduser() for source in chosen.source]
-    tables = [path for path in paths if path.is_file() and (path.suffix.lower() == SUFFIX or track_reader(path))]
+    tables = [path for path in paths if path.is_file() and (path.suffix.lower() == TABLE_SUFFIX or track_reader(path))]
     guesses = chosen.dataset is None and tables == paths
-    if not guesses and (chosen.preset is not None or len(paths) > 1):
+    if not guesses and (getattr(chosen, "preset", None) is not None or len(paths) > 1):
         which = next((path for path in paths if path not in tables), paths[0])
         raise JerkbenchError(
             "--preset, and several files, are for tables (.csv, NMEA, GPX, gpsd's JSON) whose columns are guessed, and"
@@ -81,20 +81,25 @@ def _write_preset(draft: "Draft", preset: Path) -> None:
     print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {folder} dataset={path.stem}")
 
 
-SHIFTS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
+SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
 """Parameters of data sets that move stamps to the time when the values were true."""
 
 FIGURES = (".pdf", ".png", ".svg")
 
 
-@verb(
+SEVERAL_SOURCES = (
     argument(
         "source",
         nargs="+",
         metavar="SOURCE",
         help="a file or folder, a data set or its preset; or the tables of one log: IMU, fixes, reference",
     ),
-    *SOURCE[1:],
+    *SOURCE_WORDS[1:],
+)
+
+
+@verb(
+    *SEVERAL_SOURCES,
     argument("--figure", type=Path, metavar="FILE", help="draw an overview of the recording too (.png, .pdf)"),
     argument(
         "--preset", type=output, metavar="NAME.yaml", help="of tables: write the guesses to dataset/NAME.yaml, to edit"
@@ -104,8 +109,7 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
     """Print what a recording is made of, and what is wrong with it."""
     from jerkbench.io.ros.options import BagOptions
 
-    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
-        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
+    _require_figure(chosen.figure)
     if _guesses_columns(chosen):
         _print_guesses(chosen)
         return
@@ -127,7 +131,7 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
     from jerkbench.inspection.facts import facts_text
 
     print(facts_text(recording))
-    shifts = {name: getattr(dataset, name, None) for name in SHIFTS}
+    shifts = {name: getattr(dataset, name, None) for name in SHIFT_PARAMETERS}
     shifts_text = [
         f"{name}={value}" for name, value in shifts.items() if (any(value) if isinstance(value, tuple) else value)
     ]
@@ -150,7 +154,9 @@ def _print_topics(path: Path) -> None:
             print(line)
 
 
-@verb(*SOURCE, argument("--figure", type=Path, metavar="FILE", help="draw the errors and their memory (.png, .pdf)"))
+@verb(
+    *SOURCE_WORDS, argument("--figure", type=Path, metavar="FILE", help="draw the errors and their memory (.png, .pdf)")
+)
 def receiver_verb(chosen: argparse.Namespace) -> None:
     """Measure how far off a receiver's covariance is, and say what to put into a filter.
 
@@ -161,8 +167,7 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.report.plots.style import save_figure
     from jerkbench.report.tables.terminal import print_grid
 
-    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
-        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
+    _require_figure(chosen.figure)
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
     errors = receiver_errors(recording)
     if errors is None:
@@ -172,4 +177,47 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
     print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
     if chosen.figure is not None:
         save_figure(receiver_figure(recording, errors), chosen.figure)
+        print(f"Figure: {chosen.figure}")
+
+
+def _require_figure(path: Path | None) -> None:
+    if path is not None and path.suffix not in FIGURES:
+        raise JerkbenchError(unknown("suffix of a figure", path.suffix, FIGURES))
+
+
+@verb(
+    *SEVERAL_SOURCES,
+    argument(
+        "--to", default="gpx", metavar="FILE", help="the track: a file that ends in .gpx, .kml, .tum, or an ending"
+    ),
+    argument("--figure", type=Path, metavar="FILE", help="draw the fixes and the track (.png, .pdf)"),
+)
+def smooth_verb(chosen: argparse.Namespace) -> None:
+    """Write a better track from fixes alone: a smoother, tuned on the log itself.
+
+    Raises:
+        JerkbenchError: there are too few fixes, the file is there, or its ending is unknown.
+    """
+    from jerkbench.inspection.guessing import guess_tables
+    from jerkbench.inspection.smoothing import smooth_fixes, track_figure, track_lines
+    from jerkbench.io.writing import TRAJECTORIES
+    from jerkbench.report.plots.style import save_figure
+
+    _require_figure(chosen.figure)
+    suffix = f".{chosen.to.rpartition('.')[2]}"
+    if suffix not in TRAJECTORIES:
+        raise JerkbenchError(unknown("ending of a track", suffix, TRAJECTORIES))
+    if _guesses_columns(chosen):
+        recording = guess_tables(*(Path(source).expanduser() for source in chosen.source)).load()
+    else:
+        recording = dataset_of(chosen.source[0], chosen.dataset, chosen.set).load(chosen.seed)
+    target = Path(chosen.to if "." in chosen.to else f"{Path(chosen.source[0]).stem}_smooth{suffix}")
+    require_new(target)
+    track = smooth_fixes(recording)
+    TRAJECTORIES[suffix](track.recording, target, "reference")
+    for line in track_lines(track):
+        print(line)
+    print(f"Track: {target}")
+    if chosen.figure is not None:
+        save_figure(track_figure(track), chosen.figure)
         print(f"Figure: {chosen.figure}")

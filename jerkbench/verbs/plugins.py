@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.verbs.arguments import FORMAT, argument, output, print_json, verb
+from jerkbench.verbs.arguments import ANSWER_FORMAT, argument, output, print_json, verb
 
 if TYPE_CHECKING:
     from jerkbench.authoring import CheckedPlugin
 
 
-@verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), FORMAT)
+@verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), ANSWER_FORMAT)
 def list_verb(chosen: argparse.Namespace) -> None:
     """List all plugins and presets, or those of one kind.
 
@@ -30,7 +30,7 @@ def list_verb(chosen: argparse.Namespace) -> None:
 @verb(
     argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ...; may be left out"),
     argument("name", nargs="?"),
-    FORMAT,
+    ANSWER_FORMAT,
 )
 def show_verb(chosen: argparse.Namespace) -> None:
     """Print equations, parameters, defaults and source of one plugin or preset.

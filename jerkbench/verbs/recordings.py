@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.verbs.arguments import argument, output, require_new, verb
-from jerkbench.verbs.source import SOURCE, dataset_of
+from jerkbench.verbs.source import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
     from jerkbench.jobs.job import Job
@@ -19,11 +19,12 @@ TARGETS = {
     ".parquet": "table",
     ".tum": "trajectory as text",
     ".kml": "trajectory on the Earth",
+    ".gpx": "trajectory on the Earth with times",
 }
 
 
 @verb(
-    *SOURCE,
+    *SOURCE_WORDS,
     argument("target", type=Path, help="the file to write; its suffix says what"),
     argument("--coordinates", choices=("enu", "geodetic", "ned"), default="enu", help="of a table's positions"),
     argument("--stream", choices=("reference", "position"), help="which trajectory (default: the reference's)"),
@@ -41,10 +42,10 @@ def convert_verb(chosen: argparse.Namespace) -> None:
         from jerkbench.io.writing import write_table
 
         write_table(recording, target, chosen.coordinates)
-    elif target.suffix in (".tum", ".kml"):
-        from jerkbench.io.writing import write_kml, write_tum
+    elif target.suffix in (".tum", ".kml", ".gpx"):
+        from jerkbench.io.writing import TRAJECTORIES
 
-        (write_tum if target.suffix == ".tum" else write_kml)(recording, target, chosen.stream)
+        TRAJECTORIES[target.suffix](recording, target, chosen.stream)
     else:
         from jerkbench.io.ros.writing import write_bag
 
@@ -147,12 +148,13 @@ def fetch_verb(chosen: argparse.Namespace) -> None:
             print(f"{public.name}: {public.title} ({public.licence}); {state}")
         return
     recording, folder = public_recording(chosen.name), fetched_folder(chosen.name)
+    print(f"{recording.name}: {recording.title}; licence {recording.licence}, {len(recording.files)} files")
     fetch(recording, folder, print)
-    print(f"{recording.name} ({recording.licence}) is in {folder}")
+    print(f"{recording.name} is in {folder}")
 
 
 @verb(
-    *SOURCE,
+    *SOURCE_WORDS,
     argument("target", type=Path, help="the file to write, .parquet"),
     argument("--offset", choices=("remove", "keep"), default="remove", help="the median error (default: remove)"),
     argument("--licence", default="", help="of the data, to stand in the file"),
@@ -187,7 +189,7 @@ def cache_verb(chosen: argparse.Namespace) -> None:
     for title, name, patterns in (
         ("compiled filters and adaptations", module_cache.COMPILED, ("jerkbench_*", "__pycache__/jerkbench_*")),
         ("messages of bags", extract.BAGS, (extract.PATTERN,)),
-        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.PATTERN,)),
+        ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.SIMULATED_PATTERN,)),
     ):
         folder = cache_folder(name)
         files = [path for pattern in patterns for path in sorted(folder.glob(pattern)) if path.is_file()]

@@ -19,18 +19,18 @@ NOTHING_COMPARED = (
     "another), or a metric of which the lowest is not the best."
 )
 
-TOLD = 10
+FIRST_TOLD = 10
 """So many comparisons are printed without ``--all``."""
 
 TABLE_FORMATS = ("terminal", "md", "csv", "tex", "html", "json")
 
-FACTORS = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
+FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
 
 
 @verb(
     argument("folder", type=Path, help="the study's folder, for example results/paper, or a folder of cells"),
     argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)"),
-    argument("--rows", help=f"factors that make the rows: {FACTORS}"),
+    argument("--rows", help=f"factors that make the rows: {FACTOR_NAMES}"),
     argument("--columns", help="factors that make the columns (default: adaptation)"),
     argument("--baseline", metavar="FACTOR=NAME", help="add ratios to it, with tests: adaptation=none"),
     *JUDGING,
@@ -38,7 +38,7 @@ FACTORS = "dataset, disturbance, attitude, filter, adaptation, noise; separated 
     argument(
         "--findings",
         action="store_true",
-        help=f"say in sentences what differs, the {TOLD} largest differences first; with --baseline, from that",
+        help=f"say in sentences what differs, the {FIRST_TOLD} largest differences first; with --baseline, from that",
     ),
     argument("--all", action="store_true", help="with --findings: every comparison"),
     argument("--costs", action="store_true", help="put the time a step beside it: each method runs again, here"),
@@ -87,9 +87,9 @@ def _sentences(
     from jerkbench.report.analysis.study_verdicts import across
 
     compared = findings(study.rows, verdicts, baseline)
-    left = 0 if every else max(0, len(compared) - TOLD)
+    left = 0 if every else max(0, len(compared) - FIRST_TOLD)
     if left:
-        compared = [*compared[:TOLD], f"{left} more comparisons: --findings --all prints them."]
+        compared = [*compared[:FIRST_TOLD], f"{left} more comparisons: --findings --all prints them."]
     if baseline:
         return compared
     over_all = across(study.rows, verdicts, metric)
@@ -131,12 +131,13 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
     from jerkbench.report.choice import Choice
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures import FIGURES, LIMIT, Request, draw_study
+    from jerkbench.results.study_figures import LIMIT, Request, draw_study
+    from jerkbench.results.study_report import FIGURES
 
     out = chosen.out or chosen.folder / FIGURES
     counted = chosen.scenarios.isdecimal()
@@ -177,10 +178,11 @@ def report_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
     """
-    from jerkbench.jobs.pool import processors
+    from jerkbench.jobs.cluster import processors
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures import REPORT, Request, draw_study, write_report
+    from jerkbench.results.study_figures import Request
+    from jerkbench.results.study_report import REPORT, write_report
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT
@@ -189,8 +191,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
     method, rule = chosen_method(chosen), chosen_rule(chosen)
     request = Request(Choice(chosen.figures), chosen.scenarios, run_programs=chosen.run_programs)
     tell_left_out(study, run_programs=chosen.run_programs)
-    drawn = draw_study(study, request, processors())
-    write_report(study, drawn, path, method, rule)
+    write_report(study, path, request, processors(), method, rule)
     print(path)
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 DIFFERENT = 1
 """Exit code where a number is another."""
 
-ROW = (
+ROW_WORDS = (
     argument("folder", type=Path, help="a study's folder, or a folder of cells"),
     argument("row", metavar="ROW", help="its number in rows.csv, from 1; or KEY:SEED of a file in cells/"),
     RUN_PROGRAMS,
@@ -23,7 +23,7 @@ ROW = (
 """The words that say which row."""
 
 
-@verb(*ROW)
+@verb(*ROW_WORDS)
 def rerun_verb(chosen: argparse.Namespace) -> None:
     """Run one row again from its stored configuration, and compare all numbers.
 
@@ -51,7 +51,7 @@ NOTHING_ASKED = (
 
 
 @verb(
-    *ROW,
+    *ROW_WORDS,
     argument("--tum", type=output, metavar="FOLDER", help="write estimate.tum, reference.tum"),
     argument(
         "--updates", type=output, metavar="FILE.csv", help="write each update: innovation, NIS, the R that was used"
@@ -99,7 +99,7 @@ filter.KEY=VALUE names the columns of the file (`jerkbench show filter trajector
 
 WORD = re.compile(r"[+~]*[A-Za-z_][\w./@]*=")
 
-NAME = "name="
+NAME_KEY = "name="
 
 
 @verb(
@@ -130,8 +130,8 @@ def score_verb(chosen: argparse.Namespace) -> None:
     seeds = list(seeds_of(pattern)) if SEED in pattern else [_first_seed(words)]
     if not seeds:
         raise JerkbenchError(f"There is no trajectory {pattern}; correct its name.")
-    label = next((word.removeprefix(NAME) for word in words if word.startswith(NAME)), "")
-    others = [word for word in words if not word.startswith(NAME)]
+    label = next((word.removeprefix(NAME_KEY) for word in words if word.startswith(NAME_KEY)), "")
+    others = [word for word in words if not word.startswith(NAME_KEY)]
     others = ["filter=trajectory", *_seed_words(seeds, words), *others]
     if chosen.reference is None:
         score_files(composed(others), pattern, label)

@@ -39,7 +39,7 @@ def seed(text: str) -> int:
     return int(text)
 
 
-SOURCE = (
+SOURCE_WORDS = (
     argument("source", help="a file or folder, or the name of a data set or its preset"),
     argument("--dataset", metavar="NAME", help="the data set that reads the file (default: by its suffix)"),
     argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters of the data set"),

@@ -8,7 +8,7 @@ import pytest
 from sequences import diagonal_sequence, sequence
 
 from decimals import cholesky, exact, numbers, solve
-from jerkbench.memory import empty_memory
+from jerkbench.optional import empty_memory
 from jerkbench.plugins import create
 
 ADAPT = {

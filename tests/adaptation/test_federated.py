@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.filters.jerk import Jerk
-from jerkbench.memory import empty_memory
+from jerkbench.optional import empty_memory
 from jerkbench.plugins import create
 
 BLOCKS = (slice(0, 3), slice(3, 6))

@@ -9,7 +9,7 @@ from sequences import sequence
 
 from jerkbench.adaptation.common import chi2_tail
 from jerkbench.errors import PluginError
-from jerkbench.memory import empty_memory
+from jerkbench.optional import empty_memory
 from jerkbench.plugins import create
 
 ONE = np.array([0])

@@ -5,7 +5,7 @@ import pytest
 
 from commands import SHORT, swept, verb
 from jerkbench import api
-from jerkbench.hydra_app.looks import forecast, lines
+from jerkbench.hydra_app.looks import forecast
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.plan import planned
@@ -55,16 +55,15 @@ def test_the_time_is_that_of_what_is_most_alike(tmp_path, monkeypatch):
         return cells, broken
 
     monkeypatch.setattr(Store, "read", read)
-    ahead = forecast(plan_of("baseline", "jerk", "bias"), Store(tmp_path / "second"))
+    plan, store = plan_of("baseline", "jerk", "bias"), Store(tmp_path / "second")
 
-    assert ahead.measured == 2
-    assert ahead.seconds == pytest.approx(4 * (3.0 + 10.0 + 6.5))  # bias: the median of both
-    assert list(lines(ahead, 2))[-1].startswith("About 39 s with 2 workers, as 2 stored cells took")
+    assert list(forecast(plan, store, 1))[-1].startswith("About 78 s")  # 4 * (3 + 10 + 6.5); bias: the median of both
+    assert list(forecast(plan, store, 2))[-1].startswith("About 39 s with 2 workers, as 2 stored cells took")
 
 
 def test_what_is_done_is_not_counted(tmp_path):
     api.sweep(tmp_path / "mine", dataset=FIELD, filter="jerk", seeds=4)
-    told = list(lines(forecast(plan_of("jerk"), Store(tmp_path / "mine")), 1))
+    told = list(forecast(plan_of("jerk"), Store(tmp_path / "mine"), 1))
 
     assert told[1].endswith("jerk, none, default: is done")
     assert told[-1] == "1 combination, 1 done; 0 runs to do."

@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 from commands import SHORT, verb
-from jerkbench.hydra_app import launched_sweep
+from jerkbench.results import study
 
 
 def test_a_single_run_that_diverged_is_a_result(tmp_path):
@@ -26,14 +26,14 @@ def test_an_input_at_fault_is_another(tmp_path):
 
 
 def test_a_sweep_whose_files_vanish_meanwhile_says_so(tmp_path, monkeypatch):
-    write = launched_sweep.write_study
+    write = study.write_study
 
-    def vanishing(study):
-        table = write(study)
-        shutil.rmtree(Path(study.folder) / "cells")
+    def vanishing(written):
+        table = write(written)
+        shutil.rmtree(Path(written.folder) / "cells")
         return table
 
-    monkeypatch.setattr(launched_sweep, "write_study", vanishing)
+    monkeypatch.setattr(study, "write_study", vanishing)
     done = verb("run", "-m", *SHORT, "adaptation=none,mtf", cwd=tmp_path)
     assert done.returncode == 1
     assert "2 of 2 cells are not in results/adhoc/cells, although they have run" in done.stderr

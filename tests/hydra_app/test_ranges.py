@@ -36,5 +36,5 @@ def test_more_combinations_than_can_be_held_are_refused_at_once(words):
 
 
 def test_a_key_that_is_given_twice_counts_once(monkeypatch):
-    monkeypatch.setattr(sweep_words, "MOST", 3)
+    monkeypatch.setattr(sweep_words, "MOST_COMBINATIONS", 3)
     assert jobs("seeds=1,2", "seeds=3,4") == ["seeds=3", "seeds=4"]

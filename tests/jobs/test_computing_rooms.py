@@ -70,7 +70,7 @@ def test_every_computing_room_exists():
 
 
 def test_an_edit_counts_where_something_is_computed(tmp_path, monkeypatch):
-    monkeypatch.setattr(key, "PACKAGE", tmp_path)
+    monkeypatch.setattr(key, "PACKAGE_FOLDER", tmp_path)
     names = ("filters/one.py", "hydra_app/messages.py", "tuning/search.py", "jobs/job.py", "jobs/key.py")
     for name in names:
         (tmp_path / name).parent.mkdir(exist_ok=True)

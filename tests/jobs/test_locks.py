@@ -8,12 +8,12 @@ import sys
 import filelock
 import pytest
 
-from jerkbench.jobs import locks as module
-from jerkbench.jobs.locks import Locks
+from jerkbench.jobs import run as module
+from jerkbench.jobs.run import Locks
 
 OTHER = """
 import sys, pathlib
-from jerkbench.jobs.locks import Locks
+from jerkbench.jobs.run import Locks
 with Locks(pathlib.Path(sys.argv[1]), "plan") as own:
     print(own.take(7), flush=True)
     sys.stdin.read()

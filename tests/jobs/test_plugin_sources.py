@@ -11,7 +11,7 @@ from jerkbench.datasets.field import Field
 from jerkbench.errors import PluginError
 from jerkbench.jobs import sources
 from jerkbench.jobs.inputs import _key
-from jerkbench.jobs.key import plugin_digest
+from jerkbench.jobs.sources import plugin_digest
 
 LONE = """
 from importlib import import_module
@@ -146,7 +146,7 @@ def test_a_class_without_a_file_is_another_in_each_process(monkeypatch):
     before = plugin_digest(rule)
     plugin_digest.cache_clear()
     assert plugin_digest(rule) == before
-    monkeypatch.setattr("jerkbench.jobs.key._this_process", lambda: "another")
+    monkeypatch.setattr("jerkbench.jobs.sources._this_process", lambda: "another")
     plugin_digest.cache_clear()
 
     assert plugin_digest(rule) == "another"

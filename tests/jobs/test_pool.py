@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cluster import Lent, Workers
+from jerkbench.jobs.cluster import Lent, OwnPool, Workers
 from jerkbench.jobs.dispatch import Order, outcomes
-from jerkbench.jobs.pool import OwnPool
 from jerkbench.notices import notify
 
 

@@ -5,14 +5,15 @@ import pytest
 
 from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs import run as loop
-from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.blocks import block_of
+from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import Result, Task, job_rows, work
-from jerkbench.jobs.run import block_of, run_missing
+from jerkbench.jobs.run import run_missing
 from jerkbench.results.store import Store
 
-SEEDS = 2 * KEPT + 3
+SEEDS = 2 * KEPT_INPUTS + 3
 SPEC = {
     "dataset": {
         "name": "field",
@@ -69,17 +70,17 @@ def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
         spied(patched, stop_after=2)
         with pytest.raises(KeyboardInterrupt):
             run_missing(plan, store)
-    assert len(store.known(plan.draws)[plan.jobs[0].key]) == 2 * KEPT
+    assert len(store.known(plan.draws)[plan.jobs[0].key]) == 2 * KEPT_INPUTS
 
     ran = spied(monkeypatch)
     run_missing(plan, store)
 
-    assert ran == [[4 + 2 * KEPT, 5 + 2 * KEPT, 6 + 2 * KEPT]]
+    assert ran == [[4 + 2 * KEPT_INPUTS, 5 + 2 * KEPT_INPUTS, 6 + 2 * KEPT_INPUTS]]
     require_undisturbed(store, plan.jobs[0])
 
 
 def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
-    plan = plan_of(seeds=KEPT + 2)
+    plan = plan_of(seeds=KEPT_INPUTS + 2)
     monkeypatch.setattr(rows_module, "BUDGET_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=1)
@@ -89,7 +90,7 @@ def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
     ran = spied(monkeypatch)
     run_missing(plan, Store(tmp_path), strict=True)
 
-    assert ran == [[4 + KEPT, 5 + KEPT]]
+    assert ran == [[4 + KEPT_INPUTS, 5 + KEPT_INPUTS]]
     require_undisturbed(Store(tmp_path), plan.jobs[0])
 
 
@@ -109,8 +110,8 @@ def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(
 
 
 def test_a_damaged_block_and_a_failed_run_are_run_again(store):
-    (job,) = plan_of(seeds=2 * KEPT).jobs
-    first, second = (list(job.draws)[k : k + KEPT] for k in (0, KEPT))
+    (job,) = plan_of(seeds=2 * KEPT_INPUTS).jobs
+    first, second = (list(job.draws)[k : k + KEPT_INPUTS] for k in (0, KEPT_INPUTS))
     paths = []
     for draws in (first, second):
         (result,) = work(Task((job,), draws)).results

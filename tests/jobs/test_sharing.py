@@ -8,13 +8,13 @@ from commands import PATIENCE_S
 from jerkbench.jobs import plan as planning
 from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs import run as loop
-from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.blocks import Writer, block_of
+from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.labels import Labels
-from jerkbench.jobs.locks import Locks
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import Result, job_rows
-from jerkbench.jobs.run import Known, Shared, Writer, block_of, run_missing
+from jerkbench.jobs.run import KnownSeeds, Locks, Shared, run_missing
 from jerkbench.results.store import Store
 
 
@@ -39,7 +39,7 @@ def cell(duration_s, seeds):
     )
 
 
-@pytest.mark.parametrize(("durations", "seeds"), [(range(4, 10), 1), (range(4, 6), KEPT + 2)])
+@pytest.mark.parametrize(("durations", "seeds"), [(range(4, 10), 1), (range(4, 6), KEPT_INPUTS + 2)])
 def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     """Each waits in its first run until the other has come to its own: both are at work."""
     monkeypatch.setattr(planning, "BUNDLES", 3)
@@ -76,7 +76,7 @@ def test_what_another_process_has_stored_meanwhile_is_left_out(tmp_path):
     store = Store(tmp_path)
     store.prepare()
     with Locks(tmp_path / ".locks", "plan") as locks, Writer(store) as writer:
-        shared = Shared(groups, Known(store, plan.jobs), locks, writer)
+        shared = Shared(groups, KnownSeeds(store, plan.jobs), locks, writer)
         job = plan.jobs[0]
         (row,), notes = job_rows(job)
         Store(tmp_path).write_blocks([block_of(job, Result([row], notes))])

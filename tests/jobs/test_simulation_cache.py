@@ -38,22 +38,22 @@ def test_what_is_kept_is_what_was_simulated(dataset, folder, monkeypatch):
     same(simulated.simulated(dataset, 3), wanted)
     monkeypatch.setattr(type(dataset), "load", None)
     same(simulated.simulated(dataset, 3), wanted)
-    assert len(list(folder.glob(simulated.PATTERN))) == 1
+    assert len(list(folder.glob(simulated.SIMULATED_PATTERN))) == 1
 
 
 def test_another_parameter_seed_or_code_is_another_recording(folder, monkeypatch):
     for dataset, seed in ((Field(duration_s=8.0), 1), (Field(duration_s=8.0), 2), (Field(duration_s=9.0), 1)):
         simulated.simulated(dataset, seed)
-    assert len(list(folder.glob(simulated.PATTERN))) == 3
+    assert len(list(folder.glob(simulated.SIMULATED_PATTERN))) == 3
     monkeypatch.setattr(simulated, "code_digest", lambda: "another")
     simulated.simulated(Field(duration_s=8.0), 1)
-    assert len(list(folder.glob(simulated.PATTERN))) == 4
+    assert len(list(folder.glob(simulated.SIMULATED_PATTERN))) == 4
 
 
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
 def test_what_is_damaged_is_simulated_again(folder, damage):
     wanted = simulated.simulated(Field(duration_s=8.0), 1)
-    (path,) = folder.glob(simulated.PATTERN)
+    (path,) = folder.glob(simulated.SIMULATED_PATTERN)
     whole = path.read_bytes()
     flipped = whole[:9000] + bytes([whole[9000] ^ 1]) + whole[9001:]
     path.write_bytes({"cut": whole[:-5000], "flipped": flipped, "empty": b"", "other": b"PK" + bytes(200)}[damage])
@@ -62,10 +62,10 @@ def test_what_is_damaged_is_simulated_again(folder, damage):
 
 
 def test_the_longest_unused_go_when_there_are_too_many(folder, monkeypatch):
-    monkeypatch.setattr(simulated, "MOST_BYTES", 1)
+    monkeypatch.setattr(simulated, "MOST_CACHED_BYTES", 1)
     for seed in (1, 2, 16):
         simulated.simulated(Field(duration_s=8.0), seed)
-    assert len(list(folder.glob(simulated.PATTERN))) == 1
+    assert len(list(folder.glob(simulated.SIMULATED_PATTERN))) == 1
 
 
 def test_a_folder_that_takes_nothing_is_no_obstacle(tmp_path, monkeypatch):

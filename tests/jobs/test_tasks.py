@@ -12,7 +12,7 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs.cluster import Lent, Workers
 from jerkbench.jobs.dispatch import TRIES
-from jerkbench.jobs.inputs import KEPT
+from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import Plan, grouped, planned
 from jerkbench.jobs.rows import job_rows, work
@@ -20,7 +20,7 @@ from jerkbench.jobs.run import run_missing
 from jerkbench.results.store import Store
 from made_jobs import with_method
 
-SEEDS = KEPT + 3
+SEEDS = KEPT_INPUTS + 3
 
 
 def cell(adaptation, **dataset):
@@ -53,8 +53,8 @@ def test_the_pieces_of_a_group_share_their_seeds(plan):
     groups = grouped(plan.jobs)
 
     assert [[(task.jobs[0].labels.adaptation, task.draws) for task in group] for group in groups] == [
-        [("none", range(4, 4 + KEPT)), ("mtf", range(4, 4 + KEPT))],
-        [("none", range(4 + KEPT, 4 + SEEDS)), ("mtf", range(4 + KEPT, 4 + SEEDS))],
+        [("none", range(4, 4 + KEPT_INPUTS)), ("mtf", range(4, 4 + KEPT_INPUTS))],
+        [("none", range(4 + KEPT_INPUTS, 4 + SEEDS)), ("mtf", range(4 + KEPT_INPUTS, 4 + SEEDS))],
     ]
 
 
@@ -103,9 +103,9 @@ def test_a_piece_that_is_lost_is_a_piece_of_failed_rows_and_runs_again(plan, tmp
     run_missing(plan, store, Workers(Fragile(lambda task: task.jobs[0].key == lost.key and task.draws[0] != 4)))
     (stored,), _ = store.read([lost.key])
     assert list(stored.rows["seed"]) == list(range(4, 4 + SEEDS))
-    assert list(stored.rows["status"]) == ["ok"] * KEPT + ["failed"] * 3
-    assert set(stored.rows["reason"][KEPT:]) == {"ChildProcessError: the process that ran it died (it died)"}
-    assert len(store.known([lost.key])[lost.key]) == KEPT
+    assert list(stored.rows["status"]) == ["ok"] * KEPT_INPUTS + ["failed"] * 3
+    assert set(stored.rows["reason"][KEPT_INPUTS:]) == {"ChildProcessError: the process that ran it died (it died)"}
+    assert len(store.known([lost.key])[lost.key]) == KEPT_INPUTS
 
     run_missing(plan, store)
     (again,), _ = store.read([lost.key])
@@ -128,7 +128,7 @@ def test_the_bundles_of_a_plan_are_the_same_whatever_is_left_of_it(plan, monkeyp
     monkeypatch.setattr("jerkbench.jobs.plan.BUNDLES", 2)
     whole = [task for group in grouped(plan.jobs) for task in group]
     of = {(one.key, task.draws[0]): task.bundle for task in whole for one in task.jobs}
-    half = grouped(plan.jobs, {plan.jobs[0].key: ()})
+    half = grouped(plan.jobs, {job.key: job.draws for job in plan.jobs[1:]})
 
     assert sorted(of.values()) == [0, 0, 1, 1]
     assert [([one.key for one in task.jobs], task.bundle) for group in half for task in group] == [

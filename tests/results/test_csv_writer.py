@@ -21,7 +21,7 @@ def test_every_kind_of_column_is_written_as_pandas_does(tmp_path, monkeypatch):
             "empty": np.nan,
         }
     )
-    monkeypatch.setattr(study, "STRETCH", 7)
+    monkeypatch.setattr(study, "ROWS_AS_TEXT", 7)
     write_rows_csv(rows, tmp_path / "rows.csv")
 
     rows["text"] = rows["text"].str.replace("\r", r"\r")  # what ends a line for some and not for others is written out

@@ -11,9 +11,9 @@ from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.drawings import by_difference, telling_scenes
 from jerkbench.results.content import Stored
-from jerkbench.results.scenario_runs import _chosen
 from jerkbench.results.selection import named_part
 from jerkbench.results.study import load_study
+from jerkbench.results.study_figures import _chosen, ranked
 from stored_cells import put
 
 SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "imu_bias", "outliers", "gnss_outage")}
@@ -103,7 +103,7 @@ def cell_of(place, filter_name, adaptation, **labels):
 
 
 def drawn(cells, wanted=()):
-    return list(_chosen(cells, "position_rmse_m", wanted))
+    return list(_chosen(ranked(cells, "position_rmse_m"), wanted))
 
 
 def test_the_users_own_method_is_drawn_however_bad_it_is(mine):

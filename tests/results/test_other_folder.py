@@ -7,8 +7,7 @@ import pytest
 
 from commands import SHORT, verb
 from jerkbench.files import write_text
-from jerkbench.jobs import run
-from jerkbench.jobs.run import Tally
+from jerkbench.jobs import blocks
 from jerkbench.results.manifest import MANIFEST, read_manifest
 from jerkbench.results.store import Store
 
@@ -23,16 +22,16 @@ def expected(tmp_path_factory):
 
 
 def interrupted_after(cells, monkeypatch):
-    add = Tally.add
+    add = blocks.Writer.add
 
-    def adding(tally, task, result, seen=[0]):  # noqa: B006 - a count
+    def adding(writer, job, result, seen=[0]):  # noqa: B006 - a count
+        add(writer, job, result)
         seen[0] += 1
         if seen[0] > cells:
             raise KeyboardInterrupt
-        return add(tally, task, result)
 
-    monkeypatch.setattr(Tally, "add", adding)
-    monkeypatch.setattr(run, "HELD_S", 0.0)
+    monkeypatch.setattr(blocks.Writer, "add", adding)
+    monkeypatch.setattr(blocks, "HELD_S", 0.0)
 
 
 @pytest.mark.slow

@@ -8,11 +8,11 @@ import pytest
 
 READ_FIVE_TIMES = """
 import os
-from jerkbench.jobs.run import Block
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results.parts import content_digest, content_of, part_of, table_of
 from stored_cells import about, row
 
-content = content_of(table_of([Block("abc", 1, [row()], about())]))
+content = content_of(table_of([RowBlock("abc", 1, [row()], about())]))
 before = len(os.listdir("/proc/self/task"))
 for _ in range(5):
     assert part_of(content, content_digest(content)).num_rows == 1

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.run import Block
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.results import store as store_of_cells
 from jerkbench.results.manifest import read_manifest, write_manifest
 from jerkbench.results.parts import PartFiles
-from jerkbench.results.store import MANY, Store
-from stored_cells import about, row
+from jerkbench.results.store import MANY_PARTS, Store
+from stored_cells import about, row, store_cell
 
 ROWS = [row()]
 ABOUT = about()
@@ -33,7 +33,7 @@ def files(store):
 
 
 def test_what_is_written_is_read_to_the_bit(store):
-    store.write("abc", ROWS, ABOUT)
+    store_cell(store, "abc", ROWS, ABOUT)
     (cell,), broken = store.read()
 
     assert cell.key == "abc"
@@ -46,7 +46,9 @@ def test_what_is_written_is_read_to_the_bit(store):
 def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store):
     first = [{**row(seed=seed), "lost": seed, "velocity_rmse_mps": 0.5 * seed} for seed in (3, 1)]
     second = [{**row(), "height_m": 1.0, "lost": 0.5}]
-    store.write_blocks([Block("a", 2, first, about(notes=["of a"])), Block("b", 1, second, about(notes=["of b"]))])
+    store.write_blocks(
+        [RowBlock("a", 2, first, about(notes=["of a"])), RowBlock("b", 1, second, about(notes=["of b"]))]
+    )
     a, b = store.read()[0]
 
     assert list(a.rows.columns[10:]) == ["position_rmse_m", "lost", "velocity_rmse_mps"]
@@ -59,7 +61,7 @@ def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store)
 def test_a_cell_is_whole_when_its_last_block_is_there(store):
     last, first = ([row(0.1 * k, k) for k in seeds] for seeds in ((3, 4), (0, 1, 2)))
     blocks = [
-        Block("abc", 5, rows, about(notes=[name, "both"], seconds=2.0))
+        RowBlock("abc", 5, rows, about(notes=[name, "both"], seconds=2.0))
         for name, rows in (("second", last), ("first", first))
     ]
     store.write_blocks(blocks[:1])
@@ -77,12 +79,12 @@ def test_a_cell_is_whole_when_its_last_block_is_there(store):
 
 def test_a_cell_with_a_failed_run_is_there_but_not_done_until_that_run_went_well(store):
     failed = [row(seed=0), {**row(seed=1), "status": "failed"}]
-    store.write("abc", failed, about(created="2026-03-01T00:00:00Z"))
+    store_cell(store, "abc", failed, about(created="2026-03-01T00:00:00Z"))
 
     assert done(store) == [0]
     assert store.known(["abc"], failed=True) == {"abc": {0, 1}}
     assert list(store.read()[0][0].rows["status"]) == ["ok", "failed"]
-    store.write_blocks([Block("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
+    store.write_blocks([RowBlock("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
     assert done(store) == [0, 1]
     (cell,), _ = store.read()
     assert list(cell.rows["position_rmse_m"]) == [0.1 + 0.2, 0.7]
@@ -90,7 +92,7 @@ def test_a_cell_with_a_failed_run_is_there_but_not_done_until_that_run_went_well
 
 def test_a_run_that_two_processes_stored_is_there_once(store):
     for _ in range(2):
-        store.write("abc", ROWS, ABOUT)
+        store_cell(store, "abc", ROWS, ABOUT)
     (cell,), _ = store.read()
 
     assert cell.rows.to_dict("records") == ROWS
@@ -99,7 +101,7 @@ def test_a_run_that_two_processes_stored_is_there_once(store):
 
 @pytest.mark.parametrize("size", [0, 4, 300])
 def test_a_file_that_is_cut_is_not_done_and_is_named_until_it_is_set_aside(store, size):
-    store.write("abc", ROWS, ABOUT)
+    store_cell(store, "abc", ROWS, ABOUT)
     (path,) = files(store)
     path.write_bytes(path.read_bytes()[:size])
 
@@ -111,7 +113,7 @@ def test_a_file_that_is_cut_is_not_done_and_is_named_until_it_is_set_aside(store
 
 
 def test_what_another_process_has_just_finished_or_set_aside_is_no_error(store, monkeypatch):
-    store.write("abc", ROWS, ABOUT)
+    store_cell(store, "abc", ROWS, ABOUT)
     (path,) = files(store)
     path.write_bytes(b"cut")
     rename = Path.rename
@@ -123,7 +125,7 @@ def test_what_another_process_has_just_finished_or_set_aside_is_no_error(store, 
 
 
 def test_a_flipped_bit_anywhere_is_noticed(store):
-    store.write("abc", [row(v, k) for k, v in enumerate(np.random.default_rng(1).normal(size=30))], ABOUT)
+    store_cell(store, "abc", [row(v, k) for k, v in enumerate(np.random.default_rng(1).normal(size=30))], ABOUT)
     (path,) = files(store)
     whole = path.read_bytes()
     for place in range(0, len(whole), 37):
@@ -133,7 +135,7 @@ def test_a_flipped_bit_anywhere_is_noticed(store):
 
 
 def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypatch):
-    store.write("abc", ROWS, ABOUT)
+    store_cell(store, "abc", ROWS, ABOUT)
     before = files(store)
 
     def full(*_):
@@ -141,7 +143,7 @@ def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypa
 
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
     with pytest.raises(OSError, match="No space"):
-        store.write("abd", ROWS, ABOUT)
+        store_cell(store, "abd", ROWS, ABOUT)
 
     assert files(store) == before
 
@@ -150,13 +152,13 @@ def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypa
 def test_what_is_no_number_is_not_stored(store, value):
     name = value if value == "cell.key" else "metric"
     with pytest.raises(JerkbenchError, match=r"stored|called"):
-        store.write("abc", [{**ROWS[0], name: value}], ABOUT)
+        store_cell(store, "abc", [{**ROWS[0], name: value}], ABOUT)
     assert not store.folder.exists()
 
 
 def test_many_small_parts_become_one_with_the_same_cells(store):
-    for k in range(MANY):
-        store.write(f"a{k:x}", [row(0.1 * k), row(0.3, seed=1)], about(notes=[f"of {k}"]))
+    for k in range(MANY_PARTS):
+        store_cell(store, f"a{k:x}", [row(0.1 * k), row(0.3, seed=1)], about(notes=[f"of {k}"]))
     before, _ = store.read()
     store.compact()
 
@@ -171,8 +173,8 @@ def test_many_small_parts_become_one_with_the_same_cells(store):
 
 
 def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, monkeypatch):
-    for k in range(MANY):
-        store.write(f"a{k:x}", ROWS, ABOUT)
+    for k in range(MANY_PARTS):
+        store_cell(store, f"a{k:x}", ROWS, ABOUT)
     load, calls = PartFiles.load, []
 
     def joined_meanwhile(opened, name, columns):
@@ -182,22 +184,22 @@ def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, mon
         return load(opened, name, columns)
 
     monkeypatch.setattr(PartFiles, "load", joined_meanwhile)
-    assert len(store.read()[0]) == MANY
+    assert len(store.read()[0]) == MANY_PARTS
 
 
 def test_many_parts_are_joined_in_stretches(store, monkeypatch):
     monkeypatch.setattr(store_of_cells, "JOINED", 5)
-    for k in range(MANY + 2):
-        store.write(f"a{k:x}", ROWS, ABOUT)
+    for k in range(MANY_PARTS + 2):
+        store_cell(store, f"a{k:x}", ROWS, ABOUT)
     before = [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]]
     store.compact()
 
-    assert len(files(store)) == -(-(MANY + 2) // 5)
+    assert len(files(store)) == -(-(MANY_PARTS + 2) // 5)
     assert [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]] == before
 
 
 def test_damage_is_noticed_also_after_the_part_was_read(store):
-    store.write("abc", ROWS, ABOUT)
+    store_cell(store, "abc", ROWS, ABOUT)
     assert [done(store) for _ in range(3)] == [[0]] * 3
 
     (path,) = files(store)
@@ -208,7 +210,7 @@ def test_damage_is_noticed_also_after_the_part_was_read(store):
 
 
 def test_the_manifest_says_which_seeds_are_shown_and_a_cell_that_lacks_one_is_not_whole(store):
-    store.write("abc", [row(0.1 * k, k) for k in range(5)], ABOUT)
+    store_cell(store, "abc", [row(0.1 * k, k) for k in range(5)], ABOUT)
     seeds = {"abc": range(1, 4)}
     write_manifest(store.folder.parent, seeds, [], ["jerkbench"])
     content, _ = store.content()
@@ -241,7 +243,7 @@ def test_seeds_of_a_new_command_take_the_place_of_those_that_they_overlap_and_jo
 
 
 def test_a_cell_in_the_format_of_before_there_were_parts_is_a_sentence(store):
-    store.write("0b", ROWS, ABOUT)
+    store_cell(store, "0b", ROWS, ABOUT)
     (store.folder / f"{'0a' * 10}.parquet").write_bytes(b"PAR1")
     for ask in (store.read, lambda: store.known(["0b"]), store.pack, lambda: store.keys_from("0")):
         with pytest.raises(JerkbenchError, match=r"0a0a\.parquet has a format .* no longer read; run .* \(study=NAME"):

@@ -5,9 +5,9 @@ import re
 import pytest
 
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned
-from jerkbench.jobs.run import Block
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
@@ -15,7 +15,7 @@ from jerkbench.results.manifest import write_manifest
 from jerkbench.results.selection import other_methods, require_alike
 from jerkbench.results.store import Store
 from jerkbench.results.study import load_study, write_study
-from stored_cells import LABELS, about, put, row
+from stored_cells import LABELS, about, put, row, store_cell
 
 KEYS_OF_TWO = ("a" * 20, "b" * 20)
 
@@ -33,7 +33,7 @@ def test_of_two_results_of_one_name_the_planned_one_is_shown_even_if_it_is_older
     put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z", code="b")
 
     assert shown(load_study(tmp_path)) == {"4e": 0.2}
-    assert shown(load_study(tmp_path, prefer=["01d"])) == {"01d": 0.1}
+    assert shown(load_study(tmp_path, {"01d": [0]})) == {"01d": 0.1}
     write_manifest(tmp_path, {"01d": [0]}, [], ["jerkbench"])
     assert shown(load_study(tmp_path)) == {"01d": 0.1}
     write_study(load_study(tmp_path))  # it raised where two rows had one name
@@ -154,9 +154,9 @@ def test_shards_of_one_cell_are_planned_as_one_and_no_seed_runs_twice():
 def test_rows_of_shards_are_joined_and_other_seeds_are_left_out_and_said(tmp_path):
     store = Store(tmp_path)
     for seeds in ((2, 3), (0, 1), (3, 4, 5)):
-        store.write_blocks([Block("a", len(seeds), [row(float(seed), seed) for seed in seeds], about(notes=[]))])
+        store.write_blocks([RowBlock("a", len(seeds), [row(float(seed), seed) for seed in seeds], about(notes=[]))])
         write_manifest(tmp_path, {"a": seeds}, [], ["jerkbench"])
-    store.write("d", [row(9.0, 9)], about(notes=[], created="2025-01-01T00:00:00Z"))
+    store_cell(store, "d", [row(9.0, 9)], about(notes=[], created="2025-01-01T00:00:00Z"))
     study = load_study(tmp_path)
 
     assert list(study.rows["seed"]) == [0, 1, 3, 4, 5]
@@ -223,7 +223,7 @@ def test_a_cell_whose_blocks_were_run_on_two_processors_names_both(tmp_path):
     store = Store(tmp_path)
     store.prepare()
     for seed, kind in enumerate(("znver4: avx fma", "haswell: avx")):
-        store.write_blocks([Block(KEYS_OF_TWO[0], 2, [row(seed=seed)], about(processor=kind))])
+        store.write_blocks([RowBlock(KEYS_OF_TWO[0], 2, [row(seed=seed)], about(processor=kind))])
     (stored,), _ = store.read([KEYS_OF_TWO[0]])
 
     assert stored.metadata["processor"] == "haswell: avx and znver4: avx fma"
@@ -251,7 +251,7 @@ def test_a_run_that_diverged_loses_to_the_fixes_and_one_that_failed_is_not_compa
     put(tmp_path, "b1", 0.1, filter="jerk")
     for key, name, status in (("c1", "bias", "diverged"), ("d1", "imm", "failed")):
         lost = [row(float("nan"), status=status, filter=name)]
-        Store(tmp_path).write(key, lost, about(labels={**LABELS, "filter": name}))
+        store_cell(Store(tmp_path), key, lost, about(labels={**LABELS, "filter": name}))
 
     told = [note for note in load_study(tmp_path).notes if "gnss_only" in note]
 

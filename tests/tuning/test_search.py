@@ -15,8 +15,7 @@ from jerkbench.timeline import RScale
 from jerkbench.tuning.curves import budget_curve, knob_intervals
 from jerkbench.tuning.evaluate import Evaluator, RunPlace
 from jerkbench.tuning.objectives import LOST, objective_of
-from jerkbench.tuning.outcome import Effort, tune
-from jerkbench.tuning.search import Budget, equal_budgets, score, search
+from jerkbench.tuning.search import Budget, Effort, equal_budgets, score, search, tune
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_seeds
 from made_jobs import with_method, with_scenario

@@ -7,7 +7,7 @@ import pytest
 
 from commands import verb
 from jerkbench.results.store import Store
-from stored_cells import LABELS, about, row
+from stored_cells import LABELS, about, row, store_cell
 
 YAML = """\
 tolerances:
@@ -32,7 +32,7 @@ def put(folder, rmse_m, rmse_mps=1.0, **labels):
     """Store a cell with the errors of three runs."""
     key = hashlib.sha256(str(labels).encode()).hexdigest()[:16]
     rows = [row(rmse_m * (1 + seed / 10), seed, **labels) | {"velocity_rmse_mps": rmse_mps} for seed in range(3)]
-    Store(folder).write(key, rows, about(labels={**LABELS, **labels}))
+    store_cell(Store(folder), key, rows, about(labels={**LABELS, **labels}))
 
 
 def study(folder, outage=1.0, nothing=1.0, velocity=1.0):

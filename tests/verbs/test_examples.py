@@ -8,7 +8,7 @@ import pytest
 
 from commands import swept, verb
 from jerkbench.cli import _parser
-from jerkbench.verbs.examples import EXAMPLES
+from jerkbench.verbs.arguments import VERB_EXAMPLES
 
 NOT_RUN = ("jerkbench data fetch broad", "jerkbench data cache --clear")
 """They need the network, and delete what the tests have compiled."""
@@ -52,8 +52,8 @@ def test_the_help_of_a_verb_has_two_examples(tmp_path, words):
 @pytest.mark.slow
 def test_the_examples_go_well(folder):
     """In their order: some read what one before them wrote."""
-    assert set(EXAMPLES) <= {" ".join(words) for words in verbs(_parser())}
-    for name, lines in EXAMPLES.items():
+    assert set(VERB_EXAMPLES) <= {" ".join(words) for words in verbs(_parser())}
+    for name, lines in VERB_EXAMPLES.items():
         for line in lines:
             assert line == f"jerkbench {name}" or line.startswith(f"jerkbench {name} ")
             if line in NOT_RUN:

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.evaluation.counted_rows import first_counted_s
-from jerkbench.measurements import FLOOR
+from jerkbench.measurements import VARIANCE_FLOOR
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -69,5 +69,5 @@ def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArra
     nearest = np.clip(np.searchsorted(position.t_s, updates.t_s - 1e-9), 0, len(position.t_s) - 1)
     same = np.abs(position.t_s[nearest] - updates.t_s) < 1e-6
     variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)[nearest[same]]
-    reported[:, same] = np.maximum(variances.T, FLOOR)
+    reported[:, same] = np.maximum(variances.T, VARIANCE_FLOOR)
     return used, reported

@@ -1,0 +1,111 @@
+"""Errors of the stamps: later than the time at which the values were true, or off at random."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.disturbances.common import AnyStream, Once, own_stream, require_values, rows_of
+from jerkbench.plugins import register
+from jerkbench.recording import Imu, Recording
+
+
+@register("disturbance", "latency")
+@dataclass(frozen=True)
+class Latency(Once):
+    """Stamps that are later than the time at which the values were true; nobody is told.
+
+    t' = t + d. A measurement whose stamp comes after the end of the recording is left out. The error that it makes is
+    the motion within d (at 1.5 m/s and .1 s 15 cm): no covariance knows of it, the true one neither.
+
+    Attributes:
+        position_s: d of the fixes.
+        velocity_s: d of the velocity.
+        heading_s: d of the heading.
+    """
+
+    position_s: float = 0.1
+    velocity_s: float = 0.0
+    heading_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that no latency is negative."""
+        names = ("position_s", "velocity_s", "heading_s")
+        require_values(self, names, lambda late: 0 <= late < np.inf, "a latency must be 0 s or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with later stamps."""
+        end_s = recording.duration_s
+        return replace(
+            recording,
+            position=_later(recording.position, self.position_s, end_s),
+            velocity=_later(recording.velocity, self.velocity_s, end_s),
+            heading=_later(recording.heading, self.heading_s, end_s),
+        )
+
+
+def _later(measured: AnyStream | None, late_s: float, end_s: float) -> AnyStream | None:
+    if measured is None or not late_s:
+        return measured
+    kept = rows_of(measured, measured.t_s + late_s <= end_s)
+    return replace(kept, t_s=kept.t_s + late_s)
+
+
+NEAREST = 0.45
+"""The largest shift of a stamp towards its neighbour, in parts of the interval between them."""
+
+
+@register("disturbance", "jitter")
+@dataclass(frozen=True)
+class Jitter(Once):
+    """Stamps of the IMU and of the measurements are off at random; the values and the reference stay.
+
+    t_k' = t_k + e_k,  e_k ~ N(0, sigma^2), cut off at .45 of the interval to the neighbour, so that stamps go on
+    increasing. The IMU's first and last stamp stay. Position, velocity and heading each have errors of their own. The
+    error that a wrong stamp makes depends on the motion: no covariance knows of it, the true one neither.
+
+    Attributes:
+        imu_s: sigma of the IMU's stamps.
+        measurement_s: sigma of the stamps of position, velocity and heading.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    imu_s: float = 0.001
+    measurement_s: float = 0.01
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check that no sigma is negative."""
+        names = ("imu_s", "measurement_s")
+        require_values(self, names, lambda s: 0 <= s < np.inf, "a standard deviation must be 0 or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the stamps of ``seed``."""
+        return replace(
+            recording,
+            imu=None if recording.imu is None else self._restamped_imu(recording.imu, seed),
+            position=self._restamped(recording.position, seed, "position"),
+            velocity=self._restamped(recording.velocity, seed, "velocity"),
+            heading=self._restamped(recording.heading, seed, "heading"),
+        )
+
+    def _restamped_imu(self, imu: Imu, seed: int) -> Imu:
+        t_s = jittered(imu.t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))
+        t_s[[0, -1]] = imu.t_s[[0, -1]]
+        return replace(imu, t_s=t_s)
+
+    def _restamped(self, measured: AnyStream | None, seed: int, name: str) -> AnyStream | None:
+        if measured is None:
+            return None
+        random = own_stream(seed, "jitter", self.stream, name)
+        return replace(measured, t_s=jittered(measured.t_s, self.measurement_s, random))
+
+
+def jittered(t_s: FloatArray, sigma_s: float, random: np.random.Generator) -> FloatArray:
+    """Return increasing stamps (n,) as new values: each with an error, cut off where it comes near a neighbour."""
+    gaps = np.concatenate([[np.inf], np.diff(t_s), [np.inf]])
+    errors = sigma_s * random.standard_normal(len(t_s))
+    return np.asarray(t_s + np.clip(errors, -NEAREST * gaps[:-1], NEAREST * gaps[1:]))

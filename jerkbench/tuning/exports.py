@@ -1,0 +1,209 @@
+"""What was tuned as files: presets of ours, and the setting for other programs, each with what does not map."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from jerkbench.files import write_text
+from jerkbench.tuning.search import Tuning
+
+TUNED_PARTS = ("filter", "adaptation", "attitude")
+
+
+def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
+    """Return the words that choose what was tuned.
+
+    Args:
+        tuning: the tuned method.
+        typed: whether the words of the tuning choose an experiment themselves; a run takes one only.
+    """
+    if not typed:
+        return [f"experiment={_name(tuning)}"]
+    spec, setting = tuning.job.spec, tuning.setting
+    parts = [f"{part}={spec[part]['name']}_tuned" for part in TUNED_PARTS if tuning.space.of_part(part, setting)]
+    return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
+
+
+def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
+    """Write a preset of each part that was tuned, and an experiment that chooses them.
+
+    Args:
+        tuning: the tuned method.
+        folder: below which the groups are.
+        remarks: what stands at the top of each file, one line.
+    """
+    spec, chosen = tuning.job.spec, {}
+    for part in TUNED_PARTS:
+        plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
+        if values or part != "attitude":
+            chosen[part] = f"{plugin}_tuned" if values else plugin
+        if values:
+            kept = {**_given(spec[part]), **values}
+            write_text(folder / part / f"{plugin}_tuned.yaml", _text(remarks, {"defaults": [plugin, "_self_"], **kept}))
+    told = tuning.space.of_part("r_scale", tuning.setting)
+    defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]
+    whole = {"defaults": [*defaults, "_self_"], **({"r_scale": told} if told else {})}
+    write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(remarks, whole)}")
+
+
+def _name(tuning: Tuning) -> str:
+    """The name of the experiment."""
+    return f"{tuning.name}_tuned".replace("-", "_")
+
+
+def _given(spec: dict[str, Any]) -> dict[str, Any]:
+    """The parameters of a part, without its name."""
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in spec.items() if key != "name"}
+
+
+def _text(remarks: str, content: dict[str, Any]) -> str:
+    return f"# {remarks}\n{OmegaConf.to_yaml(OmegaConf.create(content))}"
+
+
+# robot_localization, KF-GINS and our eskf15.
+
+MGAL_PER_MG = 980.665
+HOUR_S = 3600.0
+UNDECIDED = (0.05, 0.05, 0.06, 0.03, 0.03, 0.06, 0.025, 0.025, 0.04, 0.01, 0.01, 0.02, 0.01, 0.01, 0.015)
+"""robot_localization's own process noise, of x y z, roll pitch yaw, their rates, and ax ay az."""
+
+CORRELATION_H = 1.0
+"""Correlation time of KF-GINS' biases where our filter has a random walk."""
+
+
+def robot_localization(tuning: Tuning) -> str:
+    """Return the part of an ekf_node's parameters that the setting decides."""
+    values, rows, decided = _values(tuning), list(UNDECIDED), False
+    comments = [
+        "robot_localization (ROS 2, ekf_node). Units: those of its state, variances per second.",
+        "Maps: process noise. Does not map: the reported covariances (the node takes them from the messages: multiply",
+        f"  them there, position by {values['r_scale.position']:g}, velocity by {values['r_scale.velocity']:g}); an",
+        "  accelerometer bias (it has no such state); the IMU as an input (it takes acceleration as a measurement).",
+    ]
+    density = _velocity_density(tuning, values)
+    if density is not None:
+        rows[6:9], decided = [density] * 3, True
+        comments.append("process_noise_covariance, vx vy vz: sigma_a^2 dt0 [m2/s3].")
+    if (walk := values.get("filter.accel_walk_mps2_per_sqrt_s")) is not None:
+        rows[12:15], decided = [walk**2] * 3, True
+        comments.append("process_noise_covariance, ax ay az: sigma_w^2 [m2/s5].")
+    comments += _adaptation(tuning, values)
+    body = []
+    if decided:
+        comments.append("The rest of process_noise_covariance was not tuned: the defaults of robot_localization.")
+        diagonal = [row if k == j else 0.0 for k, row in enumerate(rows) for j in range(15)]
+        body.append(f"    process_noise_covariance: [{', '.join(f'{value:.6g}' for value in diagonal)}]")
+    else:
+        comments.append("This filter decides no process noise of the node: keep your own process_noise_covariance.")
+    for gate in _gate(values):
+        body += [f"    odom0_{part}_rejection_threshold: {gate:.4g}" for part in ("pose", "twist")]
+    return _file(comments, ["ekf_filter_node:", f"  ros__parameters:{'' if body else ' {}'}", *body])
+
+
+def kf_gins(tuning: Tuning) -> str:
+    """Return the ``imunoise`` of a KF-GINS configuration."""
+    values = _values(tuning)
+    comments = [
+        "KF-GINS (kf-gins.yaml, imunoise). Units: deg/sqrt(h), m/s/sqrt(h), deg/h, mGal, h.",
+        "Maps: noise of the IMU and its biases. Does not map: the reported covariances (the standard deviations in its",
+        f"  GNSS file: multiply those of the position by {math.sqrt(values['r_scale.position']):g}).",
+    ]
+    noise = _imu_noise(tuning, values)
+    lines = {name: value for name, value in noise.items() if value is not None}
+    comments += [f"Not decided by this filter, keep your own: {name}." for name, v in noise.items() if v is None]
+    comments += _adaptation(tuning, values)
+    axes = [f"  {name}: [{', '.join([f'{value:.6g}'] * 3)}]" for name, value in lines.items() if name != "corrtime"]
+    time = [f"  corrtime: {lines['corrtime']:.6g}"] if "corrtime" in lines else []
+    return _file(comments, ["imunoise:", *axes, *time])
+
+
+def eskf15(tuning: Tuning) -> str:
+    """Return a preset of our eskf15, an experiment for `jerkbench run --config-dir`."""
+    values = _values(tuning)
+    name = tuning.job.spec["filter"]["name"]
+    comments = [
+        "jerkbench's eskf15, as an experiment. Maps: sigma_a as velocity random walk, the reported R.",
+        "Does not map: the gyro (eskf15 estimates the attitude itself), the noise of jerk or turn.",
+    ]
+    if name == "eskf15":
+        own = {k.partition(".")[2]: v for k, v in values.items() if k.startswith("filter.")}
+        comments = ["jerkbench's eskf15, as an experiment: the tuned filter itself."]
+    else:
+        density = _velocity_density(tuning, values)
+        own = {} if density is None else {"velocity_random_walk_mps_per_sqrt_h": math.sqrt(density * HOUR_S)}
+    told = [f"  {part}: {values[f'r_scale.{part}']:.6g}" for part in ("position", "velocity")]
+    body = ["defaults:", "  - override /filter: eskf15", "  - _self_"]
+    body += ["filter:", *(f"  {key}: {value:.6g}" for key, value in own.items())] if own else []
+    return f"# @package _global_\n{_file(comments + _adaptation(tuning, values), [*body, 'r_scale:', *told])}"
+
+
+EXPORTS: dict[str, Callable[[Tuning], str]] = {
+    "robot_localization.yaml": robot_localization,
+    "kf-gins.yaml": kf_gins,
+    "eskf15.yaml": eskf15,
+}
+"""What each file of other programs is made by."""
+
+
+def _values(tuning: Tuning) -> dict[str, float]:
+    """The numbers of filter, adaptation and r_scale, the tuned ones among them, by name."""
+    plain = tuning.space.applied(tuning.job, tuning.setting).spec
+    parts: dict[str, dict[str, Any]] = {name: plain[name] for name in ("filter", "adaptation", "r_scale")}
+    return {
+        f"{part}.{key}": float(value)
+        for part, fields in parts.items()
+        for key, value in fields.items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+
+
+def _velocity_density(tuning: Tuning, values: dict[str, float]) -> float | None:
+    """Density of the velocity's random walk [m2/s3]: sigma_a^2 dt0, or what the filter has in its place."""
+    if (sigma := values.get("filter.accel_mps2")) is not None and tuning.interval_s is not None:
+        return sigma**2 * tuning.interval_s
+    if (walk := values.get("filter.velocity_walk_mps_per_sqrt_s")) is not None:
+        return walk**2
+    if (walk := values.get("filter.velocity_random_walk_mps_per_sqrt_h")) is not None:
+        return walk**2 / HOUR_S
+    return None
+
+
+def _imu_noise(tuning: Tuning, values: dict[str, float]) -> dict[str, float | None]:
+    """The entries of ``imunoise``; None: the filter says nothing of it."""
+    density = _velocity_density(tuning, values)
+    vrw = None if density is None else math.sqrt(density * HOUR_S)
+    arw, gyro = (values.get(f"filter.{n}") for n in ("angle_random_walk_deg_per_sqrt_h", "gyro_instability_deg_per_h"))
+    instability, walk = (values.get(f"filter.{n}") for n in ("accel_instability_mg", "bias_mps2_per_sqrt_s"))
+    if instability is not None:
+        hours = values["filter.accel_correlation_s"] / HOUR_S
+        return {"arw": arw, "vrw": vrw, "gbstd": gyro, "abstd": instability * MGAL_PER_MG, "corrtime": hours}
+    if walk is None:
+        return {"arw": None, "vrw": vrw, "gbstd": None, "abstd": None, "corrtime": None}
+    sigma = walk * math.sqrt(CORRELATION_H * HOUR_S / 2.0)  # of a Gauss-Markov process with that walk: 2 sigma^2/tau
+    return {"arw": None, "vrw": vrw, "gbstd": None, "abstd": 1e5 * sigma, "corrtime": CORRELATION_H}
+
+
+def _gate(values: dict[str, float]) -> list[float]:
+    """The Mahalanobis distance beyond which a block is dropped, where the adaptation is such a gate."""
+    if (probability := values.get("adaptation.probability")) is None:
+        return []
+    from scipy.stats import chi2
+
+    return [math.sqrt(float(chi2.ppf(probability, 3)))]
+
+
+def _adaptation(tuning: Tuning, values: dict[str, float]) -> list[str]:
+    name = tuning.job.spec["adaptation"]["name"]
+    if name == "none":
+        return []
+    if name == "chi2" and (gates := _gate(values)):
+        distance = f"sqrt(chi2(p, 3)) = {gates[0]:.4g}"
+        return [f"The adaptation chi2 is a gate, {distance}, in robot_localization; it maps nowhere else."]
+    return [f"Does not map: the adaptation {name}; without it the tuned noises need not be the best."]
+
+
+def _file(comments: list[str], lines: list[str]) -> str:
+    return "\n".join([*(f"# {comment}" for comment in comments), *lines, ""])
