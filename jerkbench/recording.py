@@ -9,6 +9,7 @@ time at which the value was true (the stamp less the latency). A value that is N
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -80,7 +81,7 @@ class Imu:
         for name in ("accel_mps2", "gyro_radps"):
             require(np.isfinite(getattr(self, name)).all(axis=1), self, name, "the sample is NaN or infinite")
 
-    @property
+    @cached_property
     def nominal_interval_s(self) -> float:
         """The interval dt0 between samples (median)."""
         return float(np.median(np.diff(self.t_s)))

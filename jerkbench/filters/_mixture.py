@@ -79,7 +79,7 @@ class Mixture:
             if dt > 0:
                 self._predict(dt, t.accel_enu_mps2[sample])
             if update >= 0 and not self._update(update):
-                return self.recorder.estimate(f"a covariance is no longer positive definite at {t.t_s[k]:.2f} s")
+                return self.recorder.estimate(f"the covariance is no longer positive definite at {t.t_s[k]:.2f} s")
             if reference >= 0:
                 x, P = combined(self.x, self.P, self.weights)
                 self.recorder.state(reference, x[:6], P[:6, :6])
