@@ -20,13 +20,14 @@ from plain_loops import filterpy_loop
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.alignment import TiltStart
-from jerkbench.attitude.tilt_filter import TiltParameters, run_tilt, settings_of
-from jerkbench.attitude.tilt_kernel import make_room, run_samples
+from jerkbench.attitude.alignment import tilt_start
+from jerkbench.attitude.common import intervals
+from jerkbench.attitude.tilt import Tilt, run_tilt
 from jerkbench.contracts import Engine, Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.measurements import Measurements
+from jerkbench.recording import Imu, Recording, Reference
 from jerkbench.sums import ErrorWeights, Run
 from jerkbench.timeline import Timeline
 
@@ -116,17 +117,17 @@ def tilt_lines(rounds: int) -> list[Line]:
     rng = np.random.default_rng(1)
     gyro = rng.normal(0.0, 0.1, (STEPS, 3))
     accel = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.3, (STEPS, 3))
-    start, p = TiltStart(np.array([0.0, 0.0, 1.0]), 1e-3), TiltParameters()
-    samples = gyro, accel, np.full(STEPS, DT_S)
+    imu = Imu(DT_S * np.arange(1, STEPS + 1), accel, gyro)
+    drive = Recording("noise", imu, Reference([DT_S], "made up", independent=True))
 
     def uncompiled() -> FloatArray:
         x, triggered = np.empty((STEPS, 3)), np.empty(STEPS, dtype=np.bool_)
-        run_samples(make_room(start.x, start.variance, p.window), *samples, settings_of(p), x, triggered)
+        run_tilt(Tilt().state(tilt_start(drive)), gyro, accel, intervals(imu), x, triggered)
         return x
 
-    difference = apart(run_tilt(start, *samples, p)[0], uncompiled())
+    difference = apart(Tilt().verticals(drive)[0], uncompiled())
     slow = Entrant("tilt filter, uncompiled", uncompiled, 1, 1, 0.0)
-    fast = Entrant("tilt filter, compiled", partial(run_tilt, start, *samples, p), 9, 1, difference)
+    fast = Entrant("tilt filter, compiled", partial(Tilt().verticals, drive), 9, 1, difference)
     return in_rounds([slow, fast], rounds)
 
 

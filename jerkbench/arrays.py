@@ -22,6 +22,22 @@ BoolVector = Annotated[BoolArray, 1]
 """Contiguous arrays of so many axes: what a compiled loop takes (`jerkbench.compilation.compiled_loop`)."""
 
 
+class Same:
+    """Objects, as the key of a cache: the same as others if each is the same object, whatever they hold."""
+
+    def __init__(self, *objects: Any) -> None:  # noqa: ANN401 - anything
+        """Hold them, so that no other object gets their place in memory."""
+        self.objects = objects
+
+    def __hash__(self) -> int:
+        """Tell by where they are."""
+        return hash(tuple(map(id, self.objects)))
+
+    def __eq__(self, other: object) -> bool:
+        """Whether each is the same object."""
+        return isinstance(other, Same) and all(a is b for a, b in zip(self.objects, other.objects, strict=True))
+
+
 def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) -> FloatArray:  # noqa: ANN401 - anything array-like
     """Return ``value`` as a read-only float64 array of ``shape`` (None: any length).
 

@@ -260,6 +260,16 @@ class InLanes(Protocol):
     lanes: ClassVar[bool]
 
 
+@runtime_checkable
+class ChangingNothing(Protocol):
+    """An adaptation that leaves R as it is, if the attribute is True: runs side by side need not ask.
+
+    It counts for the class that states it, and not for those that are made from it.
+    """
+
+    changes_nothing: ClassVar[bool]
+
+
 # Adaptations that change more than R: the prior covariance, the gain.
 
 

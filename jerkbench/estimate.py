@@ -1,11 +1,15 @@
 """The estimates: the attitude at the IMU's stamps, and the navigation solution at the reference's stamps."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.notebook import shown, stamps_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +105,32 @@ class Estimate:
         """Return how many estimates and updates it has, and why it stopped early."""
         stopped = f", stopped early: {' '.join(self.failure.split())}" if self.failure else ""
         return f"Estimate({len(self.index)} estimates, {len(self.updates.t_s)} updates{stopped})"
+
+    def to_frame(self, t_s: FloatArray | None = None) -> "pd.DataFrame":
+        """Return a data frame with a row for each estimate, in ENU.
+
+        Args:
+            t_s: the reference's stamps (``recording.reference.t_s``): the frame has a column of them then.
+
+        Returns:
+            Columns position, velocity and one sigma of each (``east_m``, ``velocity_east_mps``, ``sigma_east_m``,
+            ``sigma_velocity_east_mps``, ...), and ``roll_rad``, ``pitch_rad``, ``yaw_rad``. The index is the row of the
+            reference.
+        """
+        import pandas as pd
+
+        sigma = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        axes = ("east", "north", "up")
+        parts = {
+            tuple(f"{axis}_m" for axis in axes): self.position_m,
+            tuple(f"velocity_{axis}_mps" for axis in axes): self.velocity_mps,
+            tuple(f"sigma_{axis}_m" for axis in axes): sigma[:, :3],
+            tuple(f"sigma_velocity_{axis}_mps" for axis in axes): sigma[:, 3:],
+            ("roll_rad", "pitch_rad", "yaw_rad"): self.euler_rad,
+        }
+        columns = {name: values[:, k] for names, values in parts.items() for k, name in enumerate(names)}
+        stamps = {} if t_s is None else {"t_s": t_s[self.index]}
+        return pd.DataFrame({**stamps, **columns}, index=pd.Index(self.index, name="reference_row"))
 
     def _repr_html_(self) -> str:
         """Return how far it went and how sure it is, as a notebook shows it."""

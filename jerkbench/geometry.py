@@ -138,6 +138,17 @@ def vertical_in_body(euler_rad: FloatArray) -> FloatArray:
     return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1)
 
 
+def roll_pitch(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Roll and pitch [rad] of x = Omega' e3 (..., 3): roll = atan2(x2, x3), pitch = atan2(-x1, hypot(x2, x3))."""
+    return np.arctan2(x[..., 1], x[..., 2]), np.arctan2(-x[..., 0], np.hypot(x[..., 1], x[..., 2]))
+
+
+def best_rotation(b: FloatArray, a: FloatArray) -> FloatArray:
+    """Return the rotation C (3, 3) with the least sum of |b_i - C a_i|^2 over the rows of b and a (n, 3) (Kabsch)."""
+    U, _, V = np.linalg.svd(b.T @ a)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
+
+
 def euler_in_order(dcm: FloatArray, order: str) -> FloatArray:
     """Angles [rad] (n, 3) of rotation matrices (n, 3, 3), in any of the twelve orders of axes.
 

@@ -1,6 +1,7 @@
 """(Recording, Attitude) -> Measurements: position and velocity as rows of z = [p; v]."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,6 +35,37 @@ class Measurements:
     def covariances(self, *, true: bool) -> FloatArray:
         """Return (m, 6, 6) those that a filter gets."""
         return self.R_true if true else self.R
+
+    @cached_property
+    def above_floor(self) -> bool:
+        """Whether no variance that is reported was raised to the floor."""
+        return bool((np.einsum("nii->ni", self.R) > VARIANCE_FLOOR).all())
+
+
+class ScaledMeasurements(Measurements):
+    """Measurements of which a filter is told another R: made where it is read, for runs side by side share `reported`.
+
+    Attributes:
+        reported: as they were, no variance at the floor.
+        position: factor on the covariance of each position [-].
+        velocity: factor on the covariance of each velocity [-].
+    """
+
+    def __init__(self, reported: Measurements, position: float, velocity: float) -> None:
+        """Share with ``reported`` all but R."""
+        vars(self).update(t_ns=reported.t_ns, z=reported.z, R_true=reported.R_true)
+        self.reported, self.position, self.velocity = reported, position, velocity
+
+    @cached_property
+    def R(self) -> FloatArray:  # noqa: N802 - read like the field
+        """(m, 6, 6) the factors times R; of what is not there it stays."""
+        R, there = self.reported.R.copy(), np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
+        for k, factor in enumerate((self.position, self.velocity)):
+            rows: slice | BoolArray = slice(None) if there[:, k].all() else there[:, k]
+            R[rows, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] *= factor
+        variances = R.reshape(-1, 36)[:, ::7]
+        np.maximum(variances, VARIANCE_FLOOR, out=variances)
+        return R
 
 
 def merged_measurements(recording: Recording, attitude: Attitude) -> Measurements:
@@ -119,6 +151,9 @@ UNSEEN_SIGMA_MPS2 = 2.0
 """One sigma of the acceleration of a vehicle while no IMU sees it."""
 
 
+_AT_START = np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
+
+
 def start_motion(
     measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -133,27 +168,30 @@ def start_motion(
     An axis that was not measured by then is 0 +- 10 m/s: what comes later is an update, and must not be used twice. A
     measurement that is no surer than that in some direction (a speed, across) is not taken there.
     """
-    x0, P0 = np.zeros(6), np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
+    x0, P0 = np.zeros(6), _AT_START.copy()
     x0[:3], P0[:3, :3] = measurements.z[first, :3], measurements.R[first, :3, :3]
     start_s = measurements.t_ns[first] * 1e-9
     rows = latest_rows(measurements, first)
-    for row in np.unique(rows[rows >= 0]):
+    for row in sorted(set(rows.tolist()) - {-1}):
         axes = 3 + np.flatnonzero(rows == row)
-        block = np.ix_(axes, axes)
-        z, R = measurements.z[row, axes], measurements.R[row][block]
+        z, R = measurements.z[row, axes], measurements.R[row, axes[:, None], axes]
         age_s = (measurements.t_ns[first] - measurements.t_ns[row]) * 1e-9
         if age_s > 0:
             gained, seen_s = _gained(attitude, dt0_s, start_s - age_s, start_s)
             grown = (seen_s * INPUT_SIGMA_MPS2) ** 2 + ((age_s - seen_s) * UNSEEN_SIGMA_MPS2) ** 2
             z, R = z + gained[axes - 3], R + grown * np.eye(len(axes))
-        x0[axes], P0[block] = _bounded(z, R)
+        x0[axes], P0[axes[:, None], axes] = _bounded(z, R)
     return x0, P0
+
+
+def first_of_start(t_ns: IntArray, first: int) -> int:
+    """Return the first row of ``t_ns`` that the start at the fix ``first`` may depend on."""
+    return int(np.searchsorted(t_ns, t_ns[first] - round(INITIAL_SPEED_AGE_S * 1e9)))
 
 
 def latest_rows(measurements: Measurements, first: int) -> IntArray:
     """Row of the latest measurement of each velocity axis (3,) in the last second up to the fix; -1: there is none."""
-    t_ns = measurements.t_ns
-    begin = int(np.searchsorted(t_ns, t_ns[first] - round(INITIAL_SPEED_AGE_S * 1e9)))
+    begin = first_of_start(measurements.t_ns, first)
     measured = np.isfinite(measurements.z[begin : first + 1, 3:])
     return np.where(measured.any(axis=0), first - np.argmax(measured[::-1], axis=0), -1)
 
@@ -173,7 +211,8 @@ def _gained(attitude: Attitude | None, dt0_s: float, begin_s: float, end_s: floa
     """The integral (3,) of the input u between two times, and how much of that time an IMU saw."""
     if attitude is None:
         return np.zeros(3), 0.0
-    nodes_s = np.concatenate(([attitude.t_s[0] - dt0_s], attitude.t_s))
-    ends_s = np.clip(nodes_s, begin_s, end_s)
-    parts_s = np.diff(ends_s)
-    return parts_s @ attitude.accel_enu_mps2, float(parts_s.sum())
+    t_s = attitude.t_s
+    first, last = np.searchsorted(t_s, (begin_s, end_s))
+    nodes_s = np.append(t_s[first - 1] if first else t_s[0] - dt0_s, t_s[first : last + 1])
+    parts_s = np.diff(np.clip(nodes_s, begin_s, end_s))
+    return parts_s @ attitude.accel_enu_mps2[first : last + 1], float(parts_s.sum())

@@ -336,6 +336,22 @@ class Recording:
             )
         return self.imu
 
+    def apparent_vertical(self, seconds: float) -> FloatArray:
+        """Return the direction (3,) of the mean specific force over the first ``seconds``: at rest, the vertical.
+
+        Raises:
+            RecordingError: the accelerometer shows no gravity.
+        """
+        imu = self.inertial
+        mean = imu.accel_mps2[imu.t_s < imu.t_s[0] + seconds].mean(axis=0)
+        norm = float(np.linalg.norm(mean))
+        if not norm > 0:
+            raise RecordingError(
+                f"{self.name}: the accelerometer's mean over the first {seconds:g} s is zero, so that it cannot be"
+                " levelled; specific force must contain gravity."
+            )
+        return np.asarray(mean / norm)
+
     @property
     def clock_s(self) -> FloatArray:
         """The stamps at which something may happen, whatever is measured: the IMU's, or else all of the fixes'."""

@@ -1,12 +1,13 @@
 """The sums of a run: the numbers that the built-in metrics need in place of a trajectory."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.estimate import Attitude, Updates
 from jerkbench.recording import Recording
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import AS_REPORTED, RScale, Timeline, with_r_scale
 
 
 class Sums(NamedTuple):
@@ -102,13 +103,28 @@ class Run(NamedTuple):
     scoring: ErrorWeights
 
 
-class RecordedRun(NamedTuple):
-    """A run of an estimator, which sees the recording itself; ``timeline`` is that of recording and attitude."""
+@dataclass(frozen=True, eq=False)
+class RecordedRun:
+    """A run of an estimator, which sees the recording itself.
 
-    recording: Recording
+    Attributes:
+        reported: the recording, with the covariances that the receiver reports.
+        attitude: its attitude.
+        timeline: that of `recording` and the attitude.
+        scoring: what the errors count for.
+        r_scale: what the estimator is told of those covariances.
+    """
+
+    reported: Recording
     attitude: Attitude
     timeline: Timeline
     scoring: ErrorWeights
+    r_scale: RScale = AS_REPORTED
+
+    @cached_property
+    def recording(self) -> Recording:
+        """The recording as the estimator is told it; made where it is asked for, which takes longer than a run."""
+        return with_r_scale(self.reported, self.r_scale)
 
 
 class Streamed(NamedTuple):

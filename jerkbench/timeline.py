@@ -16,7 +16,13 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate, Updates
-from jerkbench.measurements import VARIANCE_FLOOR, Measurements, floored, merged_measurements, start_motion
+from jerkbench.measurements import (
+    Measurements,
+    ScaledMeasurements,
+    first_of_start,
+    merged_measurements,
+    start_motion,
+)
 from jerkbench.recording import Position, Recording, Velocity
 
 
@@ -170,7 +176,7 @@ class RScale:
     @property
     def changed(self) -> dict[str, float]:
         """The factors that are not 1, by name."""
-        return {name: value for name, value in dataclasses.asdict(self).items() if value != 1.0}
+        return {name: value for name, value in vars(self).items() if value != 1.0}
 
 
 def scale_of(values: object) -> RScale:
@@ -215,15 +221,17 @@ def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, 
     if not scale.changed:
         return timeline
     before = timeline.measurements
-    R = (
-        _scaled(before, scale)
-        if _can_scale(before, recording)
-        else merged_measurements(with_r_scale(recording, scale), attitude).R
-    )
-    measurements = dataclasses.replace(before, R=R)
     first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
-    x0, P0 = start_motion(measurements, first, attitude if recording.imu else None, timeline.dt0_s)
-    return dataclasses.replace(timeline, measurements=measurements, x0=x0, P0=P0)
+    begin = first_of_start(before.t_ns, first)
+    if before.above_floor and (recording.velocity is None or recording.velocity.frame == "enu"):
+        told: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
+        start: Measurements = ScaledMeasurements(_rows_of(before, begin, first + 1), scale.position, scale.velocity)
+    else:  # R is not the reported one, but was turned, or raised to the floor
+        R = merged_measurements(with_r_scale(recording, scale), attitude).R
+        told = dataclasses.replace(before, R=R)
+        start = _rows_of(told, begin, first + 1)
+    x0, P0 = start_motion(start, first - begin, attitude if recording.imu else None, timeline.dt0_s)
+    return dataclasses.replace(timeline, measurements=told, x0=x0, P0=P0)
 
 
 _Stream = TypeVar("_Stream", Position, Velocity)
@@ -235,19 +243,9 @@ def _told(stream: _Stream, unit: str, factor: float) -> _Stream:
     return dataclasses.replace(stream, **told)
 
 
-def _can_scale(measurements: Measurements, recording: Recording) -> bool:
-    """Whether R is the reported covariance itself: not turned, and no variance was raised to the floor."""
-    as_it_is = recording.velocity is None or recording.velocity.frame == "enu"
-    return as_it_is and bool((np.einsum("nii->ni", measurements.R) > VARIANCE_FLOOR).all())
-
-
-def _scaled(measurements: Measurements, scale: RScale) -> FloatArray:
-    present = np.asarray(np.isfinite(measurements.z).reshape(-1, 2, 3).any(axis=2))
-    factors = np.ones((1 if present.all() else len(present), 6, 6))
-    for k, factor in enumerate((scale.position, scale.velocity)):
-        block = slice(3 * k, 3 * k + 3)
-        factors[:, block, block] = factor if len(factors) == 1 else np.where(present[:, k], factor, 1.0)[:, None, None]
-    return floored(factors * measurements.R)
+def _rows_of(measurements: Measurements, begin: int, end: int) -> Measurements:
+    m = measurements
+    return Measurements(m.t_ns[begin:end], m.z[begin:end], m.R[begin:end], m.R_true[begin:end])
 
 
 # The recorder of a run: its states and updates, in arrays that are made once.

@@ -272,8 +272,8 @@ def test_folders_of_hydras_own_that_cannot_be_made_are_a_sentence(said_in_proces
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--shell-completion"], "install=SHELL"),
-        (["--shell-completion", "query=fish"], "install=SHELL"),
+        (["--shell-completion"], "jerkbench completion SHELL"),
+        (["--shell-completion", "query=fish"], "jerkbench completion SHELL"),
         (["--experimental-rerun", "gone"], "jerkbench rerun DIR ROW"),
         (["--cfg", "job", "--info"], "--cfg and --info ask for different things"),
     ],

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.geometry import EULER_ORDERS, dcm_from_euler, euler_in_order
+from jerkbench.geometry import EULER_ORDERS, best_rotation, dcm_from_euler, euler_in_order
 
 
 def about(axis, angle):
@@ -38,3 +38,12 @@ def test_there_are_twelve_and_zyx_is_ours():
 def test_another_order_is_a_sentence(order):
     with pytest.raises(JerkbenchError, match=f"no order of axes '{order}'"):
         euler_in_order(np.eye(3)[None], order)
+
+
+def test_the_best_rotation_is_the_one_that_was_and_never_a_mirror():
+    rng = np.random.default_rng(3)
+    C = Rotation.from_rotvec([0.4, -1.0, 0.2]).as_matrix()
+    a = rng.normal(size=(20, 3))
+    np.testing.assert_allclose(best_rotation(a @ C.T, a), C, atol=1e-12)
+    mirrored = best_rotation(a @ np.diag([1.0, 1.0, -1.0]), a)
+    assert np.linalg.det(mirrored) == pytest.approx(1.0)

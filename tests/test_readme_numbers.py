@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from jerkbench.audit.methods import AuditMethod
+from jerkbench.audit.verdicts import MethodVerdict
 from scipy.stats import spearmanr
 
 from experiment_scripts import experiment
 from jerkbench.audit.answer import off_by, power_sentence, sentences
-from jerkbench.audit.methods import AuditMethod
 from jerkbench.audit.page import markdown_table
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.verdicts import MethodVerdict
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.ranks import OverScenarios
 from jerkbench.report.tables.table_model import number

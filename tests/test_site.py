@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -59,6 +60,17 @@ def test_nothing_is_fetched_by_a_reader(site):
     loads = re.compile(r'(?:<script[^>]*src|<link[^>]*rel="(?:stylesheet|icon)"[^>]*href|<img[^>]*src)="https?://')
 
     assert [page.name for page in site.rglob("*.html") if loads.search(page.read_text(encoding="utf-8"))] == []
+
+
+def test_a_page_that_is_opened_from_a_file_is_searched(site):
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        pytest.skip("there is no Chromium")
+    page = f"file://{site}/plugins/filter/rts.html?q=smoother"
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--dump-dom"]
+    done = subprocess.run([browser, *options, page], capture_output=True, text=True, timeout=PATIENCE_S, check=True)
+
+    assert re.search(r'md-search-result__meta">[1-9]\d* matching documents', done.stdout)
 
 
 def test_a_link_out_of_the_pages_leads_to_a_copy(site):

@@ -10,7 +10,7 @@ from jerkbench import plugins
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.cli import main
 from jerkbench.datasets.table import Tables
-from jerkbench.disturbances.imu_bias import ImuBias
+from jerkbench.disturbances.imu import ImuBias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude

@@ -15,7 +15,7 @@ import pandas as pd
 from page import STARTS
 
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.alignment import align
+from jerkbench.attitude.alignment import tilt_start
 from jerkbench.audit.attitude.trials import kitti
 from jerkbench.evaluation.navigation_errors import angle_between
 from jerkbench.recording import Position, Recording, Velocity
@@ -49,7 +49,7 @@ def rows(folder: Path) -> Iterator[tuple[str, str, float]]:
 
 
 def _off(recording: Recording, alignment: str, truth: FloatArray) -> float:
-    x = align(recording, alignment=alignment).x
+    x = tilt_start(recording, alignment=alignment).x
     return float(np.degrees(angle_between(x[None], truth[:1])[0]))
 
 

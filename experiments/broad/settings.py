@@ -13,8 +13,8 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
+from jerkbench.attitude.gravity_update import ADAPTATIONS
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.attitude.tilt_kernel import ADAPTATIONS
 from jerkbench.datasets.broad import Broad
 from jerkbench.evaluation.metrics.attitude import Inclination
 from jerkbench.filters.attitude_only import AttitudeOnlyFilter

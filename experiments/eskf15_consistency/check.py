@@ -15,7 +15,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.disturbances.imu_bias import ImuBias
+from jerkbench.disturbances.imu import ImuBias
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.recording import Imu, Recording

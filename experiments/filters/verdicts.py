@@ -13,7 +13,6 @@ import pandas as pd
 
 from jerkbench.evaluation.statistics.errors_over_seeds import Centre, centres
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study
@@ -47,7 +46,7 @@ def against_none(rows: pd.DataFrame) -> Iterator[str]:
     verdicts = study_verdicts(rows[rows["filter"] == "jerk"], METRIC).against({"adaptation": "none"})
     counts: dict[str, Counter[Verdict]] = {}
     for comparison in verdicts:
-        name = comparison.subject[FACTORS.index("adaptation")]
+        name = comparison.subject.adaptation
         counts.setdefault(name, Counter())[comparison.verdict] += 1
     for name, own in counts.items():
         yield f"| {name} | " + " | ".join(str(own[kind]) for kind in KINDS) + " |"

@@ -1,9 +1,7 @@
 """The paper's claims on jerk and MTF, one by one, scenario by scenario.
 
 python experiments/paper/claims.py results/paper20     at defaults, on the rows of the comparison; prints a table
-python experiments/paper/claims.py results/audit-full  at defaults and tuned, on the stored runs of an audit
-
-Of an audit it writes claims.csv, and a section that `jerkbench audit --stored` takes along into the page.
+python experiments/paper/claims.py results/audit-full  tuned, on the stored rows of an audit
 """
 
 import sys
@@ -15,19 +13,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.arrays import FloatArray
-from jerkbench.audit.methods import AuditMethod
-from jerkbench.audit.page import SECTIONS
-from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.study import FOLDER, run_audit
-from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.audit.answer import FEWEST, NO_FAULT, kinds_of
+from jerkbench.audit.losses import cubes
+from jerkbench.audit.protocol import AuditMethod
+from jerkbench.audit.stored import AuditRows, read_rows
+from jerkbench.audit.study import FOLDER
 from jerkbench.campaigns.protocol import FaultScenario
-from jerkbench.campaigns.ratios import NOMINAL
-from jerkbench.campaigns.search import levels_of
+from jerkbench.evaluation.statistics.drives_and_tunings import crossed_intervals
 from jerkbench.evaluation.statistics.intervals import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
-from jerkbench.files import write_text
-from jerkbench.jobs.cluster import Local
 from jerkbench.results.study import load_study
 
 CLAIMED = AuditMethod("jerk", "mtf")
@@ -43,18 +38,6 @@ CENTIMETRES_M = 0.1
 """An RMSE below this [m] is of centimetres."""
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "open"
-
-SECTION = """\
-## The paper's claims
-
-Of `jerk + mtf` against `baseline + none`, set alike, in each scenario; a claim holds where its interval, for all \
-scenarios at
-once, lies on its side (`claims.csv`). *defaults*: both as they come; *tuned*: both tuned, scored on faults that \
-were not seen.
-
-{table}
-The claim on tilt does not depend on the filter: experiments/paper has it.
-"""
 
 
 @dataclass(frozen=True)
@@ -118,45 +101,25 @@ def _claim(name: str, against: str, values: pd.DataFrame, bound: float, unit: st
     return Claim(name, against or "-", unit, _intervals(values.to_numpy()), bound, scenarios)
 
 
-def audit_claims(known: Losses, levels: Mapping[int, float]) -> list[Claim]:
-    """Return every claim that the audit's rows speak of; none where it has not both methods.
-
-    Args:
-        known: losses of the audit.
-        levels: of each scenario [m].
-    """
-    if not all((method, DEFAULTS, 0) in known.by_kind for method in (CLAIMED, BASELINE)):
-        return []
+def audit_claims(rows: AuditRows) -> list[Claim]:
+    """Return every claim that an audit's rows speak of, under each kind of fault; tuned, as the baseline is."""
+    kinds = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST}
+    error, baseline = (cubes(rows, [method]).tuned for method in (CLAIMED, BASELINE))
+    faults = {kind: drives for kind, drives in kinds.items() if kind != NO_FAULT}
     return [
-        claim
-        for kind in (DEFAULTS, TUNED)
-        for claim in (_times(known, kind), _centimetres(known, kind, levels), _resilience(known, kind))
+        _of_audit(f"more than {CLAIMED_TIMES:g} times better", "baseline", error - baseline, 1 / CLAIMED_TIMES, kinds),
+        _of_audit("an error of centimetres (below 0.1 m)", "-", error, CENTIMETRES_M, kinds, "m"),
+        _of_audit("resilient: under a fault better", "baseline", error - baseline, 1.0, faults),
     ]
 
 
-def _times(known: Losses, kind: str) -> Claim:
-    """Ten times better: the ratio of the errors lies below a tenth."""
-    d = known.by_kind[CLAIMED, kind, 0] - known.by_kind[BASELINE, kind, 0]
-    return _of_audit(f"more than {CLAIMED_TIMES:g} times better than the baseline", kind, d, 1 / CLAIMED_TIMES, known)
-
-
-def _centimetres(known: Losses, kind: str, levels: Mapping[int, float]) -> Claim:
-    """An accuracy of centimetres: the error lies below 0.1 m."""
-    level = np.log([levels[number] for number in range(len(known.scenarios))])
-    d = known.by_kind[CLAIMED, kind, 0] + level[:, None]
-    return _of_audit("an error of centimetres (below 0.1 m)", kind, d, CENTIMETRES_M, known, "m")
-
-
-def _resilience(known: Losses, kind: str) -> Claim:
-    """Resilient to disturbance: its error under a fault is the smaller one."""
-    d = known.by_kind[CLAIMED, kind, 0] - known.by_kind[BASELINE, kind, 0]
-    faults = [k for k, scenario in enumerate(known.scenarios) if scenario.family != NOMINAL]
-    only = tuple(known.scenarios[k] for k in faults)
-    return Claim("resilient: under a fault better than the baseline", kind, "", _intervals(d[faults]), 1.0, only)
-
-
-def _of_audit(name: str, kind: str, d: FloatArray, bound: float, known: Losses, unit: str = "") -> Claim:
-    return Claim(name, kind, unit, _intervals(d), bound, tuple(known.scenarios))
+def _of_audit(
+    name: str, against: str, y: FloatArray, bound: float, kinds: Mapping[str, BoolArray], unit: str = ""
+) -> Claim:
+    """A claim on random drives (1, R, D); the intervals count drives and tunings."""
+    ends = [crossed_intervals(y[:, :, drives], LEVEL / len(kinds))[:3] for drives in kinds.values()]
+    scenarios = tuple(FaultScenario("random", {}, kind, kind, "both", {}) for kind in kinds)
+    return Claim(name, against, unit, np.exp(np.array(ends)[:, :, 0]), bound, scenarios)
 
 
 def _intervals(d: FloatArray) -> FloatArray:
@@ -164,29 +127,9 @@ def _intervals(d: FloatArray) -> FloatArray:
     return np.asarray(np.exp(np.column_stack([d.mean(axis=1), low, high])))
 
 
-def claim_frame(of_paper: Sequence[Claim]) -> pd.DataFrame:
-    """Return the value of every claim in every scenario, one a row."""
-    return pd.DataFrame(
-        [
-            {
-                "claim": claim.name,
-                "setting": claim.setting,
-                "scenario": scenario.name,
-                "value": value,
-                "low": low,
-                "high": high,
-                "bound": claim.bound,
-                "verdict": word,
-            }
-            for claim in of_paper
-            for scenario, (value, low, high), word in zip(claim.scenarios, claim.numbers, claim.words, strict=True)
-        ]
-    )
-
-
 def claim_table(of_paper: Sequence[Claim]) -> str:
     """Return a claim a row: in how many scenarios it holds, middle and ends of its numbers, and where it holds."""
-    heads = ["the paper's claim", "set", "holds", "does not", "open", "median (range)", "where it holds"]
+    heads = ["the paper's claim", "against", "holds", "does not", "open", "median (range)", "where it holds"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     return "\n".join([*lines, *map(_line, of_paper)]) + "\n"
 
@@ -212,20 +155,9 @@ def where_it_holds(claim: Claim) -> str:
 
 def table(folder: Path) -> str:
     """Return the claims as Markdown."""
-    return claim_table(claims(load_study(folder).rows)).replace("| set |", "| against |")
-
-
-def write_claims(folder: Path) -> None:
-    """Write the claims of an audit whose runs are stored: a table, and a section for its page."""
-    audit = run_audit(read_protocol(folder.name.removeprefix(FOLDER)), folder, Local(), 1, only_stored=True)
-    found = audit_claims(audit.losses, levels_of(audit.outcome.test, audit.protocol.plain))
-    write_text(folder / "claims.csv", claim_frame(found).to_csv(index=False))
-    if found:
-        write_text(folder / SECTIONS / "1_claims.md", SECTION.format(table=claim_table(found)))
+    audit = folder.name.startswith(FOLDER)
+    return claim_table(audit_claims(read_rows(folder)) if audit else claims(load_study(folder).rows))
 
 
 if __name__ == "__main__":
-    if (results := Path(sys.argv[1])).name.startswith(FOLDER):
-        write_claims(results)
-    else:
-        print(table(results))
+    print(table(Path(sys.argv[1])))

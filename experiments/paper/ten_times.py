@@ -15,7 +15,6 @@ import pandas as pd
 from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
 from jerkbench.report.analysis.answer import shows_something
 from jerkbench.report.analysis.findings import losses_clause, method_names, varying_factors
-from jerkbench.report.analysis.runs import with_values
 from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
@@ -50,19 +49,18 @@ def claimed(rows: pd.DataFrame) -> list[Comparison]:
         if _has(rows, b)
         for comparison in study_verdicts(_only(rows, b), "position_rmse_m").against(b)
     ]
-    kept = [comparison for comparison in compared if with_values(comparison.subject, CLAIM) == comparison.subject]
+    kept = [comparison for comparison in compared if comparison.subject._replace(**CLAIM) == comparison.subject]
     return _against_the_claim(kept)
 
 
 def _against_the_claim(comparisons: Sequence[Comparison]) -> list[Comparison]:
     """Judge all as one family: the ratio, times what is claimed, against 1; phases of one recording have no test."""
-    tested = [comparison for comparison in comparisons if comparison.replicate != "phase"]
-    ratios = [comparison.pair.ratios for comparison in tested]
+    tested = [comparison for comparison in comparisons if not comparison.phases]
+    ratios = [comparison.ratios for comparison in tested]
     shifted = [dataclasses.replace(of, d=of.d + math.log(CLAIMED)) for of in ratios]
     judgements = iter(judged(shifted, 0.0, min((of.rule.level for of in tested), default=LEVEL)))
     return [
-        dataclasses.replace(of, judgement=_unshifted(next(judgements))) if of.replicate != "phase" else of
-        for of in comparisons
+        dataclasses.replace(of, judgement=_unshifted(next(judgements))) if not of.phases else of for of in comparisons
     ]
 
 
@@ -81,7 +79,7 @@ def claim_word(comparison: Comparison) -> str:
     """Say whether the claim holds."""
     if comparison.judgement.n == 0:
         return NO_PAIR
-    unknown = NO_INTERVAL if math.isnan(comparison.judgement.low) or comparison.replicate == "phase" else OPEN
+    unknown = NO_INTERVAL if math.isnan(comparison.judgement.low) or comparison.phases else OPEN
     return WORDS.get(comparison.verdict, unknown)
 
 

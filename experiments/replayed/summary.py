@@ -12,7 +12,6 @@ import pandas as pd
 
 from jerkbench.evaluation.statistics.errors_over_seeds import Centre, centres
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.table_model import number
@@ -93,7 +92,7 @@ def against_none(rows: pd.DataFrame) -> dict[str, dict[tuple[str, str], dict[str
     """Return each adaptation against none: by adaptation, scenario and filter; all of them are one family."""
     by_adaptation: dict[str, dict[tuple[str, str], dict[str, Comparison]]] = {}
     for comparison in study_verdicts(rows, METRIC, most=0).against({"adaptation": "none"}):
-        values = dict(zip(FACTORS, comparison.subject, strict=True))
+        values = comparison.subject._asdict()
         at = values["dataset"], values["disturbance"]
         by_adaptation.setdefault(values["adaptation"], {}).setdefault(at, {})[values["filter"]] = comparison
     return by_adaptation

@@ -1,6 +1,7 @@
 """No adaptation."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import Provenance
@@ -18,6 +19,7 @@ class NoAdaptation:
     """
 
     provenance = Provenance("published", "doi:10.1115/1.3662552")
+    changes_nothing: ClassVar[bool] = True
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

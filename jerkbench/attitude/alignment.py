@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
+from jerkbench.geometry import best_rotation
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
 ALIGNMENTS = ("rest", "gravity", "track")
@@ -33,7 +34,7 @@ class TiltStart(NamedTuple):
     variance: float
 
 
-def align(recording: Recording, variance: float | None = None, alignment: str = "rest") -> TiltStart:
+def tilt_start(recording: Recording, variance: float | None = None, alignment: str = "rest") -> TiltStart:
     """Return the state before the first sample.
 
     gravity: x is the normalised mean specific force of the first second, P = 1e-3 I at rest and .03 I in motion.
@@ -49,23 +50,10 @@ def align(recording: Recording, variance: float | None = None, alignment: str = 
     if alignment == "track":
         x = tracked_vertical(recording)
     elif at_rest or alignment == "gravity":
-        x = _mean_force(recording)
+        x = recording.apparent_vertical(ALIGNMENT_S)
     else:
         x = np.array([0.0, 0.0, 1.0])
     return TiltStart(x, usual if variance is None else variance)
-
-
-def _mean_force(recording: Recording) -> FloatArray:
-    """The direction (3,) of the mean specific force over the first second."""
-    imu = recording.inertial
-    mean = imu.accel_mps2[imu.t_s < imu.t_s[0] + ALIGNMENT_S].mean(axis=0)
-    norm = float(np.linalg.norm(mean))
-    if not norm > 0:
-        raise RecordingError(
-            f"{recording.name}: the accelerometer's mean over the first second is zero, so that no tilt can be read"
-            " from it; specific force must contain gravity."
-        )
-    return np.asarray(mean / norm)
 
 
 def tracked_vertical(recording: Recording) -> FloatArray:
@@ -97,9 +85,7 @@ def tracked_vertical(recording: Recording) -> FloatArray:
     integral = np.cumsum(step_s * force, axis=0)
     a = np.column_stack([np.interp(t_s, imu.t_s[first], integral[:, i]) for i in range(3)])
     b = v_mps + np.outer(t_s, [0.0, 0.0, GRAVITY_MPS2])
-    U, _, V = np.linalg.svd((b - b[0])[1:].T @ (a - a[0])[1:])
-    C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
-    return np.asarray(C[2])
+    return np.asarray(best_rotation(b - b[0], a - a[0])[2])
 
 
 def _velocities(recording: Recording) -> tuple[FloatArray, FloatArray]:

@@ -1,14 +1,15 @@
 """What every attitude filter shares: its start, and what it ends with: yaw, Omega, gravity compensation."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, require_not_negative, require_positive
-from jerkbench.attitude.alignment import ALIGNMENTS, align
+from jerkbench.attitude.alignment import ALIGNMENTS, tilt_start
 from jerkbench.attitude.track import Track
 from jerkbench.attitude.yaw import (
     YAW_SOURCES,
@@ -19,9 +20,11 @@ from jerkbench.attitude.yaw import (
     yaw_rate,
     yaw_remarks,
 )
+from jerkbench.compilation.compiled_loop import compiled_loop
+from jerkbench.compilation.module_cache import can_compile
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
-from jerkbench.geometry import dcm_from_euler
+from jerkbench.geometry import dcm_from_euler, roll_pitch
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 
 # Gravity compensation: specific force of the body -> acceleration in ENU.
@@ -80,21 +83,19 @@ def attitude_from(
     return Attitude(imu.t_s, dcm, euler_rad, accel, never if triggered is None else triggered, yaw_sigma_rad)
 
 
-def roll_pitch(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Roll and pitch [rad] of x (..., 3): roll = atan2(x2, x3), pitch = atan2(-x1, hypot(x2, x3))."""
-    return np.arctan2(x[..., 1], x[..., 2]), np.arctan2(-x[..., 0], np.hypot(x[..., 1], x[..., 2]))
+def run_samples(loop: Callable[..., None], title: str, imu: Imu, state: tuple[object, ...], *filled: Any) -> None:  # noqa: ANN401 - arrays
+    """Run ``loop``(*state, gyro, accel, intervals, *filled) over all samples, compiled where numba may compile.
+
+    With NUMBA_DISABLE_JIT=1 the same loop runs as it is, some hundred times slower. ``title`` says what is compiled.
+    """
+    samples = (np.require(a, np.float64, ["C", "W", "A"]) for a in (imu.gyro_radps, imu.accel_mps2, intervals(imu)))
+    with np.errstate(all="ignore"):
+        (_compiled(loop, title) if can_compile() else loop)(*state, *samples, *filled)
 
 
-def quaternion_of(x: FloatArray) -> FloatArray:
-    """Return w, x, y, z (4,) of the rotation from the body to ENU whose vertical is x (3,), with yaw 0."""
-    roll, pitch = roll_pitch(x)
-    cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
-    return np.array([cr * cp, sr * cp, cr * sp, -sr * sp])
-
-
-def loop_arrays(*arrays: FloatArray) -> Iterator[FloatArray]:
-    """Return the arrays as a compiled loop takes them."""
-    return (np.require(array, np.float64, ["C", "W", "A"]) for array in arrays)
+@cache
+def _compiled(loop: Callable[..., None], title: str) -> Callable[..., None]:
+    return compiled_loop(loop, title, kernel=False)
 
 
 Verticals = tuple[FloatArray, BoolArray | None]
@@ -149,7 +150,7 @@ class TiltAndYaw(ABC):
         """
         require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
         if self.alignment == "track":
-            align(load(), None, "track")
+            tilt_start(load(), None, "track")
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
         """Return what a reader of the table has to know: that nothing measures yaw."""

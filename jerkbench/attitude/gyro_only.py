@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jerkbench.arrays import FloatArray
-from jerkbench.attitude.alignment import align
+from jerkbench.attitude.alignment import tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -33,14 +32,7 @@ class GyroOnly(TiltAndYaw):
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""
         imu = recording.inertial
-        start = align(recording, alignment=self.alignment)
-        return propagate(start.x, intervals(imu)[:, None] * imu.gyro_radps), None
-
-
-def propagate(x: FloatArray, turns_rad: FloatArray) -> FloatArray:
-    """Return x (n, 3) after each of the turns (n, 3) of the body."""
-    after = np.empty_like(turns_rad)
-    for k, turned_back in enumerate(Rotation.from_rotvec(-turns_rad).as_matrix()):
-        x = turned_back.dot(x)
-        after[k] = x
-    return after
+        x, after = tilt_start(recording, alignment=self.alignment).x, np.empty_like(imu.gyro_radps)
+        for k, turn in enumerate(Rotation.from_rotvec(-intervals(imu)[:, None] * imu.gyro_radps).as_matrix()):
+            after[k] = x = turn.dot(x)
+        return after, None

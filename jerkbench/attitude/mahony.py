@@ -1,18 +1,15 @@
 """The attitude plugin ``mahony``: the explicit complementary filter on the rotations, with the gyro's bias."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatMatrix, FloatVector, require_not_negative
-from jerkbench.attitude.alignment import align
-from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals, loop_arrays, quaternion_of
-from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.module_cache import can_compile
+from jerkbench.attitude.alignment import tilt_start
+from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
+from jerkbench.attitude.quaternion import quaternion_of, set_quaternion
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -61,21 +58,21 @@ class Mahony(TiltAndYaw):
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""
-        imu = recording.inertial
-        q, x = quaternion_of(align(recording, alignment=self.alignment).x), np.empty((len(imu.t_s), 3))
-        gains = float(self.proportional_per_s), float(self.integral_per_s2)
-        _loop()(q, np.zeros(3), *loop_arrays(imu.gyro_radps, imu.accel_mps2, intervals(imu)), *gains, x)
+        x = np.empty((len(recording.inertial.t_s), 3))
+        q = quaternion_of(tilt_start(recording, alignment=self.alignment).x)
+        state = q, np.zeros(3), float(self.proportional_per_s), float(self.integral_per_s2)
+        run_samples(run_mahony, "the attitude filter mahony", recording.inertial, state, x)
         return x, None
 
 
-def run_samples(
+def run_mahony(
     q: FloatVector,
     bias: FloatVector,
+    proportional: float,
+    integral: float,
     gyro: FloatMatrix,
     accel: FloatMatrix,
     dt: FloatVector,
-    proportional: float,
-    integral: float,
     x: FloatMatrix,
 ) -> None:
     """Fill x (n, 3); q (4,) and ``bias`` (3,) are the state before the first sample, and after the last."""
@@ -100,17 +97,4 @@ def run_samples(
             b + w * r - a * s + c * p,
             c + w * s + a * r - b * p,
         )
-        length = math.sqrt(w * w + a * a + b * b + c * c)
-        w, a, b, c = w / length, a / length, b / length, c / length
-        q[0], q[1], q[2], q[3] = w, a, b, c
-        x[k, 0], x[k, 1], x[k, 2] = 2.0 * (a * c - w * b), 2.0 * (w * a + b * c), 1.0 - 2.0 * (a * a + b * b)
-
-
-def _loop() -> Callable[..., None]:
-    """The loop, compiled where numba may compile."""
-    return _compiled() if can_compile() else run_samples
-
-
-@cache
-def _compiled() -> Callable[..., None]:
-    return compiled_loop(run_samples, "the attitude filter mahony", kernel=False)
+        set_quaternion(q, w, a, b, c, x[k])

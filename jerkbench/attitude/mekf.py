@@ -1,23 +1,27 @@
 """The attitude plugin ``mekf``: a multiplicative extended Kalman filter with the gyro's bias."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import require_not_negative, require_positive
-from jerkbench.attitude.alignment import align
-from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals, loop_arrays, roll_pitch
-from jerkbench.attitude.mekf_kernel import ADAPTATIONS, Settings, make_room, run_samples
-from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.module_cache import can_compile
+from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative, require_positive
+from jerkbench.attitude.alignment import TiltStart, tilt_start
+from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
+from jerkbench.attitude.gravity_update import (
+    ADAPTATIONS,
+    GravityUpdate,
+    fill_noise,
+    fill_rotation,
+    gravity_update,
+    innovate,
+    updating,
+)
 from jerkbench.errors import PluginError
-from jerkbench.geometry import dcm_from_euler
+from jerkbench.geometry import dcm_from_euler, roll_pitch
 from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
+from jerkbench.recording import GRAVITY_MPS2, Recording
 
 FIELD = DefaultOrigin("ours: a consumer MEMS IMU in a hand")
 
@@ -33,9 +37,10 @@ class Mekf(TiltAndYaw):
         Omega = Omega Exp(dt (y_G - b));  F = [[Exp(-dt (y_G - b)), -dt I], [0, I]]
         P = F P F' + dt diag(N_G^2 I, N_b^2 I)
         e = y_A - c a_prev - g x;  H = [g [x], 0] ([x] is the cross product);  C0 = H P H' + N_A^2/dt I
-        none: Sigma = 0
-        mtf:  Sigma = T/dt diag(max(0, w_i - C0_ii)) if e'e >= tr C0,  w_i = mean of e_i^2 over the window T
-        lee:  Sigma = T/dt c^2 |a_prev|^2/3 I
+        none:   Sigma = 0
+        mtf:    Sigma = T/dt diag(max(0, w_i - C0_ii)) if e'e >= tr C0,  w_i = mean of e_i^2 over the window T
+        scalar: Sigma = T/dt (e'e - tr C0)/3 I if e'e >= tr C0
+        lee:    Sigma = T/dt c^2 |a_prev|^2/3 I
         M = N_A^2/dt I + Sigma;  K = P H' (H P H' + M)^-1;  dx = K e;  Omega = Omega Exp(theta);  b += db
         P = (I - K H) P;  a_prev = y_A - g x
 
@@ -52,7 +57,7 @@ class Mekf(TiltAndYaw):
     Meas. 61(8), 2012, doi:10.1109/TIM.2012.2187245; ``mtf``: multiple tuning factors as in `tilt`.
 
     Attributes:
-        adapt: how Sigma is found: none, mtf or lee.
+        adapt: how Sigma is found: none, mtf, scalar or lee.
         gyro_density: N_G [rad/s/sqrt(Hz)].
         accel_density: N_A [m/s2/sqrt(Hz)].
         window_s: T, at least one sample.
@@ -98,25 +103,107 @@ class Mekf(TiltAndYaw):
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, and whether an external acceleration was seen."""
-        imu, start = recording.inertial, align(recording, alignment=self.alignment)
+        imu = recording.inertial
         x, triggered = np.empty((len(imu.t_s), 3)), np.empty(len(imu.t_s), dtype=np.bool_)
-        window = max(1, round(self.window_s / imu.nominal_interval_s))
-        C = dcm_from_euler(np.array([*roll_pitch(start.x), 0.0]))
-        room = make_room(C, start.variance, self.initial_bias_radps if self.bias else 0.0, window)
-        samples = loop_arrays(imu.gyro_radps, imu.accel_mps2, intervals(imu))
-        _loop()(room, *samples, self._settings(), x, triggered)
+        state = self.state(tilt_start(recording, alignment=self.alignment), imu.nominal_interval_s)
+        run_samples(run_mekf, "the attitude filter mekf", imu, (state,), x, triggered)
         return x, triggered
 
-    def _settings(self) -> Settings:
-        noise = float(self.gyro_density), float(self.accel_density), float(self.bias_density if self.bias else 0.0)
-        return Settings(*noise, float(self.window_s), float(self.external_memory), ADAPTATIONS.index(self.adapt))
+    def state(self, start: TiltStart, step_s: float) -> "MekfState":
+        """Return what the loop begins with, of samples ``step_s`` apart."""
+        bias_variance, bias_density = (self.initial_bias_radps**2, self.bias_density) if self.bias else (0.0, 0.0)
+        memory, window = self.external_memory if self.adapt == "lee" else 0.0, max(1, round(self.window_s / step_s))
+        return MekfState(
+            dcm_from_euler(np.array([*roll_pitch(start.x), 0.0])),
+            np.zeros(3),
+            np.diag([start.variance] * 3 + [bias_variance] * 3),
+            np.zeros((3, 3)),
+            np.zeros((3, 6)),
+            np.zeros(3),
+            float(self.gyro_density**2),
+            float(self.accel_density**2),
+            float(bias_density**2),
+            float(self.window_s),
+            gravity_update(6, window, memory, self.adapt),
+        )
 
 
-def _loop() -> Callable[..., None]:
-    """The loop, compiled where numba may compile."""
-    return _compiled() if can_compile() else run_samples
+class MekfState(NamedTuple):
+    """What passes from one sample to the next, and the parameters.
+
+    Attributes:
+        C: (3, 3) Omega, the rotation from the body to ENU.
+        b: (3,) the gyro's bias.
+        P: (6, 6) covariance of the errors of both.
+        turn: (3, 3) room for the rotation of one step.
+        half: (3, 6) room for the upper half of F P.
+        rate: (3,) room for the rate without the bias.
+        gyro_power: N_G^2.
+        accel_power: N_A^2.
+        bias_power: N_b^2.
+        window_s: T.
+        gravity: the update.
+    """
+
+    C: FloatMatrix
+    b: FloatVector
+    P: FloatMatrix
+    turn: FloatMatrix
+    half: FloatMatrix
+    rate: FloatVector
+    gyro_power: float
+    accel_power: float
+    bias_power: float
+    window_s: float
+    gravity: GravityUpdate
 
 
-@cache
-def _compiled() -> Callable[..., None]:
-    return compiled_loop(run_samples, "the attitude filter mekf", kernel=False)
+update = updating(6)
+
+
+def run_mekf(
+    state: MekfState, gyro: FloatMatrix, accel: FloatMatrix, dt: FloatVector, x: FloatMatrix, triggered: BoolVector
+) -> None:
+    """Fill x (n, 3) and triggered (n,); ``state`` is that before the first sample, and after the last."""
+    C, H, u, g = state.C, state.gravity.H, state.gravity, GRAVITY_MPS2
+    for k in range(len(dt)):
+        _predict(state, gyro[k], dt[k])
+        for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # H = g [x], x the last row of Omega
+            H[i, i], H[i, j], H[i, m] = 0.0, -g * C[2, m], g * C[2, j]
+        noise = state.accel_power / dt[k]
+        excess = innovate(u, state.P, C[2], accel[k], k, noise)
+        fill_noise(u, k, excess, noise, max(1.0, state.window_s / dt[k]))
+        update(u, state.P)
+        triggered[k] = excess >= 0.0
+        _turn(state, u.dx, 1.0)
+        for i in range(3):
+            state.b[i] += u.dx[3 + i]
+            x[k, i] = C[2, i]
+            u.a_prev[i] = accel[k, i] - g * x[k, i]
+
+
+def _turn(state: MekfState, theta: FloatVector, scale: float) -> None:
+    """Omega = Omega Exp(scale theta); the latter stays in ``turn``."""
+    C, turn = state.C, state.turn
+    fill_rotation(turn, theta, scale, exact=True)
+    for i in range(3):
+        a, b, c = C[i, 0], C[i, 1], C[i, 2]
+        for j in range(3):
+            C[i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+
+
+def _predict(state: MekfState, gyro: FloatVector, dt: float) -> None:
+    """Turn Omega by the gyro less its bias; P = F P F' + Q, block by block: F is zero below, and I on the right."""
+    P, A, half = state.P, state.turn, state.half
+    for i in range(3):
+        state.rate[i] = gyro[i] - state.b[i]
+    _turn(state, state.rate, dt)
+    for i in range(3):  # the upper rows of F P, with Exp(-dt w) = A'
+        for j in range(6):
+            half[i, j] = A[0, i] * P[0, j] + A[1, i] * P[1, j] + A[2, i] * P[2, j] - dt * P[i + 3, j]
+    for i in range(3):
+        for j in range(3):
+            P[i, j] = half[i, 0] * A[0, j] + half[i, 1] * A[1, j] + half[i, 2] * A[2, j] - dt * half[i, j + 3]
+            P[i, j + 3] = P[j + 3, i] = half[i, j + 3]
+        P[i, i] += dt * state.gyro_power
+        P[i + 3, i + 3] += dt * state.bias_power

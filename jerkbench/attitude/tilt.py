@@ -1,18 +1,26 @@
 """The attitude plugin ``tilt``: tilt filter, yaw filter and gravity compensation one after the other."""
 
+import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import require_not_negative
-from jerkbench.attitude.alignment import align
-from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
-from jerkbench.attitude.tilt_filter import TiltParameters, run_tilt
-from jerkbench.attitude.tilt_kernel import ADAPTATIONS
+from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative
+from jerkbench.attitude.alignment import TiltStart, tilt_start
+from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
+from jerkbench.attitude.gravity_update import (
+    ADAPTATIONS,
+    GravityUpdate,
+    fill_noise,
+    fill_rotation,
+    gravity_update,
+    innovate,
+    updating,
+)
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
+from jerkbench.recording import GRAVITY_MPS2, Recording
 
 PROPAGATIONS = ("first_order", "exact")
 
@@ -89,22 +97,27 @@ class Tilt(TiltAndYaw):
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, and whether it triggered."""
-        imu, start = recording.inertial, align(recording, self.initial_tilt_variance, self.alignment)
-        return run_tilt(start, imu.gyro_radps, imu.accel_mps2, intervals(imu), self.tilt_parameters())
+        n = len(recording.inertial.t_s)
+        x, triggered = np.empty((n, 3)), np.empty(n, dtype=np.bool_)
+        state = self.state(tilt_start(recording, self.initial_tilt_variance, self.alignment))
+        run_samples(run_tilt, "the tilt filter", recording.inertial, (state,), x, triggered)
+        return x, triggered
 
-    def tilt_parameters(self) -> TiltParameters:
-        """Return the parameters of a tilt step, the null ones filled in."""
-        sigma = self.sigma_accel_mps2
-        if sigma is None:
-            sigma = 2.0 if self.adapt == "none" else 0.02
-        return TiltParameters(
-            sigma_gyro_radps=self.sigma_gyro_radps,
-            sigma_accel_mps2=sigma,
-            external_memory=self.external_memory,
-            window=self.window,
-            normalise=self.normalise,
-            exact=self.propagation == "exact",
-            adapt=self.adapt,
+    def state(self, start: TiltStart) -> "TiltState":
+        """Return what the loop begins with."""
+        sigma_accel_mps2 = self.sigma_accel_mps2
+        if sigma_accel_mps2 is None:
+            sigma_accel_mps2 = 2.0 if self.adapt == "none" else 0.02
+        return TiltState(
+            start.x.copy(),
+            start.variance * np.eye(3),
+            np.zeros((3, 3)),
+            np.zeros((3, 3)),
+            float(self.sigma_gyro_radps),
+            float(sigma_accel_mps2),
+            bool(self.normalise),
+            self.propagation == "exact",
+            gravity_update(3, self.window, self.external_memory, self.adapt),
         )
 
     def _check_numbers(self) -> None:
@@ -119,3 +132,71 @@ class Tilt(TiltAndYaw):
             raise PluginError(f"attitude tilt: window is {self.window}; it must be at least 1.")
         if self.adapt == "lee" and self.external_memory == 0:
             raise PluginError("attitude tilt: adapt lee with external_memory 0 never adapts; set external_memory.")
+
+
+class TiltState(NamedTuple):
+    """What passes from one sample to the next, and the parameters.
+
+    Attributes:
+        x: (3,) Omega^T e3.
+        P: (3, 3) its covariance.
+        Phi: (3, 3) room for the transition.
+        half: (3, 3) room for Phi P.
+        sigma_gyro_radps: sigma_G.
+        sigma_accel_mps2: sigma_A.
+        normalise: whether x is brought back to length 1.
+        exact: whether Phi is the rotation itself.
+        gravity: the update.
+    """
+
+    x: FloatVector
+    P: FloatMatrix
+    Phi: FloatMatrix
+    half: FloatMatrix
+    sigma_gyro_radps: float
+    sigma_accel_mps2: float
+    normalise: bool
+    exact: bool
+    gravity: GravityUpdate
+
+
+update = updating(3)
+
+
+def run_tilt(
+    state: TiltState, gyro: FloatMatrix, accel: FloatMatrix, dt: FloatVector, x: FloatMatrix, triggered: BoolVector
+) -> None:
+    """Fill x (n, 3) and triggered (n,); ``state`` is that before the first sample, and after the last."""
+    noise = state.sigma_accel_mps2**2
+    for k in range(len(dt)):
+        _predict(state, gyro[k], dt[k])
+        excess = innovate(state.gravity, state.P, state.x, accel[k], k, noise)
+        fill_noise(state.gravity, k, excess, noise, 1.0)
+        update(state.gravity, state.P)
+        triggered[k] = excess >= 0.0
+        length = 1.0
+        for i in range(3):
+            state.x[i] += state.gravity.dx[i]
+        if state.normalise:
+            length = math.sqrt(state.x[0] ** 2 + state.x[1] ** 2 + state.x[2] ** 2)
+        for i in range(3):
+            state.x[i] /= length
+            state.gravity.a_prev[i] = accel[k, i] - GRAVITY_MPS2 * state.x[i]
+            x[k, i] = state.x[i]
+
+
+def _predict(state: TiltState, gyro: FloatVector, dt: float) -> None:
+    """P = Phi P Phi' + (dt sigma_G)^2 (x'x I - x x');  x = Phi x."""
+    Phi, x, P, half = state.Phi, state.x, state.P, state.half
+    fill_rotation(Phi, gyro, -dt, state.exact)
+    for i in range(3):
+        for j in range(3):
+            half[i, j] = Phi[i, 0] * P[0, j] + Phi[i, 1] * P[1, j] + Phi[i, 2] * P[2, j]
+    a, b, c = x[0], x[1], x[2]
+    variance = (dt * state.sigma_gyro_radps) ** 2
+    for i in range(3):
+        for j in range(3):
+            across = (a * a + b * b + c * c if i == j else 0.0) - x[i] * x[j]
+            P[i, j] = half[i, 0] * Phi[j, 0] + half[i, 1] * Phi[j, 1] + half[i, 2] * Phi[j, 2] + variance * across
+    for i in range(3):
+        x[i] = Phi[i, 0] * a + Phi[i, 1] * b + Phi[i, 2] * c

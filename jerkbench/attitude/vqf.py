@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
-from jerkbench.attitude.alignment import align
+from jerkbench.attitude.alignment import tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import SWITCH, DefaultOrigin, Range
@@ -88,7 +88,7 @@ class Vqf(TiltAndYaw):
         package, step_s = vqf_package(), imu.nominal_interval_s
         filter_ = package.VQF(step_s, **self._parameters())
         if self.alignment != "gravity":
-            self._settle(filter_, align(recording, alignment=self.alignment).x, step_s)
+            self._settle(filter_, tilt_start(recording, alignment=self.alignment).x, step_s)
         gaps = np.flatnonzero(intervals(imu) > GAP_S)
         parts = []
         for begin, end in zip([0, *gaps], [*gaps, len(imu.t_s)], strict=True):

@@ -1,211 +1,301 @@
-"""The answer of an audit in sentences, each from the verdicts."""
+"""What the rows of an audit say, as numbers: of all together, of each method, under each kind of fault."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
-from jerkbench.arrays import FloatArray
-from jerkbench.audit.campaign import Outcome
-from jerkbench.audit.methods import FLOOR, AuditMethod, by_method
-from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.verdicts import DEFAULTS, TUNED, Losses, MethodVerdict, own_rows
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.ranks import OverScenarios, over_scenarios
+from jerkbench import plugins
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.audit.losses import cubes, defaults, losses_of, lost_shares
+from jerkbench.audit.protocol import AuditMethod
+from jerkbench.audit.stored import AuditRows
+from jerkbench.errors import PluginError, unknown
+from jerkbench.evaluation.statistics.drives_and_tunings import (
+    Error,
+    Losses,
+    Statement,
+    Statements,
+    comparisons,
+    mixture_weights,
+    procedure_error,
+    stated,
+    statements,
+)
+from jerkbench.evaluation.statistics.intervals import share_interval
+from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
+from jerkbench.parameters import provenance_of
+
+NO_FAULT, FAULTY = "no fault", "faulty"
+NOTHING_KNOWN, LEAST_BAD = "nothing known", "the worst kind shall be least bad"
+FEWEST = 5
+"""Drives of a kind of which a ratio is told: fewer have no interval worth the name."""
+WORSE = {"worse_3": 1.03, "worse_100": 2.0}
+"""Ratios above which a single drive counts as worse, by the name of the column."""
 
 
-def last_line(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
-    """Return the answer to the audit's question, in one line."""
-    better = [verdict for verdict in verdicts if verdict.verdict is Verdict.BETTER]
-    harmless = [verdict for verdict in better if verdict.worst_ratio <= 1 + protocol.margin]
-    answer = f"{len(better)} of {len(verdicts)} are shown to beat a tuned Kalman filter on average over all faults."
-    if not better:
-        return answer
-    return f"{answer} {len(harmless)} of these are nowhere more than {100 * protocol.margin:g} % worse."
+@dataclass(frozen=True)
+class Answer:
+    """What an audit says.
 
-
-def sentences(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol, tuning: str) -> list[str]:
-    """Return what a practitioner should know first, the most important first.
-
-    Args:
-        verdicts: of every method.
-        protocol: of the audit.
-        tuning: what tuning alone does to the plain filter, in a sentence.
+    Attributes:
+        rows: from which all follows.
+        losses: log errors by method, tuning and drive.
+        said: the three families of hypotheses.
+        at_costs: the same with other costs of a lost run.
+        methods: a method a row; the lowest ratio to the plain filter of its model first.
+        kinds: a method and a kind of fault a row.
+        adaptations: the mean over the models of each adaptation a row; the lowest ratio first.
+        adaptations_by_kind: such a mean and a kind of fault a row.
+        apart: an estimator that is shown apart a row.
+        take: a situation a row: which method to take.
+        error: of the whole procedure.
     """
-    return [
-        f"{last_line(verdicts, protocol)} {_alone(verdicts)} {tuning}",
-        *_best(verdicts),
-        f"{_price(verdicts, protocol)} {_harmless(verdicts, protocol)}",
-        *_defaults(verdicts),
-        *_luck(verdicts),
-    ]
+
+    rows: AuditRows
+    losses: Losses
+    said: Statements
+    at_costs: Mapping[float, Statements]
+    methods: pd.DataFrame
+    kinds: pd.DataFrame
+    adaptations: pd.DataFrame
+    adaptations_by_kind: pd.DataFrame
+    apart: pd.DataFrame
+    take: pd.DataFrame
+    error: Error
 
 
-def _alone(verdicts: Sequence[MethodVerdict]) -> str:
-    """Say what intervals of single methods show, which nobody may pick the best of."""
-    names = [verdict.method.name for verdict in verdicts if verdict.tuned.high < 1]
-    which = f": {', '.join(names)}" if names else ""
-    return f"All methods were tested together. Tested alone, {len(names)} would count as better{which}."
-
-
-def _best(verdicts: Sequence[MethodVerdict]) -> list[str]:
-    best = min(verdicts, key=lambda verdict: verdict.tuned.ratio)
-    interval = f"95 % over families {best.tuned.low:.2f} to {best.tuned.high:.2f}"
-    lowest = f"{best.method.name} has the lowest ratio to the tuned plain filter, {best.tuned.ratio:.2f} ({interval})"
-    return [f"{lowest}. In its worst scenario ({best.worst}) the ratio is {best.worst_ratio:.2f}."]
-
-
-def _price(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
-    dear = [verdict for verdict in verdicts if verdict.nominal > 1 + protocol.margin]
-    advice = " So adapt only where you expect a fault." if 2 * len(dear) > len(verdicts) else ""
-    percent = f"{100 * protocol.margin:g} %"
-    return f"Without a fault, the tuned error of {len(dear)} of {len(verdicts)} is more than {percent} higher.{advice}"
-
-
-def _harmless(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
-    """Say how many are nowhere worse, and how bad the worst scenario of a typical method is."""
-    harmless = [verdict for verdict in verdicts if verdict.worst_ratio <= 1 + protocol.margin]
-    middle = sorted(verdict.worst_ratio for verdict in verdicts)[len(verdicts) // 2]
-    worse = len(verdicts) - len(harmless)
-    return (
-        f"{worse} of {len(verdicts)} are more than {100 * protocol.margin:g} % worse than the plain filter in at least"
-        f" one scenario. In its worst scenario, the median method has {middle:.1f} times the error of the plain filter."
+def answered(rows: AuditRows) -> Answer:
+    """Return what the rows of an audit say."""
+    protocol, losses = rows.protocol, losses_of(rows)
+    said = statements(losses)
+    _, _, own, best = comparisons(losses)
+    of_models = (len(protocol.filters), len(protocol.compared), *own.shape[1:])
+    means = {"own": own.reshape(of_models).mean(axis=0), "best": best.reshape(of_models).mean(axis=0)}
+    kinds = kind_frame(own, [method._asdict() for method in protocol.methods], rows)
+    return Answer(
+        rows=rows,
+        losses=losses,
+        said=said,
+        at_costs={cost: statements(losses_of(rows, cost)) for cost in protocol.lost_costs_shown},
+        methods=method_frame(rows, losses, said, kinds),
+        kinds=kinds,
+        adaptations=adaptation_frame(means, protocol.compared),
+        adaptations_by_kind=kind_frame(means["own"], [{"adaptation": name} for name in protocol.compared], rows),
+        apart=apart_frame(rows),
+        take=take_frame(rows, losses),
+        error=procedure_error(losses, protocol.resampled_audits),
     )
 
 
-def _defaults(verdicts: Sequence[MethodVerdict]) -> list[str]:
-    better = sum(verdict.default < 1 for verdict in verdicts)
-    changed = sum((verdict.default < 1) != (verdict.tuned.ratio < 1) for verdict in verdicts)
-    ahead = f"At their defaults, {better} of {len(verdicts)} have a smaller error than the tuned plain filter."
-    return [f"{ahead} Tuning changes the side of {changed}."]
+def reweighted(rows: AuditRows, mixture: str) -> Statements:
+    """Return what an audit would say of another mixture: ``faulty=0.05``, or a kind of fault in place of "faulty".
+
+    Raises:
+        PluginError: there is no such kind, or its share cannot be that.
+    """
+    name, _, share = mixture.partition("=")
+    drives = kinds_of(rows)
+    member = ~drives[NO_FAULT] if name == FAULTY else drives.get(name)
+    if member is None:
+        raise PluginError(unknown("kind of fault", name, [FAULTY, *drives]))
+    try:
+        wanted = float(share)
+    except ValueError:
+        raise PluginError(f"'{mixture}' gives no share; write for example {name}=0.05.") from None
+    return statements(losses_of(rows), mixture_weights(member, wanted))
 
 
-def _luck(verdicts: Sequence[MethodVerdict]) -> list[str]:
-    spread = max(verdict.restarts[1] / verdict.restarts[0] for verdict in verdicts)
-    percent = f"{100 * (spread - 1):.0f} %"
-    return [f"Searches with other random numbers change the ratio of one method by up to {percent}."]
+def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
+    """Return which of the judged drives (D,) have no fault, and which have each kind; a drive may have several."""
+    faulty = rows.faulty(pd.Index(rows.protocol.seeds_to_judge_on))
+    none = np.asarray(~faulty.to_numpy(dtype=bool).any(axis=1))
+    return {NO_FAULT: none, **{kind: faulty[kind].to_numpy(dtype=bool) for kind in rows.kinds}}
 
 
-# What is said beside the answer.
+# Under each kind of fault.
 
 
-EXPECTED_ANEES = 6.0
-"""Of a consistent filter: position and velocity have six components."""
+def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRows) -> pd.DataFrame:
+    """Return the ratio of each of y (k, R, D) under each kind of fault; the intervals hold for all of them at once.
+
+    A kind of which too few drives were drawn is left out.
+    """
+    known = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST}
+    level = LEVEL / (len(y) * len(known)) if known else LEVEL
+    return pd.DataFrame(
+        [
+            {**name, "kind": kind, "drives": int(drives.sum()), **numbers_of(said)}
+            for kind, drives in known.items()
+            for name, said in zip(names, stated(y[:, :, drives], level), strict=True)
+        ],
+        columns=[*names[0], "kind", "drives", *numbers_of(_nothing())],
+    )
 
 
-def tuning_sentence(known: Losses, protocol: AuditProtocol) -> str:
-    """Say what tuning alone does to the plain filters, on faults that it has not seen."""
-    parts = []
-    for model in protocol.filters:
-        plain = AuditMethod(model, protocol.plain)
-        change = _over(known, known.by_kind[plain, TUNED, 0] - known.by_kind[plain, DEFAULTS, 0])
-        parts.append(f"{_interval(change)} ({model})")
-    head = "Tuning alone multiplies the error of the plain filter, on faults that it was not tuned on, by"
-    return f"{head} {', '.join(parts)}."
+def adaptation_frame(means: Mapping[str, FloatArray], names: Sequence[str]) -> pd.DataFrame:
+    """Return the mean over the models of each adaptation: adaptation, own_*, best_*; intervals hold for all at once."""
+    level = LEVEL / (len(means) * len(names))
+    columns = {against: [numbers_of(said, f"{against}_") for said in stated(y, level)] for against, y in means.items()}
+    both = zip(names, *columns.values(), strict=True)
+    table = pd.DataFrame([{"adaptation": name, **own, **best} for name, own, best in both])
+    return table.sort_values("own_ratio", kind="stable", ignore_index=True)
 
 
-def reference_sentences(known: Losses, protocol: AuditProtocol) -> list[str]:
-    """Say where the tuned plain filters stand between GNSS alone and the filter that is told the true R."""
-    floor = AuditMethod(FLOOR, protocol.plain)
-    plains = [AuditMethod(model, protocol.plain) for model in protocol.filters]
-    told = "The same filter told the true R"
-    pairs = [
-        (plain, other, words)
-        for plain in plains
-        for other, words in [
-            (floor, "GNSS alone"),
-            *((AuditMethod(plain.filter, r), told) for r in protocol.references),
+def numbers_of(said: Statement, prefix: str = "") -> dict[str, object]:
+    """Return a statement as columns."""
+    own = {"ratio": said.ratio, "low": said.low, "high": said.high, "verdict": str(said.verdict), "small": said.small}
+    return {prefix + name: value for name, value in own.items()}
+
+
+def _nothing() -> Statement:
+    return Statement(np.nan, np.nan, np.nan, Verdict.UNDECIDED, small=False, tuning_sd=np.nan)
+
+
+# Of each method.
+
+
+def method_frame(rows: AuditRows, losses: Losses, said: Statements, kinds: pd.DataFrame) -> pd.DataFrame:
+    """Return a method a row.
+
+    Returns:
+        filter, adaptation; is, source (what it is); own_*, best_* (against the plain filter of its model and the best
+        one); untuned; no_fault_* ; better_kinds, worse_kinds; worst_kind, worst_ratio, worst_high; pays_from (share of
+        faulty drives); worse_3, worse_100 with _low and _high (share of drives where it is worse by 3 % and by 100 %);
+        lost (share of runs).
+    """
+    protocol, (_, _, own, _) = rows.protocol, comparisons(losses)
+    plain = losses.plains[losses.model].mean(axis=1)
+    untuned = np.exp((defaults(rows, protocol.methods) - plain).mean(axis=1))
+    table = pd.DataFrame(
+        [
+            {**method._asdict(), **what_it_is(method), **numbers_of(mine, "own_"), **numbers_of(best, "best_")}
+            for method, mine, best in zip(protocol.methods, said.own_plain, said.best_plain, strict=True)
         ]
-    ]
-    return [
-        f"{words} has {_interval(_over(known, known.by_kind[other, TUNED, 0] - known.by_kind[plain, TUNED, 0]))} of the"
-        f" error of {plain.name}, tuned."
-        for plain, other, words in pairs
-        if (other, TUNED, 0) in known.by_kind
-    ]
+    ).assign(untuned=untuned, tuning_sd=[one.tuning_sd for one in said.own_plain])
+    of_method = [kinds[(kinds[["filter", "adaptation"]] == method).all(axis=1)] for method in protocol.methods]
+    table = table.join(pd.DataFrame([_over_kinds(each) for each in of_method]))
+    table["pays_from"] = pays_from(own.mean(axis=1), kinds_of(rows)[NO_FAULT])
+    for name, ratio in WORSE.items():
+        counts = (own.mean(axis=1) > np.log(ratio)).sum(axis=1)
+        table[name] = counts / own.shape[2]
+        ends = [share_interval(int(count), own.shape[2]) for count in counts]
+        table[f"{name}_low"], table[f"{name}_high"] = zip(*ends, strict=True)
+    table["lost"] = lost_shares(rows, protocol.methods)
+    return table.sort_values("own_ratio", kind="stable", ignore_index=True)
 
 
-def model_sentence(known: Losses, protocol: AuditProtocol) -> str:
-    """Say what another model does without any adaptation, tuned alike; empty where there is one model."""
-    first, *others = [AuditMethod(name, protocol.plain) for name in (*protocol.filters, *protocol.apart)]
-    plain = known.by_kind[first, TUNED, 0]
-    parts = [
-        f"{method.filter} {_interval(_over(known, known.by_kind[method, TUNED, 0] - plain))}"
-        for method in others
-        if (method, TUNED, 0) in known.by_kind
-    ]
-    head = f"Without any adaptation, of the error of {first.name} and tuned like it, another model has"
-    return f"{head}: {', '.join(parts)}." if parts else ""
+def what_it_is(method: AuditMethod) -> dict[str, str]:
+    """Return what the adaptation of a method is, and its source."""
+    known = provenance_of(plugins.get("adaptation", method.adaptation))
+    return {"is": known.kind, "source": known.source} if known else {"is": "", "source": ""}
 
 
-def noise_sentence(known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
-    """Say whether the order with white GNSS noise is that with coloured noise; empty of one kind of noise."""
-    kinds = list(protocol.fields)
-    if len(kinds) < 2 or len(verdicts) < 3:
-        return ""
-    ratios = {kind: np.array([_on(known, verdict.method, protocol, kind) for verdict in verdicts]) for kind in kinds}
-    ahead = ", ".join(f"{int((ratios[kind] < 1).sum())} of {len(verdicts)} with {kind} noise" for kind in kinds)
-    lead = ", ".join(f"{verdicts[int(ratios[kind].argmin())].method.name} with {kind} noise" for kind in kinds)
-    turned = int(((ratios[kinds[0]] < 1) != (ratios[kinds[1]] < 1)).sum())
-    return (
-        f"White against coloured noise: ahead of the tuned plain filter, whatever the interval, are {ahead}; {turned}"
-        f" change sides. The lowest ratio has {lead}. Rank correlation of the two orders:"
-        f" {_rank_correlation(*ratios.values()):.2f}."
+def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
+    faults, without = own[own["kind"] != NO_FAULT], own[own["kind"] == NO_FAULT]
+    price = without.iloc[0] if len(without) else pd.Series(numbers_of(_nothing()))
+    shown = faults["verdict"].value_counts()
+    worst = (
+        faults.iloc[int(faults["high"].argmax())] if len(faults) else pd.Series(numbers_of(_nothing()) | {"kind": ""})
     )
+    return {
+        **{f"no_fault_{name}": price[name] for name in numbers_of(_nothing())},
+        "better_kinds": int(shown.get(str(Verdict.BETTER), 0)),
+        "worse_kinds": int(shown.get(str(Verdict.WORSE), 0)),
+        "worst_kind": worst["kind"],
+        "worst_ratio": worst["ratio"],
+        "worst_high": worst["high"],
+    }
 
 
-def metric_sentence(outcome: Outcome, known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
-    """Say whether what is good by the error is consistent as well (ANEES against the 6 that is expected)."""
-    if len(verdicts) < 3:
-        return ""
-    rows = by_method(outcome.test)
-    plains = [AuditMethod(model, protocol.plain) for model in protocol.filters]
-    plain = {m.filter: off_by(float(own_rows(rows[m], m, outcome, known.scenarios)["anees"].median())) for m in plains}
-    ahead = [verdict for verdict in verdicts if verdict.tuned.ratio < 1]
-    closer = sum(off_by(verdict.anees) < plain[verdict.method.filter] for verdict in ahead)
-    orders = np.array([(verdict.tuned.ratio, off_by(verdict.anees)) for verdict in verdicts]).T
-    return (
-        f"Metric against metric: of the {len(ahead)} with a smaller error than the tuned plain filter, {closer} have an"
-        f" ANEES closer to the expected {EXPECTED_ANEES:g} as well. Rank correlation of error and consistency:"
-        f" {_rank_correlation(*orders):.2f}."
-    )
+def pays_from(d: FloatArray, without: BoolArray) -> FloatArray:
+    """Return from which share of faulty drives on the log ratios d (M, D) are below 0; NaN: from none."""
+    price, gain = d[:, without].mean(axis=1), d[:, ~without].mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(gain < 0.0, np.maximum(price / (price - gain), 0.0), np.nan))
 
 
-def power_sentence(verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> str:
-    """Say what the intervals over families could have shown."""
-    spans = [float(np.sqrt(verdict.high / verdict.low)) for verdict in verdicts]
-    alone = [float(np.sqrt(verdict.tuned.high / verdict.tuned.low)) for verdict in verdicts]
-    middle, own = float(np.median(spans)), float(np.median(alone))
-    return (
-        f"Power: there are {len(protocol.families)} families. Tested together with all others, the interval of a"
-        f" typical method spans a factor of {middle:.2f} either way (alone {own:.2f}). So only a mean ratio below"
-        f" {1 / middle:.2f} can be shown to be better. More seeds would not help, more kinds of faults would. Undecided"
-        " does not mean equal."
-    )
+# Estimators that stand apart.
 
 
-def off_by(anees: float) -> float:
-    """Return how far an ANEES is from the expected one, as a logarithm: too small and too large count alike."""
-    return abs(float(np.log(anees / EXPECTED_ANEES)))
+def apart_frame(rows: AuditRows) -> pd.DataFrame:
+    """Return an estimator a row: against the best plain filter and, adapted, against itself without adaptation."""
+    protocol, methods = rows.protocol, rows.protocol.beside
+    if not methods:
+        return pd.DataFrame()
+    own = cubes(rows, methods)
+    R, D = own.tuned.shape[1:]
+    plains = cubes(rows, protocol.plains)
+    lowest = np.argmin(plains.on_tuning[:, :R], axis=0)
+    best = plains.tuned[lowest, np.arange(R), :D]
+    plain = {method.filter: place for place, method in enumerate(methods) if method.adaptation == protocol.plain}
+    itself = own.tuned[[plain[method.filter] for method in methods]]
+    level = LEVEL / (2 * len(methods) - len(plain))
+    adapted = [place for place, method in enumerate(methods) if method.adaptation != protocol.plain]
+    against = dict(zip(adapted, stated((own.tuned - itself)[adapted], level), strict=True)) if adapted else {}
+    return pd.DataFrame(
+        [
+            {
+                **method._asdict(),
+                **numbers_of(said, "best_"),
+                **numbers_of(against.get(place, _nothing()), "own_"),
+                "tunings": R,
+                "drives": D,
+            }
+            for place, (method, said) in enumerate(zip(methods, stated(own.tuned - best, level), strict=True))
+        ]
+    ).assign(lost=lost_shares(rows, methods))
 
 
-def _over(known: Losses, difference: FloatArray) -> OverScenarios:
-    return over_scenarios(known.of_families(difference))
+# What to take.
 
 
-def _interval(mean: OverScenarios) -> str:
-    return f"{mean.ratio:.2f} ({mean.low:.2f} to {mean.high:.2f})"
+def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
+    """Return what to take in each situation: picked on every other drive, its ratio told of the other ones.
+
+    So the luck of the pick is not in the number. The comparator is the best plain filter, tuned alike; plain filters of
+    other models may be picked too.
+
+    Returns:
+        when, take, drives (of the ratio), ratio, low, high. The last situation is that the worst kind of fault shall be
+        the least bad; its ratio is that of this worst kind.
+    """
+    methods = [*rows.protocol.methods, *rows.protocol.plains]
+    tuned = np.concatenate([losses.methods, losses.plains])
+    best = losses.plains[np.argmin(losses.tuned_plains, axis=0), np.arange(losses.plains.shape[1])]
+    y, first = tuned - best, np.arange(tuned.shape[2]) % 2 == 0
+    halves = {kind: (own & first, own & ~first) for kind, own in kinds_of(rows).items()}
+    halves = {kind: own for kind, own in halves.items() if min(own[0].sum(), own[1].sum()) >= FEWEST}
+
+    def told(when: str, pick: int, other: BoolArray) -> dict[str, object]:
+        said = stated(y[:, :, other], LEVEL)[pick]
+        return {"when": when, "take": methods[pick].name, "drives": int(other.sum()), **numbers_of(said)}
+
+    means = {kind: y[:, :, own].mean(axis=(1, 2)) for kind, (own, _) in halves.items()}
+    lines = [told(NOTHING_KNOWN, int(y[:, :, first].mean(axis=(1, 2)).argmin()), ~first)]
+    lines += [told(kind, int(means[kind].argmin()), other) for kind, (_, other) in halves.items()]
+    if halves:
+        least = int(np.max(list(means.values()), axis=0).argmin())
+        worst = max((other for _, other in halves.values()), key=lambda other: float(y[least][:, other].mean()))
+        lines.append(told(LEAST_BAD, least, worst))
+    return pd.DataFrame(lines)
 
 
-def _on(known: Losses, method: AuditMethod, protocol: AuditProtocol, noise: str) -> float:
-    """Ratio to the tuned plain filter with one kind of noise; families count alike."""
-    d = known.by_kind[method, TUNED, 0] - known.by_kind[AuditMethod(method.filter, protocol.plain), TUNED, 0]
-    here = [k for k, scenario in enumerate(known.scenarios) if scenario.noise == noise]
-    families = np.array([known.scenarios[k].family for k in here])
-    means = [d[here][families == family].mean() for family in dict.fromkeys(families.tolist())]
-    return float(np.exp(np.mean(means)))
+# Two audits.
 
 
-def _rank_correlation(a: FloatArray, b: FloatArray) -> float:
-    from scipy.stats import spearmanr
+def changed_verdicts(first: Statements, second: Statements, methods: Sequence[AuditMethod]) -> pd.DataFrame:
+    """Return which verdicts of H3 two audits of the same ``methods`` do not share.
 
-    return float(spearmanr(a, b).statistic)
+    Returns:
+        filter, adaptation, against ("own" or "best"), first, second (verdicts).
+    """
+    pairs = {"own": (first.own_plain, second.own_plain), "best": (first.best_plain, second.best_plain)}
+    lines = [
+        {**method._asdict(), "against": against, "first": str(one.verdict), "second": str(other.verdict)}
+        for against, (left, right) in pairs.items()
+        for method, one, other in zip(methods, left, right, strict=True)
+        if one.verdict is not other.verdict
+    ]
+    return pd.DataFrame(lines, columns=["filter", "adaptation", "against", "first", "second"])

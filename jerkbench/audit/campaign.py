@@ -1,117 +1,164 @@
-"""The campaign of an audit: every setting on the seeds to tune on, finalists on others, the chosen ones on the last."""
+"""The campaign of an audit: every setting on the drives to tune on, then the best of each tuning on unseen drives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
+import numpy as np
 import pandas as pd
 
-from jerkbench.audit.methods import AuditMethod, by_method
-from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.stages import TEST, LookedAt, Search, Settings, Stages, Trials, needed_trials, searches
+from jerkbench.audit.pieces import Ledger, Piece, Trial, blocks, method_of, run_piece
+from jerkbench.audit.protocol import AuditMethod, AuditProtocol
 from jerkbench.campaigns.entrant import tried_settings
-from jerkbench.campaigns.search import best_trials, levels_of, losses, mean_losses, seen, unseen
-from jerkbench.tuning.space import Setting, Space
+from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.dispatch import Order, outcomes
+from jerkbench.jobs.identity import Identity, identity_of
+from jerkbench.jobs.progress import Progress
+
+METHOD = ["filter", "adaptation"]
+DRAWN = [*METHOD, "tuning", "trial"]
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came out of a campaign.
+class Campaign:
+    """The runs of an audit, which go on where they were stopped.
 
     Attributes:
-        chosen: the setting of each search.
-        trial: of each search: the place of its setting among those of its method in ``test``; the defaults are 0.
-        bound: of each method: the place of the setting that was best for the scenario itself.
-        test: a row a run, on seeds that no search has seen.
+        protocol: what is compared.
+        ledger: where runs are kept.
+        workers: who runs them; None: nobody does.
     """
 
-    chosen: Mapping[Search, Setting]
-    trial: Mapping[Search, int]
-    bound: Mapping[AuditMethod, int]
-    test: pd.DataFrame
+    protocol: AuditProtocol
+    ledger: Ledger
+    workers: Workers | None = None
+
+    def run(self, methods: Sequence[AuditMethod], title: str) -> None:
+        """Tune ``methods`` and judge them, as far as it is not done yet.
+
+        Raises:
+            JerkbenchError: a plain filter was lost, or a run cannot be made.
+            OSError: nothing can be stored.
+        """
+        self._run(self._to_tune(methods), f"{title}, settings tried")
+        self._run(self._to_judge(methods, picks(self.protocol, self.tuned())), f"{title}, judged unseen")
+
+    def tuned(self) -> pd.DataFrame:
+        """Return the mean loss of each setting on the drives of its tuning, and how many runs were lost.
+
+        Returns:
+            filter, adaptation, tuning, trial, drives, lost, loss. The loss has lost runs at ``lost_costs``.
+        """
+        first, last = self.protocol.seeds_to_tune_on(0)[0], self.protocol.seeds_to_judge_on[0]
+        rows = with_losses(self.protocol, self.ledger.rows(range(first, last)))
+        known = rows.groupby(DRAWN, observed=True, sort=True)
+        return known.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
+
+    def judged(self) -> pd.DataFrame:
+        """Return the runs on unseen drives, as `with_losses` does."""
+        return with_losses(self.protocol, self.ledger.rows(self.protocol.seeds_to_judge_on))
+
+    def levels(self) -> dict[int, float]:
+        """Return the level of each drive."""
+        return _levels(self.protocol, self.ledger.rows())
+
+    def _to_tune(self, methods: Sequence[AuditMethod]) -> Iterator[list[Piece]]:
+        """All methods on one block of drives, block after block: the drives of a block are made once."""
+        for tuning in range(self.protocol.tunings):
+            seeds = self.protocol.seeds_to_tune_on(tuning)
+            own = {m: trials_of(self.protocol, m, tuning) for m in methods if tuning in self.protocol.tunings_of(m)}
+            for block in blocks(seeds):
+                yield [Piece(self.protocol.dataset, method, trials, block) for method, trials in own.items()]
+
+    def _to_judge(self, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> Iterator[list[Piece]]:
+        of_method = dict(iter(picked.groupby(METHOD, observed=True)))
+        own = {method: self._trials(method, of_method[method]) for method in methods}
+        for block in blocks(self.protocol.seeds_to_judge_on):
+            wanted = {method: [seed for seed in block if seed in self.protocol.judges(method)] for method in methods}
+            yield [
+                Piece(self.protocol.dataset, method, own[method], range(seeds[0], seeds[-1] + 1))
+                for method, seeds in wanted.items()
+                if seeds
+            ]
+
+    def _trials(self, method: AuditMethod, picked: pd.DataFrame) -> tuple[Trial, ...]:
+        """The defaults, and what each search of a method has found."""
+        wanted = {(0, 0), *zip(picked["tuning"], picked["trial"], strict=True)}
+        tried = {tuning: trials_of(self.protocol, method, tuning) for tuning in self.protocol.tunings_of(method)}
+        return tuple(tried[tuning][trial] for tuning, trial in sorted(wanted))
+
+    def _run(self, groups: Iterable[list[Piece]], title: str) -> None:
+        planned = list(groups)
+        done = self.ledger.keys({piece.seeds[0] for pieces in planned for piece in pieces})
+        left = [own for pieces in planned if (own := [piece for piece in pieces if piece.key not in done])]
+        count, missing = sum(map(len, planned)), sum(map(len, left))
+        if missing and self.workers is None:
+            raise JerkbenchError(
+                f"Of {count} pieces of this audit {missing} are not stored in {self.ledger.folder}; run the audit"
+                " without --stored."
+            )
+        order = Order(work=run_piece, groups=left, identity=cache(partial(self._identity, left)))
+        lent = self.workers.lent(missing) if self.workers and missing else None
+        with Progress(count, count - missing, doing=title, unit="pieces") as bar, self.ledger:
+            for piece, ran in outcomes(order, lent):
+                if isinstance(ran, Exception):
+                    raise ran
+                self.ledger.add(piece, ran)
+                bar.advance()
+
+    def _identity(self, groups: Sequence[Sequence[Piece]]) -> Identity:
+        methods = {piece.method for pieces in groups for piece in pieces}
+        return identity_of(method_of(self.protocol.dataset, method)[0] for method in methods)
 
 
-class AuditCampaign:
-    """The three stages, each of which goes on where it was stopped."""
+def trials_of(protocol: AuditProtocol, method: AuditMethod, tuning: int) -> tuple[Trial, ...]:
+    """Return the settings that a tuning tries of a method, its defaults first; a longer search begins as a shorter."""
+    _, space = method_of(protocol.dataset, method)
+    scramble = protocol.seeds_to_tune_on(tuning)[0]
+    settings = tried_settings(max(protocol.searches(method)), space, scramble)
+    return tuple(Trial(tuning, number, setting) for number, setting in enumerate(settings))
 
-    def __init__(self, protocol: AuditProtocol, spaces: Mapping[AuditMethod, Space], stages: Stages) -> None:
-        """Prepare to search the ``spaces`` of the methods."""
-        self._protocol, self._spaces, self._stages = protocol, spaces, stages
-        self._restarts = {
-            method: [tried_settings(protocol.trials, space, restart) for restart in range(protocol.restarts)]
-            for method, space in spaces.items()
-        }
-        self._tried = {
-            method: tuple(dict.fromkeys(setting for settings in own for setting in settings))
-            for method, own in self._restarts.items()
-        }
 
-    def run(self) -> Outcome:
-        """Search, choose and score."""
-        tuned = self._losses("tune", self._protocol.seeds_to_tune_on, self._tried)
-        finalists = {search: self._finalists(tuned, search) for search in self._searches()}
-        common = {method: self._union(method, finalists) for method in self._spaces}
-        again = self._losses("choose", self._protocol.seeds_to_choose_on, common, self._needed(finalists, common, seen))
-        chosen = {search: self._best(again, search, own, common) for search, own in finalists.items()}
-        return self._scored(tuned, chosen)
+def with_losses(protocol: AuditProtocol, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return runs with ``lost``, the ``level`` of their drive, and their ``loss``.
 
-    def _searches(self) -> list[Search]:
-        return searches(self._spaces, self._protocol.restarts)
+    The level is the log error of the first plain filter at its defaults; a lost run costs ``lost_costs`` of it.
 
-    def _losses(
-        self, name: str, seeds: tuple[int, ...], settings: Settings, needed: Sequence[Trials] | None = None
-    ) -> dict[AuditMethod, pd.DataFrame]:
-        """Run what is needed of the same settings on every scenario; returns each method's rows with their loss."""
-        rows = self._stages.run(name, seeds, [settings] * len(self._stages.scenarios), needed)
-        rows["loss"] = losses(rows, levels_of(rows, self._protocol.plain))
-        return by_method(rows)
+    Raises:
+        JerkbenchError: that filter was lost itself, or has not run.
+    """
+    levels = _levels(protocol, rows)
+    if missing := sorted(set(rows["seed"]) - set(levels)):
+        name = protocol.plains[0].name
+        raise JerkbenchError(
+            f"On drive {missing[0]} {name} was lost at its defaults, or has not run, so that a lost run costs nothing"
+            " that is known; make the faults milder, or run the audit to its end."
+        )
+    level, error = rows["seed"].map(levels).to_numpy(), rows["log_error"].to_numpy(dtype=float)
+    lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(error)
+    return rows.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
 
-    def _finalists(self, tuned: Mapping[AuditMethod, pd.DataFrame], search: Search) -> tuple[Setting, ...]:
-        """The best settings of a search on the seeds to tune on."""
-        tried = self._tried[search.method]
-        own = {tried.index(setting) for setting in self._restarts[search.method][search.restart]}
-        rows = tuned[search.method]
-        means = mean_losses(rows[rows["trial"].isin(own)], seen(search.tuned_on, self._stages.scenarios))
-        return tuple(tried[trial] for trial in best_trials(means, self._protocol.finalists))
 
-    def _union(self, method: AuditMethod, settings: Mapping[Search, tuple[Setting, ...]]) -> tuple[Setting, ...]:
-        """The settings of all searches of a method, each once; the defaults first."""
-        own = [setting for search, several in settings.items() if search.method == method for setting in several]
-        return tuple(dict.fromkeys([self._spaces[method].start, *own]))
+def _levels(protocol: AuditProtocol, rows: pd.DataFrame) -> dict[int, float]:
+    first = (rows["filter"] == protocol.filters[0]) & (rows["adaptation"] == protocol.plain) & (rows["trial"] == 0)
+    known = rows[first & (rows["status"] == "ok")]
+    return dict(zip(known["seed"].tolist(), known["log_error"].tolist(), strict=True))
 
-    def _best(
-        self,
-        again: Mapping[AuditMethod, pd.DataFrame],
-        search: Search,
-        finalists: tuple[Setting, ...],
-        common: Settings,
-    ) -> Setting:
-        settings, rows = common[search.method], again[search.method]
-        trials = [settings.index(setting) for setting in finalists]
-        means = mean_losses(rows[rows["trial"].isin(trials)], seen(search.tuned_on, self._stages.scenarios))
-        return settings[best_trials(means, 1)[0]]
 
-    def _scored(self, tuned: Mapping[AuditMethod, pd.DataFrame], chosen: Mapping[Search, Setting]) -> Outcome:
-        """Score the defaults, the chosen settings, and as a bound what was best for each scenario itself."""
-        several = {search: (setting,) for search, setting in chosen.items()}
-        common = {method: self._union(method, several) for method in self._spaces}
-        settings = [
-            {method: (*own, self._best_for(tuned[method], method, number)) for method, own in common.items()}
-            for number in range(len(self._stages.scenarios))
-        ]
-        needed = [
-            {method: (*trials, len(common[method])) for method, trials in by_method.items()}
-            for by_method in self._needed(several, common, unseen)
-        ]
-        test = self._stages.run(TEST, self._protocol.seeds_to_test_on, settings, needed)
-        trial = {search: common[search.method].index(setting) for search, setting in chosen.items()}
-        return Outcome(chosen, trial, {method: len(own) for method, own in common.items()}, test)
+def picks(protocol: AuditProtocol, tuned: pd.DataFrame) -> pd.DataFrame:
+    """Return what each search has found: the trial with the lowest loss, of equals the first.
 
-    def _needed(
-        self, several: Mapping[Search, Sequence[Setting]], common: Settings, looked_at: LookedAt
-    ) -> list[Trials]:
-        """The places of the ``several`` settings of each search among the ``common`` ones, where it is looked at."""
-        places = {search: [common[search.method].index(s) for s in settings] for search, settings in several.items()}
-        return needed_trials(places, common, self._stages.scenarios, looked_at)
+    Returns:
+        filter, adaptation, tuning, tried (how many settings), trial, loss.
+    """
+    found = [_lowest(tuned[tuned["trial"] < protocol.trials], protocol.trials)]
+    plain = pd.MultiIndex.from_frame(tuned[METHOD].astype(str)).isin(protocol.plains)
+    return pd.concat([*found, _lowest(tuned[plain], protocol.plain_trials)], ignore_index=True)
 
-    def _best_for(self, rows: pd.DataFrame, method: AuditMethod, scenario: int) -> Setting:
-        return self._tried[method][best_trials(mean_losses(rows, [scenario]), 1)[0]]
+
+def _lowest(tuned: pd.DataFrame, tried: int) -> pd.DataFrame:
+    """Of each tuning of each method; those of equal losses are sorted by their trials."""
+    order = tuned.sort_values([*METHOD, "tuning", "loss", "trial"], kind="stable")
+    first = order.drop_duplicates([*METHOD, "tuning"])
+    return first.assign(tried=tried)[[*METHOD, "tuning", "tried", "trial", "loss"]]

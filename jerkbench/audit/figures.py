@@ -1,162 +1,92 @@
-"""The figures of an audit: ratios by method, by severity of a fault, by family of faults, and by model."""
+"""The picture of an audit: methods by kinds of faults, and beside it the ratio over all drives with its interval."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
 
-from jerkbench.audit.methods import AuditMethod
-from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.verdicts import TUNED, Losses, MethodVerdict
-from jerkbench.campaigns.protocol import HALVES
-from jerkbench.report.plots.style import OKABE_ITO, style_axes
+from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-from matplotlib.colors import LogNorm
-
-from jerkbench.audit.verdicts import FamilyVerdict
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.plots.style import DOTS_PER_INCH
-
-WIDTH_IN = 7.0
-
-MOST_LINES = 6
-"""Methods in a figure of severities: the best ones."""
-
-
-def ratio_figure(verdicts: Sequence[MethodVerdict], margin: float) -> Figure:
-    """Draw the ratio of each method to its tuned plain filter with its interval; a circle stands for the defaults."""
-    figure = Figure(figsize=(WIDTH_IN, 0.2 * len(verdicts) + 1.2), layout="constrained")
-    axes = figure.add_subplot()
-    rows = np.arange(len(verdicts))[::-1]
-    tuned = [verdict.tuned for verdict in verdicts]
-    axes.axvspan(1 / (1 + margin), 1 + margin, color="0.9", label=f"equal (within {100 * margin:g} %)")
-    axes.hlines(rows, [t.low for t in tuned], [t.high for t in tuned], color=OKABE_ITO[0], linewidth=1.2)
-    axes.plot([t.ratio for t in tuned], rows, "o", color=OKABE_ITO[0], markersize=4, label="tuned, scored unseen, 95 %")
-    axes.plot(
-        [v.default for v in verdicts], rows, "o", color="C1", markerfacecolor="none", markersize=4, label="defaults"
-    )
-    axes.set_xscale("log")
-    axes.set_ylim(-1, len(rows))
-    style_axes(axes)
-    axes.set_yticks(rows, [verdict.method.name for verdict in verdicts])
-    axes.set_xlabel("Position RMSE / tuned plain filter")
-    figure.legend(loc="outside lower center", ncols=3, fontsize="small")
-    return figure
-
-
-def audit_severity_figure(known: Losses, verdicts: Sequence[MethodVerdict], protocol: AuditProtocol) -> Figure:
-    """Draw the ratio of the best methods against the severity of each family, mean over fields and seeds."""
-    families = [family for family in protocol.families if family.half in HALVES]
-    columns = 3
-    lines = -(-len(families) // columns)
-    figure = Figure(figsize=(WIDTH_IN, 1.8 * lines + 0.8), layout="constrained")
-    panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
-    best = [verdict.method for verdict in verdicts[:MOST_LINES]]
-    for axes, family in zip(panels, families, strict=False):
-        axes.set_title(family.name, fontsize="small")
-        for method, colour in zip(best, OKABE_ITO, strict=False):
-            _draw_family(axes, known, method, protocol, family.name, colour)
-        axes.axhline(1.0, color="0.6", linewidth=0.8)
-        axes.set_yscale("log")
-        style_axes(axes)
-    for axes in panels[len(families) :]:
-        axes.set_axis_off()
-    figure.supylabel("Position RMSE / tuned plain filter", fontsize="small")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize="small")
-    return figure
-
-
-def _draw_family(
-    axes: "Axes", known: Losses, method: AuditMethod, protocol: AuditProtocol, family: str, colour: str
-) -> None:
-    plain = AuditMethod(method.filter, protocol.plain)
-    difference = (known.by_kind[method, TUNED, 0] - known.by_kind[plain, TUNED, 0]).mean(axis=1)
-    words = list(dict.fromkeys(scenario.severity for scenario in known.scenarios if scenario.family == family))
-    faults = np.array([f"{scenario.family} {scenario.severity}" for scenario in known.scenarios])
-    ratios = [float(np.exp(difference[faults == f"{family} {word}"].mean())) for word in words]
-    axes.plot(words, ratios, "o-", color=colour, label=method.name, markersize=3)
-    axes.tick_params(labelsize="x-small")
-
-
 FARTHEST = 5.0
 """The colour goes no further than five times better or worse."""
-
 DARK = 2.5
 """From this ratio on, or its inverse, the field is so dark that its number is white."""
+TICKS = (0.25, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 4.0)
+ROW_IN, COLUMN_IN = 0.19, 0.44
 
 
-def family_figure(verdicts: Sequence[FamilyVerdict]) -> Figure:
-    """Draw each ratio to the tuned plain filter: blue is better, red is worse; bold was shown, grey was not."""
-    methods = list(dict.fromkeys(verdict.method for verdict in verdicts))
-    families = list(dict.fromkeys(verdict.family for verdict in verdicts))
-    ratios = np.array([verdict.ratio for verdict in verdicts]).reshape(len(methods), len(families))
-    size = (3.6 + 0.5 * len(families), 1.9 + 0.2 * len(methods))
+def kinds_figure(kinds: pd.DataFrame, overall: pd.DataFrame, margin: float) -> Figure:
+    """Draw ratios to the plain filter, tuned alike: blue is better, red is worse, bold is shown.
+
+    Args:
+        kinds: name, kind, ratio, verdict.
+        overall: name, own_ratio, own_low, own_high, best_ratio, best_low, best_high; a row each, in this order.
+        margin: what lies within 1 + margin is equal.
+    """
+    names, columns = list(overall["name"]), list(dict.fromkeys(kinds["kind"]))
+    size = (4.6 + COLUMN_IN * max(len(columns), 4), 1.5 + ROW_IN * max(len(names), 6))
     figure = Figure(figsize=size, dpi=DOTS_PER_INCH, layout="constrained")
-    axes = figure.add_subplot()
+    left, right = figure.subplots(1, 2, width_ratios=[COLUMN_IN * max(len(columns), 4), 2.4], sharey=True)
+    _draw_kinds(figure, left, kinds, names, columns)
+    _draw_overall(right, overall, margin)
+    return figure
+
+
+def _draw_kinds(figure: Figure, axes: "Axes", kinds: pd.DataFrame, names: list[str], columns: list[str]) -> None:
+    table = kinds.pivot_table(index="name", columns="kind", values="ratio").reindex(index=names, columns=columns)
+    shown = set(kinds.loc[kinds["verdict"] != Verdict.UNDECIDED, ["name", "kind"]].itertuples(index=False, name=None))
     scale = LogNorm(1 / FARTHEST, FARTHEST, clip=True)
-    image = axes.imshow(ratios, cmap="RdBu_r", norm=scale, aspect="auto")
-    for (row, column), verdict in zip(np.ndindex(*ratios.shape), verdicts, strict=True):
-        weight, colour = _ink(verdict)
-        axes.text(
-            column, row, f"{verdict.ratio:.2g}", ha="center", va="center", fontsize=6.5, weight=weight, color=colour
-        )
-    axes.set_xticks(range(len(families)), families, rotation=90, fontsize=8)
-    axes.set_yticks(range(len(methods)), [method.name for method in methods], fontsize=7)
+    image = axes.imshow(table.to_numpy(dtype=float), cmap="RdBu_r", norm=scale, aspect="auto")
+    for row, name in enumerate(names):
+        for column, kind in enumerate(columns):
+            ratio, bold = float(table.loc[name, kind]), (name, kind) in shown  # type: ignore[arg-type]
+            ink = "black" if bold else "0.35"
+            style: dict[str, Any] = {
+                "weight": "bold" if bold else "normal",
+                "color": ink if 1 / DARK < ratio < DARK else "white",
+            }
+            axes.text(column, row, f"{ratio:.2f}", ha="center", va="center", fontsize=6, **style)
+    axes.set_xticks(range(len(columns)), [kind.replace("_", " ") for kind in columns], rotation=90, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
-    bar = figure.colorbar(image, ax=axes, ticks=[0.2, 0.5, 1, 2, 5], format="%g", shrink=0.5)
+    ticks = [0.2, 0.5, 1, 2, 5]
+    bar = figure.colorbar(image, ax=axes, ticks=ticks, format="%g", location="bottom", shrink=0.5, aspect=40)
     bar.minorticks_off()
-    bar.set_label("Position RMSE / tuned plain filter; bold: shown", fontsize=8)
-    return figure
+    bar.ax.tick_params(labelsize=7)
+    bar.set_label("error / that of the plain filter of its model, tuned alike; bold: shown", fontsize=7)
 
 
-def _ink(verdict: FamilyVerdict) -> tuple[str, str]:
-    """Weight and colour of a number."""
-    shown = verdict.verdict is not Verdict.UNDECIDED
-    dark = not 1 / DARK < verdict.ratio < DARK
-    return "bold" if shown else "normal", "white" if dark else "black" if shown else "0.35"
-
-
-MARKS = "osD^vP"
-TICKS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5, 2.0)
-
-
-def model_figure(verdicts: Sequence[MethodVerdict], margin: float) -> Figure:
-    """Draw the tuned ratio of each adaptation on each model, a line an adaptation, sorted by their means."""
-    ratios = ratios_by_adaptation(verdicts)
-    figure = Figure(figsize=(WIDTH_IN, 0.2 * len(ratios) + 1.2), layout="constrained")
-    axes = figure.add_subplot()
-    rows = np.arange(len(ratios))[::-1]
-    axes.axvspan(1 / (1 + margin), 1 + margin, color="0.9", label=f"equal (within {100 * margin:g} %)")
-    axes.hlines(
-        rows,
-        [min(own.values()) for own in ratios.values()],
-        [max(own.values()) for own in ratios.values()],
-        color="0.75",
-        linewidth=1.0,
-    )
-    models = list(dict.fromkeys(verdict.method.filter for verdict in verdicts))
-    for model, mark, colour in zip(sorted(models), MARKS, OKABE_ITO, strict=False):
-        values = [own.get(model, np.nan) for own in ratios.values()]
-        axes.plot(values, rows, mark, color=colour, markersize=4.5, label=model)
+def _draw_overall(axes: "Axes", overall: pd.DataFrame, margin: float) -> None:
+    rows = np.arange(len(overall))
+    axes.axvspan(1 / (1 + margin), 1 + margin, color="0.9", linewidth=0)
+    axes.axvline(1.0, color="0.6", linewidth=0.8)
+    for against, colour, shift in (("own", OKABE_ITO[0], -0.17), ("best", OKABE_ITO[1], 0.17)):
+        label = {"own": "plain filter of its model", "best": "best plain filter"}[against]
+        ends = overall[f"{against}_low"], overall[f"{against}_high"]
+        axes.hlines(rows + shift, *ends, color=colour, linewidth=1.2)
+        axes.plot(overall[f"{against}_ratio"], rows + shift, "o", color=colour, markersize=3, label=label)
     axes.set_xscale("log")
-    axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
-    axes.set_xticks([], minor=True)
-    axes.set_ylim(-1, len(ratios))
-    style_axes(axes)
-    axes.set_yticks(rows, list(ratios))
-    axes.set_xlabel("RMSE / plain filter of the same model, tuned alike, scored unseen")
-    figure.legend(loc="outside lower center", ncols=5, fontsize="small")
-    return figure
+    low, high = _limits(overall)
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xticks([tick for tick in TICKS if low < tick < high])
+    axes.tick_params(axis="x", labelsize=7)
+    axes.tick_params(axis="y", length=0, labelleft=False)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.set_xlabel("over all drives, relative to", fontsize=7)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7, frameon=False, borderaxespad=4.0)
 
 
-def ratios_by_adaptation(verdicts: Sequence[MethodVerdict]) -> dict[str, dict[str, float]]:
-    """Return the tuned ratio of each adaptation by model, the lowest geometric mean first."""
-    ratios: dict[str, dict[str, float]] = {}
-    for verdict in verdicts:
-        ratios.setdefault(verdict.method.adaptation, {})[verdict.method.filter] = verdict.tuned.ratio
-    return dict(sorted(ratios.items(), key=lambda item: float(np.mean(np.log(list(item[1].values()))))))
+def _limits(overall: pd.DataFrame) -> tuple[float, float]:
+    """The span of all intervals, as far as the ratios themselves and five times about 1."""
+    low, high = overall[["own_low", "best_low"]].min().min(), overall[["own_high", "best_high"]].max().max()
+    return max(float(low), 1 / FARTHEST) / 1.05, min(float(high), FARTHEST) * 1.05

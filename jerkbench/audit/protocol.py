@@ -1,64 +1,180 @@
-"""The protocol of an audit, read from conf/audit."""
+"""The protocol of an audit, read from conf/audit: which methods, on which drives, with which budget."""
 
-from dataclasses import dataclass, field
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from jerkbench import plugins
-from jerkbench.campaigns.protocol import LATER, CampaignProtocol, protocol_of
+from jerkbench.errors import PluginError
+from jerkbench.jobs.job import Job, Protocol
+from jerkbench.jobs.names import job_of_parts, refusal
 from jerkbench.presets import preset
 
-CHOOSE_FROM = 1_000
-"""The first seed to choose on; those to tune on begin at 0."""
+PUBLISHED = ("published", "simplified")
+"""Kinds of adaptations that H1 averages and H2 picks from."""
+
+ROOM = 10_000
+"""Seeds of one audit, at most."""
+
+
+class AuditMethod(NamedTuple):
+    """A filter with an adaptation, by their names."""
+
+    filter: str
+    adaptation: str
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"{self.filter} + {self.adaptation}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class AuditProtocol(CampaignProtocol):
-    """What an audit compares, and how long it searches, besides what every campaign states.
+class AuditProtocol:
+    """What an audit compares, and how long it searches.
 
     Attributes:
         version: of the protocol.
+        repeat: an audit with another number has other drives and other tunings.
+        dataset: preset of random drives.
+        laws: what that preset states.
+        tunings: independent searches of each method.
+        tune_drives: drives of a tuning.
+        judged_drives: drives that no tuning has seen.
+        trials: settings that each method may try in a tuning, its defaults among them.
+        plain_trials: settings of each plain filter, where it is compared with whoever is best of all methods.
         filters: the kinematic filters that every adaptation runs on.
-        adaptations: names; empty: every one that there is in the tree.
-        plain: the adaptation that the others are compared with.
-        references: adaptations that are scored and never compared.
-        restarts: how many searches, each with another scramble.
-        finalists: settings that are tried again on the seeds to choose on.
-        choose_seeds: seeds of a scenario to choose among the finalists on.
-        only: names of the families to take; empty: all.
-        apart: estimators of another kind with the plain adaptation, tuned alike, scored and never compared.
+        plain: the adaptation that changes nothing.
+        references: adaptations that are judged and never compared.
+        apart: estimators of another kind, tuned alike, and shown apart.
+        apart_with_adaptations: those of them that run with every adaptation that they take.
+        apart_tunings: tunings of these, the first ones.
+        apart_drives: drives that these are judged on, the first ones.
+        margin: a ratio within 1 + margin is equal.
+        lost_costs: a lost run costs so many times what the first filter has at its defaults, without adaptation.
+        lost_costs_shown: other such costs that are shown beside it.
+        resampled_audits: for the error of the whole procedure.
+        adaptations: what each of those that compete is: published, simplified or own.
+        only: names of the adaptations to take; empty: all.
     """
 
     version: int
+    repeat: int
+    dataset: str
+    laws: Mapping[str, Any]
+    tunings: int
+    tune_drives: int
+    judged_drives: int
+    trials: int
+    plain_trials: int
     filters: tuple[str, ...]
     plain: str
     references: tuple[str, ...]
-    restarts: int
-    finalists: int
-    choose_seeds: int
-    adaptations: tuple[str, ...] = ()
+    apart: tuple[str, ...]
+    apart_with_adaptations: tuple[str, ...]
+    apart_tunings: int
+    apart_drives: int
+    margin: float
+    lost_costs: float
+    lost_costs_shown: tuple[float, ...]
+    resampled_audits: int
+    adaptations: Mapping[str, str]
     only: tuple[str, ...] = ()
-    apart: tuple[str, ...] = field(default=(), metadata=LATER)
 
     def __post_init__(self) -> None:
-        """Check that every name exists and both halves have a family."""
-        for name in (*self.adaptations, self.plain, *self.references):
+        """Check that every name exists, and that there are seeds for all drives."""
+        for name in (*self.adaptations, *self.only, self.plain, *self.references):
             plugins.get("adaptation", name)
-        for name in (*self.filters, *self.apart):
+        for name in (*self.filters, *self.apart, *self.apart_with_adaptations):
             plugins.get("filter", name)
-        super().__post_init__()
+        if (drives := self.tunings * self.tune_drives + self.judged_drives) > ROOM:
+            raise PluginError(f"An audit of {drives} drives is too large; {ROOM} of all tunings together are allowed.")
+
+    @cached_property
+    def digest(self) -> str:
+        """The first 12 digits of the SHA-256 of all of it, with the laws of the drives."""
+        text = json.dumps(dataclasses.asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    # Seeds: each is a drive.
+
+    def seeds_to_tune_on(self, tuning: int) -> range:
+        """The drives of a tuning; the first of them is the seed of its scramble as well."""
+        first = int(self.digest[:8], 16) * ROOM + tuning * self.tune_drives
+        return range(first, first + self.tune_drives)
+
+    @property
+    def seeds_to_judge_on(self) -> range:
+        """The drives that no tuning has seen."""
+        first = self.seeds_to_tune_on(self.tunings)[0]
+        return range(first, first + self.judged_drives)
+
+    # Methods.
 
     @property
     def compared(self) -> tuple[str, ...]:
-        """The adaptations that are compared, with the plain one first."""
-        names = self.adaptations or tuple(
-            name for name in plugins.names("adaptation") if plugins.is_own(plugins.get("adaptation", name))
-        )
-        rest = [name for name in names if name not in (self.plain, *self.references)]
-        return (self.plain, *rest)
+        """The adaptations that are compared with the plain one."""
+        return tuple(name for name in self.adaptations if not self.only or name in self.only)
 
     @property
-    def seeds_to_choose_on(self) -> tuple[int, ...]:
-        """The seeds on which the finalists are tried again."""
-        return tuple(range(CHOOSE_FROM, CHOOSE_FROM + self.choose_seeds))
+    def plains(self) -> list[AuditMethod]:
+        """The plain filters."""
+        return [AuditMethod(model, self.plain) for model in self.filters]
+
+    @property
+    def methods(self) -> list[AuditMethod]:
+        """The methods that are compared."""
+        return [AuditMethod(model, name) for model in self.filters for name in self.compared]
+
+    @property
+    def competing(self) -> list[AuditMethod]:
+        """The plain filters, all that is compared with them, and the references."""
+        told = [AuditMethod(model, name) for model in self.filters for name in self.references]
+        return [*self.plains, *self.methods, *told]
+
+    @property
+    def beside(self) -> list[AuditMethod]:
+        """The estimators that are shown apart, with the adaptations that they take."""
+        own = [AuditMethod(name, self.plain) for name in self.apart]
+        adapted = [AuditMethod(name, rule) for name in self.apart_with_adaptations for rule in self.compared]
+        return [*own, *(method for method in adapted if not refusal(job_of(self.dataset, method)))]
+
+    def plain_of(self, method: AuditMethod) -> AuditMethod:
+        """Return the plain filter of a method's model."""
+        return AuditMethod(method.filter, self.plain)
+
+    def searches(self, method: AuditMethod) -> tuple[int, ...]:
+        """How many settings each search of a method tries; the shorter one is the begin of the longer."""
+        return (self.trials, self.plain_trials) if method in self.plains else (self.trials,)
+
+    def tunings_of(self, method: AuditMethod) -> range:
+        """The tunings of a method."""
+        return range(self.tunings if method.filter in self.filters else min(self.apart_tunings, self.tunings))
+
+    def judges(self, method: AuditMethod) -> range:
+        """The drives that a method is judged on."""
+        return self.seeds_to_judge_on[: None if method.filter in self.filters else self.apart_drives]
+
+
+def job_of(dataset: str, method: AuditMethod) -> Job:
+    """Return a method at its defaults on the drives of a preset.
+
+    Raises:
+        PluginError: it cannot be made.
+    """
+    single = {
+        "dataset": {"name": dataset},
+        "attitude": None,
+        "filter": {"name": method.filter},
+        "adaptation": {"name": method.adaptation},
+        "engine": "compiled",
+    }
+    return job_of_parts(single, [], None, Protocol(seeds=1), ["position_rmse"])
 
 
 def read_protocol(scale: str) -> AuditProtocol:
@@ -67,4 +183,18 @@ def read_protocol(scale: str) -> AuditProtocol:
     Raises:
         PluginError: there is none, or it does not hold together.
     """
-    return protocol_of(AuditProtocol, preset("audit", scale), f"conf/audit/{scale}.yaml")
+    stated = preset("audit", scale)
+    return protocol_of({**stated, "laws": preset("dataset", str(stated.get("dataset")))}, f"conf/audit/{scale}.yaml")
+
+
+def protocol_of(stated: Mapping[str, Any], where: str | Path) -> AuditProtocol:
+    """Return the protocol that ``stated`` says, as it stands in the file ``where``.
+
+    Raises:
+        PluginError: a parameter is missing or unknown, or they do not hold together.
+    """
+    known = {field.name for field in dataclasses.fields(AuditProtocol)}
+    if wrong := sorted(known ^ {*stated, "only"}):
+        raise PluginError(f"{where} lacks {wrong[0]}, or has it and may not; give all of {', '.join(sorted(known))}.")
+    values: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in stated.items()}
+    return AuditProtocol(**values)

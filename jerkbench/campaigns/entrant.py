@@ -9,7 +9,7 @@ from typing import Any
 from jerkbench.campaigns.protocol import FaultScenario
 from jerkbench.errors import PluginError
 from jerkbench.jobs.job import Job, Protocol
-from jerkbench.jobs.names import Part, job_of_parts, refusal
+from jerkbench.jobs.names import job_of_parts, refusal
 from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import ranges_of
 from jerkbench.tuning.samplers import sampler_of
@@ -64,16 +64,15 @@ class Entrant:
         scenario: FaultScenario,
         limits: Protocol = LIMITS,
         metrics: Sequence[str] = (ERROR,),
-        attitude: Part | None = None,
     ) -> Job:
-        """Return its job on a scenario; without ``attitude`` it has its own, or that of the data set.
+        """Return its job on a scenario; an attitude filter that it has not is that of the data set.
 
         Raises:
             PluginError: it cannot be made, or its parts do not fit together.
         """
         single = {
             "dataset": scenario.dataset,
-            "attitude": attitude or self.attitude,
+            "attitude": self.attitude,
             "filter": self.filter,
             "adaptation": self.adaptation,
             "engine": "compiled",

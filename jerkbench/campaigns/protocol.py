@@ -16,9 +16,6 @@ HALVES = ("first", "second")
 BOTH = "both"
 """Of what is tuned on with each half, and scored with each."""
 
-LATER = {"later": True}
-"""Of a field that came after protocols had been published: empty, it is no part of the digest."""
-
 TEST_FROM = 1_000_000
 """The seeds to test on begin here, plus a number that only the protocol's digest tells: nobody has tuned on them."""
 
@@ -118,8 +115,7 @@ class CampaignProtocol:
     @property
     def digest(self) -> str:
         """The first 12 digits of the SHA-256 of all of it."""
-        later = {known.name for known in dataclasses.fields(self) if known.metadata == LATER}
-        stated = {name: value for name, value in dataclasses.asdict(self).items() if value or name not in later}
+        stated = dataclasses.asdict(self)
         return hashlib.sha256(json.dumps(stated, sort_keys=True, default=list).encode()).hexdigest()[:12]
 
     @property

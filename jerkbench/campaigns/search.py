@@ -12,9 +12,6 @@ from jerkbench.tuning.objectives import LOST
 ERROR_COLUMN = "position_rmse_m"
 """What a navigation filter is tuned for."""
 
-ALL = "all"
-"""Tuned on everything: what one setting for all faults can reach; no fair score, and marked so."""
-
 
 def losses(rows: pd.DataFrame, levels: Mapping[int, float], error: str = ERROR_COLUMN) -> pd.Series:
     """Return the loss of each run: log(RMSE / level of its scenario), at most log 100, which a lost run counts.
@@ -51,12 +48,7 @@ def levels_of(rows: pd.DataFrame, plain: str, error: str = ERROR_COLUMN) -> dict
 
 def seen(tuned_on: str, scenarios: Iterable[FaultScenario]) -> list[int]:
     """Return the numbers of the scenarios that a search of ``tuned_on`` looks at."""
-    return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half in (tuned_on, domain_of(tuned_on) + BOTH)]
-
-
-def unseen(tuned_on: str, scenarios: Iterable[FaultScenario]) -> list[int]:
-    """Return the numbers of the scenarios that its setting is scored on: all but its own; `none` is in both."""
-    return [k for k, s in enumerate(scenarios) if tuned_on == ALL or s.half != tuned_on]
+    return [k for k, s in enumerate(scenarios) if s.half in (tuned_on, domain_of(tuned_on) + BOTH)]
 
 
 def mean_losses(rows: pd.DataFrame, numbers: Iterable[int]) -> pd.Series:

@@ -11,13 +11,11 @@ import pandas as pd
 
 from jerkbench.campaigns.entrant import LIMITS, Entrant, knobs_of
 from jerkbench.campaigns.protocol import FaultScenario
-from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.job import Job, Protocol
 from jerkbench.jobs.plan import Plan, joined_jobs, sharing_scenarios
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.run import run_missing
-from jerkbench.results.parts import parsed
 from jerkbench.results.store import Store
 from jerkbench.tuning.space import Setting
 
@@ -55,15 +53,11 @@ class RunRules:
     Attributes:
         metrics: what is computed.
         limits: how each run is judged.
-        attitude: name of the plugin; None: that of the data set.
-        strict: whether a run that failed, for another reason than that the filter diverged, is an error.
         numbers: columns that are kept of a run.
     """
 
     metrics: tuple[str, ...]
     limits: Protocol = LIMITS
-    attitude: str | None = None
-    strict: bool = False
     numbers: tuple[str, ...] = NUMBERS
 
 
@@ -74,12 +68,10 @@ class Site:
     Attributes:
         folder: of what is stored.
         workers: who runs them; None: this process.
-        only_stored: read what other code may have computed, and run nothing.
     """
 
     folder: Path
     workers: Workers | None = None
-    only_stored: bool = False
 
     def rows(self, tries: Iterable[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:
         """Run the settings that are not stored yet, and return the rows of all, in their order.
@@ -93,8 +85,7 @@ class Site:
             scenario, filter, adaptation, trial, seed, status, reason, the numbers of the rules, seconds.
 
         Raises:
-            JerkbenchError: a run failed, or is not stored and may not be run.
-            OSError: nothing can be stored.
+            JerkbenchError: nothing can be stored, or the cluster cannot go on.
         """
         parts: list[pd.DataFrame] = []
         waiting: list[Try] = []
@@ -107,28 +98,11 @@ class Site:
             parts.append(self._rows(waiting, rules, bar))
         return pd.concat(parts, ignore_index=True)
 
-    def missing(self, tries: Sequence[Try], rules: RunRules) -> list[Try]:
-        """Return the settings of which no run is stored, whatever code computed it."""
-        rows = Store(self.folder).rows(_jobs(tries, rules), (), any_code=True)
-        return [tries[place] for place in rows.loc[rows["status"].isna(), "place"].unique()]
-
-    def makers(self) -> list[str]:
-        """Return the code and the versions of the libraries that computed what is stored."""
-        made = Store(self.folder).makers()
-        return sorted(f"{parsed(code)} {sorted(parsed(versions).items())}" for code, versions in made)
-
     def _rows(self, tries: Sequence[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:
         jobs, store = _jobs(tries, rules), Store(self.folder)
-        if not self.only_stored:
-            run_missing(Plan(joined_jobs(jobs)), store, self.workers, strict=rules.strict, progress=bar)
-            store.compact()
-        rows = store.rows(jobs, rules.numbers, any_code=self.only_stored)
-        if rows["status"].isna().any():
-            lost = tries[rows.loc[rows["status"].isna(), "place"].iloc[0]]
-            raise JerkbenchError(
-                f"Of {len(rows)} runs in {self.folder}, {rows['status'].isna().sum()} are missing or of other settings,"
-                f" first one of {lost.entrant.name} in {lost.scenario.name}; run the audit without --stored."
-            )
+        run_missing(Plan(joined_jobs(jobs)), store, self.workers, progress=bar)
+        store.compact()
+        rows = store.rows(jobs, rules.numbers)
         return _named(rows, tries, rules.numbers)
 
 
@@ -137,7 +111,7 @@ def _jobs(tries: Sequence[Try], rules: RunRules) -> list[Job]:
     for _, own in groupby(tries, lambda each: (each.number, each.entrant.text)):
         several = list(own)
         first = several[0]
-        job = first.entrant.job(first.scenario, rules.limits, rules.metrics, rules.attitude)
+        job = first.entrant.job(first.scenario, rules.limits, rules.metrics)
         space = knobs_of(job)
         jobs += [replace(space.applied(job, each.setting), draws=each.seeds) for each in several]
     return sharing_scenarios(jobs)

@@ -73,7 +73,8 @@ class _VectorModel(models.PrimitiveModel):
         return builder.extract_value(value, 0)
 
 
-def _repeated(builder: Any, number: Any, width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
+def repeated(builder: Any, number: Any, width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
+    """Return a vector that holds ``number`` ``width`` times."""
     nothing = ir.Constant(llvm_vector(width), ir.Undefined)
     first = builder.insert_element(nothing, number, ir.Constant(INDEX, 0))
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INDEX, width), [0] * width))
@@ -81,12 +82,12 @@ def _repeated(builder: Any, number: Any, width: int) -> Any:  # noqa: ANN401 - l
 
 @lower_cast(types.Float, Vector)
 def _cast(_context: Any, builder: Any, _from: Any, to: Any, number: Any) -> Any:  # noqa: ANN401 - as above
-    return _repeated(builder, number, to.width)
+    return repeated(builder, number, to.width)
 
 
 @lower_cast(types.Integer, Vector)
 def _cast_integer(context: Any, builder: Any, of: Any, to: Any, number: Any) -> Any:  # noqa: ANN401 - as above
-    return _repeated(builder, context.cast(builder, number, of, types.float64), to.width)
+    return repeated(builder, context.cast(builder, number, of, types.float64), to.width)
 
 
 def _common(kinds: Any) -> Any:  # noqa: ANN401 - as above

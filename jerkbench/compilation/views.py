@@ -24,7 +24,7 @@ from numba.extending import (
     register_model,
 )
 
-from jerkbench.compilation.vectors import INDEX, NUMBER, WIDE, llvm_vector, turned, vector_of
+from jerkbench.compilation.vectors import INDEX, NUMBER, WIDE, llvm_vector, repeated, turned, vector_of
 
 Untyped = Any
 """What numba and llvmlite, which have no types, hand over."""
@@ -258,6 +258,34 @@ row: Callable[..., Any] = _row(shared=False)
 
 shared_row: Callable[..., Any] = _row(shared=True)
 """The same of an array of matrices that all runs share."""
+
+
+@intrinsic(prefer_literal=True)
+def taken(_typing: Untyped, array: Untyped, k: Untyped, run: Untyped, dims: Untyped) -> Untyped:
+    """``taken(array, k, run, "6")``: the k-th matrix, to read; of an array that the runs share each number repeated."""
+    view = _regular(run, dims, run.width)
+
+    def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        """Write it in LLVM."""
+        view, k = sig.return_type, context.cast(builder, args[1], sig.args[1], types.intp)
+        given = context.make_array(sig.args[0])(context, builder, args[0])
+        last = builder.extract_value(given.shape, sig.args[0].ndim - 1)
+        first = builder.gep(given.data, [builder.mul(k, builder.mul(last, LONG(len(view.places))))])
+        if view.width == 1:
+            return first
+        whole = cgutils.alloca_once(builder, ir.ArrayType(llvm_vector(view.width), len(view.places)))
+        into = builder.bitcast(whole, NUMBER.as_pointer())
+        with builder.if_else(builder.icmp_signed("==", last, LONG(1))) as (shared, apart):
+            with shared:
+                for e, place in enumerate(view.places):
+                    number = _load(builder, first, LONG(e), 1)
+                    _store(builder, repeated(builder, number, view.width), into, LONG(place), view.width)
+            with apart:
+                for place in view.places:
+                    _store(builder, _load(builder, first, LONG(place), view.width), into, LONG(place), view.width)
+        return into
+
+    return view and (view(array, k, run, dims), generate)
 
 
 @intrinsic

@@ -81,8 +81,7 @@ class RandomDrive:
         for kind, own in faults.items():
             if not self._of_drive(kind):
                 recording = plugins.create("disturbance", {"name": kind, **own}).apply(recording, seed)
-        numbers = dict(_numbers("drawn", {"base": base, **drive, "faults": len(faults), "fault": [*faults], **faults}))
-        return replace(recording, parameters=numbers, drawn=None if faults else recording.drawn)
+        return replace(recording, parameters=self.columns(seed), drawn=None if faults else recording.drawn)
 
     def fingerprint(self) -> str:
         """Return the empty string: it reads no data."""
@@ -96,6 +95,11 @@ class RandomDrive:
         kinds = sorted(random.permutation(len(self.faults))[:count])
         faults = {kind: _values(seed, kind, laws) for kind, *laws in (self.faults[place] for place in kinds)}
         return base, _values(seed, "", self.drive), faults
+
+    def columns(self, seed: int) -> dict[str, float]:
+        """Return what ``seed`` draws as the columns that a study's rows have."""
+        base, drive, faults = self.drawn(seed)
+        return dict(_numbers("drawn", {"base": base, **drive, "faults": len(faults), "fault": [*faults], **faults}))
 
     def _of_drive(self, kind: str) -> bool:
         """Whether the parameters of a kind of faults are the data set's: those of none, and of one of its switches."""

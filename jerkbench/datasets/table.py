@@ -89,7 +89,8 @@ class Tables(TimedColumns):
     is not there: without a position file, only the filter attitude_only runs, and without an IMU only filters that
     take no acceleration (constant_velocity, acceleration, gnss_only), from fix to fix.
 
-    Presets: kitti, euroc, tum, nclt, urbannav, ppc; of fixes alone: tokyo_1105, hamburg, pixel4.
+    Presets: kitti, euroc, tum, nclt, urbannav, ppc; of fixes alone: tokyo_1105, hamburg, pixel4, taroz, ppc_fixes,
+    uwb_outdoor.
 
     Attributes:
         imu_file: the file of the IMU; empty: there is none.
@@ -106,7 +107,8 @@ class Tables(TimedColumns):
         position_time: its column of times.
         position_time_unit: s, ms, us or ns; empty: time_unit.
         position_quality: of a .pos, of velocities too, the values of Q that are used (1 fixed, 2 float, 4 differential,
-            5 single); empty: all.
+            5 single), or of ``position_quality_column``; empty: all.
+        position_quality_column: column of the kind of each fix, of which position_quality names those that are used.
         position_columns: the three columns of a place, in the order of its frame (latitude, longitude, height).
         position_frame: enu, ned, geodetic or ecef.
         position_sigma: columns of standard deviations [m]: one for all axes, three, or RTKLIB's six (11, 22, 33, 12,
@@ -131,7 +133,9 @@ class Tables(TimedColumns):
         reference_file: the file of the reference; empty: the fixes themselves.
         reference_time: its column of times.
         reference_time_unit: as position_time_unit.
-        reference_quality: of a .pos, the values of Q that it knows the truth with; empty: all.
+        reference_quality: of a .pos, or of ``reference_quality_column``, the values with which it knows the truth;
+            empty: all.
+        reference_quality_column: as position_quality_column.
         reference_offset_m: added to its places: east, north, up; of another antenna or another base.
         reference_position: three columns, or none.
         reference_velocity: three columns, or none; in ENU, or NED with that frame.
@@ -168,6 +172,7 @@ class Tables(TimedColumns):
     position_time: str = "t"
     position_time_unit: str = ""
     position_quality: tuple[float, ...] = ()
+    position_quality_column: str = ""
     position_columns: tuple[str, ...] = ("latitude", "longitude", "height")
     position_frame: str = "geodetic"
     position_sigma: tuple[str, ...] = ()
@@ -191,6 +196,7 @@ class Tables(TimedColumns):
     reference_time: str = "t"
     reference_time_unit: str = ""
     reference_quality: tuple[float, ...] = ()
+    reference_quality_column: str = ""
     reference_offset_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     reference_position: tuple[str, ...] = ()
     reference_velocity: tuple[str, ...] = ()
@@ -284,7 +290,8 @@ class Tables(TimedColumns):
             getattr(self, f"{stream}_{name}") for name in ("file", "time", "shift_s", "time_unit")
         )
         qualities = self.reference_quality if stream == "reference" else self.position_quality
-        return Source(stream, file, time, shift_s, unit, qualities)
+        quality = getattr(self, f"{stream}_quality_column", "")
+        return Source(stream, file, time, shift_s, unit, qualities, quality)
 
     def _samples(self) -> Stream | None:
         """Return the rows of the IMU; None where there is none."""

@@ -1,13 +1,101 @@
-"""Multipath, on one axis or on all."""
+"""Multipath, on one axis or on all: fixes that are off for some seconds, and do not say so."""
 
-from dataclasses import dataclass
+from abc import abstractmethod
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import Bursts
+from jerkbench.disturbances.common import Once, displaced, fixes_of, in_each, own_stream, require_values
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+
+@dataclass(frozen=True)
+class Bursts(Once):
+    """When the bursts are, and how large.
+
+    A burst begins at random and lasts T ~ U(shortest, longest); an offset is d ~ U(smallest, largest) with a random
+    sign. Bursts do not overlap. With o the offset (east, north, up) of a burst, the true covariance of its fixes is::
+
+        R_true = R + o o'
+
+    Attributes:
+        bursts: how many in a run.
+        shortest_s: of a burst.
+        longest_s: of a burst.
+        smallest_m: offset.
+        largest_m: offset.
+        start_s: no burst before.
+        size_m: of every offset, to be swept; null: ``smallest_m`` to ``largest_m``.
+        length_s: of every burst, to be swept; null: ``shortest_s`` to ``longest_s``.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+    stream_name: ClassVar[str]
+
+    bursts: int = 10
+    shortest_s: float = 2.0
+    longest_s: float = 6.0
+    smallest_m: float = 0.5
+    largest_m: float = 2.0
+    start_s: float = 10.0
+    size_m: float | None = None
+    length_s: float | None = None
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_values(self, ("bursts",), lambda count: count >= 0, "give 0 or more.")
+        if not 0 < self.shortest_s <= self.longest_s:
+            raise PluginError(
+                f"A burst of {self.shortest_s} to {self.longest_s} s is none; give 0 < shortest <= longest."
+            )
+        if not 0 <= self.smallest_m <= self.largest_m:
+            raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
+
+        require_values(self, ("size_m",), lambda size: 0 <= size < np.inf, "give 0 m or more, or null.")
+        require_values(self, ("length_s",), lambda time: 0 < time < np.inf, "a burst must be longer than 0 s, or null.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the bursts of ``seed``.
+
+        Raises:
+            RecordingError: it has no position, or is too short for so many bursts.
+        """
+        position = fixes_of(recording, "so there is nothing for multipath to move.")
+        random = own_stream(seed, self.stream_name, self.stream)
+        shift = in_each(position.t_s, self._windows(random, recording)) @ self._offsets(random)
+        return replace(recording, position=displaced(position, shift))
+
+    def _windows(self, random: np.random.Generator, recording: Recording) -> FloatArray:
+        """Return (bursts, 2): the time that is left over is cut at random points into the gaps between the bursts."""
+        lengths = random.uniform(self.shortest_s, self.longest_s, self.bursts)
+        if self.length_s is not None:
+            lengths = np.full(self.bursts, self.length_s)
+        cuts = np.sort(random.uniform(size=self.bursts))
+        left_s = recording.duration_s - self.start_s - lengths.sum()
+        if left_s < 0:
+            raise RecordingError(
+                f"{recording.name} lasts {recording.duration_s:.1f} s; {self.bursts} bursts of {lengths.sum():.1f} s"
+                f" together do not fit after {self.start_s} s: ask for fewer or shorter ones."
+            )
+        begins = self.start_s + cuts * left_s + np.cumsum(lengths) - lengths
+        return np.column_stack([begins, begins + lengths])
+
+    def _sizes(self, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+        """Return offsets with their signs."""
+        sizes = random.uniform(self.smallest_m, self.largest_m, shape)
+        if self.size_m is not None:
+            sizes = np.full(shape, self.size_m)
+        return np.asarray(sizes * random.choice([-1.0, 1.0], shape))
+
+    @abstractmethod
+    def _offsets(self, random: np.random.Generator) -> FloatArray:
+        """Return (bursts, 3) ENU."""
 
 
 @register("disturbance", "multipath_single_axis")
@@ -24,9 +112,6 @@ class MultipathSingleAxis(Bursts):
         """Return (bursts, 3) ENU, one axis each."""
         sizes = self._sizes(random, (self.bursts,))
         return np.asarray(np.eye(3)[random.integers(3, size=self.bursts)] * sizes[:, None])
-
-
-# Multipath: fixes that are off on all axes for some seconds, and do not say so.
 
 
 @register("disturbance", "multipath_all_axes")

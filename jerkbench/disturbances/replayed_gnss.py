@@ -6,8 +6,15 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
-from jerkbench.disturbances.common import Once, fixes_of, own_stream, reported_covariance, rows_of, true_covariance
-from jerkbench.errors import PluginError
+from jerkbench.disturbances.common import (
+    Once,
+    fixes_of,
+    own_stream,
+    reported_covariance,
+    require_values,
+    rows_of,
+    true_covariance,
+)
 from jerkbench.io.files import fingerprint
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference
@@ -77,12 +84,9 @@ class ReplayedGnss(Once):
     def __post_init__(self) -> None:
         """Check that the trace exists, and the numbers."""
         trace_path(self.trace)
-        if not 0 < self.scale < np.inf:
-            raise PluginError(f"scale is {self.scale}; it must be positive.")
-        if not 0 < self.moment_s < np.inf:
-            raise PluginError(f"moment_s is {self.moment_s}; a window must be longer than 0 s.")
-        if self.start_s is not None and not np.isfinite(self.start_s):
-            raise PluginError(f"start_s is {self.start_s}; give a time in the trace, or null.")
+        require_values(self, ("scale",), lambda s: 0 < s < np.inf, "it must be positive.")
+        require_values(self, ("moment_s",), lambda s: 0 < s < np.inf, "a window must be longer than 0 s.")
+        require_values(self, ("start_s",), np.isfinite, "give a time in the trace, or null.")
 
     def fingerprint(self) -> str:
         """Return the SHA-256 of the trace's file; empty for those of this package, whose code answers for them."""

@@ -5,7 +5,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances.common import RegularWindows, Windows, as_array, fixes_of, in_any, own_stream, with_errors
+from jerkbench.disturbances.common import (
+    RegularWindows,
+    WindowTimes,
+    fixes_of,
+    in_any,
+    own_stream,
+    require_values,
+    with_errors,
+)
 from jerkbench.errors import PluginError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -37,7 +45,7 @@ class RtkFloat(RegularWindows):
     honest: ClassVar[bool] = True
     fault: ClassVar[str] = "float solution"
 
-    windows_s: Windows = ((30.0, 60.0), (95.0, 120.0))
+    windows_s: WindowTimes = ((30.0, 60.0), (95.0, 120.0))
     sigma_m: tuple[float, ...] = (0.25, 0.25, 0.5)
     factor: float = 1.0
     time_s: float = 15.0
@@ -46,12 +54,10 @@ class RtkFloat(RegularWindows):
     def __post_init__(self) -> None:
         """Check windows, sigmas and the time."""
         super().__post_init__()
-        if not 0 <= self.factor < np.inf:
-            raise PluginError(f"factor is {self.factor}; give 0 or more.")
+        require_values(self, ("factor",), lambda k: 0 <= k < np.inf, "give 0 or more.")
         if len(self.sigma_m) != 3 or not all(sigma >= 0 for sigma in self.sigma_m):
             raise PluginError(f"sigma_m is {self.sigma_m}; give three, 0 or more: east, north, up.")
-        if not self.time_s > 0:
-            raise PluginError(f"time_s is {self.time_s}; a correlation time must be positive.")
+        require_values(self, ("time_s",), lambda time: time > 0, "a correlation time must be positive.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the float solutions of ``seed``.
@@ -63,13 +69,10 @@ class RtkFloat(RegularWindows):
         random = own_stream(seed, "rtk_float", self.stream)
         sigma_m = self.factor * np.array(self.sigma_m)
         process = gauss_markov(position.t_s, self.time_s, random) * sigma_m
-        inside = in_any(position.t_s, as_array(self._windows()))
+        inside = in_any(position.t_s, self.windows)
         growth = np.asarray(inside[:, None, None] * np.diag(sigma_m**2), dtype=np.float64)
         moved = with_errors(position, inside[:, None] * process, growth, reported_growth=growth if self.honest else 0.0)
         return replace(recording, position=moved)
-
-
-# RTK that falls back to a float solution and still reports a fixed one.
 
 
 @register("disturbance", "rtk_float_overconfident")

@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows
-from jerkbench.disturbances.common import RegularWindows, Windows, as_array, in_any, squares, with_errors
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.disturbances.common import RegularWindows, WindowTimes, displaced, in_any, require_values
+from jerkbench.errors import RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Recording, Reference, Velocity
 
@@ -29,17 +29,15 @@ class WheelSlip(RegularWindows):
         slip: s; 0.3 is 30 % too fast, -1 is wheels that lock.
     """
 
-    seeded: ClassVar[bool] = False
     fault: ClassVar[str] = "wheel slip"
 
-    windows_s: Windows = ((20.0, 24.0), (60.0, 66.0), (115.0, 120.0))
+    windows_s: WindowTimes = ((20.0, 24.0), (60.0, 66.0), (115.0, 120.0))
     slip: float = 0.3
 
     def __post_init__(self) -> None:
         """Check windows and slip."""
         super().__post_init__()
-        if not np.isfinite(self.slip):
-            raise PluginError(f"slip is {self.slip}; give a finite number, 0.3 for 30 % too fast.")
+        require_values(self, ("slip",), np.isfinite, "give a finite number, 0.3 for 30 % too fast.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with slip in the windows.
@@ -57,8 +55,8 @@ class WheelSlip(RegularWindows):
                 " slip; leave wheel_slip out, or give both the same latency."
             )
         offset = self.slip * _along(velocity, recording.reference)
-        offset[~in_any(velocity.t_s, as_array(self._windows()))] = 0.0
-        return replace(recording, velocity=with_errors(velocity, offset, squares(offset)))
+        offset[~in_any(velocity.t_s, self.windows)] = 0.0
+        return replace(recording, velocity=displaced(velocity, offset))
 
 
 def _along(velocity: Velocity, reference: Reference) -> FloatArray:

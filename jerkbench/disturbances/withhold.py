@@ -1,16 +1,45 @@
-"""Fixes kept from the filter and used as reference."""
+"""Fixes that the filter does not get: left out, or kept for the reference."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.disturbances.common import Phased, fixes_of, rows_of
-from jerkbench.errors import PluginError
+from jerkbench.disturbances.common import Phased, fixes_of, require_values, rows_of
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 from jerkbench.timeline import nanoseconds
+
+
+@register("disturbance", "decimate_position")
+@dataclass(frozen=True)
+class DecimatePosition(Phased):
+    """Only every n-th position fix reaches the filter; velocity and reference stay.
+
+    Fix i = 0, 1, 2, ... is kept where i mod every = phase. The phases are the replicates: seed s has the phase
+    s mod every.
+
+    Attributes:
+        every: n; 1 keeps all.
+        phase: the same one for all seeds, below ``every``; None: seed mod every.
+    """
+
+    every: int = 4
+    phase: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check that phase and every fit."""
+        require_values(self, ("every",), lambda n: n >= 1, "give 1 (all fixes) or more.")
+        self.require_phase()
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the fixes of one phase."""
+        position = recording.position
+        if position is None:
+            return recording
+        kept = np.arange(len(position.t_s)) % self.every == self.phase_of(seed)
+        return replace(recording, position=rows_of(position, kept))
+
 
 SOURCE = "fixes of the same receiver, withheld from the filter"
 
@@ -39,16 +68,13 @@ class Withhold(Phased):
         velocity: whether the velocity of a withheld epoch is withheld too.
     """
 
-    seeded: ClassVar[bool] = False
-
     every: int = 4
     phase: int | None = None
     velocity: bool = True
 
     def __post_init__(self) -> None:
         """Check that phase and every fit."""
-        if self.every < 2:
-            raise PluginError(f"every is {self.every}; give 2 or more, or nothing is withheld.")
+        require_values(self, ("every",), lambda n: n >= 2, "give 2 or more, or nothing is withheld.")
         self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:

@@ -1,7 +1,7 @@
 """When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts
 from jerkbench.evaluation.navigation_errors import position_error_m
 from jerkbench.evaluation.sums import sums_of
+from jerkbench.optional import has_methods
 from jerkbench.recording import Recording
 from jerkbench.sums import Streamed, Sums
 
@@ -140,8 +141,8 @@ def metric_values(
 
     def columns(metric: Metric) -> Mapping[str, float]:
         """Return the columns of one metric, from the sums where it can."""
-        if sums is not None and isinstance(metric, Summarising):
-            return metric.summarise(sums)
+        if sums is not None and has_methods(metric, Summarising):
+            return cast("Summarising", metric).summarise(sums)
         return evaluate(metric, estimate, recording, counted)
 
     return {**gathered((metric, columns(metric)) for metric in metrics), **recording.parameters}

@@ -148,7 +148,8 @@ def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeight
 
 def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) -> FloatArray:
     """Sum each of ``squares`` over its axes."""
-    return np.array([of[list(chosen)].sum() for of, chosen in zip(squares, axes.values(), strict=True)])
+    numbers = map(np.ndarray.tolist, squares)
+    return np.array([sum(of[axis] for axis in chosen) for of, chosen in zip(numbers, axes.values(), strict=True)])
 
 
 def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:

@@ -1,21 +1,22 @@
 """The parameters of the inertial filters, and what they need of a recording before the first step."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_not_negative
+from jerkbench.arrays import FloatArray, Same, require_not_negative
 from jerkbench.attitude.common import filtered_yaw
 from jerkbench.attitude.yaw import required_track
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.mechanisation import SensorNoise, earth_at
-from jerkbench.inertial.run_inputs import Constraints, Journey, Settings, merge_events, still_samples
+from jerkbench.inertial.run_inputs import Constraints, Events, Journey, Settings, merge_events, still_samples
 from jerkbench.inertial.state import NavigationState
 from jerkbench.parameters import DefaultOrigin, Range
-from jerkbench.recording import GRAVITY_MPS2, Recording
+from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, build_timeline
 
 YAW_SOURCES = ("attitude", "track")
@@ -179,14 +180,32 @@ COURSE_SIGMA_RAD = 0.0087
 """Least sigma of a course of the track; the attitude filters' own default."""
 
 
-def run_inputs(parameters: Eskf15Parameters, recording: Recording, attitude: Attitude) -> Journey:
-    """Return everything that a run needs besides its adaptation."""
+def run_inputs(
+    parameters: Eskf15Parameters, recording: Recording, attitude: Attitude, timeline: Timeline | None = None
+) -> Journey:
+    """Return everything that a run needs besides its adaptation.
+
+    ``timeline`` is that of ``recording`` and ``attitude``, as `takes_timeline` says; None: it is made here.
+    """
     recording = aided(parameters, recording)
-    timeline = _timeline(recording, attitude)
+    timeline = _timeline(recording, attitude) if timeline is None else timeline
     headings = recording.heading if parameters.use_heading else None
-    events = merge_events(timeline, recording.inertial, headings, parameters.constraint_interval_s)
+    steps = Same(timeline.t_s, timeline.update, timeline.reference)
+    events = _events(steps, recording.inertial, headings, parameters.constraint_interval_s)
     start = _start(parameters, recording, attitude, timeline)
     return Journey(recording.inertial, timeline, headings, events, start, _settings(parameters, recording))
+
+
+@lru_cache(maxsize=32)  # as many as a process keeps recordings
+def _events(steps: Same, imu: Imu, headings: Heading | None, constraint_interval_s: float) -> Events:
+    t_s, updates, references = steps.objects
+    return merge_events(t_s, updates, references, imu, headings, constraint_interval_s)
+
+
+def takes_timeline(parameters: Eskf15Parameters, recording: Recording) -> bool:
+    """Whether a run takes the timeline of ``recording`` as it is, and looks at its covariances nowhere else."""
+    as_it_is = aided(parameters, recording) is recording and _velocity_frame(recording) == "enu"
+    return as_it_is and parameters.yaw_source != "track"
 
 
 def aided(parameters: Eskf15Parameters, recording: Recording) -> Recording:

@@ -1,5 +1,6 @@
 """What linear estimators share: the model of three axes, the start, the measurement updates, ranges of noises."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -133,14 +134,23 @@ BEYOND_R = (Fading, AdaptingPrior, AdaptingGain)
 
 def of_r_alone() -> tuple[str, ...]:
     """Names of all adaptations, also a third party's, that change R alone."""
-    names = plugins.names("adaptation")
-    return tuple(name for name in names if not isinstance(plugins.get("adaptation", name), BEYOND_R))
+    return _without(BEYOND_R)
 
 
 def of_r_or_fading() -> tuple[str, ...]:
     """Names of all that change R, or fade the prior covariance."""
+    return _without((AdaptingPrior, AdaptingGain))
+
+
+def _without(contracts: tuple[type, ...]) -> tuple[str, ...]:
     names = plugins.names("adaptation")
-    return tuple(n for n in names if not isinstance(plugins.get("adaptation", n), (AdaptingPrior, AdaptingGain)))
+    return tuple(name for name in names if not _keeps(plugins.get("adaptation", name), contracts))
+
+
+@cache
+def _keeps(adaptation: type, contracts: tuple[type, ...]) -> bool:
+    """Whether the class has any of the contracts: asked of each cell of a sweep, and slow to find out."""
+    return isinstance(adaptation, contracts)
 
 
 # The ranges and origins that the noises of several filters share.

@@ -16,6 +16,7 @@ from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
 
 NOISES = ("velocity_walk_mps_per_sqrt_s", "turn_walk_radps_per_sqrt_s", "initial_turn_radps")
+TURN_WALK = Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot")
 STRAIGHT_RAD = 1e-4
 """Below such an angle a step is taken by the first terms of its series."""
 
@@ -54,7 +55,7 @@ class ConstantTurn:
     ] = 1.0
     turn_walk_radps_per_sqrt_s: Annotated[
         float,
-        Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot"),
+        TURN_WALK,
         DefaultOrigin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
     ] = 0.05
     initial_turn_radps: Annotated[float, START] = 0.1
@@ -70,18 +71,19 @@ class ConstantTurn:
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the solution at the reference's stamps; where P is no covariance any more, up to there."""
-        timeline = build_timeline(recording, attitude)
+        return self.filtered(build_timeline(recording, attitude), adaptation)
+
+    def filtered(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
+        """Return the solution of a timeline."""
         recorder = Recorder(timeline)
         return recorder.estimate(self._run(timeline, adaptation, recorder))
 
     def _run(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> str:
         update = MeasurementUpdates(timeline, adaptation, recorder)
-        x, P = np.append(timeline.x0, 0.0), np.zeros((7, 7))
-        P[:6, :6], P[6, 6] = timeline.P0, self.initial_turn_radps**2
+        x, P = self.start(timeline)
         for k, dt in enumerate(timeline.dt_s.tolist()):
             if dt > 0:
-                F = turn_jacobian(x, dt)
-                x, P = after_turn(x, dt), F @ P @ F.T + self._noise(dt)
+                x, P, _ = self.predicted(x, P, dt)
             row, reference = int(timeline.update[k]), int(timeline.reference[k])
             if row >= 0:
                 x, P, _ = update(row, x, P)
@@ -90,6 +92,17 @@ class ConstantTurn:
             if reference >= 0:
                 recorder.state(reference, x[:6], P[:6, :6])
         return ""
+
+    def start(self, timeline: Timeline) -> tuple[FloatArray, FloatArray]:
+        """Return x (7,) and P (7, 7) at the start of a timeline."""
+        P = np.zeros((7, 7))
+        P[:6, :6], P[6, 6] = timeline.P0, self.initial_turn_radps**2
+        return np.append(timeline.x0, 0.0), P
+
+    def predicted(self, x: FloatArray, P: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x (7,) and P (7, 7) after ``dt`` seconds, and the Jacobian F (7, 7) of that step."""
+        F = turn_jacobian(x, dt)
+        return after_turn(x, dt), F @ P @ F.T + self._noise(dt), F
 
     def _noise(self, dt: float) -> FloatArray:
         """Q (7, 7) of a step."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_inputs import Eskf15Parameters, aided, run_inputs
+from jerkbench.filters._eskf15_inputs import Eskf15Parameters, aided, run_inputs, takes_timeline
 from jerkbench.filters.common import of_r_alone
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Journey
@@ -15,6 +15,7 @@ from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Streamed
+from jerkbench.timeline import Timeline
 
 
 @register("filter", "eskf15")
@@ -132,19 +133,22 @@ class Eskf15(Eskf15Parameters):
         from jerkbench.inertial.compiled_runs import stream_journeys
 
         def journey(k: int) -> Journey | None:
+            model, run = estimators[k], runs[k]
             try:
-                return _journey(estimators[k], runs[k].recording, runs[k].attitude)
+                if takes_timeline(model, run.reported):
+                    return _journey(model, run.reported, run.attitude, run.timeline)
+                return _journey(model, run.recording, run.attitude)
             except Exception:  # noqa: BLE001 - whoever runs it alone sees it
                 return None
 
         scorings, journeys = [run.scoring for run in runs], [journey(k) for k in range(len(runs))]
         return stream_journeys(journeys, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
 
-    def journey(self, recording: Recording, attitude: Attitude) -> Journey:
-        """Return everything that a run needs besides its adaptation."""
-        return run_inputs(self, recording, attitude)
+    def journey(self, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> Journey:
+        """Return everything that a run needs besides its adaptation, as `run_inputs` says."""
+        return run_inputs(self, recording, attitude, timeline)
 
 
 @lru_cache(maxsize=32)  # as many as a process keeps recordings; for the next adaptation
-def _journey(model: Eskf15, recording: Recording, attitude: Attitude) -> Journey:
-    return model.journey(recording, attitude)
+def _journey(model: Eskf15, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> Journey:
+    return model.journey(recording, attitude, timeline)

@@ -1,8 +1,8 @@
-"""The Rauch-Tung-Striebel smoother over a kinematic filter: it sees the future, as a yardstick."""
+"""The Rauch-Tung-Striebel smoother over a kinematic filter, or over fixes alone: it sees the future."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,17 +11,22 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._over_timelines import OverTimelines
+from jerkbench.filters.acceleration import Acceleration
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
 from jerkbench.filters.common import (
     ACCEL,
+    ACCEL_WALK,
     BIAS_WALK,
     JERK_WALK,
+    VELOCITY_WALK,
     MeasurementUpdates,
     StepModels,
     initial,
     of_r_or_fading,
 )
+from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
+from jerkbench.filters.constant_velocity import ConstantVelocity
 from jerkbench.filters.jerk import Jerk
 from jerkbench.kalman import is_healthy
 from jerkbench.parameters import DefaultOrigin, Provenance
@@ -34,15 +39,62 @@ if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
 
 MODELS = ("baseline", "bias", "jerk")
-NOISES = (
-    *("accel_mps2", "jerk_mps3_per_sqrt_s", "initial_jerk_mps3"),
-    *("bias_mps2_per_sqrt_s", "initial_bias_mps2"),
-)
+OF_FIXES = ("acceleration", "constant_turn", "constant_velocity")
+OF_THE_FILTER = DefaultOrigin("that of the filter by itself")
+
+
+class Smoother(OverTimelines):
+    """The smoother, whatever filter it runs over."""
+
+    def kinematic_filter(self) -> Filter | ConstantTurn:
+        """Return the filter of the forward pass."""
+        raise NotImplementedError
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the adaptations that it accepts: all that change R, or fade P-."""
+        return of_r_or_fading()
+
+    def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
+        """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
+        return self.smooth(build_timeline(recording, attitude), adaptation)
+
+    def smooth(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
+        """Return the smoothed solution of a timeline."""
+        recorder = Recorder(timeline)
+        forward, failure = _forward(timeline, self.kinematic_filter(), adaptation, recorder)
+        x, P = smoothed(forward)
+        for k in np.flatnonzero(timeline.reference[: len(x)] >= 0).tolist():
+            recorder.state(int(timeline.reference[k]), x[k, :6], P[k, :6, :6])
+        return recorder.estimate(failure)
+
+    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
+        from jerkbench.linear.smoother import smooth_one
+
+        model = self.kinematic_filter()
+        return None if isinstance(model, ConstantTurn) else smooth_one(timeline, model, rule)
+
+    def _together(
+        self,
+        runs: Sequence[Run],
+        estimators: "Sequence[Smoother]",
+        rules: "Sequence[Rule]",
+        *,
+        updates: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        from jerkbench.linear.smoother import smooth_many
+
+        models = [estimator.kinematic_filter() for estimator in estimators]
+        linear = [model for model in models if not isinstance(model, ConstantTurn)]
+        if len(linear) < len(models):  # nothing of it is compiled
+            return [None] * len(models)
+        return smooth_many(runs, linear, rules, updates=updates, threads=threads)
 
 
 @register("filter", "rts")
 @dataclass(frozen=True)
-class RauchTungStriebel(OverTimelines):
+class RauchTungStriebel(Smoother):
     """The Rauch-Tung-Striebel smoother over a kinematic filter: every estimate knows all measurements, later ones too.
 
     Forward, the filter ``model`` with the adaptation: x, P after each step of the timeline, x-, P- before its update.
@@ -79,22 +131,19 @@ class RauchTungStriebel(OverTimelines):
     provenance = Provenance("published", "doi:10.2514/3.3166")
 
     model: str = "bias"
-    accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.1
-    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, DefaultOrigin("that of the filter by itself")] = 6.0
-    initial_jerk_mps3: Annotated[float, DefaultOrigin("that of the filter by itself")] = 20.0
-    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, DefaultOrigin("that of the filter by itself")] = 0.03
-    initial_bias_mps2: Annotated[float, DefaultOrigin("that of the filter by itself")] = 0.1
+    accel_mps2: Annotated[float, ACCEL, OF_THE_FILTER] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, OF_THE_FILTER] = 6.0
+    initial_jerk_mps3: Annotated[float, OF_THE_FILTER] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, OF_THE_FILTER] = 0.03
+    initial_bias_mps2: Annotated[float, OF_THE_FILTER] = 0.1
 
     def __post_init__(self) -> None:
         """Check the name of the model and the noises, those of the other models too."""
+        if self.model in OF_FIXES:
+            raise PluginError(f"The model {self.model} uses no IMU: take filter=rts_fixes filter.model={self.model}.")
         if self.model not in MODELS:
             raise PluginError(unknown("model of filter rts", self.model, MODELS))
-        require_not_negative("filter rts", self, NOISES)
-
-    @property
-    def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that change R, or fade P-."""
-        return of_r_or_fading()
+        require_not_negative("filter rts", self, list(vars(self))[1:])
 
     def kinematic_filter(self) -> Filter:
         """Return the filter of the forward pass."""
@@ -104,37 +153,51 @@ class RauchTungStriebel(OverTimelines):
             return Jerk(self.accel_mps2, self.jerk_mps3_per_sqrt_s, self.initial_jerk_mps3)
         return Bias(self.accel_mps2, self.bias_mps2_per_sqrt_s, self.initial_bias_mps2)
 
-    def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
-        return self.smooth(build_timeline(recording, attitude), adaptation)
 
-    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
-        from jerkbench.linear.smoother import smooth_one
+@register("filter", "rts_fixes")
+@dataclass(frozen=True)
+class SmoothedFixes(Smoother):
+    """The Rauch-Tung-Striebel smoother of fixes alone: the IMU is not used, every estimate knows all fixes.
 
-        return smooth_one(timeline, self.kinematic_filter(), rule)
+    It is `rts` over one of the filters that take no acceleration. Over `constant_turn` it is the extended smoother: F
+    is the Jacobian at the filtered state. `jerkbench smooth` tunes it on the log itself, and writes the track as GPX.
 
-    def _together(
-        self,
-        runs: Sequence[Run],
-        estimators: "Sequence[RauchTungStriebel]",
-        rules: "Sequence[Rule]",
-        *,
-        updates: bool,
-        threads: int,
-    ) -> Sequence[Streamed | None]:
-        from jerkbench.linear.smoother import smooth_many
+    Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
+    Journal 3(8), 1965, doi:10.2514/3.3166.
 
-        models = [estimator.kinematic_filter() for estimator in estimators]
-        return smooth_many(runs, models, rules, updates=updates, threads=threads)
+    Attributes:
+        model: acceleration, constant_turn or constant_velocity. Fields of the other models do nothing.
+        velocity_walk_mps_per_sqrt_s: q, random walk of the velocity [m/s/sqrt(s)].
+        turn_walk_radps_per_sqrt_s: q_w, random walk of the rate of turn [rad/s/sqrt(s)].
+        initial_turn_radps: one sigma of the rate of turn at the start [rad/s].
+        accel_walk_mps2_per_sqrt_s: sigma_w, random walk of the acceleration [m/s2/sqrt(s)].
+        initial_accel_mps2: one sigma of the acceleration at the start [m/s2].
+    """
 
-    def smooth(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
-        """Return the smoothed solution of a timeline."""
-        recorder = Recorder(timeline)
-        forward, failure = _forward(timeline, self.kinematic_filter(), adaptation, recorder)
-        x, P = smoothed(forward)
-        for k in np.flatnonzero(timeline.reference[: len(x)] >= 0).tolist():
-            recorder.state(int(timeline.reference[k]), x[k, :6], P[k, :6, :6])
-        return recorder.estimate(failure)
+    provenance = Provenance("published", "doi:10.2514/3.3166")
+
+    uses_imu: ClassVar[bool] = False
+
+    model: str = "constant_velocity"
+    velocity_walk_mps_per_sqrt_s: Annotated[float, VELOCITY_WALK, OF_THE_FILTER] = 1.0
+    turn_walk_radps_per_sqrt_s: Annotated[float, TURN_WALK, OF_THE_FILTER] = 0.05
+    initial_turn_radps: Annotated[float, OF_THE_FILTER] = 0.1
+    accel_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, OF_THE_FILTER] = 2.0
+    initial_accel_mps2: Annotated[float, OF_THE_FILTER] = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the name of the model and the noises, those of the other models too."""
+        if self.model not in OF_FIXES:
+            raise PluginError(unknown("model of filter rts_fixes", self.model, OF_FIXES))
+        require_not_negative("filter rts_fixes", self, list(vars(self))[1:])
+
+    def kinematic_filter(self) -> Filter | ConstantTurn:
+        """Return the filter of the forward pass."""
+        if self.model == "acceleration":
+            return Acceleration(self.accel_walk_mps2_per_sqrt_s, self.initial_accel_mps2)
+        if self.model == "constant_velocity":
+            return ConstantVelocity(self.velocity_walk_mps_per_sqrt_s)
+        return ConstantTurn(self.velocity_walk_mps_per_sqrt_s, self.turn_walk_radps_per_sqrt_s, self.initial_turn_radps)
 
 
 class ForwardPass(NamedTuple):
@@ -171,18 +234,34 @@ def smoothed(forward: ForwardPass) -> tuple[FloatArray, FloatArray]:
     return x, P
 
 
-def _forward(timeline: Timeline, model: Filter, adaptation: Adaptation, recorder: Recorder) -> tuple[ForwardPass, str]:
+Predict = Callable[[FloatArray, FloatArray, float, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""x, P, the length of a step and u -> x and P after it, and F."""
+
+
+def _begin(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray, FloatArray, Predict]:
+    """Return x and P at the start, and what predicts a step."""
+    if isinstance(model, ConstantTurn):
+        return *model.start(timeline), lambda x, P, dt, _: model.predicted(x, P, dt)
+    models = StepModels(model, timeline.dt0_s)
+
+    def predicted(x: FloatArray, P: FloatArray, dt: float, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        F, B, Q = models.of(dt)
+        return F @ x + B @ u, F @ P @ F.T + Q, F
+
+    return *initial(timeline, model), predicted
+
+
+def _forward(
+    timeline: Timeline, model: Filter | ConstantTurn, adaptation: Adaptation, recorder: Recorder
+) -> tuple[ForwardPass, str]:
     """Filter; return every step up to the end or the first sign of divergence, and the reason for that."""
-    x, P = initial(timeline, model)
+    x, P, predicted = _begin(timeline, model)
     n, s = len(timeline.dt_s), len(x)
     kept = ForwardPass(np.empty((n, s)), np.empty((n, s, s)), np.empty((n, s)), np.empty((n, s, s)), [np.eye(s)] * n)
-    models = StepModels(model, timeline.dt0_s)
     update = MeasurementUpdates(timeline, adaptation, recorder)
     for k, (dt, sample) in enumerate(zip(timeline.dt_s.tolist(), timeline.sample.tolist(), strict=True)):
         if dt > 0:
-            F, B, Q = models.of(dt)
-            x, P = F @ x + B @ timeline.accel_enu_mps2[sample], F @ P @ F.T + Q
-            kept.F[k] = F
+            x, P, kept.F[k] = predicted(x, P, dt, timeline.accel_enu_mps2[sample])
         kept.x_prior[k], kept.P_prior[k] = x, P
         row = int(timeline.update[k])
         if row >= 0:

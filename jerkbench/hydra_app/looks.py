@@ -75,9 +75,7 @@ def looks_left(planned: Sequence[Look], store: Store) -> Sequence[Look]:
 def undecided(study: Study, level: float) -> int:
     """Return how many pairs of methods are undecided in the study's leading metric."""
     verdicts = study_verdicts(study.rows, main_metric(study.rows), rule=VerdictRule(level=level))
-    return sum(
-        pair.verdict is Verdict.UNDECIDED for standing in verdicts.standings for pair in standing.contest.comparisons
-    )
+    return sum(pair.verdict is Verdict.UNDECIDED for standing in verdicts.standings for pair in standing.comparisons)
 
 
 def _with_seeds(job: Job, seeds: int) -> Job:

@@ -1,7 +1,6 @@
 """The words typed behind `jerkbench run`, checked before Hydra sees them, and in the order in which it takes them."""
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -112,9 +111,9 @@ def _parameters(group: str, part: dict[str, Any]) -> list[str]:
 
 NAMED_GROUPS = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 """Groups of which a name is chosen."""
-COMMANDS = ("run", "multirun", "cfg", "info", "shell_completion")
+COMMANDS = ("run", "multirun", "cfg", "info")
 """Options of Hydra that say what is to be done; one of them at a time."""
-FLAGS = ("help", "hydra_help", "resolve", "run", "multirun", "shell_completion")
+FLAGS = ("help", "hydra_help", "resolve", "run", "multirun")
 VALUED = ("cfg", "package", "config_path", "config_name", "config_dir", "experimental_rerun", "info")
 
 
@@ -133,7 +132,7 @@ def arranged_words(words: Sequence[str]) -> list[str]:
     known = parser.parse_intermixed_args(quoted([new_word(word) for word in words]))
     _require_sensible(known)
     for word in known.overrides:
-        _check(word, completing=known.shell_completion)
+        _check(word)
     flags = [_option(name) for name in FLAGS if getattr(known, name)]
     options = [(name, getattr(known, name)) for name in VALUED if getattr(known, name) is not None]
     return [*flags, *(word for name, value in options for word in (_option(name), value)), *known.overrides]
@@ -148,21 +147,18 @@ def _option(name: str) -> str:
 
 
 def _require_sensible(known: argparse.Namespace) -> None:
-    keys = {word.partition("=")[0] for word in known.overrides}
     commands = [_option(name) for name in COMMANDS if getattr(known, name)]
     if len(commands) > 1:
         raise PluginError(f"{' and '.join(commands)} ask for different things; give one of them.")
     if known.resolve and not (known.cfg or known.help):
         raise PluginError("--resolve belongs to --cfg: jerkbench run --cfg job --resolve.")
-    if "query" in keys and "COMP_LINE" not in os.environ:
-        raise PluginError("query=SHELL is for the shell alone; install=SHELL lets it ask.")
     if known.experimental_rerun is not None:
         raise PluginError("--experimental-rerun needs a file that is not kept here; use `jerkbench rerun DIR ROW`.")
-    if known.shell_completion and not {"install", "uninstall", "query"} & keys:
-        raise PluginError("--shell-completion needs install=SHELL or uninstall=SHELL; SHELL is bash, fish or zsh.")
+    if known.shell_completion:
+        raise PluginError("`jerkbench completion SHELL` prints the script that completes words (bash, fish or zsh).")
 
 
-def _check(word: str, *, completing: bool) -> None:
+def _check(word: str) -> None:
     """Check an override as far as it can be without the configuration."""
     try:
         override = OverridesParser.create().parse_override(word)
@@ -172,7 +168,7 @@ def _check(word: str, *, completing: bool) -> None:
         raise PluginError(no_assignment(word))
     if override.is_delete():
         _check_deletion(override)
-    elif not completing and _is_group(override.key_or_group):
+    elif _is_group(override.key_or_group):
         if override.key_or_group == "cluster" and isinstance(override.value(), (ChoiceSweep, list)):
             raise PluginError(f"{word}: a sweep runs on one cluster; give one of {', '.join(_names('cluster'))}.")
         for value in _values(override):

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
-from jerkbench.geometry import dcm_from_euler
+from jerkbench.geometry import dcm_from_euler, roll_pitch
 from jerkbench.inertial.mechanisation import SensorNoise, by_column
 from jerkbench.inertial.state import BA, BG, LAYOUTS, MA, MG, PHI, Deformation, ErrorLayout, NavigationState, V
 from jerkbench.recording import GRAVITY_MPS2, Recording
@@ -70,7 +69,7 @@ def align(
     roll, pitch, _ = attitude.euler_rad[timeline.sample[0]]
     v, bg, resting = timeline.x0[3:], np.zeros(3), _is_resting(recording, timeline)
     if resting:
-        roll, pitch = levelled(recording)
+        roll, pitch = roll_pitch(recording.apparent_vertical(LEVELLING_S))
         v, P[3:6, :6], P[:6, 3:6] = np.zeros(3), 0.0, 0.0
         P[3:6, 3:6] = sigmas.still_mps**2 * np.eye(3)
         if gyro_bias_from_rest:
@@ -110,22 +109,6 @@ def _of_sensors(sigmas: StartSigmas) -> FloatArray:
     if sigmas.wheel_scale > 0.0:
         variances[-1] = sigmas.wheel_scale**2
     return np.diag(variances)
-
-
-def levelled(recording: Recording) -> tuple[float, float]:
-    """Roll and pitch [rad] from the mean specific force of the first second.
-
-    Raises:
-        RecordingError: the accelerometer shows no gravity.
-    """
-    imu = recording.inertial
-    x, y, z = imu.accel_mps2[imu.t_s < imu.t_s[0] + LEVELLING_S].mean(axis=0)
-    if not np.hypot(np.hypot(x, y), z) > 0:
-        raise RecordingError(
-            f"{recording.name}: the accelerometer's mean over the first second is zero, so that it cannot be levelled;"
-            " specific force must contain gravity."
-        )
-    return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
 
 
 def _is_resting(recording: Recording, timeline: Timeline) -> bool:

@@ -33,18 +33,25 @@ class Events(NamedTuple):
     reference: IntArray
 
 
-def merge_events(timeline: Timeline, imu: Imu, headings: Heading | None, constraint_interval_s: float) -> Events:
-    """Put ``headings`` (None: there are none) between the steps of ``timeline``.
+def merge_events(
+    t_s: FloatArray,
+    updates: IntArray,
+    references: IntArray,
+    imu: Imu,
+    headings: Heading | None,
+    constraint_interval_s: float,
+) -> Events:
+    """Put ``headings`` (None: there are none) between the steps of a timeline: their ends, and what comes there.
 
     The constraints are due at the first step that ends in a new interval of ``constraint_interval_s``.
     """
-    known = nanoseconds(timeline.t_s)
+    known = nanoseconds(t_s)
     more = nanoseconds(headings.t_s if headings is not None else np.empty(0))
     more = more[(more >= known[0]) & (more <= known[-1])]
     t_ns = merged_times(known, more) if len(more) else known
     at = np.searchsorted(t_ns, known)
     update, reference, heading = np.full((3, len(t_ns)), -1, dtype=np.int64)
-    update[at], reference[at] = timeline.update, timeline.reference
+    update[at], reference[at] = updates, references
     if headings is not None:
         heading[np.searchsorted(t_ns, more)] = np.flatnonzero(np.isin(nanoseconds(headings.t_s), more))
     intervals = t_ns // max(round(constraint_interval_s * 1e9), 1)

@@ -115,7 +115,8 @@ class Source:
         time: column of its times; empty: they are in a file of dates.
         shift_s: added to its stamps.
         unit: of its times; empty: that of all streams.
-        qualities: of a solution of RTKLIB, the values of Q that are used; empty: all.
+        qualities: of a solution of RTKLIB, or in the column ``quality``, the values that are used; empty: all.
+        quality: column of the kind of each fix; empty: there is none.
     """
 
     name: str
@@ -124,6 +125,7 @@ class Source:
     shift_s: float
     unit: str = ""
     qualities: tuple[float, ...] = ()
+    quality: str = ""
 
     @property
     def solved(self) -> bool:
@@ -236,6 +238,8 @@ class TimedColumns:
         columns = read_columns(self.files(source.file, source.parameter), text)
         if source.file.endswith(MATLAB) and source.time:
             columns = columns.only(columns.rows_of([source.time]))
+        if source.quality and source.qualities:
+            columns = columns.only(np.isin(columns.numbers([source.quality])[:, 0], source.qualities))
         t_ns = self._stamps_ns(columns, source)
         if len(t_ns) != len(columns):
             raise RecordingError(

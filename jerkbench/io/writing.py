@@ -1,7 +1,8 @@
-"""A recording or a trajectory as a table: one row for each stamp of any stream; TUM and KML."""
+"""A recording or a trajectory as a table: one row for each stamp of any stream; TUM, KML and GPX."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -128,7 +129,7 @@ def _turn(coordinates: str) -> FloatArray:
     return turn
 
 
-# A trajectory as text: TUM and KML.
+# A trajectory as text: TUM, KML and GPX.
 
 STREAMS = ("position", "reference")
 
@@ -182,13 +183,47 @@ def write_kml(recording: Recording, path: Path, stream: str | None = None) -> No
     Raises:
         RecordingError: it has no origin on the Earth.
     """
-    if recording.origin is None:
-        raise RecordingError(f"{recording.name} has no origin on the Earth; KML needs one: convert it to .tum.")
-    places = enu_to_geodetic(trajectory_of(recording, stream).enu_m, recording.origin)
     kml = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     placemark = ET.SubElement(ET.SubElement(kml, "Document"), "Placemark")
     ET.SubElement(placemark, "name").text = recording.name
     line = ET.SubElement(placemark, "LineString")
     ET.SubElement(line, "altitudeMode").text = "absolute"
+    places = _on_earth(recording, trajectory_of(recording, stream), "KML")
     ET.SubElement(line, "coordinates").text = " ".join(f"{lon:.9f},{lat:.9f},{h:.4f}" for lat, lon, h in places)
-    write_atomically(path, lambda partial: ET.ElementTree(kml).write(partial, encoding="utf-8", xml_declaration=True))
+    _write_xml(kml, path)
+
+
+def write_gpx(recording: Recording, path: Path, stream: str | None = None) -> None:
+    """Write the trajectory as a track of GPX 1.1, heights above the ellipsoid.
+
+    Raises:
+        RecordingError: it has no origin on the Earth, or no date.
+    """
+    if recording.start_utc is None:
+        raise RecordingError(f"{recording.name} has no date, and each point of a GPX has one: write .tum or .csv.")
+    trajectory = trajectory_of(recording, stream)
+    gpx = ET.Element("gpx", xmlns="http://www.topografix.com/GPX/1/1", version="1.1", creator="jerkbench")
+    track = ET.SubElement(gpx, "trk")
+    ET.SubElement(track, "name").text = recording.name
+    segment = ET.SubElement(track, "trkseg")
+    for t, (lat, lon, h) in zip(trajectory.t_s.tolist(), _on_earth(recording, trajectory, "GPX"), strict=True):
+        point = ET.SubElement(segment, "trkpt", lat=f"{lat:.9f}", lon=f"{lon:.9f}")
+        ET.SubElement(point, "ele").text = f"{h:.4f}"
+        time = recording.start_utc + timedelta(seconds=t)
+        ET.SubElement(point, "time").text = time.isoformat(timespec="microseconds").replace("+00:00", "Z")
+    _write_xml(gpx, path)
+
+
+def _on_earth(recording: Recording, trajectory: Path3D, kind: str) -> FloatArray:
+    """Latitude, longitude [deg] and height [m] of each point (n, 3)."""
+    if recording.origin is None:
+        raise RecordingError(f"{recording.name} has no origin on the Earth; {kind} needs one: write .tum or .csv.")
+    return enu_to_geodetic(trajectory.enu_m, recording.origin)
+
+
+def _write_xml(root: ET.Element, path: Path) -> None:
+    write_atomically(path, lambda partial: ET.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True))
+
+
+TRAJECTORIES = {".tum": write_tum, ".kml": write_kml, ".gpx": write_gpx}
+"""What writes a trajectory into a file of each suffix."""

@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import BoolArray, Same
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.sums import outlined, scored
@@ -25,7 +25,7 @@ from jerkbench.jobs.key import code_digest, require_data, versions
 from jerkbench.jobs.sources import plugin_digest
 from jerkbench.optional import part_read
 from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
-from jerkbench.timeline import build_timeline, with_r_scale
+from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
@@ -153,6 +153,7 @@ class Inputs:
         self.attitude = lru_cache(KEPT_INPUTS)(attitude_of)
         self.told = lru_cache(KEPT_INPUTS)(with_r_scale)
         self.timeline = lru_cache(KEPT_INPUTS)(build_timeline)
+        self.told_timeline = lru_cache(8 * KEPT_INPUTS)(told_timeline)
         self.scored = lru_cache(KEPT_INPUTS)(scored)
         self._outline = lru_cache(KEPT_INPUTS)(_Outline.of)
         self._columns = lru_cache(8 * KEPT_INPUTS)(_columns)
@@ -171,7 +172,7 @@ class Inputs:
         """Return the columns of a metric; one that reads the attitude alone is asked once for each attitude."""
         if part_read(metric) != "attitude":
             return metric.evaluate(estimate, recording, counted)
-        outline = self._outline(_Arrays(estimate.index, estimate.euler_rad, counted))
+        outline = self._outline(Same(estimate.index, estimate.euler_rad, counted))
         return self._columns(cast("Hashable", metric), recording, outline)
 
 
@@ -217,19 +218,6 @@ def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
     return attitude.estimate(recording)
 
 
-class _Arrays:
-    """Rows, attitude and counted rows of a run; the same if they are the same objects."""
-
-    def __init__(self, index: IntArray, euler_rad: FloatArray, counted: BoolArray) -> None:
-        self.arrays = index, euler_rad, counted
-
-    def __hash__(self) -> int:
-        return hash(tuple(map(id, self.arrays)))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Arrays) and all(a is b for a, b in zip(self.arrays, other.arrays, strict=True))
-
-
 @dataclass(frozen=True)
 class _Outline:
     """An attitude, and which rows count; two of the same content are the same."""
@@ -239,10 +227,10 @@ class _Outline:
     counted: BoolArray = field(compare=False)
 
     @classmethod
-    def of(cls, arrays: _Arrays) -> "_Outline":
-        """Return the outline of an attitude, with a hash of its arrays."""
-        index, euler_rad, counted = arrays.arrays
-        content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.arrays))
+    def of(cls, same: Same) -> "_Outline":
+        """Return the outline of an attitude: rows, angles and counted rows, with a hash of them."""
+        index, euler_rad, counted = same.objects
+        content = hashlib.blake2b(b"".join(np.ascontiguousarray(array).tobytes() for array in same.objects))
         return cls(content.digest(), outlined(index, euler_rad), counted)
 
 

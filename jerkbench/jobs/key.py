@@ -67,6 +67,10 @@ def processor_kind() -> str:
     return f"{binding.get_host_cpu_name()}: {' '.join(names)}"
 
 
+OF_CODE = ("--", ":/", ":(top,exclude)results")
+"""Where a change is one of the code: a run that writes results changes nothing that it depends on."""
+
+
 @cache
 def git_commit() -> str:
     """The commit of the checkout that the package runs from, with "+changes" if it has any; empty outside one."""
@@ -78,7 +82,7 @@ def git_commit() -> str:
     try:
         tracked = git("ls-files", "--", "__init__.py")
         commit = git("rev-parse", "HEAD") if tracked else ""
-        return commit + ("+changes" if commit and git("status", "--porcelain") else "")
+        return commit + ("+changes" if commit and git("status", "--porcelain", *OF_CODE) else "")
     except FileNotFoundError:  # no git on this machine
         return ""
 

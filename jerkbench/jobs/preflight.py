@@ -4,6 +4,7 @@ import os
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import cast
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job
+from jerkbench.optional import has_methods
 from jerkbench.plain import plain
 from jerkbench.plugins import is_own
 from jerkbench.recording import Recording
@@ -165,6 +167,8 @@ def _gaps(recording: Recording) -> list[str]:
     if recording.imu is None:
         return []
     steps_s = np.diff(recording.imu.t_s)
+    if steps_s.max() <= IMU_GAP_S:
+        return []
     gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * recording.imu.nominal_interval_s)]
     if not len(gaps_s):
         return []
@@ -174,8 +178,10 @@ def _gaps(recording: Recording) -> list[str]:
 
 
 def _remarks(job: Job, recording: Recording) -> list[str]:
-    of_attitude = job.scenario.attitude.remarks(recording) if isinstance(job.scenario.attitude, Remarking) else ()
-    of_filter = job.method.filter.remarks(recording) if isinstance(job.method.filter, Remarking) else ()
+    of_attitude, of_filter = (
+        cast("Remarking", part).remarks(recording) if has_methods(part, Remarking) else ()
+        for part in (job.scenario.attitude, job.method.filter)
+    )
     return [*(f"{_name(job)}: {remark}" for remark in of_attitude), *of_filter]
 
 

@@ -23,7 +23,7 @@ from jerkbench.optional import part_read
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
-from jerkbench.timeline import Timeline, build_timeline, told_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
@@ -160,7 +160,7 @@ def run_seed(job: Job, draw: int, inputs: Inputs | None = None) -> tuple[Recordi
     if isinstance(model, Estimator):
         told = inputs.told(recording, method.r_scale)
         return recording, solution(told, attitude, model, method.adaptation, method.engine)
-    timeline = told_timeline(inputs.timeline(recording, attitude), recording, attitude, method.r_scale)
+    timeline = inputs.told_timeline(inputs.timeline(recording, attitude), recording, attitude, method.r_scale)
     return recording, method.engine.run(timeline, model, method.adaptation)
 
 
@@ -310,7 +310,7 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
     nees = any(getattr(metric, "reads_nees", not isinstance(metric, Reading)) for metric in first.scoring.metrics)
     bare = [
         Run(
-            told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
+            how.inputs.told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
             seed.scored.scoring if nees else seed.scored.errors_alone,
         )
         for job, seed in runs
@@ -319,7 +319,7 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
         engine = cast("SideBySide", first.method.engine)
         return engine.run_settings(bare, models, rules, updates=updates, threads=how.threads)
     recorded = [
-        RecordedRun(how.inputs.told(seed.recording, job.method.r_scale), seed.attitude, *run)
+        RecordedRun(seed.recording, seed.attitude, *run, job.method.r_scale)
         for (job, seed), run in zip(runs, bare, strict=True)
     ]
     return first.method.filter.run_settings(

@@ -23,15 +23,18 @@ MARKED = 9
 class Steps(NamedTuple):
     """The steps that the runs share, and in vectors (a last axis of WIDTH) what they do not.
 
+    The runs of one recording share it: then W is 1, else WIDTH.
+
     Attributes:
         model: (n,) row of A, b, Q, or -1: no time passes.
         sample: (n,) row of u.
         update: (n,) row of z, or -1.
         reference: (n,) row of the reference, or -1.
-        u: (samples, 3, WIDTH).
-        z: (m, 6, WIDTH) measurements, NaN where there is none.
-        R: (m, 36, WIDTH) what the adaptation gets; or no row where that is what was reported.
-        reported: (m, 36, WIDTH) what the receiver reported.
+        u: (samples, 3, W).
+        z: (m, 6, W) measurements, NaN where there is none.
+        R: (m, 36, W) what the adaptation gets; or no row where that is what it is told.
+        reported: (m, 36, W) what the receiver reported.
+        told: (3, WIDTH) factors on that of position and of velocity, and the least variance; of one run none.
         x0: (6, WIDTH) position and velocity at the start.
         P0: (36, WIDTH) their covariance.
     """
@@ -44,19 +47,20 @@ class Steps(NamedTuple):
     z: FloatCube
     R: FloatCube
     reported: FloatCube
+    told: FloatMatrix
     x0: FloatMatrix
     P0: FloatMatrix
 
 
 class Score(NamedTuple):
-    """What the k visited rows of the reference count for; nothing is scored where there are none.
+    """What the k visited rows of the reference count for, W as in `Steps`; nothing is scored where there are none.
 
     Attributes:
         mark: (k,) row of the errors that are kept, or -1.
-        counts: (m, WIDTH) 1 where an update counts, else 0.
-        truth: (k, 6, WIDTH).
+        counts: (m, W) 1 where an update counts, else 0.
+        truth: (k, 6, W).
         weights: (k, 4) in the order of `WEIGHTS`.
-        outage: (k, WIDTH) 1 where a row counts for the outages, else 0; or no row where there are none.
+        outage: (k, W) 1 where a row counts for the outages, else 0; or no row where there are none.
         consistency: whether e' P^-1 e is summed up.
     """
 
@@ -240,6 +244,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "ended": (),  # step at whose end that was, or -1
     "waits": (),  # 1 where an adaptation of all runs at once is still to be asked
     "asks": (),  # 1 where it is being asked
+    "due": (),  # above 0 where an update has a row
     "e": (6,),  # error of position and velocity
     "square": (),  # of the position error
 }
@@ -264,6 +269,7 @@ def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: 
     n = -(-s // 3)
     shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
+    shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
     return Lanes({**run.fields, "over_D": over_D}, {**run.sizes, "seen": SEEN, "marked": MARKED, **sizes}, width)
@@ -304,8 +310,11 @@ def _covariance(n: int) -> list[int]:
 RUN = run_type(3, WIDE)
 """The type of the runs at hand: a compilation replaces it."""
 
-LANES = 0
-"""Whether the adaptation is one of all runs at once, likewise."""
+EACH, AT_ONCE, NEVER = range(3)
+"""Who asks the adaptation: each run by itself, all runs at once, or nobody, for it leaves R as it is."""
+
+ASKED = EACH
+"""Which of these, likewise."""
 
 DENSE = 1
 """Whether an adaptation of these runs sees whole matrices, likewise: they are shown to nobody else."""

@@ -7,30 +7,65 @@ from typing import Any
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row
+from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row, taken
 from jerkbench.kinematic.adapt import adapt_runs
 from jerkbench.kinematic.adapt_lanes import adapt_lanes
-from jerkbench.kinematic.arguments import DENSE, LANES, RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
+from jerkbench.kinematic.arguments import (
+    ASKED,
+    AT_ONCE,
+    DENSE,
+    EACH,
+    NEVER,
+    RUN,
+    Exchange,
+    Kept,
+    Model,
+    Rules,
+    Score,
+    Steps,
+    run_type,
+)
 from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
-from jerkbench.kinematic.predict import mark_axes, mirror, predict
-from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_gains, put_gains
+from jerkbench.kinematic.predict import (
+    ANY,
+    LATER,
+    TRIANGULAR,
+    begin_to_join,
+    mark_axes,
+    mirror,
+    predict,
+    predict_covariance,
+    predict_measured,
+)
+from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_gains, put_gains, show_transition
 
 
-def compare(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
-    """Score the state with row ``k`` of the reference."""
-    add_row(run, row(score.truth, k, run, "6"), score.weights[k], score.consistency)
+def compare_later(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
+    """The same as `compare` where the covariance is predicted later."""
+    if score.truth.shape[2] > 1:
+        ask_for(row(score.truth, k + AHEAD, run, "6"))
+    P = room(run, "6 6")
+    if score.consistency or score.mark[k] >= 0:
+        predict_measured(run, P)
+    compare(run, P, score, errors, k)
+
+
+def compare(run: Lanes, P: View, score: Score, errors: FloatArray, k: int) -> None:
+    """Score the state with row ``k`` of the reference; P (6, 6) is the covariance of position and velocity."""
+    add_row(run, P, score, k)
     if score.mark[k] >= 0:
         marked = row(errors, score.mark[k], run, "marked")
         for i in range(3):
-            marked[i], marked[3 + i] = run.e[i], run.P[0, i]
-        marked[6], marked[7], marked[8] = run.P[1, 1], run.P[1, 2], run.P[2, 2]
+            marked[i], marked[3 + i] = run.e[i], P[0, i]
+        marked[6], marked[7], marked[8] = P[1, 1], P[1, 2], P[2, 2]
     if len(score.outage) > 0:
-        run.outage += row(score.outage, k, run, "1")[0] * run.square
+        run.outage += taken(score.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: Lanes, truth: View, weights: FloatArray, consistency: bool) -> None:
-    """Add the errors of the state to the sums; ``weights`` (4,) in the order of `arguments.WEIGHTS`."""
-    counted, whole, moving = weights[0], weights[1], weights[2]
+def add_row(run: Lanes, P: View, score: Score, k: int) -> None:
+    """Add the errors of the state to the sums."""
+    truth, weights = taken(score.truth, k, run, "6"), score.weights[k]
+    counted, whole, moving = weights[0], weights[1], weights[2]  # in the order of `arguments.WEIGHTS`
     for s in range(6):
         run.e[s] = run.x[s] - truth[s]
     for i in range(3):
@@ -41,17 +76,17 @@ def add_row(run: Lanes, truth: View, weights: FloatArray, consistency: bool) -> 
     run.whole += whole * square
     run.farthest = chosen(square, run.farthest, square, run.farthest)
     run.largest = chosen(counted * square, run.largest, square, run.largest)
-    if consistency:
-        _add_nees(run, counted, weights[3])
+    if score.consistency:
+        _add_nees(run, P, counted, weights[3])
 
 
-def _add_nees(run: Lanes, counted: float, both: float) -> None:
+def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):
         e[r] = run.e[r]
         for c in range(r, 6):
-            C[r, c] = run.P[r, c]
+            C[r, c] = P[r, c]
     for c in range(6):
         pivot = C[c, c]
         run.lost += chosen(pivot, 0.0, 0.0, 1.0)
@@ -104,19 +139,25 @@ def seen_of(run: Lanes, kept: Kept, place: int) -> View:
 
 def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: View, which: int) -> float:
     """Fill innovation and adapted R; return y' S^-1 y with it."""
-    complete = _innovate(run, row(steps.z, which, run, "6"), steps.z, which)
-    _take_covariance(run, row(steps.reported, which, run, "6 6"), complete)
+    complete = _innovate(run, taken(steps.z, which, run, "6"), steps.z, which)
+    _take_covariance(run, taken(steps.reported, which, run, "6 6"), complete)
     if run.width > 1:
-        ask_for(row(steps.reported, which + 1, run, "6 6"))
+        _scale(run, row(steps.told, 0, run, "3"))
+        if steps.reported.shape[2] > 1:
+            ask_for(row(steps.reported, which + 1, run, "6 6"))
     nis = mahalanobis(run)
     seen[0], seen[1], seen[16] = _rows_used(run), nis, determinant(run)
     for r in range(6):
         seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
     if len(steps.R) > 0:
-        _take_covariance(run, row(steps.R, which, run, "6 6"), complete)
+        _take_covariance(run, taken(steps.R, which, run, "6 6"), complete)
     same = False
-    if LANES == 1:
+    if ASKED == AT_ONCE:
         adapt_lanes(run, exchange.rows, rules, complete)
+    elif ASKED == NEVER:
+        same = True
+        for r in range(6):
+            run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
     else:
         same = adapt_runs(run, exchange, rules, complete)
     if not same or len(steps.R) > 0:
@@ -130,7 +171,7 @@ def _innovate(run: Lanes, z: View, numbers: FloatArray, which: int) -> bool:
     for r in range(6):
         run.used[r] = chosen(1.0, z[r] * 0.0, 1.0, 0.0)
         run.y[r] = chosen(run.used[r], 0.0, z[r] - run.x[r], 0.0)
-        for k in range(run.width):
+        for k in range(numbers.shape[2]):
             absent += numbers[which, r, k] * 0.0
     return absent == 0.0
 
@@ -142,6 +183,15 @@ def _take_covariance(run: Lanes, R: View, complete: bool) -> None:
             run.R[r, c] = R[r, c]
     if not complete:
         clear_absent(run)
+
+
+def _scale(run: Lanes, told: View) -> None:
+    """Make of the reported R the one that each run is told (`jerkbench.measurements.ScaledMeasurements`)."""
+    for b in range(2):
+        for r in range(3 * b, 3 * b + 3):
+            for c in range(3 * b, 3 * b + 3):
+                run.R[r, c] *= told[b]
+            run.R[r, r] = chosen(told[2], run.R[r, r], told[2], run.R[r, r])
 
 
 def clear_absent(run: Lanes) -> None:
@@ -158,7 +208,7 @@ def finish(run: Lanes, seen: View, score: Score, which: int, nis: float) -> None
     for r in range(6):
         seen[10 + r] = run.variance[r]
     if len(score.counts) > 0:
-        counts = row(score.counts, which, run, "1")[0]
+        counts = taken(score.counts, which, run, "1")[0]
         run.nis += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
         run.updates += chosen(seen[0], 0.0, counts, 0.0)
         run.nis_used += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
@@ -200,10 +250,15 @@ def run_steps(
     start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
     reached = updates = begun = 0
     states = 3 * (2 + len(model.extra))
+    how = way_of(model)
+    if run.width > 1 and how == TRIANGULAR:
+        how = LATER  # P is read by updates, and seldom by the score
     for k in range(len(steps.model)):
-        move(run, steps, model, k)
+        move(run, steps, model, how, k)
         if steps.update[k] >= 0:
-            if DENSE == 1:
+            if how == LATER:
+                catch_up(run, taken(steps.z, steps.update[k], run, "6"))
+            elif DENSE == 1:
                 advance(run, model, steps, begun, k + 1)
                 begun = k + 1
             update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
@@ -211,9 +266,24 @@ def run_steps(
             if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
-            keep(run, score, kept, steps.reference[k], reached)
+            if how == LATER:
+                kept.reference[reached] = steps.reference[k]
+                compare_later(run, score, kept.errors, reached)
+            else:
+                keep(run, score, kept, steps.reference[k], reached)
             reached += 1
     return reached, updates
+
+
+def catch_up(run: Lanes, z: View) -> None:
+    """Predict the covariance of the runs that measure anything of ``z``, and the transition that a rule is shown."""
+    due = run.zero
+    for r in range(6):
+        due += chosen(1.0, z[r] * 0.0, 1.0, 0.0)
+    run.due = due
+    if DENSE == 1:
+        show_transition(run)
+    predict_covariance(run)
 
 
 def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
@@ -227,29 +297,33 @@ def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
     run.ended = run.ended - 1.0
     if DENSE == 1:
         begin_transition(run)
+    begin_to_join(run)
     mirror(run)
     mark_axes(run)
 
 
-def move(run: Lanes, steps: Steps, model: Model, k: int) -> None:
-    """Predict over step ``k``, if time passes."""
-    move_by(run, steps, (model.A, model.b, model.Q), model.triangular, k)
+def way_of(model: Model) -> int:
+    """Return how the covariance is predicted at each step (`jerkbench.kinematic.predict`)."""
+    return TRIANGULAR if model.triangular else ANY
 
 
-def move_by(run: Lanes, steps: Steps, models: Models, triangular: bool, k: int) -> None:
+def move(run: Lanes, steps: Steps, model: Model, how: int, k: int) -> None:
+    """Predict over step ``k``, if time passes, as ``how`` says (`jerkbench.kinematic.predict`)."""
+    move_by(run, steps, (model.A, model.b, model.Q), how, k)
+
+
+def move_by(run: Lanes, steps: Steps, models: Models, how: int, k: int) -> None:
     """The same by ``models`` A, b, Q of all lengths of a step: all runs have the same, or each its own."""
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
         return
-    u = row(steps.u, steps.sample[k], run, "3")
-    if run.width > 1:  # a single run's numbers come by themselves
+    u = taken(steps.u, steps.sample[k], run, "3")
+    if steps.u.shape[2] > 1:  # the numbers of one run, and of one recording, come by themselves
         ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
     if run.width == 1 or A.shape[2] == 1:
-        predict(
-            run, (shared_row(A, m, run, "n n"), shared_row(b, m, run, "n"), shared_row(Q, m, run, "n n")), triangular, u
-        )
+        predict(run, (shared_row(A, m, run, "n n"), shared_row(b, m, run, "n"), shared_row(Q, m, run, "n n")), how, u)
     else:
-        predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), triangular, u)
+        predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), how, u)
 
 
 def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
@@ -261,9 +335,9 @@ def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
             x[s] = run.x[s]
         copy(row(kept.P, k, run, "6 6"), run.P_measured)
     if len(score.mark) > 0:
-        if run.width > 1:
+        if score.truth.shape[2] > 1:
             ask_for(row(score.truth, k + AHEAD, run, "6"))
-        compare(run, score, kept.errors, k)
+        compare(run, run.P_measured, score, kept.errors, k)
 
 
 def all_lost(run: Lanes, step: int) -> bool:
@@ -277,7 +351,7 @@ def all_lost(run: Lanes, step: int) -> bool:
 
 # The compiled loop.
 
-ALONE = ("run_steps", "predict", "add_row", "mahalanobis", "correct", "check_definite")
+ALONE = ("run_steps", "predict", "predict_covariance", "add_row", "mahalanobis", "correct", "check_definite")
 SELDOM = (
     *(
         "predict_any",
@@ -295,14 +369,18 @@ APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""
 
 
+ASKS = ("", ", asked at once", ", never asked")
+"""How a message says who asks the adaptation."""
+
+
 @cache
-def loop_for(n: int, width: int, *, dense: bool = False, lanes: bool = False) -> Any:  # noqa: ANN401 - numba has no types
+def loop_for(n: int, width: int, *, dense: bool = False, asked: int = EACH) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of ``width`` runs for filters with ``n`` quantities on each axis.
 
-    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that. ``lanes``: for one
-    that is asked by all runs at once.
+    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that. ``asked``: by whom
+    (`jerkbench.kinematic.arguments`).
     """
-    return compiled_loop(run_steps, *_named(n, width, dense=dense, lanes=lanes))
+    return compiled_loop(run_steps, *_named(n, width, dense=dense, asked=asked))
 
 
 def runs_of(width: int) -> str:
@@ -317,7 +395,7 @@ def compile_beside(n: int) -> None:
 
 
 def _named(
-    n: int, width: int, *, dense: bool = False, lanes: bool = False
+    n: int, width: int, *, dense: bool = False, asked: int = EACH
 ) -> tuple[str, dict[str, Any], tuple[str, ...]]:
-    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}{', asked at once' * lanes}"
-    return title, {"RUN": run_type(n, width), "DENSE": int(dense), "LANES": int(lanes)}, APART
+    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}{ASKS[asked]}"
+    return title, {"RUN": run_type(n, width), "DENSE": int(dense), "ASKED": asked}, APART

@@ -12,6 +12,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDE
 from jerkbench.contracts import Filter
 from jerkbench.kinematic.arguments import Model, Score, Steps
+from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements
 from jerkbench.optional import axis_models
 from jerkbench.sums import Run
 from jerkbench.timeline import Timeline, step_lengths
@@ -115,10 +116,20 @@ def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     for place, (run, kind) in enumerate(zip(runs, kinds, strict=True)):
         alike.setdefault((kind, _structure(_Course(run))), []).append(place)
     return [
-        _pack(runs, tuple(places[begin : begin + WIDE]), wants_truth=kind.wants_truth)
+        _pack(runs, members, wants_truth=kind.wants_truth)
         for (kind, _), places in alike.items()
-        for begin in range(0, len(places), WIDE)
+        for members in _members(runs, places)
     ]
+
+
+def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]]:
+    """The places by WIDE: as many as there are of one recording, which they share, then what is left of each."""
+    of_course: dict[_Course, list[int]] = {}
+    for place in places:
+        of_course.setdefault(_Course(runs[place]), []).append(place)
+    whole = [own[: len(own) - len(own) % WIDE] for own in of_course.values()]
+    rest = [place for own in of_course.values() for place in own[len(own) - len(own) % WIDE :]]
+    return [tuple(own[begin : begin + WIDE]) for own in (*whole, rest) for begin in range(0, len(own), WIDE)]
 
 
 class _Course:
@@ -166,8 +177,14 @@ class _Stacked(NamedTuple):
 def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -> Pack:
     lanes = [runs[place] for place in members]
     lanes += [lanes[-1]] * (WIDE - len(lanes))
-    shared = _courses(tuple(map(_Course, lanes)))
-    given, reported = zip(*[_covariances(run, shared.updated, wants_truth=wants_truth) for run in lanes], strict=True)
+    courses = dict.fromkeys(map(_Course, lanes))
+    shared = _one_course(tuple(courses)) if len(courses) == 1 else _courses(tuple(map(_Course, lanes)))
+    reported, told = zip(*map(_told, lanes), strict=True)
+    one = len(courses) == 1 and all(own.R is reported[0].R and own.R_true is reported[0].R_true for own in reported)
+    R, R_true = zip(
+        *[_covariances(run, shared.updated, wants_truth=wants_truth) for run in (lanes[:1] if one else lanes)],
+        strict=True,
+    )
     steps = Steps(
         shared.model,
         shared.sample,
@@ -175,18 +192,20 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -
         shared.reference,
         shared.u,
         shared.z,
-        _stack(given),
-        _stack(reported),
+        _stack(R_true),
+        _stack(R),
+        _stack(told),
         _stacked(lanes, lambda run: run.timeline.x0),
         _stacked(lanes, lambda run: run.timeline.P0.ravel()),
     )
     update_s = lanes[0].timeline.t_s[shared.updated]
     timelines = tuple(run.timeline for run in lanes)
-    return Pack(members, timelines, steps, shared.score, shared.lengths_s, update_s, shared.marks)
+    return Pack(
+        members, timelines, steps, shared.score, shared.lengths_s, update_s, shared.marks * (WIDE // len(shared.marks))
+    )
 
 
-@lru_cache(maxsize=8)  # some 5 MB each
-def _courses(courses: tuple[_Course, ...]) -> _Stacked:
+def _stacked_courses(courses: tuple[_Course, ...]) -> _Stacked:
     lanes = [course.run for course in courses]
     first = lanes[0].timeline
     lengths_s, model = step_lengths(first.dt_s)
@@ -206,6 +225,10 @@ def _courses(courses: tuple[_Course, ...]) -> _Stacked:
     )
 
 
+_courses = lru_cache(maxsize=8)(_stacked_courses)  # some 10 MB each
+_one_course = lru_cache(maxsize=64)(_stacked_courses)  # less than 1 MB each
+
+
 def _score(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> Score:
     first = lanes[0].scoring
     return Score(
@@ -223,8 +246,9 @@ def _stacked(lanes: Sequence[Run], part: Callable[[Run], FloatArray]) -> FloatAr
 
 
 def _stack(parts: Sequence[FloatArray]) -> FloatArray:
-    """One vector of each element; a compiled signature wants it contiguous."""
-    return np.ascontiguousarray(np.stack(parts, axis=-1))
+    """One vector of each element; a compiled signature is exact, so it is contiguous and may be written."""
+    stacked = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0][..., None]
+    return np.require(stacked, requirements=["C", "W", "A"])
 
 
 def _outages(lanes: Sequence[Run]) -> FloatArray:
@@ -248,12 +272,23 @@ def _measured(run: Run, updated: IntArray) -> FloatArray:
     return z
 
 
+AS_REPORTED = np.array([1.0, 1.0, -np.inf])
+
+
+def _told(run: Run) -> tuple[Measurements, FloatArray]:
+    """What was reported to a run, and what of `Steps.told` it makes of it."""
+    measured = run.timeline.measurements
+    if isinstance(measured, ScaledMeasurements):
+        return measured.reported, np.array([measured.position, measured.velocity, VARIANCE_FLOOR])
+    return measured, AS_REPORTED
+
+
 def _covariances(run: Run, updated: IntArray, *, wants_truth: bool) -> tuple[FloatArray, FloatArray]:
-    """R for the adaptation (no row where it is the reported one) and the reported R at the updates of the pack."""
-    which, measured = run.timeline.update[updated], run.timeline.measurements
+    """The reported R at the updates of the pack, and R for the adaptation, no row where that is what it is told."""
+    which, (measured, _) = run.timeline.update[updated], _told(run)
     updates = which >= 0
     R = np.zeros((2, len(which), 36))
     R[0, updates] = measured.R[which[updates]].reshape(-1, 36)
     if wants_truth:
         R[1, updates] = measured.R_true[which[updates]].reshape(-1, 36)
-    return R[1, : len(which) if wants_truth else 0], R[0]
+    return R[0], R[1, : len(which) if wants_truth else 0]

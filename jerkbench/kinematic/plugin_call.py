@@ -23,9 +23,9 @@ from jerkbench.compilation.module_cache import can_compile
 from jerkbench.compilation.vectors import WIDE, aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
-from jerkbench.kinematic.arguments import Packed, Rules, Whole
+from jerkbench.kinematic.arguments import AT_ONCE, EACH, NEVER, Packed, Rules, Whole
 from jerkbench.notices import notify
-from jerkbench.optional import asked_in_lanes, memory_size, wants_truth
+from jerkbench.optional import asked_in_lanes, changes_nothing, memory_size, wants_truth
 
 # The methods as the author of an adaptation writes them: what each is given, and what it returns.
 
@@ -50,26 +50,26 @@ class Rule(NamedTuple):
         adaptation: itself, which knows how much it remembers.
         parameters: its numbers.
         kind: what it is but for its numbers.
-        lanes: whether runs side by side ask it all at once.
+        asked: by whom, side by side: EACH, AT_ONCE or NEVER of `jerkbench.kinematic.arguments`.
         wants_truth: whether it gets the true covariance as R.
     """
 
     adaptation: Adaptation
     parameters: FloatArray
     kind: "_Kind"
-    lanes: bool
+    asked: int
     wants_truth: bool
 
     @property
     def dense(self) -> bool:
         """Whether it sees whole matrices, which a loop of its own shows."""
-        _, _, prior, gain = _addresses(self.kind, self.lanes)
+        _, _, prior, gain = _addresses(self.kind, self.asked == AT_ONCE)
         return prior != 0 or gain != 0
 
     @property
     def together(self) -> object:
-        """What those that are asked at once have in common; None where each is asked by itself."""
-        return (self.kind, tuple(whole_numbers(self.adaptation))) if self.lanes else None
+        """What those have in common that are not asked by each run; None where it is."""
+        return (self.kind, tuple(whole_numbers(self.adaptation))) if self.asked else None
 
 
 IN_PYTHON = "estimators with {} run in plain Python"
@@ -87,7 +87,8 @@ def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON, *, side_by
     if reason := obstacle(adaptation, lanes=lanes):
         notify(f"{otherwise.format(type(adaptation).__name__)}: {reason}")
         return None
-    return Rule(adaptation, parameter_vector(adaptation), _Kind(adaptation), lanes, wants_truth(adaptation))
+    asked = AT_ONCE if lanes else NEVER if side_by_side and changes_nothing(adaptation) else EACH
+    return Rule(adaptation, parameter_vector(adaptation), _Kind(adaptation), asked, wants_truth(adaptation))
 
 
 def obstacle(adaptation: Adaptation, *, lanes: bool = False) -> str:
@@ -186,7 +187,7 @@ def call_gain(alone: Lanes, rules: Rules, k: int, whole: Whole, packed: Packed, 
 
 def rules_of(rules: Sequence[Rule], states: int) -> Rules:
     """Return the adaptations of all runs, of filters of ``states`` states, as arrays; each memory is zero."""
-    first, lanes = rules[0], rules[0].lanes and len(rules) == WIDE
+    first, lanes = rules[0], rules[0].asked == AT_ONCE and len(rules) == WIDE
     sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
     adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes) for rule in rules]).T.copy()
     whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)

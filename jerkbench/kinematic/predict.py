@@ -1,33 +1,97 @@
 """Prediction with F = A (x) I3: the same product for each pair of axes, of which half of the covariance is enough."""
 
+from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, eights, room, wide_room
 
 Model = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
 
 
-def predict(run: Lanes, model: Model, triangular: bool, u: View) -> None:
-    """Make x = F x + B u and P = F P F' + Q (x) I3; ``triangular``: A is upper triangular with ones on its diagonal."""
+ANY, TRIANGULAR, LATER = range(3)
+"""How to predict: with any A, with one that is upper triangular with ones on its diagonal, or likewise the state alone.
+
+Of the covariance then A and Q of all steps since it was read are one step, which `predict_covariance` takes.
+"""
+
+
+def predict(run: Lanes, model: Model, how: int, u: View) -> None:
+    """Make x = F x + B u and P = F P F' + Q (x) I3; ``how``: ANY, TRIANGULAR or LATER."""
     A, b, Q = room(run, "n n"), room(run, "n"), room(run, "n n")  # copies: the compiler knows that nothing overlaps
     for a in range(run.n):
         b[a] = model[1][a]
         for c in range(run.n):
             A[a, c], Q[a, c] = model[0][a, c], model[2][a, c]
-    if not triangular:
+    if how == ANY:
         predict_any(run, A, b, Q, u)
         return
-    for i in range(3):  # x = A x + b u on each axis
+    _predict_state(run, A, b, u)
+    if run.width == 1:
+        _predict_pairs(run, A, Q)
+    elif how == LATER:
+        _join(run, A, Q)
+    else:
+        _predict_every_pair(run, A, Q)
+
+
+def _predict_state(run: Lanes, A: View, b: View, u: View) -> None:
+    """Make x = A x + b u on each axis."""
+    for i in range(3):
         for a in range(run.n):
             moved = run.x[3 * a + i] + b[a] * u[i]
             for c in range(a + 1, run.n):
                 moved += A[a, c] * run.x[3 * c + i]
             run.x[3 * a + i] = moved
-    if run.width == 1:
-        _predict_pairs(run, A, Q)
-    else:
-        for i in range(3):
-            for j in range(i, 3):
-                _predict_pair(run, A, Q, i, j)
+
+
+def _join(run: Lanes, A: View, Q: View) -> None:
+    """Take the transition since P was predicted, and its noise, on over a step: A gone_A, A gone_Q A' + Q."""
+    M = room(run, "n n")
+    for a in range(run.n):
+        for b in range(a, run.n):
+            M[a, b] = run.gone_Q[a, b]
+            for c in range(a + 1, b + 1):
+                run.gone_A[a, b] += A[a, c] * run.gone_A[c, b]
+    _transform(M, A, run.n, 1)
+    for a in range(run.n):
+        for b in range(a, run.n):
+            run.gone_Q[a, b] = run.gone_Q[b, a] = M[a, b] + Q[a, b]
+
+
+def predict_covariance(run: Lanes) -> None:
+    """Take P over all steps since it was predicted, at once, of the runs in which an update is ``due``.
+
+    The others go over no step at all, so that no run depends on the updates of its neighbours.
+    """
+    A, Q, due = room(run, "n n"), room(run, "n n"), run.due
+    for a in range(run.n):
+        for b in range(run.n):
+            same = run.zero + (1.0 if a == b else 0.0)
+            A[a, b], Q[a, b] = chosen(due, 0.0, run.gone_A[a, b], same), chosen(due, 0.0, run.gone_Q[a, b], 0.0)
+            run.gone_A[a, b] = chosen(due, 0.0, same, run.gone_A[a, b])
+            run.gone_Q[a, b] = chosen(due, 0.0, 0.0, run.gone_Q[a, b])
+    _predict_every_pair(run, A, Q)
+
+
+def predict_measured(run: Lanes, C: View) -> None:
+    """Fill the upper triangle of C (6, 6), the covariance of position and velocity now; P stays where it is."""
+    A, M = room(run, "n n"), room(run, "n n")
+    for a in range(run.n):
+        for b in range(run.n):
+            A[a, b] = run.gone_A[a, b]
+    for i in range(3):
+        for j in range(i, 3):
+            _move_pair(run, M, A, i, j)
+            for a in range(2):
+                for b in range(a if i == j else 0, 2):
+                    r, c = min(3 * a + i, 3 * b + j), max(3 * a + i, 3 * b + j)
+                    C[r, c] = M[a, b] + run.gone_Q[a, b] if i == j else M[a, b]
+
+
+def begin_to_join(run: Lanes) -> None:
+    """No time has passed since P was predicted."""
+    for a in range(run.n):
+        for b in range(run.n):
+            run.gone_A[a, b], run.gone_Q[a, b] = run.zero + (1.0 if a == b else 0.0), run.zero
 
 
 def _predict_pairs(run: Lanes, A: View, Q: View) -> None:
@@ -42,16 +106,27 @@ def _predict_pairs(run: Lanes, A: View, Q: View) -> None:
             run.pairs[a, c] = M[a, c] + run.same * Q[a, c]
 
 
+def _predict_every_pair(run: Lanes, A: View, Q: View) -> None:
+    for i in range(3):
+        for j in range(i, 3):
+            _predict_pair(run, A, Q, i, j)
+
+
 def _predict_pair(run: Lanes, A: View, Q: View, i: int, j: int) -> None:
     """The covariance of two axes; of equal ones the upper triangle."""
     M = room(run, "n n")
+    _move_pair(run, M, A, i, j)
+    for a in range(run.n):
+        for c in range(a if i == j else 0, run.n):
+            run.P[3 * a + i, 3 * c + j] = M[a, c] + Q[a, c] if i == j else M[a, c]
+
+
+def _move_pair(run: Lanes, M: View, A: View, i: int, j: int) -> None:
+    """Make M = A P A' of two axes likewise."""
     for a in range(run.n):
         for c in range(a if i == j else 0, run.n):
             M[a, c] = run.P[3 * a + i, 3 * c + j]
     _transform(M, A, run.n, 1 if i == j else 0)
-    for a in range(run.n):
-        for c in range(a if i == j else 0, run.n):
-            run.P[3 * a + i, 3 * c + j] = M[a, c] + Q[a, c] if i == j else M[a, c]
 
 
 def _transform(M: View, A: View, n: int, half: int) -> None:

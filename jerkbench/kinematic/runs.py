@@ -66,6 +66,7 @@ def _steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Step
         _plain(measured.z, np.float64)[:, :, None],
         _plain(measured.R_true[: len(measured.z) if wants_truth else 0], np.float64).reshape(-1, 36, 1),
         _plain(measured.R, np.float64).reshape(-1, 36, 1),
+        np.empty((0, 1)),
         _plain(timeline.x0, np.float64)[:, None],
         _plain(timeline.P0, np.float64).reshape(36, 1),
     )
@@ -166,7 +167,7 @@ def run_batch(
         model = model_of([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s)
         n = 2 + len(model.extra)
         first = rules[lanes[0]]
-        return loop_for(n, WIDE, dense=first.dense, lanes=first.lanes), run_type(n, WIDE), model
+        return loop_for(n, WIDE, dense=first.dense, asked=first.asked), run_type(n, WIDE), model
 
     sizes = [(2 + len(model.initial_variances()), rule.together) for model, rule in zip(models, rules, strict=True)]
     return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
@@ -234,31 +235,29 @@ def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
 def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Streamed | None]:
     """The sums of each member of a pack; None where they are not finite, or the run is lost."""
     w = kept.w.reshape(-1, WIDE)
-    totals = {name: w[np.array(of.fields[name].places) // WIDE] for name in TOTALS}
-    finite = np.isfinite(np.concatenate(list(totals.values()))).all(axis=0)
-    healthy = finite & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
+    totals = w[[place // WIDE for name in TOTALS for place in of.fields[name].places]]
+    healthy = np.isfinite(totals).all(axis=0) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
     return [
-        _result(pack, kept, {name: total[:, lane] for name, total in totals.items()}, lane, updates=updates)
-        if healthy[lane]
-        else None
+        _result(pack, kept, totals[:, lane], lane, updates=updates) if healthy[lane] else None
         for lane in range(len(pack.members))
     ]
 
 
-def _result(pack: Pack, kept: Kept, total: dict[str, FloatArray], lane: int, *, updates: bool) -> Streamed:
+def _result(pack: Pack, kept: Kept, totals: FloatArray, lane: int, *, updates: bool) -> Streamed:
+    whole, outage, largest, farthest, nees, nees_position, nis, of_nis, nis_used, of_nis_used = totals[6:].tolist()
     return Streamed(
-        position_m2=total["position"],
-        velocity_m2ps2=total["velocity"],
-        whole_m2=float(total["whole"][0]),
-        outage_m2=float(total["outage"][0]),
-        largest_m2=float(total["largest"][0]),
-        farthest_m2=float(total["farthest"][0]),
-        nees=float(total["nees"][0]) if pack.score.consistency else np.nan,
-        nees_position=float(total["nees_position"][0]) if pack.score.consistency else np.nan,
-        nis_per_row=float(total["nis"][0]),
-        nis_updates=float(total["updates"][0]),
-        nis_used_per_row=float(total["nis_used"][0]),
-        nis_used_updates=float(total["updates_used"][0]),
+        position_m2=totals[:3],
+        velocity_m2ps2=totals[3:6],
+        whole_m2=whole,
+        outage_m2=outage,
+        largest_m2=largest,
+        farthest_m2=farthest,
+        nees=nees if pack.score.consistency else np.nan,
+        nees_position=nees_position if pack.score.consistency else np.nan,
+        nis_per_row=nis,
+        nis_updates=of_nis,
+        nis_used_per_row=nis_used,
+        nis_used_updates=of_nis_used,
         marked_m=kept.errors[pack.marks[lane], :3, lane],
         marked_m2=kept.errors[pack.marks[lane], 3:, lane],
         updates=_updates(pack, kept.seen, lane) if updates else NOTHING,

@@ -1,6 +1,7 @@
 """One run in whole matrices: for an adaptation that changes the prior covariance or has a gain of its own."""
 
 from jerkbench.arrays import FloatArray
+from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, lane, room, row, shared_row
 from jerkbench.kalman import EXPOSED, FLOOR, ROUNDING
 from jerkbench.kinematic.arguments import Exchange, Model, Packed, Rules, Steps, Whole, packed_of
@@ -16,6 +17,16 @@ def advance(run: Lanes, model: Model, steps: Steps, begin: int, end: int) -> Non
                 _advance_step(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
             else:
                 _advance_step(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
+
+
+def show_transition(run: Lanes) -> None:
+    """Take the transition on by what `predict` has joined, of the runs in which an update is due."""
+    A, Q = room(run, "n n"), room(run, "n n")
+    for a in range(run.n):
+        for b in range(run.n):
+            A[a, b] = chosen(run.due, 0.0, run.gone_A[a, b], 1.0 if a == b else 0.0)
+            Q[a, b] = chosen(run.due, 0.0, run.gone_Q[a, b], 0.0)
+    _advance_step(run, A, Q)
 
 
 def _advance_step(run: Lanes, A: View, Q: View) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray, FloatCube, FloatMatrix, FloatStack
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Lanes, View, lane, room, row, runs_in
+from jerkbench.compilation.views import Lanes, View, lane, room, row, runs_in, taken
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
 from jerkbench.kinematic.loop import all_lost, expect, finish, keep, move_by, seen_of
@@ -150,7 +150,7 @@ def run_mixture(
     for k in range(len(steps.model)):
         for j in range(combined.count):
             models = mixing.A[j], mixing.b[j], mixing.Q[j]
-            move_by(runs_in(mixing.filters[j], RUN), steps, models, mixing.triangular, k)
+            move_by(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
         if steps.update[k] >= 0:
             update(combined, steps, score, mixing, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
@@ -208,7 +208,7 @@ def update(
 
 def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j: int, which: int, states: int) -> None:
     """Update filter ``j`` with the rows and the R of the mixture, and put its log likelihood into mu."""
-    z = row(steps.z, which, run, "6")
+    z = taken(steps.z, which, run, "6")
     for r in range(6):
         for c in range(6):
             run.R[r, c] = combined.R[r, c]

@@ -32,7 +32,7 @@ from jerkbench.compilation.views import Lanes, row, runs_in, shared_row
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type
-from jerkbench.kinematic.loop import APART, all_lost, compare, move, runs_of, start, update
+from jerkbench.kinematic.loop import APART, all_lost, compare, move, runs_of, start, update, way_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes
@@ -104,7 +104,7 @@ def run_forward(
     copy_state(runs_in(tape.rows[0], ROW), run)
     reached, updates, last = 0, 0, 0
     for k in range(len(steps.model)):
-        move(run, steps, model, k)
+        move(run, steps, model, way_of(model), k)
         due = steps.update[k] >= 0
         if due:
             update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
@@ -133,7 +133,7 @@ def run_back(
         first, last = tape.step[number - 1], tape.step[number]
         copy_state(moving, runs_in(tape.rows[number - 1], ROW))
         for k in range(first + 1, last):
-            move(moving, steps, model, k)
+            move(moving, steps, model, way_of(model), k)
             copy_state(runs_in(tape.between[k - first - 1], ROW), moving)
         left = give(steps, score, kept, last, runs_in(tape.rows[number], ROW), a, left)
         if tape.updated[number] > 0:
@@ -165,7 +165,7 @@ def give(steps: Steps, score: Score, kept: Kept, k: int, filtered: Lanes, a: Lan
     else:
         smooth(run, filtered, a)
         if len(score.mark) > 0:
-            compare(run, score, kept.errors, place)
+            compare(run, run.P_measured, score, kept.errors, place)
     return place
 
 

@@ -13,8 +13,7 @@ from jerkbench.conformance.requirements import JunitCase, junit
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.evaluation.statistics.intervals import loss_bound
 from jerkbench.report.analysis.changes import Change, change_rows
-from jerkbench.report.analysis.columns import FACTORS, METHOD, quantity
-from jerkbench.report.analysis.runs import Combination
+from jerkbench.report.analysis.columns import METHOD, Combination, quantity
 from jerkbench.report.tables.terminal import print_grid
 from jerkbench.report.tables.writers import markdown_grid
 from jerkbench.yaml_files import read_yaml
@@ -45,7 +44,7 @@ class Tolerance:
 
     def fits(self, metric: str, combination: Combination) -> bool:
         """Whether the rule is about this metric of this combination."""
-        values = dict(zip(FACTORS, combination, strict=True))
+        values = combination._asdict()
         scenario = [value for factor, value in values.items() if factor not in METHOD]
         method = [values[factor] for factor in METHOD]
         return (
@@ -232,7 +231,7 @@ def _records(part: MetricChanges) -> Iterator[dict[str, Any]]:
         numbers |= {"low": judgement.low, "high": judgement.high}
         yield {
             "metric": part.metric,
-            "combination": dict(zip(FACTORS, change.combination, strict=True)),
+            "combination": change.combination._asdict(),
             **{name: float(value) if math.isfinite(value) else None for name, value in numbers.items()},
             "runs": list(map(int, change.runs)),
             "lost": list(map(int, change.lost)),

@@ -186,9 +186,9 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
     scenarios = len(field.scenarios)
     least = critical_difference(len(field.methods), scenarios)
     looks = {
-        standing.name(rival): palette.look((rival[FACTORS.index("filter")], rival[FACTORS.index("adaptation")]))
+        standing.name(rival): palette.look((rival.filter, rival.adaptation))
         for standing in verdicts.standings
-        for rival in standing.contest.rivals
+        for rival in standing.rivals
     }
     title = quantity(metric).heading
     drawn = [looks[name] for name in field.methods]
@@ -255,9 +255,8 @@ def by_difference(rows: "pd.DataFrame", metric: str, names: Sequence[str]) -> di
     scenes: dict[str, Methods] = {}
     for weight, pair in largest(study_verdicts(rows, metric).standings):
         for combination in (pair.baseline, pair.subject):
-            label = dict(zip(FACTORS, combination, strict=True))
-            name = ", ".join(label[factor] for factor in ("dataset", "disturbance", "attitude"))
+            name = ", ".join(combination[:3])
             if name in names and weight >= NOTABLE * weights.setdefault(name, weight):
-                method = (label["filter"], label["adaptation"])
+                method = (combination.filter, combination.adaptation)
                 scenes[name] = tuple(dict.fromkeys((*scenes.get(name, ()), method)))[:METHODS]
     return {**scenes, **{name: () for name in names if name not in scenes}}

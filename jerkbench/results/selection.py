@@ -11,8 +11,7 @@ import numpy as np
 from jerkbench.errors import JerkbenchError, NotComparableError, unknown
 from jerkbench.jobs.labels import bare
 from jerkbench.renamed import new_label
-from jerkbench.report.analysis.columns import FACTORS, METHOD
-from jerkbench.report.analysis.runs import Combination
+from jerkbench.report.analysis.columns import FACTORS, METHOD, Combination, require_factors
 from jerkbench.results.conditions import DECIDING_SCORES, LABELLED_PARTS, Conditions, differing_conditions
 from jerkbench.results.study import Study
 
@@ -42,8 +41,7 @@ def named_study(words: str) -> NamedStudy:
     for position, word in enumerate(method.split("+")):
         factor, equals, value = word.partition("=")
         factor, value = (factor, value) if equals else (_of_position(position, words), word)
-        if factor not in FACTORS:
-            raise JerkbenchError(unknown("factor", factor, FACTORS))
+        require_factors([factor])
         if factor in chosen:
             raise JerkbenchError(f"'{words}' names the {factor} twice; name it once.")
         chosen[factor] = new_label(factor, value)
@@ -171,4 +169,4 @@ def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditio
 
 def _keys(study: Study) -> dict[Combination, str]:
     named = study.rows[[*FACTORS]].astype(str).itertuples(index=False, name=None)
-    return dict(zip(named, study.keys, strict=True))
+    return dict(zip(map(Combination._make, named), study.keys, strict=True))

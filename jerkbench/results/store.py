@@ -14,7 +14,6 @@ import pyarrow.compute as pc
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import WHAT
 from jerkbench.notices import notify
 from jerkbench.plain import plain
 from jerkbench.results.content import (
@@ -135,7 +134,7 @@ class Store:
         known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None else shown
         return content_of_tables(tables, known), damaged
 
-    def rows(self, jobs: Sequence[Job], metrics: Sequence[str], *, any_code: bool = False) -> pd.DataFrame:
+    def rows(self, jobs: Sequence[Job], metrics: Sequence[str]) -> pd.DataFrame:
         """Return the runs of some jobs, in their order and that of their seeds; without a status: not stored.
 
         Of a run that is there more than once one that did not fail, the newest.
@@ -143,7 +142,6 @@ class Store:
         Args:
             jobs: with the seeds that are wanted.
             metrics: the columns that are wanted besides.
-            any_code: take what other code has computed, too.
 
         Returns:
             The place of the job (``place``), seed, status, reason, code, versions, run_s [s] and the metrics.
@@ -152,36 +150,27 @@ class Store:
         asked = pd.DataFrame(
             {
                 "place": np.repeat(np.arange(len(jobs)), counts),
-                "what": np.repeat(np.array([job.key[:WHAT] for job in jobs], dtype=object), counts),
+                KEY: np.repeat(np.array([job.key for job in jobs], dtype=object), counts),
                 "seed": np.concatenate([[*job.draws] for job in jobs]) if jobs else [],
             }
         )
-        stored = self._rows({job.key for job in jobs}, metrics, any_code=any_code)
-        return asked.merge(stored, on=["what", "seed"], how="left").drop(columns="what")
+        stored = self._rows({job.key for job in jobs}, metrics)
+        return asked.merge(stored, on=[KEY, "seed"], how="left").drop(columns=KEY)
 
-    def _rows(self, keys: Collection[str], metrics: Sequence[str], *, any_code: bool) -> pd.DataFrame:
-        """The stored runs of ``keys``, each once; ``what`` are the first digits of a key."""
-        wanted = pa.array({key[:WHAT] for key in keys} if any_code else list(keys), pa.string())
-        tables = []
-        for _, table in self.files.each([KEY, *RUN_COLUMNS, "cell.created", *metrics]):
-            if table is not None:
-                key = table[KEY].cast(pa.string())
-                what = pc.utf8_slice_codeunits(key, 0, WHAT)
-                named = table.set_column(table.column_names.index(KEY), KEY, what)
-                tables.append(named.filter(pc.is_in(what if any_code else key, wanted)))
+    def _rows(self, keys: Collection[str], metrics: Sequence[str]) -> pd.DataFrame:
+        """The stored runs of ``keys``, each once."""
+        wanted = pa.array(list(keys), pa.string())
+        tables = [
+            table.filter(pc.is_in(table[KEY].cast(pa.string()), wanted))
+            for _, table in self.files.each([KEY, *RUN_COLUMNS, "cell.created", *metrics])
+            if table is not None
+        ]
         if not tables:
-            return pd.DataFrame(columns=["what", *RUN_COLUMNS.values(), *metrics])
+            return pd.DataFrame(columns=[KEY, *RUN_COLUMNS.values(), *metrics])
         table = concatenated(tables)
         rows = frame(table.take(pa.array(ordered_runs(table)[1])), table.column_names)
-        names = ["what", *RUN_COLUMNS.values(), *metrics]
-        rows = rows.rename(columns={KEY: "what", **RUN_COLUMNS}).reindex(columns=names)
+        rows = rows.rename(columns=RUN_COLUMNS).reindex(columns=[KEY, *RUN_COLUMNS.values(), *metrics])
         return rows.assign(run_s=rows["run_s"].astype(float))
-
-    def makers(self) -> set[tuple[str, str]]:
-        """Return the code, and the versions of libraries, that made what is stored, as JSON."""
-        tables = (table for _, table in self.files.each(["cell.code", "cell.versions"]) if table is not None)
-        columns = (zip(*(table[name].to_pylist() for name in table.column_names), strict=True) for table in tables)
-        return {(code, versions) for own in columns for code, versions in own}
 
     def keys_from(self, beginning: str) -> list[str]:
         """The keys that begin so, of all cells that are there, whole, damaged or begun."""

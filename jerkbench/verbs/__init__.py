@@ -1,6 +1,6 @@
 """The verbs but `run`."""
 
-from jerkbench.verbs import campaigns, compare, inspecting, plugins, recordings, results, rows
+from jerkbench.verbs import campaigns, compare, completing, inspecting, plugins, recordings, results, rows
 from jerkbench.verbs.arguments import group
 
 SUITE = group(
@@ -25,8 +25,8 @@ DATA = group(
 VERBS = (
     *(plugins.list_verb, plugins.show_verb, DATA),
     *(results.table_verb, results.figures_verb, results.report_verb, compare.compare_verb, rows.score_verb),
-    *(campaigns.tune_verb, campaigns.audit_verb, SUITE),
+    *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
     *(rows.rerun_verb, rows.export_verb, results.pack_verb),
-    *(plugins.new_verb, plugins.check_verb, results.cite_verb),
+    *(plugins.new_verb, plugins.check_verb, results.cite_verb, completing.completion_verb),
 )
 """In the order in which `jerkbench --help` names them."""

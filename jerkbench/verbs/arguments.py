@@ -210,6 +210,10 @@ VERB_EXAMPLES: Mapping[str, Sequence[str]] = {
         "jerkbench data receiver drive.bag --figure receiver.png",
         "jerkbench data receiver field --set duration_s=60 --seed 1",
     ),
+    "smooth": (
+        "jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png",
+        "jerkbench smooth field --set duration_s=60 --to kml",
+    ),
     "data salvage": (
         "jerkbench data salvage cut.bag whole.bag",
         "jerkbench data salvage drive.bag.active saved.bag",
@@ -220,6 +224,7 @@ VERB_EXAMPLES: Mapping[str, Sequence[str]] = {
         "jerkbench data trace field biased.parquet --set duration_s=30 --offset keep",
     ),
     "data cache": ("jerkbench data cache", "jerkbench data cache --clear"),
+    "completion": ("jerkbench completion bash", "jerkbench completion zsh"),
     "suite verify": (
         "jerkbench suite verify results/suite-tiny/jerk-none",
         "jerkbench suite verify results/suite-tiny/jerk-none --rows 2",

@@ -57,20 +57,24 @@ def tune_verb(chosen: argparse.Namespace) -> None:
 
 
 AUDIT = """\
-SCALE is a protocol in conf/audit: what is compared, under which faults, with which budget. The protocol and its hash
-are written before anything runs, and the seeds to score on follow from the hash.
+SCALE is a protocol in conf/audit: what is compared, on which random drives, with which budget. The protocol and its
+hash are written before anything runs. Every drive and every setting follows from the hash.
 
   jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
-  jerkbench audit --scale medium     two models, without what iterates: half an hour
-  jerkbench audit                    the whole protocol: 90 minutes on two cores
+  jerkbench audit --scale medium     two models, without what iterates
+  jerkbench audit                    the whole protocol: hours on two cores; --cluster and --workers for more
+  jerkbench audit --scale second     the same with other drives and other tunings
+  jerkbench audit --reweight faulty=0.05             the answer where 5 % of drives have a fault, from stored rows
+  jerkbench audit --against results/audit-second     which verdicts the second one does not share; for the page
   jerkbench audit attitude           of attitude filters, by the tilt: four minutes (needs the package vqf)
 
-The same command goes on where it was stopped; --stored judges what is stored, whatever version computed it (its digest
-stands in manifest.json), and runs nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the
-simulated field, apart; what is not in --data is left out.
+The same command goes on where it was stopped. --stored judges what is stored, whatever version computed it, and runs
+nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the simulated field, apart; what is
+not in --data is left out.
 
-RESULTS/audit-SCALE has README.md with the answer, its figures, table.md, verdicts.csv, settings.csv, rows.parquet,
-manifest.json, protocol.json.
+RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
+follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet, costs.parquet), manifest.json and
+protocol.json.
 """
 
 
@@ -81,17 +85,25 @@ manifest.json, protocol.json.
     argument("--scale", default="full", help="name of the protocol (default: full)"),
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
+    argument(
+        "--reweight", metavar="KIND=SHARE", default="", help="print the answer for another share of a kind of fault"
+    ),
+    argument(
+        "--against", type=Path, metavar="FOLDER", help="say which verdicts another audit in FOLDER does not share"
+    ),
     *WHERE,
     epilog=AUDIT,
 )
 def audit_verb(chosen: argparse.Namespace) -> None:
-    """Tune every adaptive filter and the plain one alike, and score them on unseen runs.
+    """Tune every adaptive filter and the plain one alike, and judge them on unseen drives.
 
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
     from jerkbench.audit.protocol import read_protocol
-    from jerkbench.audit.study import FOLDER, run_audit, text_of
+    from jerkbench.audit.stored import read_rows
+    from jerkbench.audit.study import FOLDER, compare_audits, run_audit
+    from jerkbench.audit.words import reweighted_text, three_sentences
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import processors
 
@@ -99,8 +111,15 @@ def audit_verb(chosen: argparse.Namespace) -> None:
         _audit_attitude(chosen, chosen.results / f"{FOLDER}{chosen.what}", chosen.workers or processors())
         return
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
+    if chosen.reweight:
+        print(reweighted_text(read_rows(folder), chosen.reweight))
+        return
+    if chosen.against:
+        print(compare_audits(folder, chosen.against))
+        return
     cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
-    print(text_of(run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)))
+    answer = run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
+    print("\n".join(three_sentences(answer)))
     print(f"Written to {folder}.")
 
 

@@ -1,4 +1,4 @@
-"""`jerkbench data inspect`: the streams of a recording, and their faults; of tables, what their columns may be."""
+"""The verbs that judge a recording: inspect, receiver and smooth."""
 
 import argparse
 from pathlib import Path
@@ -27,7 +27,7 @@ def _guesses_columns(chosen: argparse.Namespace) -> bool:
     paths = [Path(source).expanduser() for source in chosen.source]
     tables = [path for path in paths if path.is_file() and (path.suffix.lower() == TABLE_SUFFIX or track_reader(path))]
     guesses = chosen.dataset is None and tables == paths
-    if not guesses and (chosen.preset is not None or len(paths) > 1):
+    if not guesses and (getattr(chosen, "preset", None) is not None or len(paths) > 1):
         which = next((path for path in paths if path not in tables), paths[0])
         raise JerkbenchError(
             "--preset, and several files, are for tables (.csv, NMEA, GPX, gpsd's JSON) whose columns are guessed, and"
@@ -87,7 +87,7 @@ SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "
 FIGURES = (".pdf", ".png", ".svg")
 
 
-@verb(
+SEVERAL_SOURCES = (
     argument(
         "source",
         nargs="+",
@@ -95,6 +95,11 @@ FIGURES = (".pdf", ".png", ".svg")
         help="a file or folder, a data set or its preset; or the tables of one log: IMU, fixes, reference",
     ),
     *SOURCE_WORDS[1:],
+)
+
+
+@verb(
+    *SEVERAL_SOURCES,
     argument("--figure", type=Path, metavar="FILE", help="draw an overview of the recording too (.png, .pdf)"),
     argument(
         "--preset", type=output, metavar="NAME.yaml", help="of tables: write the guesses to dataset/NAME.yaml, to edit"
@@ -104,8 +109,7 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
     """Print what a recording is made of, and what is wrong with it."""
     from jerkbench.io.ros.options import BagOptions
 
-    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
-        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
+    _require_figure(chosen.figure)
     if _guesses_columns(chosen):
         _print_guesses(chosen)
         return
@@ -163,8 +167,7 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.report.plots.style import save_figure
     from jerkbench.report.tables.terminal import print_grid
 
-    if chosen.figure is not None and chosen.figure.suffix not in FIGURES:
-        raise JerkbenchError(unknown("suffix of a figure", chosen.figure.suffix, FIGURES))
+    _require_figure(chosen.figure)
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
     errors = receiver_errors(recording)
     if errors is None:
@@ -174,4 +177,47 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
     print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
     if chosen.figure is not None:
         save_figure(receiver_figure(recording, errors), chosen.figure)
+        print(f"Figure: {chosen.figure}")
+
+
+def _require_figure(path: Path | None) -> None:
+    if path is not None and path.suffix not in FIGURES:
+        raise JerkbenchError(unknown("suffix of a figure", path.suffix, FIGURES))
+
+
+@verb(
+    *SEVERAL_SOURCES,
+    argument(
+        "--to", default="gpx", metavar="FILE", help="the track: a file that ends in .gpx, .kml, .tum, or an ending"
+    ),
+    argument("--figure", type=Path, metavar="FILE", help="draw the fixes and the track (.png, .pdf)"),
+)
+def smooth_verb(chosen: argparse.Namespace) -> None:
+    """Write a better track from fixes alone: a smoother, tuned on the log itself.
+
+    Raises:
+        JerkbenchError: there are too few fixes, the file is there, or its ending is unknown.
+    """
+    from jerkbench.inspection.guessing import guess_tables
+    from jerkbench.inspection.smoothing import smooth_fixes, track_figure, track_lines
+    from jerkbench.io.writing import TRAJECTORIES
+    from jerkbench.report.plots.style import save_figure
+
+    _require_figure(chosen.figure)
+    suffix = f".{chosen.to.rpartition('.')[2]}"
+    if suffix not in TRAJECTORIES:
+        raise JerkbenchError(unknown("ending of a track", suffix, TRAJECTORIES))
+    if _guesses_columns(chosen):
+        recording = guess_tables(*(Path(source).expanduser() for source in chosen.source)).load()
+    else:
+        recording = dataset_of(chosen.source[0], chosen.dataset, chosen.set).load(chosen.seed)
+    target = Path(chosen.to if "." in chosen.to else f"{Path(chosen.source[0]).stem}_smooth{suffix}")
+    require_new(target)
+    track = smooth_fixes(recording)
+    TRAJECTORIES[suffix](track.recording, target, "reference")
+    for line in track_lines(track):
+        print(line)
+    print(f"Track: {target}")
+    if chosen.figure is not None:
+        save_figure(track_figure(track), chosen.figure)
         print(f"Figure: {chosen.figure}")

@@ -19,6 +19,7 @@ TARGETS = {
     ".parquet": "table",
     ".tum": "trajectory as text",
     ".kml": "trajectory on the Earth",
+    ".gpx": "trajectory on the Earth with times",
 }
 
 
@@ -41,10 +42,10 @@ def convert_verb(chosen: argparse.Namespace) -> None:
         from jerkbench.io.writing import write_table
 
         write_table(recording, target, chosen.coordinates)
-    elif target.suffix in (".tum", ".kml"):
-        from jerkbench.io.writing import write_kml, write_tum
+    elif target.suffix in (".tum", ".kml", ".gpx"):
+        from jerkbench.io.writing import TRAJECTORIES
 
-        (write_tum if target.suffix == ".tum" else write_kml)(recording, target, chosen.stream)
+        TRAJECTORIES[target.suffix](recording, target, chosen.stream)
     else:
         from jerkbench.io.ros.writing import write_bag
 
@@ -147,8 +148,9 @@ def fetch_verb(chosen: argparse.Namespace) -> None:
             print(f"{public.name}: {public.title} ({public.licence}); {state}")
         return
     recording, folder = public_recording(chosen.name), fetched_folder(chosen.name)
+    print(f"{recording.name}: {recording.title}; licence {recording.licence}, {len(recording.files)} files")
     fetch(recording, folder, print)
-    print(f"{recording.name} ({recording.licence}) is in {folder}")
+    print(f"{recording.name} is in {folder}")
 
 
 @verb(

@@ -12,7 +12,7 @@ import pytest
 from commands import environment, swept
 from jerkbench import api, plugins
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.disturbances.imu_bias import ImuBias
+from jerkbench.disturbances.imu import ImuBias
 from jerkbench.errors import JerkbenchError
 from jerkbench.filters.jerk import Jerk
 from jerkbench.results.study import Study, load_study
@@ -88,6 +88,7 @@ def test_a_table_is_markdown_as_text_and_html_in_a_notebook(tmp_path):
 
     assert str(table).startswith("## Velocity RMSE (3-D) [m/s]\n\n| filter ")
     assert table._repr_html_().startswith("<section")
+    assert table.to_latex().startswith(r"% \usepackage{booktabs,siunitx}")
     assert "Position RMSE" in Study.open(tmp_path)._repr_html_()
     assert repr(Study.open(tmp_path)) == f"Study({str(tmp_path)!r}, 4 combinations, 8 runs, 0 lost)"
     assert api.report(tmp_path, scenarios=0) == tmp_path / "report.html"
@@ -145,3 +146,21 @@ def test_the_first_quarter_of_an_hour(tmp_path):
     assert set(rows["status"]) == {"ok"}
     assert len(rows) == 2 * (1 + 2 + 2)
     assert "wearing_off" not in plugins.names("filter")  # it was another process
+
+
+def test_an_estimate_becomes_a_data_frame():
+    recording = api.load(SHORT)
+    estimate = api.estimate(recording, filter="jerk")
+    frame = estimate.to_frame(recording.reference.t_s)
+
+    assert list(frame.index) == list(estimate.index)
+    assert list(frame.columns) == [
+        *("t_s", "east_m", "north_m", "up_m", "velocity_east_mps", "velocity_north_mps", "velocity_up_mps"),
+        *("sigma_east_m", "sigma_north_m", "sigma_up_m"),
+        *("sigma_velocity_east_mps", "sigma_velocity_north_mps", "sigma_velocity_up_mps"),
+        *("roll_rad", "pitch_rad", "yaw_rad"),
+    ]
+    assert frame["t_s"].iloc[-1] == recording.reference.t_s[estimate.index[-1]]
+    assert frame["up_m"].iloc[7] == estimate.position_m[7, 2]
+    assert frame["sigma_velocity_up_mps"].iloc[7] ** 2 == pytest.approx(estimate.covariance[7, 5, 5])
+    assert "t_s" not in estimate.to_frame()

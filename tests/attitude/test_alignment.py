@@ -7,7 +7,7 @@ import pytest
 from moved import G, degrees_between, recording
 from scipy.spatial.transform import Rotation
 
-from jerkbench.attitude.alignment import align
+from jerkbench.attitude.alignment import tilt_start
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.madgwick import Madgwick
 from jerkbench.attitude.tilt import Tilt
@@ -35,24 +35,26 @@ def driving(aiding="velocity"):
 
 def test_the_track_shows_the_vertical_of_a_drive_that_begins_in_a_curve():
     drive, truth = driving()
-    off = {way: float(degrees_between(align(drive, alignment=way).x, truth)) for way in ("gravity", "rest", "track")}
+    off = {
+        way: float(degrees_between(tilt_start(drive, alignment=way).x, truth)) for way in ("gravity", "rest", "track")
+    }
     assert off["track"] < 0.1
     assert off["rest"] > 4.0
     assert off["gravity"] > 4.0
-    assert align(drive, alignment="track").variance == 1e-3
-    assert align(drive, alignment="gravity").variance == 0.03
+    assert tilt_start(drive, alignment="track").variance == 1e-3
+    assert tilt_start(drive, alignment="gravity").variance == 0.03
 
 
 def test_fixes_stand_in_for_velocities():
     drive, truth = driving("position")
-    assert degrees_between(align(drive, alignment="track").x, truth) < 0.3
+    assert degrees_between(tilt_start(drive, alignment="track").x, truth) < 0.3
 
 
 def test_noise_of_the_velocities_hardly_counts():
     drive, truth = driving()
     noisy = drive.velocity.mps + 0.1 * np.random.default_rng(0).normal(size=drive.velocity.mps.shape)
     drive = replace(drive, velocity=Velocity(drive.velocity.t_s, noisy, drive.velocity.covariance_m2ps2))
-    assert degrees_between(align(drive, alignment="track").x, truth) < 0.5
+    assert degrees_between(tilt_start(drive, alignment="track").x, truth) < 0.5
 
 
 @pytest.mark.parametrize("plugin", [Tilt, GyroOnly, Madgwick])
@@ -72,6 +74,6 @@ def test_without_a_track_it_is_refused_before_a_sweep():
 
 def test_at_rest_gravity_and_rest_are_the_same():
     still = recording(np.zeros((300, 3)), np.tile([0.5, 0.0, G], (300, 1)), 2.0)
-    one, other = (align(still, alignment=way) for way in ("rest", "gravity"))
+    one, other = (tilt_start(still, alignment=way) for way in ("rest", "gravity"))
     np.testing.assert_array_equal(one.x, other.x)
     assert one.variance == other.variance == 1e-3

@@ -3,8 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from jerkbench.attitude.common import compensate_gravity, roll_pitch
-from jerkbench.geometry import dcm_from_euler
+from jerkbench.attitude.common import compensate_gravity
+from jerkbench.geometry import dcm_from_euler, roll_pitch
 
 EULER = np.array([[0.1, -0.2, 0.3], [0.2, 0.1, 0.5], [-0.1, 0.0, 3.0]])
 FORCE = np.array([[0.5, 0.2, 9.9], [-0.3, 0.4, 9.7], [1.0, 0.0, 9.81]])

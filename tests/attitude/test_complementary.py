@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from moved import RATE_HZ, G, degrees_between, pushed, recording, shaken, turning
 
-from jerkbench.attitude import madgwick, mahony
-from jerkbench.attitude.common import quaternion_of
-from jerkbench.attitude.madgwick import Madgwick
-from jerkbench.attitude.mahony import Mahony
+from jerkbench.attitude import common
+from jerkbench.attitude.madgwick import Madgwick, run_madgwick
+from jerkbench.attitude.mahony import Mahony, run_mahony
+from jerkbench.attitude.quaternion import quaternion_of
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 
@@ -27,15 +27,15 @@ def of_ahrs(plugin, imu, q0):
 @pytest.mark.parametrize("compiled", [True, False])
 def test_it_equals_ahrs(plugin, compiled):
     imu = shaken().imu
-    module = madgwick if isinstance(plugin, Madgwick) else mahony
-    loop = module._compiled() if compiled else module.run_samples
+    plain = run_madgwick if isinstance(plugin, Madgwick) else run_mahony
+    loop = common._compiled(plain, plain.__name__) if compiled else plain
     q0 = quaternion_of(np.array([0.1, -0.3, 0.9]))
     q, x = q0.copy(), np.empty((len(imu.t_s) - 1, 3))
     if isinstance(plugin, Madgwick):
-        state, gains = (q,), (plugin.gain_per_s,)
+        state = q, plugin.gain_per_s
     else:
-        state, gains = (q, np.zeros(3)), (plugin.proportional_per_s, plugin.integral_per_s2)
-    loop(*state, imu.gyro_radps[1:].copy(), imu.accel_mps2[1:].copy(), np.full(len(x), 1 / RATE_HZ), *gains, x)
+        state = q, np.zeros(3), plugin.proportional_per_s, plugin.integral_per_s2
+    loop(*state, imu.gyro_radps[1:].copy(), imu.accel_mps2[1:].copy(), np.full(len(x), 1 / RATE_HZ), x)
     w, a, b, c = of_ahrs(plugin, imu, q0).T
     theirs = np.column_stack([2 * (a * c - w * b), 2 * (w * a + b * c), w * w - a * a - b * b + c * c])
     np.testing.assert_allclose(x, theirs, rtol=0, atol=1e-9)

@@ -5,9 +5,9 @@ import pytest
 from moved import G, degrees_between, pushed, recording, shaken, turning
 from scipy.spatial.transform import Rotation
 
-from jerkbench.attitude import mekf
-from jerkbench.attitude.mekf import Mekf
-from jerkbench.attitude.mekf_kernel import make_room, run_samples
+from jerkbench.attitude import common
+from jerkbench.attitude.alignment import TiltStart
+from jerkbench.attitude.mekf import Mekf, run_mekf
 from jerkbench.errors import PluginError
 
 
@@ -35,6 +35,8 @@ def in_plain_matrices(plugin, imu, C, P):
         extra = np.zeros(3)
         if plugin.adapt == "mtf" and e @ e >= C0.sum():
             extra = many * np.maximum(np.mean(squares, axis=0) - C0, 0.0)
+        if plugin.adapt == "scalar" and e @ e >= C0.sum():
+            extra = many * np.full(3, (e @ e - C0.sum()) / 3)
         if plugin.adapt == "lee":
             extra = many * np.full(3, c**2 * (a_prev @ a_prev) / 3)
         M = np.diag(white + extra)
@@ -49,20 +51,27 @@ def in_plain_matrices(plugin, imu, C, P):
 
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize(
-    "plugin", [Mekf(), Mekf("mtf", window_s=0.05), Mekf("lee", external_memory=0.5, window_s=0.1), Mekf(bias=False)]
+    "plugin",
+    [
+        Mekf(),
+        Mekf("mtf", window_s=0.05),
+        Mekf("scalar", window_s=0.05),
+        Mekf("lee", external_memory=0.5, window_s=0.1),
+        Mekf(bias=False),
+    ],
 )
 def test_the_loop_is_the_equations(plugin, compiled):
-    imu, C = shaken(400).imu, Rotation.from_rotvec([0.1, -0.2, 0.0]).as_matrix()
+    imu, C = shaken(400).imu, Rotation.from_euler("YX", [-0.2, 0.1]).as_matrix()
     sigma = 0.005 if plugin.bias else 0.0
-    room = make_room(C, 0.03, sigma, max(1, round(plugin.window_s / 0.01)))
-    loop = mekf._compiled() if compiled else run_samples
+    state = plugin.state(TiltStart(C[2], 0.03), 0.01)
+    loop = common._compiled(run_mekf, "the attitude filter mekf") if compiled else run_mekf
     x, triggered = np.empty((400, 3)), np.empty(400, dtype=bool)
-    loop(room, imu.gyro_radps.copy(), imu.accel_mps2.copy(), np.full(400, 0.01), plugin._settings(), x, triggered)
+    loop(state, imu.gyro_radps.copy(), imu.accel_mps2.copy(), np.full(400, 0.01), x, triggered)
     wanted, b, P = in_plain_matrices(plugin, imu, C, np.diag([0.03] * 3 + [sigma**2] * 3))
     np.testing.assert_allclose(x, wanted, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(room.b, b, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(room.P, P, rtol=1e-6, atol=1e-12)
-    np.testing.assert_array_equal(room.P, room.P.T)
+    np.testing.assert_allclose(state.b, b, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(state.P, P, rtol=1e-6, atol=1e-12)
+    np.testing.assert_array_equal(state.P, state.P.T)
     assert 0 < triggered.sum() < 400
 
 
@@ -104,7 +113,7 @@ def test_a_setting_means_the_same_at_100_and_at_400_hz(plugin):
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ({"adapt": "scalar"}, "no adapt of attitude mekf 'scalar'"),
+        ({"adapt": "mft"}, "no adapt of attitude mekf 'mft'"),
         ({"accel_density": 0.0}, r"accel_density is 0\.0; it must be a positive number"),
         ({"external_memory": 1.0}, r"external_memory is 1\.0; it must be between 0 and 1"),
         ({"window_s": 0.0}, r"window_s is 0\.0"),

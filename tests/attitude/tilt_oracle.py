@@ -29,7 +29,7 @@ def tilt_samples(x, P, gyro, accel, dt, p, a_prev=(0.0, 0.0, 0.0)):
     """Every sample of a run from the state x (3,), P (3, 3) and the external acceleration ``a_prev`` (3,)."""
     a_prev, squares, samples = np.array(a_prev), [], []
     for y_G, y_A, step in zip(gyro, accel, np.broadcast_to(dt, len(gyro)), strict=True):
-        Phi = expm(-step * skew(y_G)) if p.exact else np.eye(3) - step * skew(y_G)
+        Phi = expm(-step * skew(y_G)) if p.propagation == "exact" else np.eye(3) - step * skew(y_G)
         Q = -(step**2) * skew(x) @ (p.sigma_gyro_radps**2 * np.eye(3)) @ skew(x)
         x_prior, P_prior = Phi @ x, Phi @ P @ Phi.T + Q
         e = y_A - p.external_memory * a_prev - G * x_prior

@@ -1,38 +1,81 @@
+"""The protocols of the audit: what they state has to be there, be so, and decide on every seed."""
+
+import dataclasses
+
+import pytest
+
 from jerkbench import plugins
-from jerkbench.audit.protocol import read_protocol
-from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import HALVES
+from jerkbench.audit.protocol import PUBLISHED, AuditMethod, protocol_of, read_protocol
+from jerkbench.errors import PluginError
+from jerkbench.evaluation.statistics import drives_and_tunings
+from jerkbench.parameters import provenance_of
+from jerkbench.presets import preset, preset_names
+
+SCALES = preset_names("audit")
 
 
-def test_every_scenario_of_the_committed_protocols_can_be_built():
-    for scale in ("full", "small"):
-        protocol = read_protocol(scale)
-        for scenario in protocol.scenarios:
-            cell = Entrant.named(protocol.filters[0], protocol.plain).job(scenario)
-            assert cell.scenario.seeded
+@pytest.fixture(scope="module")
+def full():
+    return read_protocol("full")
 
 
-def test_each_family_stands_in_one_half_and_the_halves_have_the_same_number_of_scenarios():
-    protocol = read_protocol("full")
-    counts = {half: sum(len(f.severities) for f in protocol.families if f.half == half) for half in HALVES}
-    assert abs(counts["first"] - counts["second"]) <= 3
+def test_it_lists_every_adaptation_with_what_it_is(full):
+    apart = {full.plain, *full.references}
+    ours = {name for name in plugins.names("adaptation") if plugins.is_own(plugins.get("adaptation", name))}
+
+    assert full.adaptations == {name: provenance_of(plugins.get("adaptation", name)).kind for name in ours - apart}
+    assert len(full.methods) == 4 * 27
 
 
-def test_the_digest_changes_with_anything_in_it():
-    import dataclasses
+@pytest.mark.parametrize("scale", SCALES)
+def test_the_plain_filters_may_try_as_many_settings_as_the_methods_that_are_picked_from(scale):
+    protocol = read_protocol(scale)
+    picked = [name for name in protocol.compared if protocol.adaptations[name] in PUBLISHED]
 
-    protocol = read_protocol("full")
-    others = [
-        dataclasses.replace(protocol, test_seeds=protocol.test_seeds + 1),
-        dataclasses.replace(protocol, filters=protocol.filters[1:]),
-        dataclasses.replace(protocol, families=protocol.families[::-1]),
+    assert len(protocol.plains) * protocol.plain_trials == len(picked) * len(protocol.filters) * protocol.trials
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_no_drive_is_used_twice(scale):
+    protocol = read_protocol(scale)
+    tuned = [seed for tuning in range(protocol.tunings) for seed in protocol.seeds_to_tune_on(tuning)]
+    seeds = [*tuned, *protocol.seeds_to_judge_on]
+
+    assert len(set(seeds)) == len(seeds) == protocol.tunings * protocol.tune_drives + protocol.judged_drives
+
+
+def test_protocols_share_no_drive():
+    seeds = [
+        seed
+        for protocol in map(read_protocol, SCALES)
+        for r in range(protocol.tunings + 1)
+        for seed in (protocol.seeds_to_tune_on(r) if r < protocol.tunings else protocol.seeds_to_judge_on)
     ]
-    assert len({protocol.digest, *(other.digest for other in others)}) == 4
-    assert read_protocol("full").digest == protocol.digest
+
+    assert len(set(seeds)) == len(seeds)
 
 
-def test_all_adaptations_are_compared_but_the_references():
-    protocol = read_protocol("full")
-    own = {name for name in plugins.names("adaptation") if plugins.is_own(plugins.get("adaptation", name))}
-    assert set(protocol.compared) == own - {"oracle"}
-    assert protocol.compared[0] == "none"
+def test_the_margin_and_the_resampled_audits_are_those_of_the_statements(full):
+    assert (full.margin, full.resampled_audits) == (drives_and_tunings.MARGIN, drives_and_tunings.AUDITS)
+
+
+def test_the_laws_of_the_drives_are_part_of_the_digest(full):
+    assert full.laws == preset("dataset", "mixture")
+    milder = {**full.laws, "fault_shares": [0.95, 0.05]}
+    assert dataclasses.replace(full, laws=milder).digest != full.digest
+
+
+def test_an_inertial_filter_runs_with_what_it_takes(full):
+    adapted = [method.adaptation for method in full.beside if method.filter == "eskf15"]
+
+    assert adapted[0] == "none"
+    assert set(adapted[1:]) == set(plugins.get("filter", "eskf15")().adaptations) & set(full.adaptations)
+    assert AuditMethod("imm", "none") in full.beside
+
+
+@pytest.mark.parametrize(("more", "less"), [({"trails": 3}, ()), ({}, ("trials",))], ids=["unknown", "missing"])
+def test_a_parameter_that_is_wrong_is_named(more, less):
+    stated = {k: v for k, v in preset("audit", "small").items() if k not in less} | more | {"laws": {}}
+
+    with pytest.raises(PluginError, match=f"mine.yaml lacks {[*more, *less][0]}"):
+        protocol_of(stated, "mine.yaml")

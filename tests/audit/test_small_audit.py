@@ -1,52 +1,80 @@
-"""`jerkbench audit --scale small`, interrupted and gone on with, against golden tables."""
+"""`jerkbench audit --scale small`: killed and gone on with by two processes, against one that was left alone."""
 
-from pathlib import Path
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import pandas as pd
 import pytest
+from test_audit_answer import same_as_in_pandas
 
+from commands import PATIENCE_S, environment
+from jerkbench.audit.answer import answered
 from jerkbench.audit.protocol import read_protocol
+from jerkbench.audit.stored import read_rows
 from jerkbench.audit.study import run_audit
-from jerkbench.jobs import run as loop
-from jerkbench.jobs.cluster import Local
-from jerkbench.results.store import Store
+from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.cluster import LOCAL
 
-GOLDEN = Path(__file__).parent / "golden"
-"""verdicts.csv without times, and settings.csv, of the small audit; a change of what is computed makes them anew."""
-TASKS_BEFORE_THE_END = 200
+COMMAND = [sys.executable, "-m", "jerkbench", "audit", "--scale", "small", "--workers"]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Of an audit that was stopped in its first stage, and gone on with by two processes."""
-    folder, protocol = tmp_path_factory.mktemp("audit") / "audit-small", read_protocol("small")
-    original, done = loop.work, []
-
-    def stopped(task, **how):
-        if len(done) == TASKS_BEFORE_THE_END:
-            raise KeyboardInterrupt
-        done.append(task)
-        return original(task, **how)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop, "work", stopped)
-        with pytest.raises(KeyboardInterrupt):
-            run_audit(protocol, folder, Local(), workers=1)
-    ran = {(job.key, draw) for task in done for job in task.jobs for draw in task.draws}
-    keys = {key for key, _ in ran}
-    known = Store(folder / "runs").known(keys)
-    assert {(key, draw) for key, draws in known.items() for draw in draws} == ran
-    run_audit(protocol, folder, Local(), workers=2)
-    tables = [pd.read_parquet(path, columns=["cell.key", "seed"]) for path in folder.rglob("part-*")]
-    assert not pd.concat(tables).duplicated().any()  # nothing was run twice
+def alone(tmp_path_factory):
+    """An audit of one process that was left alone."""
+    folder = tmp_path_factory.mktemp("alone") / "audit-small"
+    run_audit(read_protocol("small"), folder, LOCAL, workers=1)
     return folder
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["verdicts", "settings"])
-def test_the_small_audit_comes_out_as_it_did(name, folder):
-    golden = pd.read_csv(GOLDEN / f"small_{name}.csv")
-    found = pd.read_csv(folder / f"{name}.csv")
+def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
+    folder = tmp_path / "results" / "audit-small"
+    begun = subprocess.Popen([*COMMAND, "1"], cwd=tmp_path, env=environment(), stderr=subprocess.DEVNULL)
+    since = time.monotonic()
+    while not list(folder.glob("runs/*.parquet")):
+        assert begun.poll() is None
+        assert time.monotonic() - since < PATIENCE_S
+        time.sleep(0.1)
+    os.kill(begun.pid, signal.SIGKILL)
+    begun.wait()
+    assert not (folder / "README.md").exists()
+    done = subprocess.run([*COMMAND, "2"], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "pieces are done already" in done.stderr
+    parts = pd.concat(map(pd.read_parquet, folder.glob("runs/*.parquet")))
+    assert not parts.duplicated(["filter", "adaptation", "tuning", "trial", "seed"]).any()  # nothing was run twice
+    first, second = read_rows(alone), read_rows(folder)
+    for (name, table), (_, again) in zip(first.tables, second.tables, strict=True):
+        known = [column for column in table if column != "cpu_s"]
+        pd.testing.assert_frame_equal(
+            *(own[known].sort_values(known, ignore_index=True) for own in (table, again)), obj=name
+        )
+    assert (folder / "methods.csv").read_bytes() == (alone / "methods.csv").read_bytes()
 
-    pd.testing.assert_frame_equal(found[golden.columns], golden, rtol=1e-9, atol=0.0)
-    assert list(found.columns.difference(golden.columns)) == (["step_ns"] if name == "verdicts" else [])
+
+@pytest.mark.slow
+def test_every_number_of_the_small_audit_is_that_of_pandas(alone):
+    same_as_in_pandas(answered(read_rows(alone)))
+
+
+@pytest.mark.slow
+def test_a_small_audit_on_a_cluster_comes_out_the_same(alone, tmp_path):
+    pytest.importorskip("dask")
+    words = [sys.executable, "-m", "jerkbench", "audit", "--scale", "small", "--cluster", "dask", "--workers", "2"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "results/audit-small/methods.csv").read_bytes() == (alone / "methods.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_protocol_that_was_changed_afterwards_is_refused(alone, tmp_path):
+    for path in alone.glob("*.*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    text = (tmp_path / "protocol.json").read_text(encoding="utf-8")
+    (tmp_path / "protocol.json").write_text(text.replace('"margin": 0.1', '"margin": 0.2'), encoding="utf-8")
+
+    with pytest.raises(JerkbenchError, match="it was changed"):
+        read_rows(tmp_path)

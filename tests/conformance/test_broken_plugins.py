@@ -11,7 +11,7 @@ from jerkbench import testing
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.conformance.samples import small_recording, true_attitude
-from jerkbench.disturbances.imu_bias import ImuBias as BiasDisturbance
+from jerkbench.disturbances.imu import ImuBias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates

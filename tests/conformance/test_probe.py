@@ -9,7 +9,7 @@ import pytest
 from jerkbench import plugins, testing
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.conformance.plugin import complaint
-from jerkbench.disturbances.imu_bias import ImuBias
+from jerkbench.disturbances.imu import ImuBias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.metrics.position import PositionRmse

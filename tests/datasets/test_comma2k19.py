@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.conformance.plugin import check_plugin
 from jerkbench.datasets.comma2k19 import Comma2k19
-from jerkbench.disturbances.gnss_outage import GnssOutage
+from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.errors import PluginError, RecordingError
 
 LATITUDE, LONGITUDE, HEIGHT = np.radians(37.0), np.radians(-122.0), 30.0

@@ -1,10 +1,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 
 from jerkbench import plugins
 from jerkbench.datasets.repoimu import ACCEL, ATTITUDE, GYRO, RepoImu
 from jerkbench.errors import RecordingError
+from jerkbench.evaluation.navigation_errors import angle_between
+from jerkbench.geometry import vertical_in_body
 from jerkbench.testing import check_plugin
 
 
@@ -33,6 +36,43 @@ def test_a_trial_is_a_recording_with_an_attitude_alone(folder):
     np.testing.assert_allclose(recording.reference.euler_rad[:, :2], np.tile([0.3, 0.0], (600, 1)), atol=1e-12)
     assert np.isnan(recording.reference.euler_rad[:, 2]).all()
     np.testing.assert_array_equal(recording.reference.scored, np.arange(600) >= 300)
+
+
+@pytest.fixture
+def turned(tmp_path):
+    """A minute of turns about all axes, and its true vertical; mounted and tilted reference, lost after 40 s."""
+    t = np.arange(6000) / 100
+    rate = np.sin(np.outer(t, [1.1, 0.7, 0.9])) * (t > 3.0)[:, None]
+    truth = [Rotation.from_euler("YX", [0.1, 0.3])]
+    for turn in Rotation.from_rotvec(rate[1:] / 100):
+        truth.append(truth[-1] * turn)
+    truth = Rotation.concatenate(truth)
+    mount, tilt = Rotation.from_rotvec([0.05, 0.0, -0.02]), Rotation.from_rotvec([0.02, 0.03, 0.5])
+    published = (tilt * truth * mount).as_quat(scalar_first=True)
+    published[4000:] = published[4000]
+    force = truth.inv().apply([0.0, 0.0, 9.81]) + np.random.default_rng(0).normal(0.0, 0.5, (6000, 3))
+    columns = np.column_stack([7.0 + t, force, rate + [0.01, -0.02, 0.03], published, t >= 3.0])
+    table = pd.DataFrame(columns, columns=["t_s", *ACCEL, *GYRO, *ATTITUDE, "movement"])
+    table.to_parquet(tmp_path / "TStick_Test04_Trial1.parquet")
+    return tmp_path, truth.inv().apply([0.0, 0.0, 1.0])
+
+
+def test_the_reference_is_turned_into_the_axes_of_the_imu_and_upright(turned):
+    folder, vertical = turned
+    found, published = (
+        vertical_in_body(np.nan_to_num(RepoImu(str(folder), 4, align_reference=align).load().reference.euler_rad))
+        for align in (True, False)
+    )
+    assert angle_between(found, vertical)[:4000].max() < 0.003
+    assert np.median(angle_between(published, vertical)[:4000]) > 0.03
+
+
+def test_a_reference_that_contradicts_gravity_does_not_count(turned):
+    folder, _ = turned
+    scored = RepoImu(str(folder), 4).load().reference.scored
+    assert scored[300:3400].all()
+    assert scored[4300:].mean() < 0.5
+    assert RepoImu(str(folder), 4, align_reference=False).load().reference.scored[300:].all()
 
 
 def test_the_bias_may_stay(folder):

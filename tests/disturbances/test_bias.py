@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.imu_bias import ImuBias
+from jerkbench.disturbances.imu import ImuBias
 from jerkbench.errors import PluginError
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.decimate_position import DecimatePosition
+from jerkbench.disturbances.withhold import DecimatePosition
 from jerkbench.errors import PluginError
 
 

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.coloured import Coloured
-from jerkbench.disturbances.false_fix import FalseFix
-from jerkbench.disturbances.latency import Latency
-from jerkbench.disturbances.lever_arm import LeverArm
 from jerkbench.disturbances.multipath import MultipathAllAxes, MultipathSingleAxis
-from jerkbench.disturbances.outliers import Outliers
+from jerkbench.disturbances.noise import Coloured, StatedCovariance
+from jerkbench.disturbances.position_errors import FalseFix, LeverArm, Outliers
 from jerkbench.disturbances.rtk_float import RtkFloat
-from jerkbench.disturbances.stated_covariance import StatedCovariance
+from jerkbench.disturbances.stamps import Latency
 from jerkbench.disturbances.wheel_slip import WheelSlip
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Reference

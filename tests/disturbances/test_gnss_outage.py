@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jerkbench import plugins
-from jerkbench.disturbances.gnss_outage import GnssOutage
+from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.errors import PluginError
 from jerkbench.recording import Heading, Velocity
 

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.dropout import Dropout
-from jerkbench.disturbances.imu_vibration import ImuVibration
-from jerkbench.disturbances.jitter import Jitter
+from jerkbench.disturbances.imu import Dropout, ImuVibration
+from jerkbench.disturbances.stamps import Jitter
 from jerkbench.errors import PluginError
 from jerkbench.recording import Imu, Recording, Reference
 

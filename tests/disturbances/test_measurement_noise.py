@@ -3,10 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.heavy_tailed import HeavyTailed
 from jerkbench.disturbances.multipath import MultipathAllAxes
-from jerkbench.disturbances.noise_step import NoiseSine, NoiseStep
-from jerkbench.disturbances.outliers import Outliers
+from jerkbench.disturbances.noise import HeavyTailed, NoiseSine, NoiseStep
+from jerkbench.disturbances.position_errors import Outliers
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Position, Velocity
 

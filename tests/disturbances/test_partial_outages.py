@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jerkbench import plugins
-from jerkbench.disturbances.gnss_outage import OutageSweep, PositionOutage, VelocityOutage
+from jerkbench.disturbances.outages import OutageSweep, PositionOutage, VelocityOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.metrics.outage import Outage

@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.gnss_outage import GnssOutage
 from jerkbench.disturbances.multipath import MultipathSingleAxis
+from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.disturbances.withhold import SOURCE, Withhold
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import velocity_when_true

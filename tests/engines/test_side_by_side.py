@@ -10,6 +10,7 @@ from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded, slow_where
 
 from engine_agreement import with_other_last_bits
 from jerkbench import plugins
+from jerkbench.adaptation.huber import Huber
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
@@ -23,7 +24,7 @@ from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.jerk import Jerk
 from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
-from jerkbench.measurements import Measurements
+from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements
 from jerkbench.sums import Run
 from jerkbench.timeline import build_timeline
 from rough import rough_recording
@@ -173,6 +174,39 @@ def test_a_covariance_that_is_not_symmetric_is_left_to_the_run_alone(several):
 
     assert lopsided is None
     assert_same(sound, trajectory(*several[1], Jerk(), Mtf()), {})
+
+
+def told(pair, position, velocity):
+    recording, timeline = pair
+    return recording, replace(timeline, measurements=ScaledMeasurements(timeline.measurements, position, velocity))
+
+
+@pytest.mark.parametrize("rule", [NoAdaptation(), Mtf(), Oracle(), Huber()], ids=["none", "mtf", "oracle", "huber"])
+def test_settings_that_share_a_recording_are_those_beside_other_recordings_to_the_bit(several, rule):
+    settings = [told(several[0], 0.3 + 0.2 * k, 2.0 - 0.2 * k) for k in range(8)]
+    models = [Jerk(jerk_mps3_per_sqrt_s=1.0 + k) for k in range(8)]
+
+    sharing = side_by_side(settings, models, rule)
+
+    assert len({result["position_rmse_m"] for result in sharing}) == len(settings)
+    for k, result in enumerate(sharing):
+        beside, _ = side_by_side([settings[k], several[1 + k]], [models[k], Jerk()], rule)
+        np.testing.assert_array_equal(list(result.values()), list(beside.values()))
+
+
+def test_a_filter_is_told_the_covariances_that_it_would_be_told_alone(several):
+    # a variance that is reported at 3 mm^2 is told as 1 mm^2, the floor, not as less
+    recording, timeline = several[0]
+    R = timeline.measurements.R.copy()
+    R[:, 0] = R[:, :, 0] = 0.0
+    R[:, 0, 0] = 3e-6
+    small = recording, replace(timeline, measurements=replace(timeline.measurements, R=R))
+    scaled = told(small, 0.2, 3.0)
+    wanted = replace(timeline.measurements, R=scaled[1].measurements.R)
+
+    assert wanted.R[0, 0, 0] == VARIANCE_FLOOR
+    eager = side_by_side([(recording, replace(timeline, measurements=wanted))], Jerk(), Mtf())[0]
+    assert_same(side_by_side([scaled], Jerk(), Mtf())[0], eager, {})
 
 
 @dataclass

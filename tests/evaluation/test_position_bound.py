@@ -11,8 +11,8 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.datasets.field import Field
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.disturbances.gnss_outage import GnssOutage
-from jerkbench.disturbances.noise_step import NoiseStep
+from jerkbench.disturbances.noise import NoiseStep
+from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.position import PositionRmse

@@ -10,8 +10,8 @@ from jerkbench.errors import PluginError
 from jerkbench.evaluation.metrics.reference_floor import ReferenceFloor
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.columns import FACTORS
-from jerkbench.report.analysis.runs import paired, runs_by_combination
-from jerkbench.report.analysis.standings import family_note, judged_pairs
+from jerkbench.report.analysis.runs import runs_by_combination
+from jerkbench.report.analysis.standings import compare_runs, family_note
 
 N = 20_000
 
@@ -83,7 +83,7 @@ def test_a_difference_below_the_floor_gets_no_verdict(floor_m, verdict):
         for seed in range(30)
     ]  # fmt: skip
     good, plain = runs_by_combination(pd.DataFrame(rows), "position_rmse_m").values()
-    compared = judged_pairs(paired([(good, plain)]))
+    compared = compare_runs([(good, plain)])
 
     assert compared[0].verdict is verdict
     assert ("differ by less than the reference's own sigma" in family_note(compared)) == (verdict is Verdict.UNDECIDED)

@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-
-from experiment_scripts import EXPERIMENTS, experiment
 from jerkbench.audit.verdicts import DEFAULTS, TUNED
 from made_losses import JERK, losses
+
+from experiment_scripts import EXPERIMENTS, experiment
 
 of_paper = experiment("paper/claims.py")
 ten_times = experiment("paper/ten_times.py")

@@ -1,15 +1,18 @@
 """Fetching from a server on this machine that can be told to misbehave."""
 
 import hashlib
+import json
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+import numpy as np
 import pytest
 
 from commands import verb
 from jerkbench import fetching
 from jerkbench.errors import RecordingError
 from jerkbench.fetching import PublicFile, PublicRecording, fetch, public_recording, public_recordings
+from jerkbench.verbs.source import dataset_of
 
 CONTENT = bytes(range(256)) * 2000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
@@ -146,7 +149,7 @@ def test_a_folder_that_cannot_be_written_is_a_sentence(server, tmp_path):
 def test_the_registry_lists_whole_recordings_at_fixed_commits():
     known = public_recordings()
     drives = {"rtklib_drive_0708", "comma2k19", "broad", "robot_localization"}
-    assert set(known) == drives | {"tokyo_1105", "pixel4"}
+    assert set(known) == drives | {"tokyo_1105", "pixel4", "taroz", "ppc", "uwb_outdoor"}
     for one in known.values():
         for file in one.files:
             assert len(file.sha256) == 64
@@ -157,12 +160,75 @@ def test_the_registry_lists_whole_recordings_at_fixed_commits():
         public_recording("brod")
 
 
+CONVERTED = {"taroz", "ppc", "uwb_outdoor"}
+"""Of these no published file is beside, only tables that were made of it."""
+
+
 def test_the_registry_has_the_hashes_of_the_files_beside(shared_folder):
     for one in public_recordings().values():
-        for file in one.files:
+        for file in one.files if one.name not in CONVERTED else ():
             folder = shared_folder / "data" / one.name
             path = (folder if folder.is_dir() else folder.parent / "degraded" / one.name) / file.name
             assert hashlib.sha256(path.read_bytes()).hexdigest() == file.sha256, path
+
+
+def test_the_registry_has_the_files_that_the_tables_beside_were_made_of(shared_folder):
+    """Repository, commit and path of each, as the tables' own description has them."""
+    known = public_recordings()
+    for meta in sorted((shared_folder / "data" / "journeys").glob("*/*/meta.json")):
+        about = json.loads(meta.read_text())
+        if about["group"] in CONVERTED:
+            urls = {file.url for file in known[about["group"]].files}
+            base = f"https://raw.githubusercontent.com/{about['repository']}/{about['commit']}/"
+            assert {base + path for path in about["paths"][:2]} <= urls, meta
+            assert known[about["group"]].licence == about["licence"]
+
+
+FIXES_OF = {
+    "taroz": {
+        "rover_1Hz_spp.pos": "% GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
+        " sdun(m) age(s) ratio vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun\n"
+        + "".join(
+            f"2024/07/20 09:52:{30 + k}.000 35.16531{k} 136.88146 40.2 5 30 2.4 2.0 5.7 1.1 -1.5 -1.9 0 0"
+            " 0.1 0.2 0.0 0.07 0.06 0.18 0.03 -0.06 -0.02\n"
+            for k in range(5)
+        ),
+        "reference.csv": "GPS TOW (s),GPS Week,Latitude (deg),Longitude (deg),Ellipsoid Height (m),ECEF X (m),"
+        "East Velocity (m/s),North Velocity (m/s),Up Velocity (m/s)\n"
+        + "".join(f"{553950 + k}.0, 2323, 35.16531{k}, 136.88146, 41.2, 0, 0.2, 0.1, 0.0\n" for k in range(5)),
+    },
+    "ppc_fixes": {
+        "nagoya_run1/fixes.txt": "% columns\n"
+        + "".join(f"2325 {550380 + k}.0 -3810244.{k} 3567870.9 3652891.8 35.1 136.8 45.6 1 26 1.1\n" for k in range(5)),
+        "nagoya_run1/reference.txt": "% columns\n"
+        + "".join(
+            f"2325 {550380 + k}.0 -3810242.{k} 3567866.6 3652891.1 35.1 136.8 41.4 {4 if k != 2 else 3} 23 2 0 9384\n"
+            for k in range(5)
+        ),
+    },
+    "uwb_outdoor": {
+        "los_case_1/LS.csv": "timestamp,x,y,z\n"
+        + "".join(f"17345014855{k}4849980,-2.{k},-4.2,1.08\n" for k in range(5)),
+        "los_case_1/trajectory.csv": "timestamp,x,y,z,heading_degrees\n"
+        + "".join(f"1.73450148{5 + k}5003267e+18,-2.{k},-4.25,0.0,0.0\n" for k in range(5)),
+    },
+}
+"""Some rows of each, made up, as the publishers write them."""
+
+
+@pytest.mark.parametrize(("preset", "truths"), [("taroz", 5), ("ppc_fixes", 4), ("uwb_outdoor", 5)])
+def test_the_presets_read_what_is_fetched(preset, truths, tmp_path, monkeypatch):
+    folder = tmp_path / ("ppc" if preset == "ppc_fixes" else preset)
+    for name, text in FIXES_OF[preset].items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path))
+    recording = dataset_of(preset, None, []).load(0)
+
+    assert (len(recording.position.t_s), len(recording.reference.t_s)) == (5, truths)
+    assert recording.reference.independent == (preset != "ppc_fixes")
+    error_m = np.linalg.norm(recording.position.enu_m[0] - recording.reference.enu_m[0])
+    assert error_m == pytest.approx({"taroz": 1.0, "ppc_fixes": 4.79, "uwb_outdoor": 1.08}[preset], abs=0.05)
 
 
 def test_the_verb_lists_and_finds(tmp_path, monkeypatch):

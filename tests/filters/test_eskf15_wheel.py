@@ -6,7 +6,7 @@ import pytest
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.comma2k19 import Comma2k19
-from jerkbench.disturbances.gnss_outage import GnssOutage
+from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15
 
 TRUE_SCALE = 1.0 / 1.0087 - 1.0

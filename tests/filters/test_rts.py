@@ -11,12 +11,17 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
-from jerkbench.filters.rts import RauchTungStriebel
-from jerkbench.recording import Reference
+from jerkbench.estimate import no_attitude
+from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
+from jerkbench.recording import Position, Recording, Reference
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
-MODELS = ("baseline", "bias", "jerk")
+MODELS = ("baseline", "bias", "jerk", "constant_velocity", "acceleration")
+
+
+def smoother_of(model):
+    return (SmoothedFixes if model in ("constant_velocity", "acceleration") else RauchTungStriebel)(model)
 
 
 def noisy_recording(seed=1, **options):
@@ -44,7 +49,7 @@ def start(timeline, model):
 @pytest.mark.parametrize("name", MODELS)
 def test_it_agrees_with_filterpy_over_a_whole_run(name):
     recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)  # u = 0: filterpy's smoother knows no input
-    attitude, smoother = level_attitude(recording), RauchTungStriebel(name)
+    attitude, smoother = level_attitude(recording), smoother_of(name)
     timeline, model = build_timeline(recording, attitude), smoother.kinematic_filter()
     x, P = start(timeline, model)
     kf = KalmanFilter(dim_x=len(x), dim_z=6)
@@ -102,7 +107,7 @@ def test_it_is_the_batch_solution_of_all_measurements_with_input_and_rows_absent
         reference=Reference(stamps, "none", independent=True, enu_m=np.zeros((6, 3))),
     )
     attitude = level_attitude(recording, np.sin(np.arange(120.0)).reshape(40, 3))
-    smoother = RauchTungStriebel(name)
+    smoother = smoother_of(name)
     timeline = build_timeline(recording, attitude)
     states, covariances = batch_solution(timeline, smoother.kinematic_filter())
 
@@ -189,3 +194,41 @@ def test_a_faded_covariance_is_a_larger_process_noise_of_the_step_before():
 def test_a_wrong_model_is_a_sentence():
     with pytest.raises(PluginError, match="Did you mean 'jerk'"):
         RauchTungStriebel("jrk")
+    with pytest.raises(PluginError, match=r"filter=rts_fixes filter\.model=acceleration"):
+        RauchTungStriebel("acceleration")
+    with pytest.raises(PluginError, match="Did you mean 'constant_turn'"):
+        SmoothedFixes("constant_tun")
+
+
+def fixes_of_a_circle(radius_m=40.0, speed_mps=8.0, gap_s=(20.0, 26.0), sigma_m=0.01):
+    t_s = np.arange(0.0, 60.0)
+    angle = speed_mps / radius_m * t_s
+    circle_m = radius_m * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    rows = (t_s < gap_s[0]) | (t_s > gap_s[1])
+    fixes_m = circle_m[rows] + np.random.default_rng(2).normal(0, sigma_m, (rows.sum(), 3))
+    position = Position(t_s[rows], fixes_m, np.tile(sigma_m**2 * np.eye(3), (rows.sum(), 1, 1)))
+    return Recording("circle", None, Reference(t_s, "a circle", independent=True, enu_m=circle_m), position)
+
+
+def smoothed_circle(**settings):
+    recording = fixes_of_a_circle()
+    estimate = SmoothedFixes(**settings).estimate(recording, no_attitude(recording.clock_s), NoAdaptation())
+    return estimate, np.linalg.norm(estimate.position_m - recording.reference.enu_m, axis=1)
+
+
+def test_over_a_turn_that_is_none_it_is_the_smoother_of_a_constant_velocity():
+    straight, _ = smoothed_circle()
+    turning, _ = smoothed_circle(model="constant_turn", turn_walk_radps_per_sqrt_s=1e-8, initial_turn_radps=1e-7)
+
+    np.testing.assert_allclose(turning.position_m, straight.position_m, atol=1e-6)
+    np.testing.assert_allclose(turning.covariance, straight.covariance, rtol=1e-4, atol=1e-9)
+
+
+def test_a_turn_goes_on_through_a_gap_where_a_constant_velocity_cuts_the_corner():
+    _, straight_m = smoothed_circle(velocity_walk_mps_per_sqrt_s=1.0)
+    _, turning_m = smoothed_circle(
+        model="constant_turn", velocity_walk_mps_per_sqrt_s=0.05, turn_walk_radps_per_sqrt_s=0.001
+    )
+
+    assert straight_m[20:27].max() > 0.5
+    assert turning_m[20:27].max() < 0.1

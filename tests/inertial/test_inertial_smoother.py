@@ -12,7 +12,7 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.disturbances.gnss_outage import GnssOutage
+from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.eskf15_rts import Eskf15Smoother
 from jerkbench.inertial.mechanisation import FLAT, process_noise

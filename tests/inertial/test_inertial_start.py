@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import RecordingError
-from jerkbench.inertial.alignment import MOVING_TILT_RAD, StartSigmas, align, levelled
+from jerkbench.geometry import roll_pitch
+from jerkbench.inertial.alignment import LEVELLING_S, MOVING_TILT_RAD, StartSigmas, align
 from jerkbench.inertial.mechanisation import SensorNoise
 from jerkbench.inertial.run_inputs import deviation, merge_events, still_samples
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Position
@@ -23,6 +24,10 @@ def tilted(roll, pitch, gyro=(0.0, 0.0, 0.0), static_start_s=2.0):
     force = Rotation.from_euler("ZYX", [0.7, pitch, roll]).as_matrix().T @ [0, 0, GRAVITY_MPS2]
     n = len(rest.imu.t_s)
     return replace(rest, imu=Imu(rest.imu.t_s, np.tile(force, (n, 1)), np.tile(gyro, (n, 1))))
+
+
+def steps_of(timeline):
+    return timeline.t_s, timeline.update, timeline.reference
 
 
 def start_of(recording, yaw=0.7, *, from_rest=True, sigmas=SIGMAS):
@@ -50,6 +55,10 @@ def test_without_the_rest_the_gyro_bias_is_unknown():
     np.testing.assert_allclose(np.diag(P)[9:12], 1e-4)
 
 
+def levelled(recording, imu):
+    return roll_pitch(replace(recording, imu=imu).apparent_vertical(LEVELLING_S))
+
+
 def test_the_tilt_that_an_accelerometer_bias_makes_is_in_the_covariance():
     recording = tilted(0.1, -0.2)
     _, P = start_of(recording)
@@ -57,7 +66,7 @@ def test_the_tilt_that_an_accelerometer_bias_makes_is_in_the_covariance():
     J = np.empty((3, 3))
     for axis, bias in enumerate(1e-4 * np.eye(3)):
         biased = replace(recording.imu, accel_mps2=recording.imu.accel_mps2 + bias)
-        roll, pitch = levelled(replace(recording, imu=biased))
+        roll, pitch = levelled(recording, biased)
         wrong = Rotation.from_euler("ZYX", [0.7, pitch, roll]).as_matrix()
         J[:, axis] = Rotation.from_matrix(true @ wrong.T).as_rotvec() / 1e-4
     noise = 9e-4 / GRAVITY_MPS2**2
@@ -77,7 +86,7 @@ def test_the_tilt_that_a_deformed_accelerometer_makes_is_in_the_covariance():
         M = np.zeros(9)
         M[at] = 1e-4
         shown = recording.imu.accel_mps2 @ (np.eye(3) + M.reshape(3, 3).T).T  # column by column
-        roll, pitch = levelled(replace(recording, imu=replace(recording.imu, accel_mps2=shown)))
+        roll, pitch = levelled(recording, replace(recording.imu, accel_mps2=shown))
         wrong = Rotation.from_euler("ZYX", [0.7, pitch, roll]).as_matrix()
         J[:, at] = Rotation.from_matrix(true @ wrong.T).as_rotvec()[:2] / 1e-4
     variances = np.where(np.eye(3), 0.004, 0.002).ravel() ** 2
@@ -159,7 +168,7 @@ def test_headings_split_the_steps_and_keep_everything_else():
     t_s = np.array([0.1, 0.75, 1.0, 1.25, 5.0])  # before the start, between, on a fix, between, after the end
     headings = Heading(t_s, np.zeros(5), np.full(5, 0.1))
     timeline = build_timeline(recording, level_attitude(recording))
-    plain, events = (merge_events(timeline, recording.imu, h, 0.5) for h in (None, headings))
+    plain, events = (merge_events(*steps_of(timeline), recording.imu, h, 0.5) for h in (None, headings))
 
     np.testing.assert_array_equal(plain.t_s, timeline.t_s)
     np.testing.assert_array_equal(plain.sample, timeline.sample)
@@ -175,6 +184,6 @@ def test_headings_split_the_steps_and_keep_everything_else():
 def test_constraints_are_due_once_an_interval():
     recording = recording_at_rest(duration_s=3.0)
     timeline = build_timeline(recording, level_attitude(recording))
-    events = merge_events(timeline, recording.imu, None, 0.25)
+    events = merge_events(*steps_of(timeline), recording.imu, None, 0.25)
 
     np.testing.assert_allclose(events.t_s[events.constrained], np.arange(1, 13) * 0.25)

@@ -13,11 +13,11 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.scalar_q import ScalarQ
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import Field
-from jerkbench.disturbances.noise_step import NoiseStep
+from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import scored, sums_from, sums_of
-from jerkbench.filters.rts import RauchTungStriebel
+from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.linear.smoother import smooth_one
 from jerkbench.sums import RecordedRun
@@ -55,6 +55,19 @@ def compare(model, adaptation):
 @pytest.mark.parametrize("name", MODELS)
 def test_it_agrees_with_numpy_with_each_model(name):
     compare(RauchTungStriebel(name), NoAdaptation())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["constant_velocity", "acceleration"])
+def test_it_agrees_with_numpy_over_fixes_alone(name):
+    compare(SmoothedFixes(name), NoAdaptation())
+
+
+def test_over_a_constant_turn_nothing_is_compiled():
+    recording, attitude = recorded()
+    model = SmoothedFixes("constant_turn")
+
+    assert model.estimate_compiled(recording, attitude, NoAdaptation()) is None
 
 
 @pytest.mark.parametrize("name", RauchTungStriebel().adaptations)

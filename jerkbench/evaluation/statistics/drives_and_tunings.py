@@ -137,8 +137,13 @@ def comparisons(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray, Flo
 
 def statements(losses: Losses, weights: FloatArray | None = None) -> Statements:
     """Return what an audit says, at an error of 5 % for all of it together; ``weights`` (D,): of another mixture."""
-    each = [list(_judged(*row)) for row in _intervals(comparisons(losses), weights)]
-    return Statements(each[0][0], each[1][0], tuple(each[2]), tuple(each[3]))
+    each = [_judged(*row) for row in _intervals(comparisons(losses), weights)]
+    return Statements(each[0][0], each[1][0], each[2], each[3])
+
+
+def stated(y: FloatArray, level: float, weights: FloatArray | None = None) -> tuple[Statement, ...]:
+    """Return what is said of each of y (k, R, D), log ratios, each at ``level``."""
+    return _judged(*crossed_intervals(y, level, weights))
 
 
 def _lowest(judged: FloatArray, tuned: FloatArray) -> FloatArray:
@@ -187,13 +192,15 @@ def _third(apart: FloatArray) -> FloatArray:
     return np.asarray((apart**3).sum(axis=1) / (n * (n - 1) * (n - 2)))
 
 
-def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> Iterator[Statement]:
+def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> tuple[Statement, ...]:
+    said = []
     ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
     for ratio, below, above, sd in ends:
         small = bool(below >= 1.0 / (1.0 + MARGIN) and above <= 1.0 + MARGIN)
         shown = Verdict.BETTER if above < 1.0 else Verdict.WORSE if below > 1.0 else None
         verdict = shown or (Verdict.EQUAL if small else Verdict.UNDECIDED)
-        yield Statement(float(ratio), float(below), float(above), verdict, small, float(sd))
+        said.append(Statement(float(ratio), float(below), float(above), verdict, small, float(sd)))
+    return tuple(said)
 
 
 # The error of the whole procedure.

@@ -39,6 +39,9 @@ TURNED = {
 }
 """Verdicts as the other side sees them; equal and undecided are the same from both."""
 
+WINS = (Verdict.BETTER, Verdict.FEWER_LOST)
+DEFEATS = (Verdict.WORSE, Verdict.MORE_LOST)
+BY_LOSSES = (Verdict.FEWER_LOST, Verdict.MORE_LOST)
 
 NOT_EXCLUDED = "losses are not excluded"
 """Equal but for runs that may be lost: so few seeds did not show them."""

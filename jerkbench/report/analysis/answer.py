@@ -5,64 +5,36 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
-from jerkbench.report.analysis.columns import FACTORS
-from jerkbench.report.analysis.runs import Combination
+from jerkbench.evaluation.statistics.judgement import BY_LOSSES, DEFEATS, WINS, Judgement, Verdict
+from jerkbench.report.analysis.columns import Combination
 from jerkbench.report.analysis.standings import UNTESTED, Comparison, Standing, losses_range
 from jerkbench.report.tables.table_model import factor_number
-
-WON = (Verdict.BETTER, Verdict.FEWER_LOST)
-LOST = (Verdict.WORSE, Verdict.MORE_LOST)
 
 ALL_LOST = math.log(100.0)
 """A method that loses every run, beside one that loses none, weighs as much as one that is 100 times worse."""
 
 
-@dataclass(frozen=True)
-class Round:
-    """One scenario, as the first of two methods sees it.
+def certain_size(judgement: Judgement) -> float:
+    """Return what is certain of a difference: the log ratio at that end of its interval that is nearest to none."""
+    if judgement.verdict in BY_LOSSES:
+        return ALL_LOST * abs(judgement.failures[0] - judgement.failures[1]) / judgement.n
+    if judgement.verdict not in {Verdict.BETTER, Verdict.WORSE}:
+        return 0.0
+    ends = (abs(math.log(end)) for end in (judgement.low, judgement.high) if 0 < end < math.inf)
+    return min(ends, default=ALL_LOST)  # the median run of one is lost: no size, and nothing uncertain
 
-    Attributes:
-        scenario: its name; empty where there is only one.
-        judgement: of the first over the second.
-    """
 
-    scenario: str
-    judgement: Judgement
-
-    @property
-    def verdict(self) -> Verdict:
-        """On the first method."""
-        return self.judgement.verdict
-
-    @property
-    def turned(self) -> "Round":
-        """The same, as the second sees it."""
-        return Round(self.scenario, self.judgement.turned)
-
-    @property
-    def weight(self) -> float:
-        """What is certain of the difference: the log ratio at that end of its interval that is nearest to none."""
-        of = self.judgement
-        if self.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
-            return ALL_LOST * abs(of.failures[0] - of.failures[1]) / of.n
-        if self.verdict not in {Verdict.BETTER, Verdict.WORSE}:
-            return 0.0
-        ends = (abs(math.log(end)) for end in (of.low, of.high) if 0 < end < math.inf)
-        return min(ends, default=ALL_LOST)  # the median run of one is lost: no size, and nothing uncertain
-
-    @property
-    def words(self) -> str:
-        """The size of a difference that was shown."""
-        if self.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
-            ours, theirs = self.judgement.failures
-            return f"{ours} of {self.judgement.n} runs lost or locked out against {theirs}"
-        better = self.verdict is Verdict.BETTER
-        seen, word = (self.judgement.turned, "better") if better else (self.judgement, "worse")
-        if not 0 < seen.ratio < math.inf:
-            return f"{word}, as the median run of the one is lost"
-        times, low, high = map(factor_number, (seen.ratio, seen.low, seen.high))
-        return f"{times} times {word}, 95 % {low} to {high}"
+def size_text(judgement: Judgement) -> str:
+    """Say how large a difference is that was shown."""
+    if judgement.verdict in BY_LOSSES:
+        ours, theirs = judgement.failures
+        return f"{ours} of {judgement.n} runs lost or locked out against {theirs}"
+    better = judgement.verdict is Verdict.BETTER
+    seen, word = (judgement.turned, "better") if better else (judgement, "worse")
+    if not 0 < seen.ratio < math.inf:
+        return f"{word}, as the median run of the one is lost"
+    times, low, high = map(factor_number, (seen.ratio, seen.low, seen.high))
+    return f"{times} times {word}, 95 % {low} to {high}"
 
 
 @dataclass(frozen=True)
@@ -72,60 +44,45 @@ class Duel:
     Attributes:
         ours: name of the first, which beats the second at least as often as it is beaten.
         theirs: name of the second.
-        rounds: one a scenario.
+        rounds: of each scenario its name (empty where there is only one), and the judgement of the first.
     """
 
     ours: str
     theirs: str
-    rounds: tuple[Round, ...]
-
-    @property
-    def scenarios(self) -> int:
-        """How many there are."""
-        return len(self.rounds)
+    rounds: tuple[tuple[str, Judgement], ...]
 
     @property
     def won(self) -> int:
         """In how many the first beats the second."""
-        return sum(bout.verdict in WON for bout in self.rounds)
+        return sum(judgement.verdict in WINS for _, judgement in self.rounds)
 
     @property
     def lost(self) -> int:
         """In how many the second beats the first."""
-        return sum(bout.verdict in LOST for bout in self.rounds)
+        return sum(judgement.verdict in DEFEATS for _, judgement in self.rounds)
 
     @property
-    def weight(self) -> float:
+    def certain_size(self) -> float:
         """The mean over the scenarios of what is certain of the difference."""
-        return sum(bout.weight for bout in self.rounds) / self.scenarios
+        return sum(certain_size(judgement) for _, judgement in self.rounds) / len(self.rounds)
 
     @property
     def turned(self) -> "Duel":
         """The same with the second as the first."""
-        return Duel(self.theirs, self.ours, tuple(bout.turned for bout in self.rounds))
-
-    def count(self, verdict: Verdict) -> int:
-        """Return in how many scenarios this is the verdict on the first."""
-        return sum(bout.verdict is verdict for bout in self.rounds)
+        return Duel(self.theirs, self.ours, tuple((name, judgement.turned) for name, judgement in self.rounds))
 
 
 def duels(standings: Iterable[Standing]) -> list[Duel]:
     """Return every two methods that were compared, over all scenarios; phases of one recording are no test."""
-    rounds: dict[tuple[str, str], list[Round]] = {}
+    rounds: dict[tuple[str, str], list[tuple[str, Judgement]]] = {}
     for standing in standings:
-        for pair in standing.contest.comparisons:
-            if pair.replicate != "phase" and pair.judgement.n:
-                names = standing.name(pair.subject), standing.name(pair.baseline)
-                turned = (names[1], names[0]) in rounds
-                seen = round_of(pair, ", ".join(standing.scenario))
-                rounds.setdefault(names[::-1] if turned else names, []).append(seen.turned if turned else seen)
+        for pair in standing.tested:
+            names = standing.name(pair.subject), standing.name(pair.baseline)
+            if names[::-1] in rounds:
+                names, pair = names[::-1], pair.turned  # noqa: PLW2901 - the same pair, as the other method sees it
+            rounds.setdefault(names, []).append((", ".join(standing.scenario), pair.judgement))
     pairings = [Duel(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
     return [duel.turned if duel.lost > duel.won else duel for duel in pairings]
-
-
-def round_of(pair: Comparison, scenario: str = "") -> Round:
-    """Return a comparison as its subject sees it."""
-    return Round(scenario, pair.judgement)
 
 
 # The answer of a study: a title that says who won and by how much, and what it rests on in up to three sentences.
@@ -149,115 +106,104 @@ class Answer:
 
 def answer(standings: Sequence[Standing]) -> Answer:
     """Return what a study says about its methods, over all its scenarios."""
-    tested = [standing for standing in standings if tested_pairs(standing)]
+    tested = [standing for standing in standings if standing.tested]
     if not tested:
         return Answer(_untested(standings))
-    methods = {standing.name(rival) for standing in tested for rival in standing.contest.rivals}
+    methods = {standing.name(rival) for standing in tested for rival in standing.rivals}
     said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
     return Answer(said.title, (*said.sentences, _basis(tested)))
 
 
 def shows_something(standings: Iterable[Standing]) -> bool:
     """Whether any two methods were shown to differ, or to be equal."""
-    return any(pair.verdict is not Verdict.UNDECIDED for standing in standings for pair in tested_pairs(standing))
-
-
-def tested_pairs(standing: Standing) -> list[Comparison]:
-    """Return the comparisons of a scenario that a test has judged: phases of one recording are none."""
-    return [pair for pair in standing.contest.comparisons if pair.replicate != "phase" and pair.judgement.n]
+    return any(pair.verdict is not Verdict.UNDECIDED for standing in standings for pair in standing.tested)
 
 
 def _untested(standings: Sequence[Standing]) -> str:
-    if not any(len(standing.contest.rivals) > 1 for standing in standings):
+    if not any(len(standing.rivals) > 1 for standing in standings):
         return "There is one method, and nothing to compare it with."
-    if not any(standing.contest.comparisons for standing in standings):
+    if not any(standing.comparisons for standing in standings):
         return "Who leads is not tested: there are too many pairs of methods."
     return UNTESTED
 
 
 def _of_two(tested: Sequence[Standing]) -> Answer:
     (duel,) = duels(tested)
-    if duel.scenarios == 1:
-        return _once(duel, tested[0])
-    if duel.won + duel.lost:
-        return Answer(f"{duel.ours} beats {duel.theirs} in {duel.won} of {duel.scenarios} scenarios", _rounds(duel))
-    return Answer(f"No difference between {duel.ours} and {duel.theirs} was shown", _rounds(duel))
-
-
-def _once(duel: Duel, standing: Standing) -> Answer:
-    (only,) = duel.rounds
-    if only.verdict is Verdict.EQUAL:
-        return Answer(f"{duel.ours} and {duel.theirs} are equal within {_margin(standing)}")
-    if only.verdict is Verdict.UNDECIDED:
-        return Answer(f"No difference between {duel.ours} and {duel.theirs} was shown")
-    return Answer(f"{duel.ours} beats {duel.theirs}: {only.words}")
+    both = f"{duel.ours} and {duel.theirs}"
+    if len(duel.rounds) > 1:
+        shown = f"{duel.ours} beats {duel.theirs} in {duel.won} of {len(duel.rounds)} scenarios"
+        title = shown if duel.won + duel.lost else f"No difference between {both} was shown"
+        return Answer(title, (duel_sentence(duel),))
+    ((_, judgement),) = duel.rounds
+    if judgement.verdict is Verdict.EQUAL:
+        return Answer(f"{both} are equal within {_margin(tested[0])}")
+    if judgement.verdict is Verdict.UNDECIDED:
+        return Answer(f"No difference between {both} was shown")
+    return Answer(f"{duel.ours} beats {duel.theirs}: {size_text(judgement)}")
 
 
 def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
-    decided = [standing for standing in tested if standing.contest.decided]
+    decided = [standing for standing in tested if standing.decided]
     if not decided:
         return Answer(_of_none(tested, methods))
     counts = Counter(name for standing in decided for name in standing.leaders)
-    most, reference = max(counts.values()), reference_of(tested)
+    most, reference = max(counts.values()), reference_method(tested)
     compared = [against(standing, reference) for standing in tested]
     leaders = sorted(
         (name for name, count in counts.items() if count == most), key=lambda name: mean_log_ratio(compared, name)
     )
     verb = "leads" if len(leaders) == 1 else "lead"
     where = f" in {most} of {len(tested)} scenarios" if len(tested) > 1 else ""
-    title = f"Of {methods} methods {named(leaders)} {verb}{where}"
+    title = f"Of {methods} methods {_named(leaders)} {verb}{where}"
     duel = next((duel for duel in duels(tested) if {duel.ours, duel.theirs} == {leaders[0], reference}), None)
-    sentences = [f"No difference between methods was shown on {named(open_)}."] if (open_ := _open(tested)) else []
+    undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
+    sentences = [f"No difference between methods was shown on {_named(undecided)}."] if undecided else []
     if duel and duel.won + duel.lost:
         duel = duel if duel.ours == leaders[0] else duel.turned
         title += _by_how_much(duel, alone=len(leaders) == 1)
-        sentences = [*_rounds(duel), *sentences]
+        sentences = [duel_sentence(duel), *sentences]
     return Answer(title, tuple(sentences))
 
 
 def _by_how_much(duel: Duel, *, alone: bool) -> str:
     """Say how much better the first of two methods is at most; nothing where it is nowhere better."""
-    best = max(duel.rounds, key=lambda bout: bout.weight if bout.verdict is Verdict.BETTER else -1.0)
-    times = best.judgement.turned.ratio
-    if best.verdict is not Verdict.BETTER or not 0 < times < math.inf:
+    better = [judgement for _, judgement in duel.rounds if judgement.verdict is Verdict.BETTER]
+    times = max(better, key=certain_size).turned.ratio if better else math.inf
+    if not 0 < times < math.inf:
         return ""
     who = " and is" if alone else f"; {duel.ours} is"
-    return f"{who} {'up to ' if duel.scenarios > 1 else ''}{factor_number(times)} times better than {duel.theirs}"
-
-
-def _open(tested: Iterable[Standing]) -> list[str]:
-    """Return the scenarios in which no difference was shown."""
-    return [", ".join(standing.scenario) for standing in tested if not standing.contest.decided]
+    return f"{who} {'up to ' if len(duel.rounds) > 1 else ''}{factor_number(times)} times better than {duel.theirs}"
 
 
 def _of_none(tested: Sequence[Standing], methods: int) -> str:
-    if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in tested_pairs(standing)):
+    if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in standing.tested):
         return f"All {methods} methods are equal within {_margin(tested[0])}"
     where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
     return f"None of {methods} methods was shown to beat another{where}"
 
 
-def reference_of(tested: Iterable[Standing]) -> str:
+def reference_method(tested: Iterable[Standing]) -> str:
     """Return the method that others are held against.
 
     Of those that most scenarios have: the baseline without adaptation, else the first without, else the first.
     """
     names: dict[str, list[Combination]] = {}
     for standing in tested:
-        for rival in standing.contest.rivals:
+        for rival in standing.rivals:
             names.setdefault(standing.name(rival), []).append(rival)
-    return max(names, key=lambda name: (len(names[name]), *_plain(names[name][0])))
 
+    def order(name: str) -> tuple[int, bool, bool]:
+        rivals = names[name]
+        plain = rivals[0].adaptation == "none"
+        return len(rivals), plain and rivals[0].filter == "baseline", plain
 
-def _plain(rival: Combination) -> tuple[bool, bool]:
-    values = dict(zip(FACTORS, rival, strict=True))
-    return values["filter"] == "baseline" and values["adaptation"] == "none", values["adaptation"] == "none"
+    return max(names, key=order)
 
 
 def against(standing: Standing, reference: str) -> dict[str, Comparison]:
     """Return each method's comparison with the reference in a scenario."""
     of: dict[str, Comparison] = {}
-    for pair in tested_pairs(standing):
+    for pair in standing.tested:
         ours, theirs = standing.name(pair.subject), standing.name(pair.baseline)
         if theirs == reference:
             of[ours] = pair
@@ -272,23 +218,21 @@ def mean_log_ratio(compared: Iterable[Mapping[str, Comparison]], name: str) -> f
     return sum(math.log(ratio) if ratio > 0 else 0.0 for ratio in ratios) / max(1, len(ratios))
 
 
-def _rounds(duel: Duel) -> tuple[str, ...]:
-    """Say in which scenarios the first is better, worse, equal or undecided, with the largest certain difference."""
-    return (f"{duel.ours} against {duel.theirs}: {'; '.join(verdict_counts(duel))}.",)
+def duel_sentence(duel: Duel) -> str:
+    """Say in how many scenarios each verdict holds, and where it is most certain.
 
-
-def verdict_counts(duel: Duel) -> list[str]:
-    """Return each verdict with its number of scenarios, and the scenario where it is most certain.
-
-    For example "better in 2 of 3 scenarios (most on none: 2.0 times better, 95 % 1.9 to 2.1)", "undecided in 1".
+    For example "jerk against baseline: better in 2 of 3 scenarios (most on none: 2.0 times better, 95 % 1.9 to 2.1);
+    undecided in 1."
     """
     told: list[str] = []
     for verdict, words in WORDS.items():
-        bouts = [bout for bout in duel.rounds if bout.verdict is verdict]
-        if bouts:
-            of = f" of {duel.scenarios} scenarios" if not told and duel.scenarios > 1 else ""
-            told.append(f"{words} in {len(bouts)}{of}{_most(bouts)}")
-    return told
+        rounds = [(name, judgement) for name, judgement in duel.rounds if judgement.verdict is verdict]
+        if rounds:
+            of = f" of {len(duel.rounds)} scenarios" if not told and len(duel.rounds) > 1 else ""
+            name, largest = max(rounds, key=lambda one: certain_size(one[1]))
+            most = f"{'most ' if len(rounds) > 1 else ''}on {name}: {size_text(largest)}"
+            told.append(f"{words} in {len(rounds)}{of}{f' ({most})' if certain_size(largest) else ''}")
+    return f"{duel.ours} against {duel.theirs}: {'; '.join(told)}."
 
 
 WORDS = {
@@ -302,19 +246,11 @@ WORDS = {
 """Each verdict in a sentence, in the order in which they are told."""
 
 
-def _most(bouts: Sequence[Round]) -> str:
-    """Say where the difference is most certain."""
-    largest = max(bouts, key=lambda bout: bout.weight)
-    if largest.weight == 0:
-        return ""
-    return f" ({'most ' if len(bouts) > 1 else ''}on {largest.scenario}: {largest.words})"
-
-
 def _margin(standing: Standing) -> str:
-    return f"{100 * tested_pairs(standing)[0].rule.margin:g} %"
+    return f"{100 * standing.tested[0].rule.margin:g} %"
 
 
-def named(names: Sequence[str]) -> str:
+def _named(names: Sequence[str]) -> str:
     """Return names as a person lists them, the first few."""
     if len(names) > NAMED:
         return f"{', '.join(names[:NAMED])} and {len(names) - NAMED} more"
@@ -322,6 +258,6 @@ def named(names: Sequence[str]) -> str:
 
 
 def _basis(tested: Sequence[Standing]) -> str:
-    judgements = [pair.judgement for standing in tested for pair in tested_pairs(standing)]
+    judgements = [pair.judgement for standing in tested for pair in standing.tested]
     low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
     return f"Each comparison uses {low if low == high else f'{low} to {high}'} seeds; {losses_range(judgements)}."

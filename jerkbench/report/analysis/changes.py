@@ -12,24 +12,16 @@ from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
 from jerkbench.evaluation.statistics.other_seeds import judged_on_other_seeds, two_samples
-from jerkbench.report.analysis.columns import FACTORS, checked, quantity
-from jerkbench.report.analysis.runs import (
-    RULE,
-    Combination,
-    MethodRuns,
-    VerdictRule,
-    on_common_seeds,
-    paired,
-    runs_by_combination,
-)
-from jerkbench.report.analysis.standings import Standing, judged_pairs
+from jerkbench.report.analysis.columns import Combination, checked, quantity
+from jerkbench.report.analysis.runs import RULE, MethodRuns, VerdictRule, on_common_seeds, runs_by_combination
+from jerkbench.report.analysis.standings import Standing, compare_runs
 from jerkbench.report.tables.table_model import factor_number, number
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-Two = tuple[MethodRuns, MethodRuns]
+BeforeAfter = tuple[MethodRuns, MethodRuns]
 """The runs of a combination in the first set, and in the second."""
 
 
@@ -124,9 +116,9 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ve
     return [_change(two, judgement, rule) for two, judgement in zip(both, _judgements(both, rule), strict=True)]
 
 
-def _judgements(both: Sequence[Two], rule: VerdictRule) -> list[Judgement]:
+def _judgements(both: Sequence[BeforeAfter], rule: VerdictRule) -> list[Judgement]:
     """Return those on the same seeds as one family, and those on others as another."""
-    same = iter(judged_pairs(paired((b, a) for a, b in both if _match(a, b)), rule))
+    same = iter(compare_runs(((b, a) for a, b in both if _match(a, b)), rule))
     samples = [two_samples(b.errors, a.errors) for a, b in both if not _match(a, b)]
     others = iter(judged_on_other_seeds(samples, rule.margin, rule.level))
     return [next(same).judgement if _match(a, b) else next(others) for a, b in both]
@@ -136,7 +128,7 @@ def _match(first: MethodRuns, second: MethodRuns) -> bool:
     return len(np.intersect1d(first.seeds, second.seeds)) > 0
 
 
-def _change(two: Two, judgement: Judgement, rule: VerdictRule) -> Change:
+def _change(two: BeforeAfter, judgement: Judgement, rule: VerdictRule) -> Change:
     seeds_match = _match(*two)
     first, second = on_common_seeds(*two) if seeds_match else two
     well = [np.where(runs.lost, np.nan, runs.errors) for runs in (first, second)]
@@ -163,7 +155,7 @@ def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[
     """Return a line of texts for each change: the factors, both means, the ratio, its interval, losses, the verdict."""
     return [
         [
-            *(dict(zip(FACTORS, change.combination, strict=True))[key] for key in varying),
+            *(getattr(change.combination, key) for key in varying),
             *(_mean(*of) for of in zip(change.means, change.runs, change.lost, strict=True)),
             _ratio(change),
             _interval(change),
@@ -221,11 +213,11 @@ def notes_of_tests(changed: Iterable[Change]) -> list[str]:
 
 def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list[str]:
     """Return a sentence for each scenario of both sets in which others lead in the second."""
-    before = {standing.scenario: standing.leaders for standing in first if standing.contest.decided}
+    before = {standing.scenario: standing.leaders for standing in first if standing.decided}
     notes = []
     for standing in second:
         leaders = before.get(standing.scenario)
-        if leaders is None or not standing.contest.decided or set(leaders) == set(standing.leaders):
+        if leaders is None or not standing.decided or set(leaders) == set(standing.leaders):
             continue
         where = f"On {', '.join(standing.scenario)}" if standing.scenario else "In the lead"
         notes.append(f"{where}: {', '.join(leaders)} in A, {', '.join(standing.leaders)} in B.")

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from jerkbench.arrays import IntArray
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.evaluation.evaluated_run import DRAWN, RUN
 
@@ -159,14 +160,32 @@ def quantity(column: str) -> Quantity:
 
 # The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
 
+
+class Combination(NamedTuple):
+    """What a cell is a combination of: a value of each factor, in the order of the data's way."""
+
+    dataset: str
+    disturbance: str
+    attitude: str
+    filter: str
+    adaptation: str
+    noise: str
+
+
+FACTORS = Combination._fields
+
 METHOD = ("filter", "adaptation", "noise")
 """What a method is made of, unless one says otherwise; the other factors make a scenario."""
 
 SCENARIO_FACTORS = ("dataset", "disturbance", "attitude")
 """What methods are compared on."""
 
-FACTORS = (*SCENARIO_FACTORS, *METHOD)
-"""What a cell is a combination of, in the order of the data's way."""
+
+def require_factors(keys: Iterable[str]) -> None:
+    """Raise a JerkbenchError unless each of ``keys`` is a factor."""
+    for key in keys:
+        if key not in FACTORS:
+            raise JerkbenchError(unknown("factor", key, FACTORS))
 
 
 def parse_method(text: str) -> tuple[str, ...]:
@@ -176,9 +195,7 @@ def parse_method(text: str) -> tuple[str, ...]:
         JerkbenchError: there is no such factor, or none.
     """
     keys = tuple(word.strip() for word in text.split(",") if word.strip())
-    for key in keys:
-        if key not in FACTORS:
-            raise JerkbenchError(unknown("factor", key, FACTORS))
+    require_factors(keys)
     if not keys:
         raise JerkbenchError("A method is made of at least one factor, for example filter,adaptation,noise.")
     return keys
@@ -202,7 +219,10 @@ def layout(
         JerkbenchError: a key that is no factor, or one that is asked for twice.
     """
     keys = [*(row_keys or ()), *(column_keys or ())]
-    _check(keys)
+    require_factors(keys)
+    for key in keys:
+        if keys.count(key) > 1:
+            raise JerkbenchError(f"The factor '{key}' is asked for twice; it can be a row or a column, once.")
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
     if column_keys is None:
         free = [key for key in ("adaptation", "filter") if key not in keys]
@@ -214,20 +234,20 @@ def layout(
     return tuple(first), tuple(column_keys)
 
 
+def numbers_of_rows(rows: "pd.DataFrame", keys: Sequence[str]) -> dict[tuple[str, ...], IntArray]:
+    """Return for each combination of ``keys`` the numbers of its rows, in the order in which they appear."""
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for number, key in enumerate(zip(*(rows[key].tolist() for key in keys), strict=True)):
+        groups.setdefault(key, []).append(number)
+    return {key: np.array(group) for key, group in groups.items()}
+
+
 def constants(rows: "pd.DataFrame", placed: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """Return the factors that are neither rows nor columns, each with its one value."""
     if len(rows) == 0:
         return ()
     used = set(placed)
     return tuple((key, str(rows[key].iloc[0])) for key in FACTORS if key not in used)
-
-
-def _check(keys: Sequence[str]) -> None:
-    for key in keys:
-        if key not in FACTORS:
-            raise JerkbenchError(unknown("factor", key, FACTORS))
-        if keys.count(key) > 1:
-            raise JerkbenchError(f"The factor '{key}' is asked for twice; it can be a row or a column, once.")
 
 
 # Combinations that stand in a study as a reference and compete with nobody.

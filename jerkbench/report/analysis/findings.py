@@ -6,11 +6,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.intervals import up_to
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import Duel, duels, round_of, verdict_counts
-from jerkbench.report.analysis.columns import FACTORS
-from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import Comparison, Contest, Standing
+from jerkbench.evaluation.statistics.judgement import BY_LOSSES, Verdict
+from jerkbench.report.analysis.answer import certain_size, duel_sentence, duels
+from jerkbench.report.analysis.columns import FACTORS, Combination
+from jerkbench.report.analysis.standings import Comparison, Standing
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.tables.table_model import factor_number, number
 
@@ -34,8 +33,8 @@ def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[st
 def _order(comparison: Comparison) -> float:
     """Sort by what is certain of a difference; of phases, by that end of their range that is nearest to none."""
     low, high = comparison.judgement.low, comparison.judgement.high
-    if comparison.replicate != "phase":
-        return -round_of(comparison).weight
+    if not comparison.phases:
+        return -certain_size(comparison.judgement)
     return -max(math.log(low) if low > 1 else 0.0, -math.log(high) if 0 < high < 1 else 0.0)
 
 
@@ -55,13 +54,13 @@ def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     judgement, lost = comparison.judgement, losses_clause(comparison, subject, baseline)
     if judgement.n == 0:
         return f"{subject} cannot be compared with {baseline}{where}: no run of both has a value."
-    if all(count == comparison.pair.runs for count in comparison.pair.lost):
-        return f"{subject} cannot be compared with {baseline}{where}: both lost all {comparison.pair.runs} runs."
-    if not (comparison.pair.ratios.d.any() or any(judgement.failures)):
+    if all(count == comparison.runs for count in comparison.lost):
+        return f"{subject} cannot be compared with {baseline}{where}: both lost all {comparison.runs} runs."
+    if not (comparison.ratios.d.any() or any(judgement.failures)):
         return f"{subject} gives the same as {baseline}{where} ({_count(comparison)}){lost}."
-    if comparison.replicate == "phase":
+    if comparison.phases:
         return f"{subject} {_times(judgement.ratio)} {baseline}{where} ({_phases(comparison)}){lost}."
-    if comparison.verdict in {Verdict.FEWER_LOST, Verdict.MORE_LOST}:
+    if comparison.verdict in BY_LOSSES:
         return f"{subject} {comparison.verdict.value} than {baseline}{where}: {_against(comparison)}."
     return _tested(comparison, subject, baseline, where) + f"{lost}."
 
@@ -111,8 +110,8 @@ def _count(comparison: Comparison) -> str:
     """How many seeds or phases; a recording in which nothing is withheld has one run, and no phases."""
     n = comparison.judgement.n
     if n == 1:
-        return "one run" if comparison.replicate == "phase" else "1 seed"
-    return f"{n} {comparison.replicate}s"
+        return "one run" if comparison.phases else "1 seed"
+    return f"{n} {'phases' if comparison.phases else 'seeds'}"
 
 
 def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
@@ -132,12 +131,12 @@ def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, s
     differ = [key for key, a, b in zip(FACTORS, comparison.subject, comparison.baseline, strict=True) if a != b]
     named = [key for key in FACTORS if key in differ or (key in ("filter", "adaptation") and key in varying)]
     places = [key for key in varying if key not in named]
-    where = ", ".join(dict(zip(FACTORS, comparison.subject, strict=True))[key] for key in places)
+    where = ", ".join(getattr(comparison.subject, key) for key in places)
     return _joined(comparison.subject, named), _joined(comparison.baseline, named), f" on {where}" if where else ""
 
 
 def _joined(combination: Combination, keys: Sequence[str]) -> str:
-    return "+".join(dict(zip(FACTORS, combination, strict=True))[key] for key in keys)
+    return "+".join(getattr(combination, key) for key in keys)
 
 
 def _times(ratio: float) -> str:
@@ -150,9 +149,9 @@ def _times(ratio: float) -> str:
 def _range(comparison: Comparison) -> str:
     """The interval of the factor that the sentence states: of better, the inverse."""
     low, high = comparison.judgement.low, comparison.judgement.high
-    inverse = (comparison.shown or comparison.replicate == "phase") and 0 < comparison.judgement.ratio < 1
+    inverse = (comparison.shown or comparison.phases) and 0 < comparison.judgement.ratio < 1
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
-    written = factor_number if comparison.shown or comparison.replicate == "phase" else number
+    written = factor_number if comparison.shown or comparison.phases else number
     if math.isinf(ends[1]):
         return f"from {written(ends[0])} up, since a run was lost"
     return f"{written(ends[0])} to {written(ends[1])}"
@@ -160,10 +159,8 @@ def _range(comparison: Comparison) -> str:
 
 def losses_clause(comparison: Comparison, subject: str, baseline: str) -> str:
     """Say how many runs either lost, or locked out in, and how many may be; of phases nothing where all went well."""
-    told, runs, phases = [], comparison.pair.runs, comparison.replicate == "phase"
-    for name, lost, failed in zip(
-        (subject, baseline), comparison.pair.lost, comparison.judgement.failures, strict=True
-    ):
+    told, runs, phases = [], comparison.runs, comparison.phases
+    for name, lost, failed in zip((subject, baseline), comparison.lost, comparison.judgement.failures, strict=True):
         words = [f"lost {lost}"] * (lost > 0) + [f"locked out in {failed - lost}"] * (failed > lost)
         bound = "" if phases else f" ({up_to(failed, runs)})"
         told += [f"{name} {' and '.join(words)} of {runs} runs{bound}"] * bool(words)
@@ -182,48 +179,42 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
     """Return a sentence for every two methods that differ in one factor, over all scenarios, strongest first.
 
     Of a factor that has its reference (`REFERENCES`) in the study the others are held against that, else every two.
-    The order is that of `Duel.weight`: the mean over the scenarios of what is certain of the difference.
+    The order is that of `Duel.certain_size`: the mean over the scenarios of what is certain of the difference.
     """
     references = _references(standings)
     told = [_told(standing, references) for standing in standings]
     if len(told) == 1:
-        return _of_one_scenario(told[0].contest)
-    return [_sentence(duel) for duel in sorted(duels(told), key=lambda duel: -duel.weight)]
+        return _of_one_scenario(told[0])
+    return [duel_sentence(duel) for duel in sorted(duels(told), key=lambda duel: -duel.certain_size)]
 
 
 def largest(standings: Sequence[Standing]) -> list[tuple[float, Comparison]]:
     """Return each comparison of `strongest` that shows a difference, with what is certain of it, the largest first."""
     references = _references(standings)
-    pairs = [pair for standing in standings for pair in _told(standing, references).contest.comparisons]
-    weighed = [(round_of(pair).weight, pair) for pair in pairs if pair.replicate != "phase" and pair.judgement.n]
+    pairs = [pair for standing in standings for pair in _told(standing, references).tested]
+    weighed = [(certain_size(pair.judgement), pair) for pair in pairs]
     return sorted(((weight, pair) for weight, pair in weighed if weight > 0), key=lambda one: -one[0])
 
 
-def _of_one_scenario(contest: Contest) -> list[str]:
+def _of_one_scenario(standing: Standing) -> list[str]:
     """Return the comparisons' own sentences."""
-    varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in contest.rivals}) > 1]
-    ranked = sorted(contest.comparisons, key=lambda pair: -round_of(pair).weight)
+    varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in standing.rivals}) > 1]
+    ranked = sorted(standing.comparisons, key=lambda pair: -certain_size(pair.judgement))
     return [sentence(pair, varying) for pair in ranked]
 
 
 def _references(standings: Iterable[Standing]) -> dict[str, str]:
-    rivals = {rival for standing in standings for rival in standing.contest.rivals}
+    rivals = {rival for standing in standings for rival in standing.rivals}
     values = {factor: {rival[k] for rival in rivals} for k, factor in enumerate(FACTORS)}
     return {factor: name for factor, name in REFERENCES.items() if name in values[factor]}
 
 
 def _told(standing: Standing, references: Mapping[str, str]) -> Standing:
     """Return the standing with those comparisons alone that say something about one factor."""
-    kept = tuple(pair for pair in standing.contest.comparisons if _tells(pair, references))
-    return replace(standing, contest=replace(standing.contest, comparisons=kept))
+    return replace(standing, comparisons=tuple(pair for pair in standing.comparisons if _tells(pair, references)))
 
 
 def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
     values = zip(FACTORS, pair.subject, pair.baseline, strict=True)
     differ = [(factor, {ours, theirs}) for factor, ours, theirs in values if ours != theirs]
     return len(differ) == 1 and all(factor not in references or references[factor] in both for factor, both in differ)
-
-
-def _sentence(duel: Duel) -> str:
-    """Say how two methods compare: "jerk is better than baseline in 1 of 3 scenarios (on ...); undecided in 2"."""
-    return f"{duel.ours} against {duel.theirs}: {'; '.join(verdict_counts(duel))}."

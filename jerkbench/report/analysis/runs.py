@@ -1,6 +1,5 @@
-"""Rows -> runs by combination and seed, pairs of methods, and the rule by which they are judged."""
+"""Rows -> runs by combination and seed, the rule by which they are judged, and what each is held against."""
 
-import dataclasses
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -11,9 +10,8 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import LEVEL, MARGIN
-from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios_of
 from jerkbench.renamed import new_label
-from jerkbench.report.analysis.columns import FACTORS
+from jerkbench.report.analysis.columns import FACTORS, Combination, numbers_of_rows, require_factors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,9 +19,6 @@ if TYPE_CHECKING:
 
 FLOOR = "reference_floor_m"
 """The column with the floor that the reference's own sigma puts under a position RMSE."""
-
-Combination = tuple[str, ...]
-"""The values of the six factors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,36 +53,6 @@ class MethodRuns:
             return float(np.sqrt(np.mean(self.errors**2))) if len(self.errors) else np.nan
 
 
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """The runs of two combinations on the seeds that both have.
-
-    Attributes:
-        subject: values of the six factors.
-        baseline: of what it is compared with.
-        ratios: log ratios of the metric, subject over baseline; a lost run is the worst of all.
-        lost: how many of the subject's runs, and of the baseline's, diverged or failed.
-        runs: seeds that both have.
-        replicate: "seed" or "phase".
-        below_floor: whether they differ by less than the reference knows.
-    """
-
-    subject: Combination
-    baseline: Combination
-    ratios: LogRatios
-    lost: tuple[int, int]
-    runs: int
-    replicate: str
-    below_floor: bool = False
-
-    @property
-    def turned(self) -> "Pair":
-        """The same with baseline and subject exchanged."""
-        return replace(
-            self, subject=self.baseline, baseline=self.subject, ratios=self.ratios.turned, lost=self.lost[::-1]
-        )
-
-
 def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, MethodRuns]:
     """Return the runs of each combination; the factors are text."""
     errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
@@ -95,29 +60,12 @@ def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, 
     phases = (rows["replicate"] == "phase").to_numpy()
     floored = metric == "position_rmse_m" and FLOOR in rows
     floors = rows[FLOOR].to_numpy(dtype=float) if floored else np.zeros(len(rows))
-    rows_of: dict[Combination, list[int]] = {}
-    for place, key in enumerate(zip(*(rows[factor].tolist() for factor in FACTORS), strict=True)):
-        rows_of.setdefault(key, []).append(place)
     groups = {}
-    for key, places in rows_of.items():
-        order = np.array(places)[np.argsort(seeds[places], kind="stable")]
+    for values, places in numbers_of_rows(rows, FACTORS).items():
+        key, order = Combination(*values), places[np.argsort(seeds[places], kind="stable")]
         floor = float(np.nan_to_num(floors[order]).max(initial=0.0))
         groups[key] = MethodRuns(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()), floor)
     return groups
-
-
-def paired(runs: Iterable[tuple[MethodRuns, MethodRuns]]) -> list[Pair]:
-    """Return the runs of two combinations each, on the seeds that both have."""
-    common = [on_common_seeds(ours, theirs) for ours, theirs in runs]
-    ratios = log_ratios_of((ours.errors, theirs.errors) for ours, theirs in common)
-    return [_pair(ours, theirs, own) for (ours, theirs), own in zip(common, ratios, strict=True)]
-
-
-def _pair(ours: MethodRuns, theirs: MethodRuns, ratios: LogRatios) -> Pair:
-    lost = int(ours.lost.sum()), int(theirs.lost.sum())
-    replicate = "phase" if ours.phases else "seed"
-    below = abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor)
-    return Pair(ours.combination, theirs.combination, ratios, lost, len(ours.seeds), replicate, below)
 
 
 def on_common_seeds(ours: MethodRuns, theirs: MethodRuns) -> tuple[MethodRuns, MethodRuns]:
@@ -156,7 +104,7 @@ class VerdictRule:
 
     def of(self, rows: "pd.DataFrame") -> "VerdictRule":
         """Return the rule for the rows of a study, which know what their last look may spend."""
-        return dataclasses.replace(self, level=min(self.level, rows.attrs.get(SPENDS, self.level)))
+        return replace(self, level=min(self.level, rows.attrs.get(SPENDS, self.level)))
 
 
 RULE = VerdictRule()
@@ -180,8 +128,7 @@ def parse_baseline(text: str) -> dict[str, str]:
         key, equals, value = (word.strip() for word in part.partition("="))
         if not equals or not value:
             raise JerkbenchError(f"The baseline '{text}' is not of the form FACTOR=NAME, for example adaptation=none.")
-        if key not in FACTORS:
-            raise JerkbenchError(unknown("factor", key, FACTORS))
+        require_factors([key])
         values[key] = new_label(key, value)
     return values
 
@@ -196,15 +143,10 @@ def partners(
     Raises:
         JerkbenchError: no combination has the values of the baseline.
     """
-    pairs = [(key, with_values(key, baseline)) for key in combinations]
+    pairs = [(key, key._replace(**baseline)) for key in combinations]
     if not any(partner in combinations for _, partner in pairs):
         raise JerkbenchError(_no_baseline(combinations, baseline))
     return [(key, partner) for key, partner in pairs if partner in combinations and partner != key]
-
-
-def with_values(combination: Combination, values: Mapping[str, str]) -> Combination:
-    """Return the combination with some of its factors replaced."""
-    return tuple(values.get(key, value) for key, value in zip(FACTORS, combination, strict=True))
 
 
 def _no_baseline(combinations: Iterable[Combination], baseline: Mapping[str, str]) -> str:

@@ -1,58 +1,61 @@
 """Scenario by scenario: how every two methods compare, and which lead."""
 
-import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.intervals import loss_bound, seeds_without_loss, up_to
-from jerkbench.evaluation.statistics.judgement import LEVEL, NOT_EXCLUDED, Judgement, Verdict, judged
-from jerkbench.evaluation.statistics.over_seeds import LogRatios
+from jerkbench.evaluation.statistics.judgement import LEVEL, NOT_EXCLUDED, WINS, Judgement, Verdict, judged
+from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios_of
 from jerkbench.evaluation.statistics.seeds import seeds_needed
-from jerkbench.report.analysis.columns import FACTORS
-from jerkbench.report.analysis.runs import RULE, Combination, Pair, VerdictRule
+from jerkbench.report.analysis.columns import Combination
+from jerkbench.report.analysis.runs import RULE, MethodRuns, VerdictRule, on_common_seeds
+
+BELOW_FLOOR = "the reference is not known so well"
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """One combination against another.
+    """One combination against another, on the seeds that both have.
 
     Attributes:
-        pair: what was compared.
+        subject: values of the six factors.
+        baseline: of what it is compared with.
+        ratios: log ratios of the metric, subject over baseline; a lost run is the worst of all.
+        lost: how many of the subject's runs, and of the baseline's, diverged or failed.
+        runs: seeds that both have.
+        phases: whether these are phases of one recording.
+        below_floor: whether they differ by less than the reference knows.
         judgement: ratio, interval and verdict at the level of the study; of phases of one recording ``low`` and
             ``high`` are the smallest and the largest ratio, and there is no p and no verdict.
         family: how many comparisons the study has.
         rule: how they were judged.
     """
 
-    pair: Pair
+    subject: Combination
+    baseline: Combination
+    ratios: LogRatios
+    lost: tuple[int, int]
+    runs: int
+    phases: bool
+    below_floor: bool
     judgement: Judgement
     family: int
-    rule: VerdictRule = RULE
-
-    @property
-    def subject(self) -> Combination:
-        """Values of the six factors."""
-        return self.pair.subject
-
-    @property
-    def baseline(self) -> Combination:
-        """Values of the six factors of what it is compared with."""
-        return self.pair.baseline
-
-    @property
-    def replicate(self) -> str:
-        """Either "seed" or "phase"."""
-        return self.pair.replicate
+    rule: VerdictRule
 
     @property
     def verdict(self) -> Verdict:
         """At the level of the study."""
         return self.judgement.verdict
+
+    @property
+    def tested(self) -> bool:
+        """Whether a test has judged it: phases of one recording are none."""
+        return not self.phases and self.judgement.n > 0
 
     @property
     def shown(self) -> bool:
@@ -62,7 +65,10 @@ class Comparison:
     @property
     def turned(self) -> "Comparison":
         """The same, as the baseline sees it."""
-        return dataclasses.replace(self, pair=self.pair.turned, judgement=self.judgement.turned)
+        ratios, judgement, lost = self.ratios.turned, self.judgement.turned, self.lost[::-1]
+        return replace(
+            self, subject=self.baseline, baseline=self.subject, ratios=ratios, lost=lost, judgement=judgement
+        )
 
     @property
     def mark(self) -> str:
@@ -72,37 +78,40 @@ class Comparison:
     @cached_property
     def needed(self) -> int | None:
         """How many seeds would show the difference of what is undecided; None where none would, or losses hinder."""
-        ratios, judgement = self.pair.ratios, self.judgement
-        open_ = self.verdict is Verdict.UNDECIDED and not judgement.reason and self.replicate != "phase"
-        if not open_ or not ratios.plain or ratios.n < 2:
+        undecided = self.verdict is Verdict.UNDECIDED and not self.judgement.reason and not self.phases
+        if not undecided or not self.ratios.plain or self.ratios.n < 2:
             return None
-        return seeds_needed(ratios.d, max(1, self.family), self.rule.level, judgement.critical)
+        return seeds_needed(self.ratios.d, max(1, self.family), self.rule.level, self.judgement.critical)
 
 
-def judged_pairs(pairs: Iterable[Pair], rule: VerdictRule = RULE) -> list[Comparison]:
+def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRule = RULE) -> list[Comparison]:
     """Judge the pairs as one family; phases of one recording are not independent and have a range instead."""
-    pairs = list(pairs)
-    seeds = [pair for pair in pairs if pair.replicate != "phase"]
-    verdicts = iter(judged([pair.ratios for pair in seeds], rule.margin, rule.level, rule.correction))
-    compared = [
-        Comparison(pair, _of_phases(pair.ratios) if pair.replicate == "phase" else next(verdicts), len(seeds), rule)
-        for pair in pairs
-    ]
-    return [_floored(one) if one.pair.below_floor else one for one in compared]
+    common = [on_common_seeds(ours, theirs) for ours, theirs in pairs]
+    ratios = log_ratios_of((ours.errors, theirs.errors) for ours, theirs in common)
+    seeded = [of for (ours, _), of in zip(common, ratios, strict=True) if not ours.phases]
+    judgements = iter(judged(seeded, rule.margin, rule.level, rule.correction))
+    compared = []
+    for (ours, theirs), of in zip(common, ratios, strict=True):
+        judgement = _of_phases(of) if ours.phases else next(judgements)
+        below = abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor)
+        if below:
+            judgement = replace(judgement, verdict=Verdict.UNDECIDED, reason=BELOW_FLOOR)
+        lost, runs = (int(ours.lost.sum()), int(theirs.lost.sum())), len(ours.seeds)
+        names = ours.combination, theirs.combination
+        compared.append(Comparison(*names, of, lost, runs, ours.phases, below, judgement, len(seeded), rule))
+    return compared
 
 
-BELOW_FLOOR = "the reference is not known so well"
-
-
-def _floored(comparison: Comparison) -> Comparison:
-    """The same without a verdict: the two differ by less than the reference's own sigma."""
-    judgement = dataclasses.replace(comparison.judgement, verdict=Verdict.UNDECIDED, reason=BELOW_FLOOR)
-    return dataclasses.replace(comparison, judgement=judgement)
+def _of_phases(ratios: LogRatios) -> Judgement:
+    """Return the geometric mean, or with lost runs the median, with the range, and no test."""
+    (judgement,) = judged([ratios])
+    low, high = (float(np.exp(of(ratios.d))) for of in (np.min, np.max)) if ratios.n > 1 else (np.nan, np.nan)
+    return replace(judgement, low=low, high=high, p=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED, reason="")
 
 
 def family_note(comparisons: Sequence[Comparison]) -> str:
     """Say what the marks mean, and how many comparisons are undecided."""
-    tested = [comparison for comparison in comparisons if comparison.replicate != "phase" and comparison.judgement.n]
+    tested = [comparison for comparison in comparisons if comparison.tested]
     if not tested:
         return "Without seeds there is no test of a difference."
     rule, family = tested[0].rule, max(comparison.family for comparison in tested)
@@ -124,7 +133,7 @@ def _undecided(tested: Sequence[Comparison]) -> str:
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
     if not count:
         return ""
-    floored = sum(comparison.pair.below_floor for comparison in tested)
+    floored = sum(comparison.below_floor for comparison in tested)
     why = f", {floored} of them because they differ by less than the reference's own sigma" if floored else ""
     return f" Of the {len(tested)} here {count} {'is' if count == 1 else 'are'} undecided{not_excluded(tested)}{why}."
 
@@ -147,51 +156,10 @@ def losses_range(judgements: Iterable[Judgement]) -> str:
     return f"{counts} of {sizes} lost ({up_to(*max(runs, key=lambda of: loss_bound(*of)))})"
 
 
-def _of_phases(ratios: LogRatios) -> Judgement:
-    """Return the geometric mean, or with lost runs the median, with the range, and no test."""
-    (judgement,) = judged([ratios])
-    low, high = (np.exp(ratios.d.min()), np.exp(ratios.d.max())) if ratios.n > 1 else (np.nan, np.nan)
-    return dataclasses.replace(
-        judgement, low=float(low), high=float(high), p=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED, reason=""
-    )
-
-
-# The leaders of each group of rivals: those whom nobody was shown to beat.
-
-
-@dataclass(frozen=True, eq=False)
-class Contest:
-    """A group of rivals.
-
-    Attributes:
-        rivals: their combinations.
-        leaders: those whom nobody was shown to beat.
-        comparisons: of every two.
-    """
-
-    rivals: tuple[Combination, ...]
-    leaders: tuple[Combination, ...]
-    comparisons: tuple[Comparison, ...]
-
-    @property
-    def decided(self) -> bool:
-        """Whether the leaders are fewer than the rivals: else nothing was shown."""
-        return 0 < len(self.leaders) < len(self.rivals)
-
-
-def contest(rivals: Sequence[Combination], comparisons: Iterable[Comparison]) -> Contest:
-    """Return who leads of ``rivals``; nobody does where nothing was compared."""
-    comparisons = tuple(comparisons)
-    beaten = {_loser(comparison) for comparison in comparisons}
-    leaders = tuple(rival for rival in rivals if rival not in beaten) if comparisons else ()
-    return Contest(tuple(rivals), leaders, comparisons)
-
-
-def _loser(comparison: Comparison) -> Combination | None:
-    """Return who was shown to be worse, or to lose more runs."""
-    if comparison.verdict in {Verdict.BETTER, Verdict.FEWER_LOST}:
-        return comparison.baseline
-    return comparison.subject if comparison.shown else None
+def leaders_of(rivals: Sequence[Combination], comparisons: Sequence[Comparison]) -> tuple[Combination, ...]:
+    """Return those of ``rivals`` whom nobody was shown to beat; nobody leads where nothing was compared."""
+    beaten = {one.baseline if one.verdict in WINS else one.subject for one in comparisons if one.shown}
+    return tuple(rival for rival in rivals if rival not in beaten) if comparisons else ()
 
 
 # Scenario by scenario: which methods lead, and how every two of them compare.
@@ -209,35 +177,45 @@ class Standing:
     Attributes:
         scenario: values of the factors that make it, of those that vary.
         method: factors that make a method, of those that vary.
-        contest: who leads.
+        rivals: the combinations that compete.
+        comparisons: of every two of them.
     """
 
     scenario: tuple[str, ...]
     method: tuple[str, ...]
-    contest: Contest
+    rivals: tuple[Combination, ...]
+    comparisons: tuple[Comparison, ...]
+
+    @cached_property
+    def leaders(self) -> list[str]:
+        """Names of those whom nobody was shown to beat."""
+        return [self.name(leader) for leader in leaders_of(self.rivals, self.comparisons)]
+
+    @property
+    def decided(self) -> bool:
+        """Whether the leaders are fewer than the rivals: else nothing was shown."""
+        return 0 < len(self.leaders) < len(self.rivals)
+
+    @property
+    def tested(self) -> list[Comparison]:
+        """The comparisons that a test has judged."""
+        return [pair for pair in self.comparisons if pair.tested]
 
     def name(self, combination: Combination) -> str:
         """Return the name of a method."""
-        values = dict(zip(FACTORS, combination, strict=True))
-        return "+".join(values[key] for key in self.method)
-
-    @property
-    def leaders(self) -> list[str]:
-        """Names of those whom nobody was shown to beat."""
-        return [self.name(leader) for leader in self.contest.leaders]
+        return "+".join(getattr(combination, key) for key in self.method)
 
 
 def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
     """Return in sentences who leads how often, and how many pairs of methods are what."""
-    decided = [standing for standing in standings if standing.contest.decided]
-    compared = [pair for standing in standings for pair in standing.contest.comparisons if pair.judgement.n]
-    verdicts = Counter(pair.verdict for pair in compared if pair.replicate != "phase")
-    if compared and not verdicts:
+    verdicts = Counter(pair.verdict for standing in standings for pair in standing.tested)
+    if verdicts:
+        decided = [standing for standing in standings if standing.decided]
+        return [*_leading(decided, len(standings)), _counts(verdicts, standings)]
+    if any(pair.judgement.n for standing in standings for pair in standing.comparisons):
         return [UNTESTED]
-    if not verdicts:
-        many = any(len(standing.contest.rivals) > 1 and not standing.contest.comparisons for standing in standings)
-        return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
-    return [*_leading(decided, len(standings)), _counts(verdicts, standings)]
+    many = any(len(standing.rivals) > 1 and not standing.comparisons for standing in standings)
+    return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
 
 
 def _leading(decided: Sequence[Standing], scenarios: int) -> list[str]:
@@ -257,7 +235,7 @@ def _counts(verdicts: "Counter[Verdict]", standings: Sequence[Standing]) -> str:
     total = verdicts.total()
     equal, undecided = verdicts[Verdict.EQUAL], verdicts[Verdict.UNDECIDED]
     lost = verdicts[Verdict.FEWER_LOST] + verdicts[Verdict.MORE_LOST]
-    tested = [pair for standing in standings for pair in standing.contest.comparisons]
+    tested = [pair for standing in standings for pair in standing.comparisons]
     parts = [
         (total - equal - undecided - lost, "differ"),
         (lost, "differ in the runs they lose"),

@@ -21,17 +21,17 @@ from jerkbench.evaluation.statistics.ranks import (
     rank_cliques,
     rank_range,
 )
-from jerkbench.report.analysis.columns import FACTORS, attitude_competes, checked, competes, default_method, quantity
-from jerkbench.report.analysis.runs import (
-    RULE,
+from jerkbench.report.analysis.columns import (
+    FACTORS,
     Combination,
-    MethodRuns,
-    VerdictRule,
-    paired,
-    partners,
-    runs_by_combination,
+    attitude_competes,
+    checked,
+    competes,
+    default_method,
+    quantity,
 )
-from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, Standing, contest, judged_pairs
+from jerkbench.report.analysis.runs import RULE, MethodRuns, VerdictRule, partners, runs_by_combination
+from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, Standing, compare_runs
 from jerkbench.report.analysis.sweeps import at_best_noise
 from jerkbench.report.tables.table_model import number
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-Two = tuple[Combination, Combination]
+Pair = tuple[Combination, Combination]
 """Subject and baseline."""
 
 
@@ -57,15 +57,15 @@ class StudyVerdicts:
 
     groups: Mapping[Combination, MethodRuns]
     entered: Mapping[Combination, MethodRuns]
-    judged: Mapping[Two, Comparison]
+    judged: Mapping[Pair, Comparison]
     standings: list[Standing]
     rule: VerdictRule
 
-    def compare(self, pairs: Iterable[Two]) -> list[Comparison]:
+    def compare(self, pairs: Iterable[Pair]) -> list[Comparison]:
         """Return the comparisons of ``pairs``; those that are not in the study's family are one of their own."""
         pairs = list(pairs)
         outside = [(a, b) for a, b in pairs if (a, b) not in self.judged and (b, a) not in self.judged]
-        others = judged_pairs(paired((self.groups[a], self.groups[b]) for a, b in outside), self.rule)
+        others = compare_runs(((self.groups[a], self.groups[b]) for a, b in outside), self.rule)
         known = {**self.judged, **dict(zip(outside, others, strict=True))}
         return [known[pair] if pair in known else known[pair[::-1]].turned for pair in pairs]
 
@@ -114,36 +114,35 @@ def study_verdicts(
         entered = runs_by_combination(rows, metric)
         fields = _fields(entered, method)
     pairs = [pair for field in fields for pair in _pairs(field)] if _count(fields) <= most else []
-    comparisons = judged_pairs(paired((entered[a], entered[b]) for a, b in pairs), rule)
+    comparisons = compare_runs(((entered[a], entered[b]) for a, b in pairs), rule)
     judged = dict(zip(pairs, comparisons, strict=True))
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
     standings = [_standing(field, judged, method, varying) for field in fields]
     return StudyVerdicts(groups, entered, judged, standings, rule)
 
 
-def rival(combination: Combination, method: Sequence[str]) -> bool:
+def is_rival(combination: Combination, method: Sequence[str]) -> bool:
     """Whether a combination competes with others; an attitude that is told the truth does not with attitudes."""
-    values = dict(zip(FACTORS, combination, strict=True))
-    return competes(values) and ("attitude" not in method or attitude_competes(values["attitude"]))
+    return competes(combination._asdict()) and ("attitude" not in method or attitude_competes(combination.attitude))
 
 
 def _standing(
-    field: Sequence[Combination], judged: Mapping[Two, Comparison], method: Sequence[str], varying: Sequence[str]
+    field: Sequence[Combination], judged: Mapping[Pair, Comparison], method: Sequence[str], varying: Sequence[str]
 ) -> Standing:
-    rivals = [key for key in field if rival(key, method)]
-    comparisons = [judged[pair] for pair in itertools.combinations(rivals, 2) if pair in judged]
-    scenario = zip(FACTORS, (rivals or field)[0], strict=True)
+    rivals = tuple(key for key in field if is_rival(key, method))
+    scenario = (rivals or tuple(field))[0]._asdict().items()
     return Standing(
         scenario=tuple(value for key, value in scenario if key not in method and key in varying),
         method=tuple(key for key in FACTORS if key in method and key in varying) or tuple(method),
-        contest=contest(rivals, comparisons),
+        rivals=rivals,
+        comparisons=tuple(judged[pair] for pair in itertools.combinations(rivals, 2) if pair in judged),
     )
 
 
-def _pairs(field: Sequence[Combination]) -> Iterator[Two]:
+def _pairs(field: Sequence[Combination]) -> Iterator[Pair]:
     """Yield every two rivals, and every reference with what it differs from in one factor."""
     for a, b in itertools.combinations(field, 2):
-        both = all(competes(dict(zip(FACTORS, key, strict=True))) for key in (a, b))
+        both = all(competes(key._asdict()) for key in (a, b))
         if both or sum(ours != theirs for ours, theirs in zip(a, b, strict=True)) == 1:
             yield a, b
 
@@ -152,8 +151,7 @@ def _fields(combinations: Iterable[Combination], method: Sequence[str]) -> list[
     """Return the combinations of each scenario."""
     fields: dict[Combination, list[Combination]] = {}
     for key in combinations:
-        scenario = tuple("" if name in method else value for name, value in zip(FACTORS, key, strict=True))
-        fields.setdefault(scenario, []).append(key)
+        fields.setdefault(key._replace(**dict.fromkeys(method, "")), []).append(key)
     return list(fields.values())
 
 
@@ -206,8 +204,7 @@ def across(rows: "pd.DataFrame", verdicts: StudyVerdicts, metric: str) -> list[s
 def common_field(verdicts: StudyVerdicts) -> CommonRuns | None:
     """Return the methods that every scenario has, on common seeds; None of fewer than two, and of phases."""
     runs = [
-        {standing.name(rival): verdicts.entered[rival] for rival in standing.contest.rivals}
-        for standing in verdicts.standings
+        {standing.name(rival): verdicts.entered[rival] for rival in standing.rivals} for standing in verdicts.standings
     ]
     if len(runs) < 2 or any(of.phases for scenario in runs for of in scenario.values()):
         return None

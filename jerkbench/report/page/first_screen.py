@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.analysis.answer import Answer, answer
-from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.findings import compared, sentence, strongest, varying_factors
 from jerkbench.report.analysis.standings import Comparison, verdict_sentences
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, across
@@ -124,8 +123,7 @@ def _every(comparisons: Sequence[Comparison], varying: Sequence[str]) -> list[tu
     shown = [key for key in SCENARIO if key in varying]
     scenes: dict[str, list[Comparison]] = {}
     for comparison in comparisons:
-        values = dict(zip(FACTORS, comparison.subject, strict=True))
-        scenes.setdefault(", ".join(values[key] for key in shown), []).append(comparison)
+        scenes.setdefault(", ".join(getattr(comparison.subject, key) for key in shown), []).append(comparison)
     return [(_counted(name, of_scene), _ordered(of_scene, varying)) for name, of_scene in scenes.items()]
 
 

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import against, mean_log_ratio, reference_of, round_of, tested_pairs
+from jerkbench.evaluation.statistics.judgement import WINS, Verdict
+from jerkbench.report.analysis.answer import against, mean_log_ratio, reference_method, size_text
 from jerkbench.report.analysis.standings import Comparison, Standing
 from jerkbench.report.tables.table_model import factor_number, number
 
@@ -59,11 +59,11 @@ ABSENT = MatrixCell("-", "absent")
 
 def matrix(standings: Sequence[Standing]) -> Matrix | None:
     """Return the picture of a study; None without two compared methods."""
-    tested = [standing for standing in standings if tested_pairs(standing)]
+    tested = [standing for standing in standings if standing.tested]
     if not tested:
         return None
-    reference = reference_of(tested)
-    names = list(dict.fromkeys(standing.name(rival) for standing in tested for rival in standing.contest.rivals))
+    reference = reference_method(tested)
+    names = list(dict.fromkeys(standing.name(rival) for standing in tested for rival in standing.rivals))
     scenarios = [", ".join(standing.scenario) or "the scenario" for standing in tested]
     seen = [against(standing, reference) for standing in tested]
     names.sort(key=lambda name: mean_log_ratio(seen, name))
@@ -76,14 +76,14 @@ def matrix(standings: Sequence[Standing]) -> Matrix | None:
 
 
 def _cell(standing: Standing, seen: Mapping[str, Comparison], name: str, reference: str) -> MatrixCell:
-    leads = standing.contest.decided and name in standing.leaders
-    if name == reference and any(standing.name(rival) == name for rival in standing.contest.rivals):
+    leads = standing.decided and name in standing.leaders
+    if name == reference and any(standing.name(rival) == name for rival in standing.rivals):
         return MatrixCell("1", "reference", "the reference", leads=leads)
     pair = seen.get(name)
     if pair is None:
         return ABSENT
-    judgement, bout = pair.judgement, round_of(pair)
-    hint = bout.words if pair.shown else pair.verdict.value
+    judgement = pair.judgement
+    hint = size_text(judgement) if pair.shown else pair.verdict.value
     if 0 < judgement.low <= judgement.high < math.inf:
         hint += f"; ratio 95 % {number(judgement.low)} to {number(judgement.high)}"
     lost = f"{judgement.failures[0]} of {judgement.n} lost" if judgement.failures[0] else ""
@@ -102,7 +102,7 @@ def _style(pair: Comparison) -> str:
         return "equal"
     if not pair.shown:
         return "undecided"
-    better = pair.verdict in {Verdict.BETTER, Verdict.FEWER_LOST}
+    better = pair.verdict in WINS
     ratio = pair.judgement.ratio
     factor = max(ratio, 1 / ratio) if 0 < ratio < math.inf else math.inf
     return f"{'better' if better else 'worse'}{1 + sum(factor >= step for step in STEPS)}"

@@ -12,7 +12,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.evaluation.statistics.errors_over_seeds import MEAN, Centres, centres_of
 from jerkbench.evaluation.statistics.families import LEAST_SEEDS
 from jerkbench.evaluation.statistics.over_seeds import Samples, mean_intervals_of
-from jerkbench.report.analysis.columns import layout, quantity, with_text_factors
+from jerkbench.report.analysis.columns import layout, numbers_of_rows, quantity, with_text_factors
 from jerkbench.report.tables.table_model import TableCell
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: 
     rows = with_text_factors(rows)
     across, down = layout(rows, row_keys, column_keys)
     status, replicate = (rows[name].to_numpy(dtype=str) for name in ("status", "replicate"))
-    runs = _runs(rows, [*across, *down])
+    runs = numbers_of_rows(rows, [*across, *down])
     row_values = _grouped(key[: len(across)] for key in runs) if across else ((),)
     column_values = _grouped(key[len(across) :] for key in runs) if down else ((),)
     return Grid(rows, across, down, row_values, column_values, runs, status, replicate == "phase")
@@ -113,14 +113,6 @@ def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
             combinations, key=lambda combination: [rank[value] for rank, value in zip(ranks, combination, strict=True)]
         )
     )
-
-
-def _runs(rows: "pd.DataFrame", keys: list[str]) -> dict[Values, IntArray]:
-    """Return the row numbers of each combination of ``keys``."""
-    groups: dict[Values, list[int]] = {}
-    for number_of_row, key in enumerate(zip(*(rows[key].tolist() for key in keys), strict=True)):
-        groups.setdefault(key, []).append(number_of_row)
-    return {key: np.array(group) for key, group in groups.items()}
 
 
 @dataclass(frozen=True, eq=False)

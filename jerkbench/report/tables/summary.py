@@ -8,10 +8,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.errors_over_seeds import MEAN
-from jerkbench.report.analysis.columns import FACTORS, constants, metric_columns, quantity, with_metric
-from jerkbench.report.analysis.runs import Combination
-from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, contest, family_note
-from jerkbench.report.analysis.study_verdicts import StudyVerdicts, rival, study_verdicts
+from jerkbench.report.analysis.columns import (
+    FACTORS,
+    Combination,
+    constants,
+    metric_columns,
+    quantity,
+    with_metric,
+)
+from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, family_note, leaders_of
+from jerkbench.report.analysis.study_verdicts import StudyVerdicts, is_rival, study_verdicts
 from jerkbench.report.tables.footnotes import footnotes, with_bounds
 from jerkbench.report.tables.grid import CellColumns, Grid, Values, arranged, cell_columns
 from jerkbench.report.tables.table_model import Ratio, Table, TableCell
@@ -132,7 +138,7 @@ def _with_ratios(
     """Put each comparison into the cell of its subject."""
     compared = dict(cells)
     for comparison in comparisons:
-        place = tuple(dict(zip(FACTORS, comparison.subject, strict=True))[key] for key in keys)
+        place = tuple(getattr(comparison.subject, key) for key in keys)
         judgement = comparison.judgement
         ends = judgement.ratio, judgement.low, judgement.high
         ratio = Ratio(*ends, judgement.p, comparison.mark, judgement.median)
@@ -156,9 +162,8 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
     comparisons = iter(verdicts.compare(itertools.chain.from_iterable(pairs)))
     marked = dict(cells)
     for field, pair in zip(fields, pairs, strict=True):
-        row = contest(field, itertools.islice(comparisons, len(pair)))
-        leaders = [places[key] for key in row.leaders] if row.decided else []
-        for place in _whole(leaders, cells):
+        leaders = [places[key] for key in leaders_of(field, list(itertools.islice(comparisons, len(pair))))]
+        for place in _whole(leaders, cells) if len(leaders) < len(field) else ():
             marked[place] = dataclasses.replace(marked[place], best=True)
     return marked
 
@@ -169,7 +174,7 @@ def _fields(
     """Return the combinations of each row that compete."""
     fields: dict[Values, list[Combination]] = {}
     for key, place in places.items():
-        if _eligible(cells[place]) and rival(key, grid.down):
+        if _eligible(cells[place]) and is_rival(key, grid.down):
             fields.setdefault(place[: len(grid.across)], []).append(key)
     return list(fields.values())
 
@@ -178,7 +183,7 @@ def _places(grid: Grid) -> dict[Combination, Values]:
     """Return the place of each combination."""
     first = {place: runs[0] for place, runs in grid.runs.items()}
     factors = grid.rows[[*FACTORS]].to_numpy(dtype=str)
-    return {tuple(map(str, factors[run])): place for place, run in first.items()}
+    return {Combination(*map(str, factors[run])): place for place, run in first.items()}
 
 
 def _eligible(cell: TableCell) -> bool:

@@ -166,6 +166,12 @@ class Table:
 
         return markdown(self)
 
+    def to_latex(self) -> str:
+        """Return it as LaTeX, as `jerkbench table --format tex` prints it; the first line names the packages."""
+        from jerkbench.report.tables.writers import latex
+
+        return latex(self)
+
     def _repr_html_(self) -> str:
         """Return it as a notebook shows it."""
         from jerkbench.report.tables.writers import html_table

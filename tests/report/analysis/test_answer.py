@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import Round, answer, duels, shows_something
+from jerkbench.report.analysis.answer import answer, certain_size, duels, shows_something
 from jerkbench.report.analysis.findings import strongest
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 
@@ -106,15 +106,15 @@ def test_the_largest_finding_comes_first_and_only_one_factor_differs(study):
 
 
 def test_a_lost_run_weighs_and_the_other_side_sees_the_reverse(judgement):
-    lost = Round("", judgement(Verdict.MORE_LOST, 2.0, 1.0, float("inf"), (12, 0)))
+    lost = judgement(Verdict.MORE_LOST, 2.0, 1.0, float("inf"), (12, 0))
     assert lost.turned.verdict is Verdict.FEWER_LOST
-    assert lost.turned.judgement.failures == (0, 12)
-    assert lost.weight == pytest.approx(0.6 * np.log(100))
-    won = Round("", judgement(Verdict.BETTER, 0.5, 0.4, 0.8))
-    seen = won.turned.judgement
+    assert lost.turned.failures == (0, 12)
+    assert certain_size(lost) == pytest.approx(0.6 * np.log(100))
+    won = judgement(Verdict.BETTER, 0.5, 0.4, 0.8)
+    seen = won.turned
     assert (seen.low, seen.ratio, seen.high) == pytest.approx((1.25, 2.0, 2.5))
-    assert [won.weight, won.turned.weight] == pytest.approx([np.log(1.25)] * 2)
-    assert Round("", judgement(Verdict.UNDECIDED, 0.5, 0.4, 1.2)).weight == 0.0
+    assert [certain_size(won), certain_size(won.turned)] == pytest.approx([np.log(1.25)] * 2)
+    assert certain_size(judgement(Verdict.UNDECIDED, 0.5, 0.4, 1.2)) == 0.0
 
 
 def test_a_duel_is_told_by_the_one_who_wins_more(study):

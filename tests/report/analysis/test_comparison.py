@@ -15,6 +15,7 @@ from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.runs import VerdictRule, parse_baseline
+from jerkbench.report.analysis.standings import leaders_of
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.writers import html_table, latex, markdown, tidy_csv
@@ -90,7 +91,7 @@ def test_a_lost_run_is_the_worst_of_its_pair(study):
     lost = (study["adaptation"] == "mtf") & (study["seed"] < 3)
     study.loc[lost, "status"] = "diverged"
     one = by_adaptation(study_verdicts(study, "position_rmse_m").against(NONE))["mtf"]
-    assert (one.judgement.n, one.pair.runs, one.pair.lost, one.judgement.median) == (20, 20, (3, 0), True)
+    assert (one.judgement.n, one.runs, one.lost, one.judgement.median) == (20, 20, (3, 0), True)
     assert one.verdict is Verdict.UNDECIDED  # 25 times better in seventeen, lost in three
     (said,) = [line for line in sentences(study, "position_rmse_m") if "jerk+mtf" in line]
     assert "jerk+mtf lost 3 of 20 runs (up to 34 %), which counts as worse than any error" in said
@@ -130,18 +131,16 @@ def test_tuned_against_tuned_is_a_comparison(study):
     tuned = study.assign(noise=np.where(study["filter"] == "jerk", "accel_mps2=0.1", "accel_mps2=0.5"))
     tuned = tuned[tuned["adaptation"].isin(["none", "mtf"])]
     (scene,) = study_verdicts(tuned, "position_rmse_m").standings
-    names = {(one.subject[3], one.subject[5]) for one in scene.contest.comparisons}
+    names = {(one.subject[3], one.subject[5]) for one in scene.comparisons}
     assert ("jerk", "accel_mps2=0.1") in names
     (against,) = [
-        one
-        for one in scene.contest.comparisons
-        if one.subject[3:5] == ("jerk", "none") and one.baseline[3] == "baseline"
+        one for one in scene.comparisons if one.subject[3:5] == ("jerk", "none") and one.baseline[3] == "baseline"
     ]
     assert against.subject[5] != against.baseline[5]
     assert against.verdict is Verdict.BETTER
-    assert [leader[3:5] for leader in scene.contest.leaders] == [("jerk", "mtf")]
+    assert [leader[3:5] for leader in leaders_of(scene.rivals, scene.comparisons)] == [("jerk", "mtf")]
     apart = study_verdicts(tuned, "position_rmse_m", ("filter", "adaptation")).standings
-    assert all(len({one[5] for one in scene.contest.rivals}) == 1 for scene in apart)
+    assert all(len({one[5] for one in scene.rivals}) == 1 for scene in apart)
 
 
 def test_phases_have_a_range_and_no_test(study):

@@ -91,7 +91,7 @@ def test_where_the_attitude_alone_varies_it_is_the_method(rows):
     both = pd.concat([tilts, tilts.assign(attitude="reference"), tilts.assign(attitude="gyro_only")])
     verdicts = study_verdicts(both, METRIC)
     assert len(verdicts.standings) == 3
-    assert {rival[2] for standing in verdicts.standings for rival in standing.contest.rivals} == {"tilt", "gyro_only"}
+    assert {rival[2] for standing in verdicts.standings for rival in standing.rivals} == {"tilt", "gyro_only"}
 
 
 def test_sentences_are_of_the_baseline_that_was_asked_for(rows, verdicts):

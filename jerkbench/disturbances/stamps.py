@@ -1,4 +1,4 @@
-"""Errors of the stamps."""
+"""Errors of the stamps: later than the time at which the values were true, or off at random."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -6,12 +6,53 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import Once, Stream, own_stream
-from jerkbench.errors import PluginError
+from jerkbench.disturbances.common import AnyStream, Once, own_stream, require_values, rows_of
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording
 
-ROOM = 0.45
+
+@register("disturbance", "latency")
+@dataclass(frozen=True)
+class Latency(Once):
+    """Stamps that are later than the time at which the values were true; nobody is told.
+
+    t' = t + d. A measurement whose stamp comes after the end of the recording is left out. The error that it makes is
+    the motion within d (at 1.5 m/s and .1 s 15 cm): no covariance knows of it, the true one neither.
+
+    Attributes:
+        position_s: d of the fixes.
+        velocity_s: d of the velocity.
+        heading_s: d of the heading.
+    """
+
+    position_s: float = 0.1
+    velocity_s: float = 0.0
+    heading_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that no latency is negative."""
+        names = ("position_s", "velocity_s", "heading_s")
+        require_values(self, names, lambda late: 0 <= late < np.inf, "a latency must be 0 s or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with later stamps."""
+        end_s = recording.duration_s
+        return replace(
+            recording,
+            position=_later(recording.position, self.position_s, end_s),
+            velocity=_later(recording.velocity, self.velocity_s, end_s),
+            heading=_later(recording.heading, self.heading_s, end_s),
+        )
+
+
+def _later(measured: AnyStream | None, late_s: float, end_s: float) -> AnyStream | None:
+    if measured is None or not late_s:
+        return measured
+    kept = rows_of(measured, measured.t_s + late_s <= end_s)
+    return replace(kept, t_s=kept.t_s + late_s)
+
+
+NEAREST = 0.45
 """The largest shift of a stamp towards its neighbour, in parts of the interval between them."""
 
 
@@ -38,9 +79,8 @@ class Jitter(Once):
 
     def __post_init__(self) -> None:
         """Check that no sigma is negative."""
-        for name in ("imu_s", "measurement_s"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise PluginError(f"{name} is {getattr(self, name)}; a standard deviation must be 0 or more.")
+        names = ("imu_s", "measurement_s")
+        require_values(self, names, lambda s: 0 <= s < np.inf, "a standard deviation must be 0 or more.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the stamps of ``seed``."""
@@ -57,7 +97,7 @@ class Jitter(Once):
         t_s[[0, -1]] = imu.t_s[[0, -1]]
         return replace(imu, t_s=t_s)
 
-    def _restamped(self, measured: Stream | None, seed: int, name: str) -> Stream | None:
+    def _restamped(self, measured: AnyStream | None, seed: int, name: str) -> AnyStream | None:
         if measured is None:
             return None
         random = own_stream(seed, "jitter", self.stream, name)
@@ -68,4 +108,4 @@ def jittered(t_s: FloatArray, sigma_s: float, random: np.random.Generator) -> Fl
     """Return increasing stamps (n,) as new values: each with an error, cut off where it comes near a neighbour."""
     gaps = np.concatenate([[np.inf], np.diff(t_s), [np.inf]])
     errors = sigma_s * random.standard_normal(len(t_s))
-    return np.asarray(t_s + np.clip(errors, -ROOM * gaps[:-1], ROOM * gaps[1:]))
+    return np.asarray(t_s + np.clip(errors, -NEAREST * gaps[:-1], NEAREST * gaps[1:]))

@@ -1,14 +1,46 @@
-"""Outages: of GNSS, of positions or velocities alone, and of several lengths in turn."""
+"""Outages: of GNSS, of positions or velocities alone, of several lengths in turn, and with false fixes after them."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.disturbances.common import OutageWindows, Phased, fixes_of, without
+from jerkbench.arrays import FloatArray
+from jerkbench.disturbances.common import (
+    Phased,
+    RegularWindows,
+    displaced,
+    fixes_of,
+    in_each,
+    own_stream,
+    require_values,
+    without,
+)
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Recording
+
+
+@dataclass(frozen=True)
+class OutageWindows(RegularWindows):
+    """When an outage is.
+
+    A measurement that was true at t is dropped where begin <= t < end. The windows are added to the recording's
+    outages, so that metrics can look inside; one that lies outside the recording is left out, one that reaches
+    over its begin or end is cut there.
+    """
+
+    fault: ClassVar[str] = "outage"
+
+    def windows_in(self, recording: Recording) -> FloatArray:
+        """Return the windows (k, 2), cut to the time of the recording."""
+        start_s, end_s = float(recording.clock_s[0]), recording.duration_s
+        windows = np.clip(self.windows, start_s, end_s)
+        return np.asarray(windows[windows[:, 0] < windows[:, 1]])
+
+    def announced_in(self, recording: Recording) -> Recording:
+        """Return the recording with the windows among its outages."""
+        return replace(recording, outages_s=np.concatenate([recording.outages_s, self.windows_in(recording)]))
 
 
 @register("disturbance", "gnss_outage")
@@ -23,8 +55,6 @@ class GnssOutage(OutageWindows):
             concerns position and velocity).
     """
 
-    seeded: ClassVar[bool] = False
-
     heading: bool = False
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -32,20 +62,16 @@ class GnssOutage(OutageWindows):
         windows, velocity, heading = self.windows_in(recording), recording.velocity, recording.heading
         is_wheel = velocity is not None and velocity.frame == "speed"
         return replace(
-            recording,
+            self.announced_in(recording),
             position=without(recording.position, windows),
             velocity=velocity if is_wheel else without(velocity, windows),
             heading=without(heading, windows) if self._takes(heading) else heading,
-            outages_s=np.concatenate([recording.outages_s, windows]),
         )
 
     def _takes(self, heading: Heading | None) -> bool:
         if heading is None or heading.source == "odometry":
             return False
         return heading.source == "course" or self.heading
-
-
-# Intervals without position.
 
 
 @register("disturbance", "position_outage")
@@ -57,8 +83,6 @@ class PositionOutage(OutageWindows):
     with the double integral of the accelerometer's.
     """
 
-    seeded: ClassVar[bool] = False
-
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording without position in the windows.
 
@@ -66,12 +90,7 @@ class PositionOutage(OutageWindows):
             RecordingError: it has no position.
         """
         position = fixes_of(recording, "so none can be missing; leave position_outage out.")
-        windows = self.windows_in(recording)
-        outages_s = np.concatenate([recording.outages_s, windows])
-        return replace(recording, position=without(position, windows), outages_s=outages_s)
-
-
-# Intervals without velocity.
+        return replace(self.announced_in(recording), position=without(position, self.windows_in(recording)))
 
 
 @register("disturbance", "velocity_outage")
@@ -81,8 +100,6 @@ class VelocityOutage(OutageWindows):
 
     Its windows count as outages too: the metrics tell how well position alone holds the filter in them.
     """
-
-    seeded: ClassVar[bool] = False
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording without velocity in the windows.
@@ -94,12 +111,8 @@ class VelocityOutage(OutageWindows):
             raise RecordingError(
                 f"{recording.name} has no velocity, so none can be missing; leave velocity_outage out."
             )
-        windows = self.windows_in(recording)
-        outages_s = np.concatenate([recording.outages_s, windows])
-        return replace(recording, velocity=without(recording.velocity, windows), outages_s=outages_s)
-
-
-# Outages of one length at many starts.
+        velocity = without(recording.velocity, self.windows_in(recording))
+        return replace(self.announced_in(recording), velocity=velocity)
 
 
 @register("disturbance", "outage_sweep")
@@ -125,7 +138,6 @@ class OutageSweep(Phased):
         heading: whether the dual-antenna heading goes too.
     """
 
-    seeded: ClassVar[bool] = False
     cycle: ClassVar[str] = "phases"
 
     length_s: float = 10.0
@@ -139,8 +151,7 @@ class OutageSweep(Phased):
         """Check that the outages do not overlap, and that phase and phases fit."""
         if not 0 < self.length_s < self.every_s:
             raise PluginError(f"length_s is {self.length_s}; it must lie between 0 and every_s = {self.every_s}.")
-        if self.phases < 1:
-            raise PluginError(f"phases is {self.phases}; give 1 or more.")
+        require_values(self, ("phases",), lambda phases: phases >= 1, "give 1 or more.")
         self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:
@@ -159,3 +170,57 @@ class OutageSweep(Phased):
         count = int((last_s - first_s) // self.every_s) + 1
         outage = GnssOutage((), count, self.length_s, first_s, self.every_s, heading=self.heading)
         return outage.apply(recording, seed)
+
+
+@register("disturbance", "false_return")
+@dataclass(frozen=True)
+class FalseReturn(OutageWindows):
+    """Outages of GNSS after which the fixes come back in a wrong place, agree with each other, and then are right.
+
+    Each window is an outage of position and velocity. For ``false_s`` after its end there is no velocity, and the fixes
+    are off by one horizontal offset o of length d in a random direction; their reported covariance does not change::
+
+        z' = z + o,  R_true' = R_true + o o',  R' = R
+
+    Then all is as it was. A filter follows the false fixes, rejects all fixes from then on, or comes back: the metric
+    `capture` says which.
+
+    Attributes:
+        offset_m: d.
+        false_s: how long the false fixes come.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    windows_s: tuple[tuple[float, float], ...] = ((40.0, 50.0),)
+    offset_m: float = 50.0
+    false_s: float = 20.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check windows and offset."""
+        super().__post_init__()
+        if not (0 < self.offset_m < np.inf and self.false_s > 0):
+            raise PluginError(f"offset_m is {self.offset_m} and false_s {self.false_s}; give more than 0 of both.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the outages and the false fixes of ``seed``.
+
+        Raises:
+            RecordingError: it has no position.
+        """
+        position = fixes_of(recording, "so none can be false; leave false_return out.")
+        windows_s = self.windows_in(recording)
+        false_s = np.column_stack([windows_s[:, 1], windows_s[:, 1] + self.false_s])
+        shift = in_each(position.t_s, false_s) @ self._offsets(len(windows_s), seed)
+        velocity = recording.velocity
+        if velocity is not None and velocity.frame != "speed":
+            velocity = without(velocity, np.concatenate([windows_s, false_s]))
+        moved = without(displaced(position, shift), windows_s)
+        return replace(self.announced_in(recording), position=moved, velocity=velocity)
+
+    def _offsets(self, windows: int, seed: int) -> FloatArray:
+        """Return (windows, 3) ENU."""
+        angle = own_stream(seed, "false_return", self.stream).uniform(0, 2 * np.pi, windows)
+        return self.offset_m * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])

@@ -1,0 +1,127 @@
+"""What the Kalman filters `tilt` and `mekf` share: the update by gravity, whose variance adapts, and the rotation.
+
+It is the inner part of their loops, which numba compiles. Both filters have the error of the tilt in their first three
+states, so that the accelerometer sees them by H (3, 3).
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector
+from jerkbench.recording import GRAVITY_MPS2
+
+ADAPTATIONS = ("none", "mtf", "scalar", "lee")
+"""The ways to find Sigma, the variance of an external acceleration."""
+
+MTF, SCALAR, LEE = 1, 2, 3
+
+
+class GravityUpdate(NamedTuple):
+    """What passes from one update to the next, and room for one.
+
+    Attributes:
+        a_prev: (3,) external acceleration after the last sample [m/s2].
+        squares: (mu, 3) ring of the latest e_i^2.
+        H: (3, 3) what the accelerometer sees of the first three states.
+        e: (3,) innovation.
+        C0: (3,) diagonal of H P H' + N, with N the variance of the accelerometer's noise.
+        M: (3,) diagonal of N + Sigma.
+        dx: (n,) correction of the states.
+        K: (n,) one column of the gain, times S.
+        memory: c_a.
+        adapt: which of `ADAPTATIONS`.
+    """
+
+    a_prev: FloatVector
+    squares: FloatMatrix
+    H: FloatMatrix
+    e: FloatVector
+    C0: FloatVector
+    M: FloatVector
+    dx: FloatVector
+    K: FloatVector
+    memory: float
+    adapt: int
+
+
+def gravity_update(states: int, window: int, memory: float, adapt: str) -> GravityUpdate:
+    """Return it before the first sample of a filter with so many states; H = g I."""
+    (a_prev, e, C0, M), (dx, K) = np.zeros((4, 3)), np.zeros((2, states))
+    H, which = GRAVITY_MPS2 * np.eye(3), ADAPTATIONS.index(adapt)
+    return GravityUpdate(a_prev, np.zeros((window, 3)), H, e, C0, M, dx, K, float(memory), which)
+
+
+def innovate(u: GravityUpdate, P: FloatArray, x: FloatArray, y: FloatArray, k: int, noise: float) -> float:
+    """Fill e = y_A - c_a a_prev - g x and C0 = diag(H P H') + N; returns e'e - tr C0: from 0 on it triggers."""
+    excess = 0.0
+    for i in range(3):
+        u.e[i] = y[i] - u.memory * u.a_prev[i] - GRAVITY_MPS2 * x[i]
+        u.C0[i] = noise
+        for r in range(3):
+            u.C0[i] += u.H[i, r] * (P[r, 0] * u.H[i, 0] + P[r, 1] * u.H[i, 1] + P[r, 2] * u.H[i, 2])
+        u.squares[k % len(u.squares), i] = u.e[i] ** 2
+        excess += u.e[i] ** 2 - u.C0[i]
+    return excess
+
+
+def fill_noise(u: GravityUpdate, k: int, excess: float, noise: float, many: float) -> None:
+    """M = N + many diag(Sigma), with w_i the mean of the latest e_i^2.
+
+    mtf: max(0, w_i - C0_ii) if e'e >= tr C0;  scalar: (e'e - tr C0)/3 likewise;  lee: |c_a a_prev|^2/3, always.
+    """
+    recent = min(k + 1, len(u.squares))
+    expected = u.memory**2 * (u.a_prev[0] ** 2 + u.a_prev[1] ** 2 + u.a_prev[2] ** 2)
+    for i in range(3):
+        sigma = 0.0
+        if u.adapt == MTF and excess >= 0.0:
+            for r in range(recent):
+                sigma += u.squares[r, i]
+            sigma = max(sigma / recent - u.C0[i], 0.0)
+        elif u.adapt == SCALAR and excess >= 0.0:
+            sigma = excess / 3.0
+        elif u.adapt == LEE:
+            sigma = expected / 3.0
+        u.M[i] = noise + many * sigma
+
+
+def updating(states: int) -> Callable[[GravityUpdate, FloatArray], None]:
+    """Return the update of a filter with so many states: it fills dx = K e, and makes P = (I - K H) P."""
+
+    def update(u: GravityUpdate, P: FloatArray) -> None:
+        """M is diagonal, so that one row of H after the other gives the same K without an inverse."""
+        u.dx[:] = 0.0
+        for i in range(3):
+            S, left = u.M[i], u.e[i]
+            for r in range(states):
+                u.K[r] = P[r, 0] * u.H[i, 0] + P[r, 1] * u.H[i, 1] + P[r, 2] * u.H[i, 2]
+            for r in range(3):
+                S += u.H[i, r] * u.K[r]
+                left -= u.H[i, r] * u.dx[r]
+            for r in range(states):
+                gain = u.K[r] / S
+                u.dx[r] += gain * left
+                for s in range(r + 1):
+                    P[r, s] -= gain * u.K[s]
+                    P[s, r] = P[r, s]
+
+    return update
+
+
+def fill_rotation(C: FloatArray, t: FloatArray, scale: float, exact: bool) -> None:
+    """C = Exp(scale t) by Rodrigues, or I + skew(scale t), its first order; skew(t)^2 = t t' - t't I."""
+    a, b, c = scale * t[0], scale * t[1], scale * t[2]
+    square = a * a + b * b + c * c
+    first, second = 1.0, 0.5 if exact else 0.0
+    if exact and square > 0.0:
+        angle = math.sqrt(square)
+        first, second = math.sin(angle) / angle, 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2
+    turn = (a, b, c)
+    for i in range(3):
+        for j in range(3):
+            C[i, j] = second * (turn[i] * turn[j] - (square if i == j else 0.0)) + (1.0 if i == j else 0.0)
+    for i, j, m in ((1, 2, 0), (2, 0, 1), (0, 1, 2)):
+        C[i, j] -= first * turn[m]
+        C[j, i] += first * turn[m]

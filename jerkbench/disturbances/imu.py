@@ -1,0 +1,151 @@
+"""Faults of the IMU: a constant bias, vibration, samples that are missing."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.disturbances.common import Once, own_stream, require_values
+from jerkbench.errors import PluginError
+from jerkbench.plugins import register
+from jerkbench.recording import Imu, Recording
+from jerkbench.simulation.motion import harmonics
+
+SIGMAS_OF_IMU = ("accel_mps2", "gyro_radps")
+
+
+@register("disturbance", "imu_bias")
+@dataclass(frozen=True)
+class ImuBias(Once):
+    """A constant bias on each axis of accelerometer and gyro, drawn once a run.
+
+    For each axis of the body::
+
+        f' = f + b_a,  b_a ~ N(0, sigma_a^2)
+        w' = w + b_g,  b_g ~ N(0, sigma_g^2)
+
+    Source: the turn-on bias of the usual IMU error model (P. D. Groves, "Principles of GNSS, Inertial, and
+    Multisensor Integrated Navigation Systems", 2nd ed., section 4.4).
+
+    Attributes:
+        accel_mps2: sigma_a, one sigma of an axis [m/s2].
+        gyro_radps: sigma_g, one sigma of an axis [rad/s].
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    accel_mps2: float = 0.08
+    gyro_radps: float = 0.002
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check that no sigma is negative."""
+        require_values(self, SIGMAS_OF_IMU, lambda sigma: sigma >= 0, "a standard deviation must be 0 or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the biases of ``seed`` added to its IMU."""
+        accel, gyro = own_stream(seed, "bias", self.stream).normal(size=(2, 3))
+        imu = recording.inertial
+        biased = Imu(imu.t_s, imu.accel_mps2 + self.accel_mps2 * accel, imu.gyro_radps + self.gyro_radps * gyro)
+        return replace(recording, imu=biased)
+
+
+SINES = 64
+"""Enough for noise that does not repeat within some minutes, in a band of some ten hertz."""
+
+
+@register("disturbance", "imu_vibration")
+@dataclass(frozen=True)
+class ImuVibration(Once):
+    """Band-limited noise on accelerometer and gyro: a vibration of the IMU's mounting that the vehicle does not make.
+
+    On each axis of the body::
+
+        n(t) = sum_i a_i sin(2 pi f_i t) + b_i cos(2 pi f_i t),  a_i, b_i ~ N(0, sigma^2/64),  i = 1 ... 64
+
+    with one f_i at random in each 64th of the band: Gaussian noise whose spectrum is flat in the band. It is a
+    function of time, so that samples that are missing do not move the others. Above half the IMU's rate it
+    aliases, as in a sensor without a filter before its sampling. Vibration as true motion is a parameter of `field`.
+
+    Attributes:
+        accel_mps2: sigma of the accelerometer.
+        gyro_radps: sigma of the gyro.
+        lowest_hz: begin of the band.
+        highest_hz: end of the band.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    accel_mps2: float = 1.0
+    gyro_radps: float = 0.01
+    lowest_hz: float = 8.0
+    highest_hz: float = 35.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check sigmas and band."""
+        finite = "a standard deviation must be 0 or more."
+        require_values(self, SIGMAS_OF_IMU, lambda sigma: 0 <= sigma < np.inf, finite)
+        if not 0 <= self.lowest_hz < self.highest_hz < np.inf:
+            raise PluginError(f"{self.lowest_hz} to {self.highest_hz} Hz is no band; give 0 <= lowest < highest.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the vibration of ``seed`` on its IMU."""
+        imu = recording.inertial
+        noise = self._noise(imu.t_s, seed)
+        accel = imu.accel_mps2 + self.accel_mps2 * noise[:, :3]
+        return replace(recording, imu=Imu(imu.t_s, accel, imu.gyro_radps + self.gyro_radps * noise[:, 3:]))
+
+    def _noise(self, t_s: FloatArray, seed: int) -> FloatArray:
+        """Return noise (n, 6) of unit variance, accelerometer and gyro."""
+        random = own_stream(seed, "imu_vibration", self.stream)
+        part = (self.highest_hz - self.lowest_hz) / SINES
+        frequency_hz = self.lowest_hz + part * (np.arange(SINES) + random.uniform(size=SINES))
+        sine, cosine = random.standard_normal((2, 6, SINES)) / np.sqrt(SINES)
+        return harmonics(t_s, 2.0 * np.pi * frequency_hz, sine, cosine)[0]
+
+
+@register("disturbance", "dropout")
+@dataclass(frozen=True)
+class Dropout(Once):
+    """IMU samples are missing, one or a few in a row.
+
+    From each sample on, with the given probability, N ~ U{1 ... longest} samples are missing. The first and the last
+    sample are always there. The next sample that is there then stands for the whole gap: its interval begins at the
+    last one before the gap.
+
+    Attributes:
+        probability: that a gap begins at a sample, from 0 to 1.
+        longest: most samples that one gap takes.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    probability: float = 0.01
+    longest: int = 5
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_values(self, ("probability",), lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
+        require_values(self, ("longest",), lambda count: count >= 1, "a gap takes 1 sample or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording without the samples that ``seed`` drops."""
+        imu = recording.inertial
+        keep = ~self._missing(len(imu.t_s), seed)
+        keep[[0, -1]] = True
+        return replace(recording, imu=Imu(imu.t_s[keep], imu.accel_mps2[keep], imu.gyro_radps[keep]))
+
+    def _missing(self, n: int, seed: int) -> BoolArray:
+        random = own_stream(seed, "dropout", self.stream)
+        begins = np.flatnonzero(random.uniform(size=n) < self.probability)
+        lengths = random.integers(1, self.longest + 1, size=n)[begins]
+        depth = np.zeros(n + self.longest, dtype=np.int64)  # how many gaps open, less how many close, at each sample
+        np.add.at(depth, begins, 1)
+        np.add.at(depth, begins + lengths, -1)
+        return np.asarray(np.cumsum(depth)[:n] > 0)

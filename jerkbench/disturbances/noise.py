@@ -1,0 +1,249 @@
+"""Measurement noise that is not what the covariance says: larger, heavy-tailed, correlated, or stated otherwise."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray
+from jerkbench.disturbances.common import (
+    FixesOrVelocity,
+    Once,
+    changed,
+    own_stream,
+    reported_covariance,
+    require_measured,
+    require_values,
+    roots_of,
+    true_covariance,
+    values_of,
+    with_errors,
+    with_scaled_noise,
+)
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+from jerkbench.simulation.imu import gauss_markov
+
+
+@register("disturbance", "noise_step")
+@dataclass(frozen=True)
+class NoiseStep(Once):
+    """Noise of position and velocity that doubles at each of the given times; the covariance does not say so.
+
+    With n(t) the number of times up to t, the standard deviation of the noise is k(t) = factor^n(t) times the reported
+    one: noise of covariance (k^2 - 1) R is added, on a real recording too, and R_true' = R_true + (k^2 - 1) R.
+    A standard test of adaptive filters: how quickly, and how closely, does the adapted R follow?
+
+    Attributes:
+        times_s: when a step is.
+        factor: on the standard deviation, at each step; 1 or more.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    times_s: tuple[float, ...] = (50.0, 100.0)
+    factor: float = 2.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check times and factor."""
+        require_values(self, ("times_s",), lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
+        require_values(self, ("factor",), lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the noise of ``seed``.
+
+        Raises:
+            RecordingError: it has neither position nor velocity.
+        """
+        return with_scaled_noise(recording, seed, "noise_step", self.stream, self._factor)
+
+    def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+        steps = np.searchsorted(np.sort(self.times_s), t_s, side="right")
+        return np.asarray(self.factor**steps)
+
+
+@register("disturbance", "noise_sine")
+@dataclass(frozen=True)
+class NoiseSine(Once):
+    """Noise of position and velocity whose standard deviation follows a sine; the covariance does not say so.
+
+    The standard deviation is k(t) times the reported one, between 1 and the largest factor::
+
+        k(t) = 1 + (largest - 1) (1 - cos(2 pi t/period))/2
+
+    Noise of covariance (k^2 - 1) R is added, on a real recording too, and R_true' = R_true + (k^2 - 1) R. A standard
+    test of adaptive filters: a long window is late, a short one restless.
+
+    Attributes:
+        largest: factor on the standard deviation at the crest; 1 or more.
+        period_s: from one crest to the next.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    largest: float = 5.0
+    period_s: float = 60.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_values(self, ("largest",), lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
+        require_values(self, ("period_s",), lambda time: 0 < time < np.inf, "give a positive number.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the noise of ``seed``.
+
+        Raises:
+            RecordingError: it has neither position nor velocity.
+        """
+        return with_scaled_noise(recording, seed, "noise_sine", self.stream, self._factor)
+
+    def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+        return np.asarray(1.0 + 0.5 * (self.largest - 1.0) * (1.0 - np.cos(2.0 * np.pi * t_s / self.period_s)))
+
+
+@register("disturbance", "heavy_tailed")
+@dataclass(frozen=True)
+class HeavyTailed(Once):
+    """Heavy-tailed noise of position and velocity: a tenth of it has ten sigma; the covariance does not say so.
+
+    Tukey's contaminated normal, at the level of what is reported::
+
+        noise ~ (1 - p) N(0, R) + p N(0, k^2 R)
+
+    Noise of covariance (k^2 - 1) R is added to the measurements that are drawn (positions and velocities
+    independently), so that it works on a real recording too. R_true' = R_true + (k^2 - 1) R of those.
+
+    Source: J. W. Tukey, "A survey of sampling from contaminated distributions", in I. Olkin et al. (eds.),
+    Contributions to Probability and Statistics, Stanford University Press, 1960.
+
+    Attributes:
+        probability: p, from 0 to 1.
+        factor: k, 1 or more.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    probability: float = 0.1
+    factor: float = 10.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_values(self, ("probability",), lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
+        require_values(self, ("factor",), lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the contamination of ``seed``.
+
+        Raises:
+            RecordingError: it has neither position nor velocity.
+        """
+        return with_scaled_noise(recording, seed, "heavy_tailed", self.stream, self._factor)
+
+    def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+        return np.where(random.uniform(size=len(t_s)) < self.probability, self.factor, 1.0)
+
+
+@register("disturbance", "coloured")
+@dataclass(frozen=True)
+class Coloured(Once):
+    """A slow error on top of the noise of position and velocity: a share of the variance then lasts.
+
+    With R as reported and L L' = R, a Gauss-Markov process b(t) of unit variance and f = s/(1 - s)::
+
+        z' = z + sqrt(f) L b(t),  E[b(t) b(t + tau)'] = I exp(-|tau|/T)
+        R_true' = R_true + f R,   R' = R + f R where it is reported
+
+    Where the noise of z was white with R, a share s of the new variance R/(1 - s) lasts. Even when it is reported, a
+    filter that takes errors for new each time becomes too sure of itself.
+
+    Attributes:
+        position_share: s of position, from 0 to below 1.
+        position_time_s: T of position.
+        velocity_share: s of velocity; 0: it stays as it is.
+        velocity_time_s: T of velocity.
+        reported: whether the reported covariance grows as well.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    position_share: float = 0.8
+    position_time_s: float = 10.0
+    velocity_share: float = 0.0
+    velocity_time_s: float = 2.0
+    reported: bool = True
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check shares and times."""
+        shares, times = ("position_share", "velocity_share"), ("position_time_s", "velocity_time_s")
+        require_values(self, shares, lambda share: 0 <= share < 1, "a share must be from 0 to below 1.")
+        require_values(self, times, lambda time: 0 < time < np.inf, "a correlation time must be positive.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the slow errors of ``seed``.
+
+        Raises:
+            RecordingError: it has neither position nor velocity.
+        """
+        require_measured(recording, "so no error can last; leave it out.")
+        return replace(
+            recording,
+            position=self._slow(recording.position, "position", seed),
+            velocity=self._slow(recording.velocity, "velocity", seed),
+        )
+
+    def _slow(self, measured: FixesOrVelocity | None, part: str, seed: int) -> FixesOrVelocity | None:
+        share, time_s = getattr(self, f"{part}_share"), getattr(self, f"{part}_time_s")
+        if measured is None or not share or not len(measured.t_s):
+            return measured
+        process = gauss_markov(measured.t_s, time_s, own_stream(seed, "coloured", self.stream, part))
+        R = reported_covariance(measured)
+        f = share / (1.0 - share)
+        errors = np.sqrt(f) * np.einsum("mij,mj->mi", roots_of(measured, R), process)
+        return with_errors(measured, errors, f * R, reported_growth=f * R if self.reported else 0.0)
+
+
+@register("disturbance", "stated_covariance")
+@dataclass(frozen=True)
+class StatedCovariance(Once):
+    """Only what is reported changes: standard deviations of position and velocity are stated k times as large.
+
+    R' = k^2 R, values and R_true as they were (where nothing better is known, R_true is the R reported before).
+    k below 1 is a receiver that boasts, above 1 one that is modest.
+
+    Attributes:
+        position_factor: k of position.
+        velocity_factor: k of velocity.
+    """
+
+    position_factor: float = 0.2
+    velocity_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check that the factors are positive."""
+        names = ("position_factor", "velocity_factor")
+        require_values(self, names, lambda k: 0 < k < np.inf, "a standard deviation must stay positive.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with other reported covariances.
+
+        Raises:
+            RecordingError: it has neither position nor velocity.
+        """
+        require_measured(recording, "of which something could be stated.")
+        position = _stated(recording.position, self.position_factor)
+        return replace(recording, position=position, velocity=_stated(recording.velocity, self.velocity_factor))
+
+
+def _stated(measured: FixesOrVelocity | None, factor: float) -> FixesOrVelocity | None:
+    if measured is None:
+        return None
+    R = factor**2 * reported_covariance(measured)
+    return changed(measured, values_of(measured), R, true_covariance(measured))

@@ -1,0 +1,218 @@
+"""Fixes that are off and do not say so: outliers, a ladder of spikes, false fixes, and a lever arm."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, nearest_rows
+from jerkbench.disturbances.common import (
+    Once,
+    RegularWindows,
+    WindowTimes,
+    displaced,
+    fixes_of,
+    in_each,
+    own_stream,
+    require_values,
+)
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.plugins import register
+from jerkbench.recording import Recording
+
+
+@register("disturbance", "outliers")
+@dataclass(frozen=True)
+class Outliers(Once):
+    """Single position fixes that are off by metres; the reported covariance does not change.
+
+    Each fix, with the given probability and independent of the others, is moved by o = d u: d ~ U(smallest, largest),
+    u a random direction in space. Of those R_true' = R_true + o o'. A test that drops a fix (chi2) should see them; a
+    window over several fixes hardly helps.
+
+    Attributes:
+        probability: that a fix is an outlier, from 0 to 1.
+        smallest_m: length of o.
+        largest_m: length of o.
+        size_m: length of every o, to be swept; null: ``smallest_m`` to ``largest_m``.
+        start_s: no outlier before (the first fix is where a filter starts).
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    probability: float = 0.02
+    smallest_m: float = 5.0
+    largest_m: float = 20.0
+    size_m: float | None = None
+    start_s: float = 10.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_values(self, ("probability",), lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
+        if not 0 <= self.smallest_m <= self.largest_m < np.inf:
+            raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
+        require_values(self, ("size_m",), lambda size: 0 <= size < np.inf, "give 0 m or more, or null.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the outliers of ``seed``.
+
+        Raises:
+            RecordingError: it has no position.
+        """
+        position = fixes_of(recording, "so none can be an outlier; leave it out.")
+        shift = self._offsets(len(position.t_s), seed)
+        shift[position.t_s < self.start_s] = 0.0
+        return replace(recording, position=displaced(position, shift))
+
+    def _offsets(self, m: int, seed: int) -> FloatArray:
+        """Return (m, 3) ENU, zero where a fix is none."""
+        random = own_stream(seed, "outliers", self.stream)
+        hit = random.uniform(size=m) < self.probability
+        direction = random.standard_normal((m, 3))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        sizes = random.uniform(self.smallest_m, self.largest_m, m)
+        if self.size_m is not None:
+            sizes = np.full(m, self.size_m)
+        return np.asarray((sizes * hit)[:, None] * direction)
+
+
+@register("disturbance", "spike_sweep")
+@dataclass(frozen=True)
+class SpikeSweep(Once):
+    """Single fixes that are displaced horizontally, each by another size; the reported covariance does not change.
+
+    The spike k = 0, 1, ... is the first fix at or after first_s + k every_s, n of them in the recording. Their lengths
+    are a ladder, put into a random order; u_k is a random direction east and north::
+
+        |o_k| = smallest_m (largest_m/smallest_m)^(j/(n - 1)),   j = 0 ... n - 1
+        z' = z + |o_k| u_k,  R_true' = R_true + o o',  R' = R
+
+    The metric `gate` says which of them the filter took.
+
+    Attributes:
+        smallest_m: length of the smallest spike.
+        largest_m: length of the largest.
+        every_s: from one spike to the next; the filter has to have recovered by then.
+        first_s: time of the first.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+
+    smallest_m: float = 1.0
+    largest_m: float = 200.0
+    every_s: float = 10.0
+    first_s: float = 20.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0 < self.smallest_m <= self.largest_m < np.inf:
+            raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 < smallest <= largest.")
+        require_values(self, ("every_s",), lambda time: time > 0, "give more than 0 s.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the spikes of ``seed``.
+
+        Raises:
+            RecordingError: it has no position.
+        """
+        position = fixes_of(recording, "so none can be a spike; leave spike_sweep out.")
+        due_s = np.arange(self.first_s, position.t_s[-1], self.every_s)
+        rows = np.unique(np.searchsorted(position.t_s, due_s))
+        random = own_stream(seed, "spike_sweep", self.stream)
+        sizes_m = random.permutation(np.geomspace(self.smallest_m, self.largest_m, len(rows)))
+        angle = random.uniform(0, 2 * np.pi, len(rows))
+        shift = np.zeros((len(position.t_s), 3))
+        shift[rows, :2] = sizes_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        return replace(recording, position=displaced(position, shift))
+
+
+@register("disturbance", "false_fix")
+@dataclass(frozen=True)
+class FalseFix(RegularWindows):
+    """False fixes in the given windows: off by a constant of a given size, with the covariance of a right one.
+
+    Each window has an offset o of length d in a random direction of space::
+
+        z' = z + o,  R_true' = R_true + o o',  R' = R
+
+    Attributes:
+        offset_m: d, length of o; swept, it tells from which size on a fault is noticed.
+        stream: label of the random stream; give a second disturbance of this name in a list another one.
+    """
+
+    seeded: ClassVar[bool] = True
+    fault: ClassVar[str] = "false fix"
+
+    windows_s: WindowTimes = ((30.0, 40.0), (70.0, 80.0), (110.0, 120.0))
+    offset_m: float = 1.0
+    stream: str = ""
+
+    def __post_init__(self) -> None:
+        """Check windows and offset."""
+        super().__post_init__()
+        for window, later in pairwise(sorted(self._windows())):
+            if window[1] > later[0]:
+                raise PluginError(f"The windows {window} and {later} overlap; give each false fix a window of its own.")
+        require_values(self, ("offset_m",), lambda length: 0 <= length < np.inf, "a length must be 0 m or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the false fixes of ``seed``.
+
+        Raises:
+            RecordingError: it has no position.
+        """
+        position = fixes_of(recording, "so none can be false; leave false_fix out.")
+        direction = own_stream(seed, "false_fix", self.stream).standard_normal((len(self.windows), 3))
+        offsets = self.offset_m * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+        return replace(recording, position=displaced(position, in_each(position.t_s, self.windows) @ offsets))
+
+
+@register("disturbance", "lever_arm")
+@dataclass(frozen=True)
+class LeverArm(Once):
+    """Fixes of an antenna whose lever arm is off: an error that turns with the vehicle and tilts with it.
+
+    With the attitude Omega of the reference at the stamp nearest to the fix, and what is left of the arm l (forward,
+    left, up) when the arm as measured has been taken off::
+
+        z' = z + Omega l,  R_true' = R_true + o o' with o = Omega l,  R' = R
+
+    A velocity is that of wheels; it stays as it is, and so does a fix where the reference knows no attitude.
+
+    Attributes:
+        forward_m: l, forward.
+        left_m: l, to the left.
+        up_m: l, upwards.
+    """
+
+    forward_m: float = 0.1
+    left_m: float = 0.05
+    up_m: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check that the arm is finite."""
+        require_values(self, ("forward_m", "left_m", "up_m"), np.isfinite, "give a finite length, in metres.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the antenna moved.
+
+        Raises:
+            RecordingError: it has no position, or its reference knows no attitude.
+        """
+        position = fixes_of(recording, "so no antenna can be moved; leave lever_arm out.")
+        euler = recording.reference.euler_rad
+        if euler is None or not len(euler):
+            raise RecordingError(
+                f"{recording.name} has no attitude in its reference, which lever_arm turns the arm with."
+            )
+        at_fixes = euler[nearest_rows(recording.reference.t_s, position.t_s)]
+        known = np.isfinite(at_fixes).all(axis=1, keepdims=True)
+        arm = np.array([self.forward_m, self.left_m, self.up_m])
+        offset = np.where(known, dcm_from_euler(np.where(known, at_fixes, 0.0)) @ arm, 0.0)
+        return replace(recording, position=displaced(position, offset))
