@@ -24,7 +24,7 @@ UNSTATED_M = {"UWB": 0.3, "Pixel": 5.0, "xiaomi": 5.0, "": 3.0}
 
 @register("dataset", "journey")
 @dataclass(frozen=True)
-class Journey:
+class RealJourney:
     """A real journey: fixes, where known with velocities and sigmas, and a better reference; no IMU.
 
     The folder has three files:

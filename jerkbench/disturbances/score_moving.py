@@ -14,7 +14,7 @@ from jerkbench.recording import Recording, Reference
 HALF_S = 0.5
 """The speed is the reference's mean over a second."""
 
-GAP_S = 1.5
+SPEED_GAP_S = 1.5
 """In a longer gap of the reference no speed is known."""
 
 
@@ -88,6 +88,6 @@ def horizontal_speed(reference: Reference, name: str) -> FloatArray:
     for sign in (1.0, -1.0):
         t_s = reference.t_s + sign * HALF_S
         after = np.clip(np.searchsorted(own_s, t_s), 1, len(own_s) - 1)
-        inside &= (t_s >= own_s[0]) & (t_s <= own_s[-1]) & (own_s[after] - own_s[after - 1] <= GAP_S)
+        inside &= (t_s >= own_s[0]) & (t_s <= own_s[-1]) & (own_s[after] - own_s[after - 1] <= SPEED_GAP_S)
         moved += sign * np.column_stack([np.interp(t_s, own_s, own_m[:, axis]) for axis in (0, 1)])
     return np.where(inside, np.hypot(*moved.T) / (2.0 * HALF_S), np.nan)

@@ -10,9 +10,15 @@ import pandas as pd
 from jerkbench.arrays import FloatArray
 from jerkbench.campaigns.ratios import of_families
 from jerkbench.suite.attitude_scores import attitude_log_ratios, attitude_page, attitude_score
-from jerkbench.suite.drive_scores import drive_log_ratios, drive_page, drive_score
 from jerkbench.suite.protocol import HAND, AttitudeSuite, DriveSuite, SuiteProtocol
-from jerkbench.suite.scores import entry_log_ratios, entry_page, entry_score
+from jerkbench.suite.scores import (
+    drive_log_ratios,
+    drive_page,
+    drive_score,
+    entry_log_ratios,
+    entry_page,
+    entry_score,
+)
 
 
 @dataclass(frozen=True)

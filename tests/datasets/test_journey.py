@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench import plugins
-from jerkbench.datasets.journey import PLACE, SIGMA, VELOCITY, Journey
+from jerkbench.datasets.journey import PLACE, SIGMA, VELOCITY, RealJourney
 from jerkbench.disturbances.score_moving import ScoreMoving
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.testing import check_plugin
@@ -38,11 +38,11 @@ def folder(tmp_path):
 
 def changed(folder, **meta):
     (folder / "meta.json").write_text(json.dumps({**META, **meta}))
-    return Journey(str(folder)).load()
+    return RealJourney(str(folder)).load()
 
 
 def test_a_journey_is_fixes_and_a_reference_on_the_clock_of_the_first_fix(folder):
-    recording = Journey(str(folder)).load()
+    recording = RealJourney(str(folder)).load()
     assert recording.name == "ppc/nagoya_run1"
     assert recording.imu is None
     assert recording.velocity is None
@@ -61,7 +61,7 @@ def test_a_sigma_that_is_not_stated_is_taken_by_the_receiver_and_told(folder, re
     recording = changed(folder, receiver=receiver)
     np.testing.assert_allclose(recording.position.covariance_m2[4], sigma_m**2 * np.eye(3))
     assert f"The fixes state no sigma; {sigma_m:g} m an axis are taken." in recording.notes
-    given = Journey(str(folder), position_sigma_m=2.0).load()
+    given = RealJourney(str(folder), position_sigma_m=2.0).load()
     np.testing.assert_allclose(given.position.covariance_m2[0], 4.0 * np.eye(3))
 
 
@@ -69,7 +69,7 @@ def test_sigmas_and_velocities_that_are_stated_are_used(folder):
     fixes = pd.read_parquet(folder / "fixes.parquet")
     fixes[SIGMA], fixes[VELOCITY] = [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
     fixes.to_parquet(folder / "fixes.parquet")
-    recording = Journey(str(folder), position_sigma_m=9.0, velocity_sigma_mps=0.5).load()
+    recording = RealJourney(str(folder), position_sigma_m=9.0, velocity_sigma_mps=0.5).load()
     np.testing.assert_allclose(recording.position.covariance_m2[2], np.diag([1.0, 4.0, 9.0]))
     np.testing.assert_allclose(recording.velocity.mps[7], [4.0, 5.0, 6.0])
     np.testing.assert_allclose(recording.velocity.covariance_m2ps2[7], 0.25 * np.eye(3))
@@ -81,25 +81,25 @@ def test_the_clock_of_the_fixes_is_shifted_and_told(folder):
     np.testing.assert_allclose(recording.position.t_s[:2], [-0.25, 0.75])
     np.testing.assert_allclose(recording.reference.t_s[0], -0.5)
     assert "The stamps of the fixes are shifted by -0.25 s." in recording.notes
-    np.testing.assert_allclose(Journey(str(folder), clock_shift_s=0.0).load().position.t_s[0], 0.0)
+    np.testing.assert_allclose(RealJourney(str(folder), clock_shift_s=0.0).load().position.t_s[0], 0.0)
 
 
 def test_what_is_wrong_is_one_sentence(folder):
     with pytest.raises(PluginError, match="clock_shift_s is nan"):
-        Journey(str(folder), clock_shift_s=np.nan)
+        RealJourney(str(folder), clock_shift_s=np.nan)
     with pytest.raises(RecordingError, match="There is no folder"):
-        Journey(str(folder / "none")).load()
+        RealJourney(str(folder / "none")).load()
     (folder / "meta.json").write_text("[1]")
     with pytest.raises(RecordingError, match="holds no JSON object"):
-        Journey(str(folder)).load()
+        RealJourney(str(folder)).load()
     (folder / "meta.json").write_text("{")
     with pytest.raises(RecordingError, match="is no JSON"):
-        Journey(str(folder)).load()
+        RealJourney(str(folder)).load()
     (folder / "meta.json").write_text("{}")
-    assert Journey(str(folder)).load().name == folder.name
+    assert RealJourney(str(folder)).load().name == folder.name
     pd.read_parquet(folder / "fixes.parquet").drop(columns="t_s").to_parquet(folder / "fixes.parquet")
     with pytest.raises(RecordingError, match=r"fixes.parquet cannot be read as a journey"):
-        Journey(str(folder)).load()
+        RealJourney(str(folder)).load()
 
 
 def test_it_conforms(folder):
@@ -108,20 +108,20 @@ def test_it_conforms(folder):
 
 def test_errors_count_once_a_second_while_it_moves(folder):
     """It begins to move at 3 s: over the second around 3.1 s it goes .6 m, around 3.0 s exactly .5 m."""
-    recording = ScoreMoving().apply(Journey(str(folder)).load(), 0)
+    recording = ScoreMoving().apply(RealJourney(str(folder)).load(), 0)
     np.testing.assert_allclose(recording.reference.t_s[recording.reference.scored], [3.1, 4, 5, 6, 7, 8, 9])
-    five = ScoreMoving(rate_hz=5.0).apply(Journey(str(folder)).load(), 0).reference
+    five = ScoreMoving(rate_hz=5.0).apply(RealJourney(str(folder)).load(), 0).reference
     np.testing.assert_allclose(np.diff(five.t_s[five.scored])[1:], 0.2)
-    assert ScoreMoving(slowest_mps=1.5).apply(Journey(str(folder)).load(), 0).reference.scored.sum() == 0
+    assert ScoreMoving(slowest_mps=1.5).apply(RealJourney(str(folder)).load(), 0).reference.scored.sum() == 0
 
 
 def test_errors_count_near_fixes_and_where_the_reference_has_no_gap(folder):
-    near = ScoreMoving(rate_hz=10.0, fix_s=0.15).apply(Journey(str(folder)).load(), 0).reference
+    near = ScoreMoving(rate_hz=10.0, fix_s=0.15).apply(RealJourney(str(folder)).load(), 0).reference
     around = (np.arange(3.0, 10.0)[:, None] + [-0.1, 0.0, 0.1]).ravel()
     np.testing.assert_allclose(near.t_s[near.scored], around[2:])
     truth = pd.read_parquet(folder / "reference.parquet")
     truth[(truth.t_s < 15.0) | (truth.t_s > 17.0)].to_parquet(folder / "reference.parquet")
-    scored = ScoreMoving().apply(Journey(str(folder)).load(), 0).reference
+    scored = ScoreMoving().apply(RealJourney(str(folder)).load(), 0).reference
     np.testing.assert_allclose(scored.t_s[scored.scored], [3.1, 4.0, 7.7, 8.0, 9.0])
 
 
@@ -139,7 +139,7 @@ def test_the_journeys_that_are_here(shared_folder):
         folder = shared_folder / "data" / "journeys" / name
         if not folder.is_dir():
             pytest.skip("the journeys are not in ../shared/data")
-        recording = Journey(str(folder)).load()
+        recording = RealJourney(str(folder)).load()
         position, reference = recording.position, recording.reference
         at = np.searchsorted(reference.t_s, position.t_s).clip(1, len(reference.t_s) - 1)
         near = np.minimum(abs(reference.t_s[at] - position.t_s), abs(reference.t_s[at - 1] - position.t_s)) < 0.25

@@ -12,9 +12,9 @@ from jerkbench import plugins
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
-from jerkbench.suite.drive_scores import drive_log_ratios, drive_page, drive_score, members
 from jerkbench.suite.protocol import FROZEN, read_suite
 from jerkbench.suite.recordings import data_digests, require_recordings
+from jerkbench.suite.scores import drive_log_ratios, drive_page, drive_score, members
 
 DIGESTS = {"v2": "a81d3228b547", "v2-tiny": "172079cf7a5a"}
 TINY = read_suite("v2-tiny")
