@@ -111,6 +111,16 @@ def require_choices(owner: object, choices: Mapping[str, Collection[str]]) -> No
             raise PluginError(unknown(name, value, available))
 
 
+def require_lengths(owner: object, lengths: Mapping[str, Collection[int]]) -> None:
+    """Raise a PluginError that names the first of the parameters with another number of entries than it may have."""
+    for name, allowed in lengths.items():
+        value = getattr(owner, name)
+        if len(value) not in allowed:
+            *others, last = map(str, allowed)
+            counts = f"{', '.join(others)} or {last}" if others else last
+            raise PluginError(f"{name} has {len(value)} entries, {list(value)}; give {counts}.")
+
+
 def require_positive(plugin: str, owner: object, names: Iterable[str]) -> None:
     """Raise a PluginError that names the first of the parameters that is not a finite number above zero."""
     for name in names:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_choices, require_not_negative
+from jerkbench.arrays import FloatArray, require_choices, require_lengths, require_not_negative
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.io.files import fetched_folder
@@ -100,9 +100,7 @@ class BagOptions:
         """
         require_choices(self, CHOICES)
         require_not_negative("dataset", self, ("outage_s",))
-        for name, lengths in LENGTHS.items():
-            if len(getattr(self, name)) not in lengths:
-                raise PluginError(f"{name} is {list(getattr(self, name))}; give three numbers.")
+        require_lengths(self, LENGTHS)
         _ = self.earliest_ns, self.body_from_imu
 
     @property
