@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, require_not_negative, require_positive
-from jerkbench.attitude.alignment import ALIGNMENTS, tilt_start
+from jerkbench.attitude.alignment import ALIGNMENTS, start_remarks, tilt_start
 from jerkbench.attitude.yaw import (
     YAW_SOURCES,
     estimate_yaw,
@@ -132,8 +132,9 @@ class TiltAndYaw(ABC):
             tilt_start(load(), None, "track")
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
-        """Return what a reader of the table has to know: that nothing measures yaw."""
-        return yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        """Return what a reader of the table has to know: that the start is a guess, or that nothing measures yaw."""
+        yaw = yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        return (*start_remarks(recording, self.alignment), *yaw)
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return attitude and ENU acceleration at the IMU's stamps.
