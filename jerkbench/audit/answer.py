@@ -19,6 +19,7 @@ from jerkbench.evaluation.statistics.drives_and_tunings import (
     Statements,
     comparisons,
     mixture_weights,
+    picked,
     procedure_error,
     stated,
     statements,
@@ -52,6 +53,7 @@ class Answer:
         adaptations_by_kind: such a mean and a kind of fault a row.
         apart: an estimator that is shown apart a row.
         take: a situation a row: which method to take.
+        steps: error relative to the first plain filter at its defaults, by what was done.
         error: of the whole procedure.
     """
 
@@ -65,6 +67,7 @@ class Answer:
     adaptations_by_kind: pd.DataFrame
     apart: pd.DataFrame
     take: pd.DataFrame
+    steps: "pd.Series[float]"
     error: Error
 
 
@@ -87,6 +90,7 @@ def answered(rows: AuditRows) -> Answer:
         adaptations_by_kind=kind_frame(means["own"], [{"adaptation": name} for name in protocol.compared], rows),
         apart=apart_frame(rows),
         take=take_frame(rows, losses),
+        steps=steps(rows, losses),
         error=procedure_error(losses, protocol.resampled_audits),
     )
 
@@ -266,8 +270,7 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
     """
     methods = [*rows.protocol.methods, *rows.protocol.plains]
     tuned = np.concatenate([losses.methods, losses.plains])
-    best = losses.plains[np.argmin(losses.tuned_plains, axis=0), np.arange(losses.plains.shape[1])]
-    y, first = tuned - best, np.arange(tuned.shape[2]) % 2 == 0
+    y, first = tuned - picked(losses)[0], np.arange(tuned.shape[2]) % 2 == 0
     halves = {kind: (own & first, own & ~first) for kind, own in kinds_of(rows).items()}
     halves = {kind: own for kind, own in halves.items() if min(own[0].sum(), own[1].sum()) >= FEWEST}
 
@@ -283,6 +286,38 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
         worst = max((other for _, other in halves.values()), key=lambda other: float(y[least][:, other].mean()))
         lines.append(told(LEAST_BAD, least, worst))
     return pd.DataFrame(lines)
+
+
+def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
+    """Return what each step brings: the error relative to the first plain filter at its defaults."""
+    protocol, first = rows.protocol, rows.protocol.filters[0]
+    level = rows.drives.set_index("seed")["level"].loc[list(protocol.seeds_to_judge_on)].to_numpy()
+    best, more, pick = picked(losses)
+    of = {
+        f"{first}, tuned": losses.plains[0],
+        "the best plain filter of all models, tuned": best,
+        f"the same with {protocol.plain_trials} settings tried": more,
+        "the published adaptation that leads, tuned": pick,
+    }
+    return pd.Series({step: float(np.exp((own - level).mean())) for step, own in of.items()})
+
+
+def leaders(rows: AuditRows) -> list[str]:
+    """Return which published method leads on the drives of each tuning."""
+    losses = losses_of(rows)
+    names = np.array([method.name for method in rows.protocol.methods])[losses.picked]
+    return [str(names[place]) for place in losses.tuned[losses.picked].argmin(axis=0)]
+
+
+def told_truth(answer: Answer) -> dict[str, float]:
+    """Return the ratio of each reference, which is told the truth, to the plain filter of its model, by its name."""
+    protocol, plains = answer.rows.protocol, answer.losses.plains
+    ratios: dict[str, float] = {}
+    for name in protocol.references:
+        told = [AuditMethod(model, name) for model in protocol.filters]
+        differences = (cubes(answer.rows, told).tuned - plains).mean(axis=(1, 2))
+        ratios |= {method.name: float(ratio) for method, ratio in zip(told, np.exp(differences), strict=True)}
+    return ratios
 
 
 # Two audits.

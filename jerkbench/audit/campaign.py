@@ -17,7 +17,6 @@ from jerkbench.jobs.identity import Identity, identity_of
 from jerkbench.jobs.progress import Progress
 
 METHOD = ["filter", "adaptation"]
-DRAWN = [*METHOD, "tuning", "trial"]
 
 
 @dataclass(frozen=True)
@@ -42,27 +41,16 @@ class Campaign:
             OSError: nothing can be stored.
         """
         self._run(self._to_tune(methods), f"{title}, settings tried")
-        self._run(self._to_judge(methods, picks(self.protocol, self.tuned())), f"{title}, judged unseen")
+        self._run(self._to_judge(methods, picks(self.protocol, tuned(self.on_tuning()))), f"{title}, judged unseen")
 
-    def tuned(self) -> pd.DataFrame:
-        """Return the mean loss of each setting on the drives of its tuning, and how many runs were lost.
-
-        Returns:
-            filter, adaptation, tuning, trial, drives, lost, loss. The loss has lost runs at ``lost_costs``.
-        """
+    def on_tuning(self) -> pd.DataFrame:
+        """Return the runs on the drives of all tunings, with their losses."""
         first, last = self.protocol.seeds_to_tune_on(0)[0], self.protocol.seeds_to_judge_on[0]
-        rows = with_losses(self.protocol, self.ledger.runs(range(first, last)))
-        known = rows.groupby(DRAWN, observed=True, sort=True)
-        return known.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
+        return with_losses(self.protocol, self.ledger.runs(range(first, last)))
 
     def judged(self) -> pd.DataFrame:
-        """Return the runs on unseen drives, as `with_losses` does."""
+        """Return the runs on unseen drives, with their losses."""
         return with_losses(self.protocol, self.ledger.runs(self.protocol.seeds_to_judge_on))
-
-    def levels(self) -> dict[int, float]:
-        """Return the level of each drive."""
-        first, last = self.protocol.seeds_to_tune_on(0)[0], self.protocol.seeds_to_judge_on[-1]
-        return _levels(self.protocol, self.ledger.runs(range(first, last + 1)))
 
     def _to_tune(self, methods: Sequence[AuditMethod]) -> Iterator[list[Piece]]:
         """All methods on one block of drives, block after block: the drives of a block are made once."""
@@ -98,10 +86,10 @@ class Campaign:
         lent = self.workers.lent(missing) if missing else None
         with Progress(count, count - missing, doing=title, unit="pieces") as bar:
             try:
-                for piece, ran in outcomes(order, lent):
-                    if isinstance(ran, Exception):
-                        raise ran
-                    self.ledger.add(piece, ran)
+                for _, runs in outcomes(order, lent):
+                    if isinstance(runs, Exception):
+                        raise runs
+                    self.ledger.add(runs)
                     bar.advance()
             finally:
                 self.ledger.flush()
@@ -119,7 +107,7 @@ def trials_of(protocol: AuditProtocol, method: AuditMethod, tuning: int) -> tupl
     return tuple(Trial(tuning, number, setting) for number, setting in enumerate(settings))
 
 
-def with_losses(protocol: AuditProtocol, rows: pd.DataFrame) -> pd.DataFrame:
+def with_losses(protocol: AuditProtocol, runs: pd.DataFrame) -> pd.DataFrame:
     """Return runs with ``lost``, the ``level`` of their drive, and their ``loss``.
 
     The level is the log error of the first plain filter at its defaults; a lost run costs ``lost_costs`` of it.
@@ -127,22 +115,23 @@ def with_losses(protocol: AuditProtocol, rows: pd.DataFrame) -> pd.DataFrame:
     Raises:
         JerkbenchError: that filter was lost itself, or has not run.
     """
-    levels = _levels(protocol, rows)
-    if missing := sorted(set(rows["seed"]) - set(levels)):
-        name = protocol.plains[0].name
+    filter_, plain = protocol.plains[0]
+    first = runs[(runs["filter"] == filter_) & (runs["adaptation"] == plain) & (runs["trial"] == 0)]
+    levels = first[first["status"] == "ok"].drop_duplicates("seed").set_index("seed")["log_error"].astype(float)
+    if missing := sorted(set(runs["seed"]) - set(levels.index)):
         raise JerkbenchError(
-            f"On drive {missing[0]} {name} was lost at its defaults, or has not run, so that a lost run costs nothing"
-            " that is known; make the faults milder, or run the audit to its end."
+            f"On drive {missing[0]} {filter_} + {plain} was lost at its defaults, or has not run, so that a lost run"
+            " costs nothing that is known; make the faults milder, or run the audit to its end."
         )
-    level, error = rows["seed"].map(levels).to_numpy(), rows["log_error"].to_numpy(dtype=float)
-    lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(error)
-    return rows.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
+    level, error = runs["seed"].map(levels).to_numpy(), runs["log_error"].to_numpy(dtype=float)
+    lost = (runs["status"] != "ok").to_numpy() | ~np.isfinite(error)
+    return runs.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
 
 
-def _levels(protocol: AuditProtocol, rows: pd.DataFrame) -> dict[int, float]:
-    first = (rows["filter"] == protocol.filters[0]) & (rows["adaptation"] == protocol.plain) & (rows["trial"] == 0)
-    known = rows[first & (rows["status"] == "ok")]
-    return dict(zip(known["seed"].tolist(), known["log_error"].tolist(), strict=True))
+def tuned(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return each setting of a tuning, from its runs: filter, adaptation, tuning, trial, drives, lost, mean loss."""
+    settings = runs.groupby([*METHOD, "tuning", "trial"], observed=True, sort=True)
+    return settings.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
 
 
 def picks(protocol: AuditProtocol, tuned: pd.DataFrame) -> pd.DataFrame:

@@ -65,20 +65,12 @@ def blocks(seeds: range) -> list[range]:
     return [seeds[begin : begin + KEPT_INPUTS] for begin in range(0, len(seeds), KEPT_INPUTS)]
 
 
-class Ran(NamedTuple):
-    """What came of a piece.
+def run_piece(piece: Piece) -> pd.DataFrame:
+    """Run a piece, in a worker.
 
-    Attributes:
-        error_m: (S, D) position RMSE of each setting on each drive; NaN: there is none.
-        status: (S, D) "ok", "diverged", or "failed: " and why.
+    Returns:
+        A run a row: the columns of `RUN`, status ("ok", "diverged", or "failed: " and why), log_error.
     """
-
-    error_m: np.ndarray[Any, np.dtype[np.float64]]
-    status: np.ndarray[Any, np.dtype[np.object_]]
-
-
-def run_piece(piece: Piece) -> Ran:
-    """Run a piece, in a worker."""
     job, space = method_of(piece.dataset, piece.method)
     rows: list[list[dict[str, Any]]] = []
     for begin in range(0, len(piece.trials), TOGETHER):
@@ -89,9 +81,19 @@ def run_piece(piece: Piece) -> Ran:
             results, rest = work(rest)
             for own, result in zip(rows[begin:], results, strict=True):
                 own.extend(result.rows)
-    status = [[f"failed: {row['reason']}" if row["status"] == "failed" else row["status"] for row in o] for o in rows]
-    error_m = np.array([[row.get(ERROR, np.nan) for row in own] for own in rows], dtype=np.float64)
-    return Ran(error_m, np.array(status, dtype=object))
+    runs = [(trial, row) for trial, own in zip(piece.trials, rows, strict=True) for row in own]
+    error_m = np.array([row.get(ERROR, np.nan) for _, row in runs], dtype=np.float64)
+    with np.errstate(divide="ignore"):
+        columns = {
+            "filter": piece.method.filter,
+            "adaptation": piece.method.adaptation,
+            "tuning": np.array([trial.tuning for trial, _ in runs], dtype=np.int8),
+            "trial": np.array([trial.number for trial, _ in runs], dtype=np.int16),
+            "seed": [row["seed"] for _, row in runs],
+            "status": [f"failed: {row['reason']}" if row["status"] == "failed" else row["status"] for _, row in runs],
+            "log_error": np.log(error_m).astype(np.float32),
+        }
+    return pd.DataFrame(columns)
 
 
 @lru_cache(maxsize=1024)
@@ -128,20 +130,9 @@ class Ledger:
         made = [protocol, code_digest("campaigns", "tuning"), json.dumps(versions())]
         return cls(folder / hashlib.sha256("\n".join(made).encode()).hexdigest()[:12])
 
-    def add(self, piece: Piece, ran: Ran) -> None:
-        """Take what came of a piece."""
-        S, D = ran.error_m.shape
-        with np.errstate(divide="ignore"):
-            columns = {
-                "filter": piece.method.filter,
-                "adaptation": piece.method.adaptation,
-                "tuning": np.repeat([trial.tuning for trial in piece.trials], D).astype(np.int8),
-                "trial": np.repeat([trial.number for trial in piece.trials], D).astype(np.int16),
-                "seed": np.tile(np.array(piece.seeds), S),
-                "status": ran.status.ravel(),
-                "log_error": np.log(ran.error_m).ravel().astype(np.float32),
-            }
-        self._held.append(pd.DataFrame(columns))
+    def add(self, runs: pd.DataFrame) -> None:
+        """Take the runs of a piece."""
+        self._held.append(runs)
         if time.monotonic() - self._written > HELD_S:
             self.flush()
 

@@ -36,30 +36,10 @@ class AuditMethod(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class AuditProtocol:
-    """What an audit compares, and how long it searches.
+    """What an audit compares, and how long it searches: all that conf/audit/full.yaml states and explains, besides:
 
     Attributes:
-        version: of the protocol.
-        repeat: an audit with another number has other drives and other tunings.
-        dataset: preset of random drives.
-        laws: what that preset states.
-        tunings: independent searches of each method.
-        tune_drives: drives of a tuning.
-        judged_drives: drives that no tuning has seen.
-        trials: settings that each method may try in a tuning, its defaults among them.
-        plain_trials: settings of each plain filter, where it is compared with whoever is best of all methods.
-        filters: the kinematic filters that every adaptation runs on.
-        plain: the adaptation that changes nothing.
-        references: adaptations that are judged and never compared.
-        apart: estimators of another kind, tuned alike, and shown apart.
-        apart_with_adaptations: those of them that run with every adaptation that they take.
-        apart_tunings: tunings of these, the first ones.
-        apart_drives: drives that these are judged on, the first ones.
-        margin: a ratio within 1 + margin is equal.
-        lost_costs: a lost run costs so many times what the first filter has at its defaults, without adaptation.
-        lost_costs_shown: other such costs that are shown beside it.
-        resampled_audits: for the error of the whole procedure.
-        adaptations: what each of those that compete is: published, simplified or own.
+        laws: what the preset of the drives states.
         only: names of the adaptations to take; empty: all.
     """
 
@@ -143,10 +123,6 @@ class AuditProtocol:
         own = [AuditMethod(name, self.plain) for name in self.apart]
         adapted = [AuditMethod(name, rule) for name in self.apart_with_adaptations for rule in self.compared]
         return [*own, *(method for method in adapted if not refusal(job_of(self.dataset, method)))]
-
-    def plain_of(self, method: AuditMethod) -> AuditMethod:
-        """Return the plain filter of a method's model."""
-        return AuditMethod(method.filter, self.plain)
 
     def searches(self, method: AuditMethod) -> tuple[int, ...]:
         """How many settings each search of a method tries; the shorter one is the begin of the longer."""

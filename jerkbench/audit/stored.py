@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
-from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of
+from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of, tuned
 from jerkbench.audit.pieces import method_of, write_rows
 from jerkbench.audit.protocol import AuditMethod, AuditProtocol, protocol_of
 from jerkbench.errors import JerkbenchError
@@ -58,10 +58,12 @@ TABLES = tuple(known.name for known in dataclasses.fields(AuditRows) if known.na
 
 def collected(campaign: Campaign) -> AuditRows:
     """Return the rows of a campaign at its end."""
-    protocol, tuned = campaign.protocol, campaign.tuned()
-    picked = picks(protocol, tuned)
-    settings = pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)])
-    return AuditRows(protocol, _drives(campaign), tuned, _judged(campaign.judged(), picked), settings)
+    protocol, on_tuning, judged = campaign.protocol, campaign.on_tuning(), campaign.judged()
+    settings = tuned(on_tuning)
+    picked = picks(protocol, settings)
+    knobs = pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)])
+    levels = pd.concat([runs[["seed", "level"]].drop_duplicates("seed") for runs in (on_tuning, judged)])
+    return AuditRows(protocol, _drives(protocol, levels), settings, _judged(judged, picked), knobs)
 
 
 def _judged(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
@@ -75,15 +77,12 @@ def _judged(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
     return rows.drop(columns=["run_of", "lost"]).astype({"tuning": np.int8, "tried": np.int16, "trial": np.int16})
 
 
-def _drives(campaign: Campaign) -> pd.DataFrame:
-    protocol = campaign.protocol
-    known = campaign.levels()
+def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
     dataset: Any = plugins.create("dataset", dict(protocol.laws))
-    uses = [(seed, tuning) for tuning in range(protocol.tunings) for seed in protocol.seeds_to_tune_on(tuning)]
-    uses += [(seed, JUDGED) for seed in protocol.seeds_to_judge_on]
-    return pd.DataFrame(
-        [{"seed": seed, "tuning": tuning, "level": known[seed], **dataset.columns(seed)} for seed, tuning in uses]
-    )
+    drives = levels.sort_values("seed", ignore_index=True)
+    tuning = (drives["seed"] - protocol.seeds_to_tune_on(0)[0]) // protocol.tune_drives
+    drives.insert(1, "tuning", tuning.where(drives["seed"] < protocol.seeds_to_judge_on[0], JUDGED))
+    return drives.join(pd.DataFrame([dataset.columns(seed) for seed in drives["seed"].tolist()]))
 
 
 def _setting(protocol: AuditProtocol, picked: Any) -> Iterator[Mapping[str, object]]:  # noqa: ANN401 - a named tuple

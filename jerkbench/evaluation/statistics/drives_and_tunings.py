@@ -129,10 +129,16 @@ def mixture_weights(member: BoolArray, share: float) -> FloatArray:
 def comparisons(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return y of H1 (1, R, D), H2 (1, R, D), and of H3 (M, R, D) against the own and against the best plain filter."""
     own = losses.methods - losses.plains[losses.model]
-    best = losses.methods - _lowest(losses.plains, losses.tuned_plains)
-    pick = _lowest(losses.methods[losses.picked], losses.tuned[losses.picked])
+    best, more, pick = picked(losses)
     average = own[losses.averaged].mean(axis=0)
-    return average[None], (pick - _lowest(losses.wide, losses.tuned_wide))[None], own, best
+    return average[None], (pick - more)[None], own, losses.methods - best
+
+
+def picked(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (R, D) of the best plain filter of each tuning, of that with more settings tried, of the best method."""
+    of_methods = losses.methods[losses.picked], losses.tuned[losses.picked]
+    plains, wide = (losses.plains, losses.tuned_plains), (losses.wide, losses.tuned_wide)
+    return _lowest(*plains), _lowest(*wide), _lowest(*of_methods)
 
 
 def statements(losses: Losses, weights: FloatArray | None = None) -> Statements:
