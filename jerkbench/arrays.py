@@ -64,6 +64,12 @@ def nearest_rows(stamps_s: FloatArray, t_s: FloatArray) -> IntArray:
     return np.where(t_s - stamps_s[before] <= stamps_s[last] - t_s, before, last).astype(np.int64)
 
 
+def streaks(flags: BoolArray) -> IntArray:
+    """Return (k, 2) the first row of each streak of ``flags`` (n,) that are set, and the row after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return edges.reshape(-1, 2)
+
+
 def require(ok: npt.ArrayLike, owner: object, name: str, reason: str) -> None:
     """Raise a RecordingError that names the field and the first row where ``ok`` is False."""
     rows = np.flatnonzero(~np.asarray(ok, dtype=bool))
@@ -103,6 +109,16 @@ def require_choices(owner: object, choices: Mapping[str, Collection[str]]) -> No
         value = getattr(owner, name)
         if value not in available:
             raise PluginError(unknown(name, value, available))
+
+
+def require_lengths(owner: object, lengths: Mapping[str, Collection[int]]) -> None:
+    """Raise a PluginError that names the first of the parameters with another number of entries than it may have."""
+    for name, allowed in lengths.items():
+        value = getattr(owner, name)
+        if len(value) not in allowed:
+            *others, last = map(str, allowed)
+            counts = f"{', '.join(others)} or {last}" if others else last
+            raise PluginError(f"{name} has {len(value)} entries, {list(value)}; give {counts}.")
 
 
 def require_positive(plugin: str, owner: object, names: Iterable[str]) -> None:

@@ -27,6 +27,8 @@ from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.parameters import provenance_of
 
+FAULT = "drawn.fault."
+"""Columns of drives that tell a kind of fault begin so."""
 NO_FAULT, FAULTY = "no fault", "faulty"
 NOTHING_KNOWN, LEAST_BAD = "nothing known", "the worst kind shall be least bad"
 FEWEST = 5
@@ -109,9 +111,10 @@ def reweighted(rows: AuditRows, mixture: str) -> Statements:
 
 def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
     """Return which of the judged drives (D,) have no fault, and which have each kind; a drive may have several."""
-    faulty = rows.faulty(pd.Index(rows.protocol.seeds_to_judge_on))
-    none = np.asarray(~faulty.to_numpy(dtype=bool).any(axis=1))
-    return {NO_FAULT: none, **{kind: faulty[kind].to_numpy(dtype=bool) for kind in rows.kinds}}
+    judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
+    columns = judged.reindex(columns=[FAULT + str(kind) for kind, *_ in rows.protocol.laws["faults"]]).notna()
+    drives = {str(name).removeprefix(FAULT): own.to_numpy() for name, own in columns.items()}
+    return {NO_FAULT: ~columns.any(axis=1).to_numpy(), **drives}
 
 
 # Under each kind of fault.
@@ -174,7 +177,7 @@ def method_frame(rows: AuditRows, losses: Losses, said: Statements, kinds: pd.Da
             for method, mine, best in zip(protocol.methods, said.own_plain, said.best_plain, strict=True)
         ]
     ).assign(untuned=untuned, tuning_sd=[one.tuning_sd for one in said.own_plain])
-    of_method = [kinds[(kinds[["filter", "adaptation"]] == method).all(axis=1)] for method in protocol.methods]
+    of_method = [kinds[(kinds[["filter", "adaptation"]] == list(method)).all(axis=1)] for method in protocol.methods]
     table = table.join(pd.DataFrame([_over_kinds(each) for each in of_method]))
     table["pays_from"] = pays_from(own.mean(axis=1), kinds_of(rows)[NO_FAULT])
     for name, ratio in WORSE.items():

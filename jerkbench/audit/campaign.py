@@ -27,12 +27,12 @@ class Campaign:
     Attributes:
         protocol: what is compared.
         ledger: where runs are kept.
-        workers: who runs them; None: nobody does.
+        workers: who runs them.
     """
 
     protocol: AuditProtocol
     ledger: Ledger
-    workers: Workers | None = None
+    workers: Workers
 
     def run(self, methods: Sequence[AuditMethod], title: str) -> None:
         """Tune ``methods`` and judge them, as far as it is not done yet.
@@ -51,17 +51,18 @@ class Campaign:
             filter, adaptation, tuning, trial, drives, lost, loss. The loss has lost runs at ``lost_costs``.
         """
         first, last = self.protocol.seeds_to_tune_on(0)[0], self.protocol.seeds_to_judge_on[0]
-        rows = with_losses(self.protocol, self.ledger.rows(range(first, last)))
+        rows = with_losses(self.protocol, self.ledger.runs(range(first, last)))
         known = rows.groupby(DRAWN, observed=True, sort=True)
         return known.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
 
     def judged(self) -> pd.DataFrame:
         """Return the runs on unseen drives, as `with_losses` does."""
-        return with_losses(self.protocol, self.ledger.rows(self.protocol.seeds_to_judge_on))
+        return with_losses(self.protocol, self.ledger.runs(self.protocol.seeds_to_judge_on))
 
     def levels(self) -> dict[int, float]:
         """Return the level of each drive."""
-        return _levels(self.protocol, self.ledger.rows())
+        first, last = self.protocol.seeds_to_tune_on(0)[0], self.protocol.seeds_to_judge_on[-1]
+        return _levels(self.protocol, self.ledger.runs(range(first, last + 1)))
 
     def _to_tune(self, methods: Sequence[AuditMethod]) -> Iterator[list[Piece]]:
         """All methods on one block of drives, block after block: the drives of a block are made once."""
@@ -93,19 +94,17 @@ class Campaign:
         done = self.ledger.keys({piece.seeds[0] for pieces in planned for piece in pieces})
         left = [own for pieces in planned if (own := [piece for piece in pieces if piece.key not in done])]
         count, missing = sum(map(len, planned)), sum(map(len, left))
-        if missing and self.workers is None:
-            raise JerkbenchError(
-                f"Of {count} pieces of this audit {missing} are not stored in {self.ledger.folder}; run the audit"
-                " without --stored."
-            )
         order = Order(work=run_piece, groups=left, identity=cache(partial(self._identity, left)))
-        lent = self.workers.lent(missing) if self.workers and missing else None
-        with Progress(count, count - missing, doing=title, unit="pieces") as bar, self.ledger:
-            for piece, ran in outcomes(order, lent):
-                if isinstance(ran, Exception):
-                    raise ran
-                self.ledger.add(piece, ran)
-                bar.advance()
+        lent = self.workers.lent(missing) if missing else None
+        with Progress(count, count - missing, doing=title, unit="pieces") as bar:
+            try:
+                for piece, ran in outcomes(order, lent):
+                    if isinstance(ran, Exception):
+                        raise ran
+                    self.ledger.add(piece, ran)
+                    bar.advance()
+            finally:
+                self.ledger.flush()
 
     def _identity(self, groups: Sequence[Sequence[Piece]]) -> Identity:
         methods = {piece.method for pieces in groups for piece in pieces}

@@ -4,7 +4,6 @@ import dataclasses
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +12,14 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of
-from jerkbench.audit.pieces import compact, method_of, write_compact
+from jerkbench.audit.pieces import method_of, write_rows
 from jerkbench.audit.protocol import AuditMethod, AuditProtocol, protocol_of
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.files import write_text
 
 PROTOCOL = "protocol.json"
 JUDGED = -1
 """The number that stands for a tuning, of drives that no tuning has seen."""
-FAULT = "drawn.fault."
-"""Columns of drives that tell a kind of fault begin so."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +34,6 @@ class AuditRows:
         judged: a run on an unseen drive a row: filter, adaptation, tuning, tried (settings of its search; 1: the
             defaults), trial, seed, status, log_error (of a lost run: NaN).
         settings: a knob of what a search has found a row: filter, adaptation, tuning, tried, knob, value.
-        costs: a method a row: filter, adaptation, runs, and cpu_s, the time of one of them.
     """
 
     protocol: AuditProtocol
@@ -46,51 +41,27 @@ class AuditRows:
     tuned: pd.DataFrame
     judged: pd.DataFrame
     settings: pd.DataFrame
-    costs: pd.DataFrame
 
     @property
-    def tables(self) -> Iterator[tuple[str, pd.DataFrame]]:
-        """The name of each table, and itself."""
-        own = [(known.name, getattr(self, known.name)) for known in dataclasses.fields(self)]
-        return ((name, table) for name, table in own if isinstance(table, pd.DataFrame))
-
-    @property
-    def kinds(self) -> list[str]:
-        """The kinds of faults, in the order of the laws."""
-        return [str(kind) for kind, *_ in self.protocol.laws["faults"]]
-
-    def faulty(self, seeds: "pd.Series[int] | pd.Index[int]") -> pd.DataFrame:
-        """Return a column for each kind of fault: whether it was drawn for each of ``seeds``."""
-        drives = self.drives.set_index("seed").reindex(seeds)
-        columns = {kind: drives.get(FAULT + kind, pd.Series(np.nan, drives.index)).notna() for kind in self.kinds}
-        return pd.DataFrame(columns)
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The tables by their names."""
+        return {name: getattr(self, name) for name in TABLES}
 
     def write(self, folder: Path) -> None:
         """Write each table into a file of its own."""
-        for name, table in self.tables:
-            compacted = compact(table)
-            write_atomically(folder / f"{name}.parquet", partial(write_compact, compacted))
+        for name, table in self.tables.items():
+            write_rows(table, folder / f"{name}.parquet")
 
 
-def collected(campaign: Campaign, methods: list[AuditMethod]) -> AuditRows:
-    """Return the rows of those ``methods`` whose campaign is at its end."""
-    protocol, tuned, runs = campaign.protocol, campaign.tuned(), campaign.judged()
-    tuned, runs = (rows[_of(rows, methods)].reset_index(drop=True) for rows in (tuned, runs))
+TABLES = tuple(known.name for known in dataclasses.fields(AuditRows) if known.name != "protocol")
+
+
+def collected(campaign: Campaign) -> AuditRows:
+    """Return the rows of a campaign at its end."""
+    protocol, tuned = campaign.protocol, campaign.tuned()
     picked = picks(protocol, tuned)
-    return AuditRows(
-        protocol=protocol,
-        drives=_drives(campaign),
-        tuned=tuned,
-        judged=_judged(runs, picked),
-        settings=pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)]),
-        costs=runs.groupby(METHOD, observed=True, sort=False)
-        .agg(runs=("seed", "size"), cpu_s=("cpu_s", "mean"))
-        .reset_index(),
-    )
-
-
-def _of(rows: pd.DataFrame, methods: list[AuditMethod]) -> Any:  # noqa: ANN401 - a mask
-    return pd.MultiIndex.from_frame(rows[METHOD].astype(str)).isin(methods)
+    settings = pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)])
+    return AuditRows(protocol, _drives(campaign), tuned, _judged(campaign.judged(), picked), settings)
 
 
 def _judged(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
@@ -141,17 +112,6 @@ def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
     write_text(path, json.dumps({"digest": protocol.digest, **dataclasses.asdict(protocol)}, indent=1))
 
 
-def manifest(protocol: AuditProtocol, makers: list[dict[str, str]]) -> dict[str, Any]:
-    """Return what says which code made an audit; a commit that ends with "+changes" can be had by nobody."""
-    return {
-        "protocol": protocol.digest,
-        "code": code_digest(),
-        "git_commit": git_commit(),
-        "versions": versions(),
-        "rows_computed_by": makers,
-    }
-
-
 def read_rows(folder: Path) -> AuditRows:
     """Return the rows of the audit in ``folder``.
 
@@ -160,8 +120,7 @@ def read_rows(folder: Path) -> AuditRows:
     """
     try:
         stated = json.loads((folder / PROTOCOL).read_text(encoding="utf-8"))
-        names = [known.name for known in dataclasses.fields(AuditRows)][1:]
-        tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in names}
+        tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
     except FileNotFoundError as error:
         raise JerkbenchError(f"{error.filename} is not there; run the audit to its end first.") from error
     digest = stated.pop("digest")

@@ -6,7 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_choices
+from jerkbench.arrays import FloatArray, require_choices, require_lengths
+from jerkbench.errors import PluginError
 from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, with_common_time
 from jerkbench.io.files import find_file, fingerprint, recording_folder
 from jerkbench.io.frames import (
@@ -20,12 +21,10 @@ from jerkbench.io.frames import (
 from jerkbench.io.rtklib import read_rtklib_pos
 from jerkbench.io.rtklib_fixes import (
     CHOICES,
+    ENTRIES,
     accepted_fixes,
     fitted_notes,
     ground_speed,
-    require_latencies,
-    require_signs,
-    require_three_columns,
     solution_notes,
     steady_fixes,
     velocity_of_fixes,
@@ -130,9 +129,9 @@ class RtklibDrive:
         """Check the units and the three axes."""
         require_choices(self, CHOICES)
         axes_matrix(self.imu_axes)
-        require_three_columns(imu_accel=self.imu_accel, imu_gyro=self.imu_gyro)
-        require_latencies(self.velocity_latency_s)
-        require_signs(self.imu_axis_signs)
+        require_lengths(self, ENTRIES)
+        if any(abs(sign) != 1 for sign in self.imu_axis_signs):
+            raise PluginError(f"imu_axis_signs is {self.imu_axis_signs}; give 1 or -1 for each of x, y, z.")
 
     def load(self, seed: int = 0) -> Recording:
         """Return the drive; ``seed`` changes nothing.

@@ -224,10 +224,6 @@ class Tables(TimedColumns):
         require_not_negative(
             "dataset table", self, ("static_start_s", "outage_s", "reference_sigma_m", "reference_worst_m")
         )
-        if len(self.reference_offset_m) != 3:
-            raise PluginError(
-                f"dataset table: reference_offset_m is {self.reference_offset_m}; give east, north and up [m]."
-            )
         if not self.imu_file and not self.position_file:
             raise PluginError("dataset table: imu_file and position_file are both empty; name one of them.")
 

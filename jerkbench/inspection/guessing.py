@@ -379,7 +379,7 @@ def _outages(draft: Draft) -> None:
     steps_s = np.diff(position.t_s)
     shortest_s = float(max(OUTAGE_S, OUTAGE_STEPS * np.median(steps_s)))
     if gaps := int((steps_s > shortest_s).sum()):
-        draft.add(Guess("outage_s", shortest_s, "measured", f"{gaps} gaps are longer, {steps_s.max():.1f} s at most"))
+        draft.add(Guess("outage_s", shortest_s, "measured", f"longer gaps: {gaps}, the longest {steps_s.max():.1f} s"))
 
 
 def _rest(draft: Draft) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.errors import RecordingError
 from jerkbench.io.clocks import velocity_when_true
 from jerkbench.io.columns import TIME_UNITS
 from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, axes_to_judge
@@ -72,23 +72,8 @@ CHOICES: Mapping[str, Collection[str]] = {
 """What each parameter may be."""
 
 
-def require_three_columns(**columns: tuple[str, ...]) -> None:
-    """Raise a PluginError that names the first of the parameters that does not have a column for each axis."""
-    for name, axes in columns.items():
-        if len(axes) != 3:
-            raise PluginError(f"{name} is {axes}; give three columns: x, y, z.")
-
-
-def require_latencies(latency_s: tuple[float, ...]) -> None:
-    """Raise a PluginError unless there is a latency for each axis of the velocity."""
-    if len(latency_s) != 3:
-        raise PluginError(f"velocity_latency_s is {latency_s}; give three: east, north, up.")
-
-
-def require_signs(signs: tuple[float, ...]) -> None:
-    """Raise a PluginError unless each axis of the IMU has its sign."""
-    if len(signs) != 3 or any(abs(sign) != 1 for sign in signs):
-        raise PluginError(f"imu_axis_signs is {signs}; give 1 or -1 for each of x, y, z.")
+ENTRIES = {"imu_accel": (3,), "imu_gyro": (3,), "velocity_latency_s": (3,), "imu_axis_signs": (3,)}
+"""How many entries each parameter has: x, y, z; of the latencies east, north, up."""
 
 
 SAME = "The receiver's fixes are measurement and reference at once unless they are withheld from the filter."

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray, IntArray, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
 from jerkbench.io.columns import TIME_UNITS, Columns, find_tables, read_columns, read_datetimes_ns, times_ns
@@ -61,21 +61,15 @@ COUNTS = {
     "reference_sigma": (0, 1, 3),
     "reference_velocity": (0, 3),
     "reference_attitude": (0, 3, 4),
+    "reference_offset_m": (3,),
 }
-"""How many columns each parameter may name."""
+"""How many columns or numbers each parameter may have."""
 
 
 def require_columns(table: object, velocity_frame: str) -> None:
     """Raise a PluginError that names the first of the parameters with another number of columns than it may have."""
     speed = {"velocity_columns": (1,), "velocity_sigma": (0, 1), "velocity_covariance": (0, 1)}
-    counts = COUNTS | (speed if velocity_frame == "speed" else {})
-    for name, allowed in counts.items():
-        columns = getattr(table, name)
-        if len(columns) not in allowed:
-            counts_text = " or ".join(map(str, allowed))
-            raise PluginError(
-                f"dataset table: {name} names {len(columns)} columns, {columns}; it must name {counts_text}."
-            )
+    require_lengths(table, COUNTS | (speed if velocity_frame == "speed" else {}))
     for stream in ("position", "velocity"):
         if getattr(table, f"{stream}_sigma") and getattr(table, f"{stream}_covariance"):
             raise PluginError(

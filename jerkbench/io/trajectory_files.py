@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_choices, require_not_negative
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.arrays import FloatArray, require_choices, require_lengths, require_not_negative
+from jerkbench.errors import RecordingError
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, WEEK_NS
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
 from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, in_degrees, in_enu
@@ -123,10 +123,7 @@ class TrajectoryForm:
     def __post_init__(self) -> None:
         """Check every choice and every number of columns."""
         require_choices(self, CHOICES)
-        for name, counts in COUNTS.items():
-            if len(getattr(self, name)) not in counts:
-                allowed = " or ".join(str(count) for count in counts if count)
-                raise PluginError(f"{name} names {len(getattr(self, name))} columns; give {allowed}, or none.")
+        require_lengths(self, COUNTS)
         require_not_negative("trajectory", self, ("max_gap_s",))
 
     @property

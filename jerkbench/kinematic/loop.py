@@ -351,7 +351,16 @@ def all_lost(run: Lanes, step: int) -> bool:
 
 # The compiled loop.
 
-ALONE = ("run_steps", "predict", "predict_covariance", "add_row", "mahalanobis", "correct", "check_definite")
+ALONE = (
+    "run_steps",
+    "predict",
+    "predict_covariance",
+    "predict_measured",
+    "add_row",
+    "mahalanobis",
+    "correct",
+    "check_definite",
+)
 SELDOM = (
     *(
         "predict_any",

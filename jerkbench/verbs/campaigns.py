@@ -73,8 +73,7 @@ nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI an
 not in --data is left out.
 
 RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
-follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet, costs.parquet), manifest.json and
-protocol.json.
+follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), manifest.json and protocol.json.
 """
 
 
@@ -102,7 +101,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.stored import read_rows
-    from jerkbench.audit.study import FOLDER, compare_audits, run_audit
+    from jerkbench.audit.study import FOLDER, compare_audits, judged_audit, run_audit
     from jerkbench.audit.words import reweighted_text, three_sentences
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import processors
@@ -117,8 +116,10 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     if chosen.against:
         print(compare_audits(folder, chosen.against))
         return
-    cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
-    answer = run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
+    if chosen.stored:
+        answer = judged_audit(folder)
+    else:
+        answer = run_audit(protocol, folder, cluster_named(chosen.cluster), chosen.workers or processors())
     print("\n".join(three_sentences(answer)))
     print(f"Written to {folder}.")
 

@@ -574,10 +574,10 @@ def test_a_cell_that_is_no_number_is_named(tmp_path):
     [
         ({"imu_axes": ("x", "y", "-z")}, "right-handed"),
         ({"imu_axes": ("x", "y", "up")}, "give three of x, y, z"),
-        ({"imu_accel": ("a",)}, "imu_accel names 1 columns"),
+        ({"imu_accel": ("a",)}, "imu_accel has 1 entries, .*; give 3"),
         ({"position_frame": "utm"}, "no position_frame 'utm'"),
         ({"time_unit": "minutes"}, "no time_unit 'minutes'"),
-        ({"velocity_frame": "speed"}, "velocity_columns names 3 columns"),
+        ({"velocity_frame": "speed"}, "velocity_columns has 3 entries, .*; give 1"),
         ({"position_sigma_m": 0.0}, "position_sigma_m"),
         ({"origin": (49.0, 8.4)}, r"origin is \(49.0, 8.4\); give latitude \[deg\], longitude \[deg\] and height"),
         ({"origin": (8.4, 490.0, 110.0)}, r"origin is \(8.4, 490.0, 110.0\), which is not on Earth"),

@@ -7,7 +7,7 @@ import pytest
 from commands import verb
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.metrics.reference_floor import ReferenceFloor
+from jerkbench.evaluation.metrics.position import ReferenceFloor
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.runs import runs_by_combination

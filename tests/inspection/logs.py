@@ -103,3 +103,42 @@ def car_log(folder, *, week=False, seed=7):
     return SimpleNamespace(
         paths=paths, force_mps2=force, rate_radps=rate, fix_s=t_s[fixes], true_m=true_m[::10] - true_m[0]
     )
+
+
+def car_bag(folder, target):
+    """`car_log` as a ROS 2 bag of drivers that publish g and deg/s in FRD; the truth is a topic of fixes."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+
+    def of(name, *values):
+        return store.types[name](*values)
+
+    def header(t_s):
+        stamp_ns = round(t_s * 1e9)
+        time = of("builtin_interfaces/msg/Time", *divmod(stamp_ns, 1_000_000_000))
+        return stamp_ns, of("std_msgs/msg/Header", time, "sensor")
+
+    def imu(row):
+        stamp_ns, head = header(row[0])
+        force, rate = (of("geometry_msgs/msg/Vector3", *row[part]) for part in (slice(1, 4), slice(4, 7)))
+        none = of("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0), np.array([-1.0] + [0.0] * 8)
+        return stamp_ns, of("sensor_msgs/msg/Imu", head, *none, rate, np.zeros(9), force, np.zeros(9))
+
+    def fix(row, sigma_m):
+        stamp_ns, head = header(row[0])
+        status = of("sensor_msgs/msg/NavSatStatus", 0, 1)
+        return stamp_ns, of("sensor_msgs/msg/NavSatFix", head, status, *row[1:4], np.diag(sigma_m**2).ravel(), 2)
+
+    rows = {name: pd.read_csv(folder / f"{name}.csv").to_numpy() for name in ("imu", "gnss", "truth")}
+    topics = {
+        "/imu/data": ("sensor_msgs/msg/Imu", map(imu, rows["imu"])),
+        "/gps/fix": ("sensor_msgs/msg/NavSatFix", (fix(row, row[4:7] / 1000) for row in rows["gnss"])),
+        "/truth/fix": ("sensor_msgs/msg/NavSatFix", (fix(row, np.full(3, 0.01)) for row in rows["truth"])),
+    }
+    with Writer(target, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, (name, messages) in topics.items():
+            connection = writer.add_connection(topic, name, typestore=store)
+            for stamp_ns, message in messages:
+                writer.write(connection, stamp_ns, store.serialize_cdr(message, name))

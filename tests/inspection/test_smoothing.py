@@ -12,7 +12,7 @@ from scipy.stats import multivariate_t
 from commands import verb
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Updates
-from jerkbench.inspection.smoothing import FREEDOM, smooth_fixes, surprises
+from jerkbench.inspection.smoothing import smooth_fixes, surprises
 from jerkbench.io.tracks import read_gpx
 from jerkbench.io.writing import write_gpx
 from jerkbench.recording import Origin, Position, Recording, Reference
@@ -48,15 +48,15 @@ def test_the_surprise_is_that_of_students_t():
         log_det=np.array([np.linalg.slogdet(S)[1]]),
     )
 
-    assert surprises(updates)[0] == pytest.approx(-multivariate_t(shape=S, df=FREEDOM).logpdf(y), rel=1e-12)
+    assert surprises(updates, 4.0)[0] == pytest.approx(-multivariate_t(shape=S, df=4.0).logpdf(y), rel=1e-12)
 
 
 @pytest.mark.parametrize("stated", [0.1, 1.0, 10.0])
 def test_the_noises_are_found_again(stated):
     track = smooth_fixes(driven(stated=stated))
 
-    # heavier tails than the normal law has make the scale of t smaller: by the square root of some 1.3
-    assert track.sigma_scale * stated == pytest.approx(0.88, rel=0.15)
+    assert track.sigma_scale * stated == pytest.approx(1.0, rel=0.15)
+    assert track.freedom > 100.0
     assert track.smoother.model in ("constant_velocity", "constant_turn")
     assert track.smoother.velocity_walk_mps_per_sqrt_s == pytest.approx(WALK, rel=0.3)
 

@@ -194,7 +194,8 @@ def _third(apart: FloatArray) -> FloatArray:
 
 def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> tuple[Statement, ...]:
     said = []
-    ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
+    with np.errstate(over="ignore"):  # an interval that says nothing reaches to infinity
+        ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
     for ratio, below, above, sd in ends:
         small = bool(below >= 1.0 / (1.0 + MARGIN) and above <= 1.0 + MARGIN)
         shown = Verdict.BETTER if above < 1.0 else Verdict.WORSE if below > 1.0 else None

@@ -13,7 +13,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.clocks import with_common_time, with_own_outages
 from jerkbench.io.files import fingerprint
-from jerkbench.io.frames import calibrated_at_rest, first_rest_s, gravity_notes
+from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, calibrated_at_rest, first_rest_s, gravity_notes
 from jerkbench.io.ros.bag import Bag, Messages
 from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
 from jerkbench.io.ros.files import bag_files, content_files, missing_parts
@@ -190,6 +190,11 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     path = options.path
     extracted = extract(path, planner, choices_of(options, BagOptions))
     plan, raw = extracted.plan, dict(extracted.raw)
+    samples = raw[plan.topics["imu"]]
+    raw[samples.topic] = samples.with_values(
+        linear_acceleration=samples["linear_acceleration"] * ACCEL_UNITS[options.accel_unit],
+        angular_velocity=samples["angular_velocity"] * GYRO_UNITS[options.gyro_unit],
+    )
     ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
     clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
     parts = missing_parts(bag_files(path))

@@ -6,15 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_choices, require_not_negative
+from jerkbench.arrays import FloatArray, require_choices, require_lengths, require_not_negative
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.io.files import fetched_folder
+from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, axes_matrix
 from jerkbench.io.sanitiser import MODES
 
 FETCHED = "fetched:"
-TIME_SOURCES = ("bag", "header")
-COVARIANCE_ORDERS = ("enu", "neu")
+CHOICES = {
+    "sanitise": MODES,
+    "time_source": ("bag", "header"),
+    "covariance_order": ("enu", "neu"),
+    "accel_unit": tuple(ACCEL_UNITS),
+    "gyro_unit": tuple(GYRO_UNITS),
+}
 LENGTHS = {
     "mounting_deg": (3,),
     "lever_arm_m": (3,),
@@ -44,7 +50,9 @@ class BagOptions:
         sanitise: repair (mend what can be mended, drop the rest), drop, or refuse (the first trouble is an error).
         earliest_utc: a stamp before this day is none.
         time_source: header (the stamps), or bag (when each message was recorded).
-        imu_axes: which axes of the IMU point forward, left and up: "x y z", "-z -x y", ...
+        accel_unit: g or m/s2: ROS says m/s2, and some drivers of laser scanners publish g.
+        gyro_unit: deg/s or rad/s.
+        imu_axes: which axes of the IMU point forward, left and up: [x, y, z], [-z, -x, y], ...
         mounting_deg: small rotation roll, pitch, yaw from the body to the IMU's axes as named above.
         lever_arm_m: from the body's reference point to the antenna: forward, left, up. Needs the reference's attitude.
         covariance_order: of a NavSatFix: enu (as the message is defined), or neu (as Fixposition writes it).
@@ -66,7 +74,9 @@ class BagOptions:
     sanitise: str = "repair"
     earliest_utc: str = "2000-01-01"
     time_source: str = "header"
-    imu_axes: str = "x y z"
+    accel_unit: str = "m/s2"
+    gyro_unit: str = "rad/s"
+    imu_axes: tuple[str, ...] = ("x", "y", "z")
     mounting_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
     lever_arm_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     covariance_order: str = "enu"
@@ -88,12 +98,9 @@ class BagOptions:
         Raises:
             PluginError: names the parameter.
         """
-        choices = {"sanitise": MODES, "time_source": TIME_SOURCES, "covariance_order": COVARIANCE_ORDERS}
-        require_choices(self, choices)
+        require_choices(self, CHOICES)
         require_not_negative("dataset", self, ("outage_s",))
-        for name, lengths in LENGTHS.items():
-            if len(getattr(self, name)) not in lengths:
-                raise PluginError(f"{name} is {list(getattr(self, name))}; give three numbers.")
+        require_lengths(self, LENGTHS)
         _ = self.earliest_ns, self.body_from_imu
 
     @property
@@ -126,27 +133,4 @@ class BagOptions:
     def body_from_imu(self) -> FloatArray:
         """The matrix (3, 3) that turns the IMU's axes into the body's."""
         turn = dcm_from_euler(np.radians(self.mounting_deg))
-        return np.asarray(turn.T @ body_axes_matrix(self.imu_axes))
-
-
-def body_axes_matrix(axes: str) -> FloatArray:
-    """Return (3, 3) whose rows are forward, left and up in the sensor's axes.
-
-    >>> body_axes_matrix("-z -x y")
-    array([[ 0.,  0., -1.],
-           [-1.,  0.,  0.],
-           [ 0.,  1.,  0.]])
-
-    Raises:
-        PluginError: they are not three different axes that make a right-handed system.
-    """
-    rows = np.zeros((3, 3))
-    words = axes.split()
-    for row, word in zip(rows, words, strict=False):
-        if word[-1] in "xyz" and word[:-1] in ("", "+", "-"):
-            row["xyz".index(word[-1])] = -1.0 if word[0] == "-" else 1.0
-    if len(words) != 3 or round(float(np.linalg.det(rows))) != 1:
-        raise PluginError(
-            f"imu_axes is '{axes}'; give which axes point forward, left and up, right-handed: 'x y z', '-z -x y', ..."
-        )
-    return rows
+        return np.asarray(turn.T @ axes_matrix(self.imu_axes))

@@ -114,6 +114,9 @@ SAMPLE = 200
 GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
 """Median length of the specific force of an IMU that feels gravity."""
 
+ONE_G_WITHIN = 0.1
+"""So near to 1 is that length where a driver publishes g."""
+
 OF_FIXPOSITION = ("/poiimu", "/odometry_ecef")
 LIKE_FIXPOSITION = (
     "The topics are called like a Fixposition's: dataset=fixposition knows the order of their covariances, and what is"
@@ -145,13 +148,16 @@ def complete_plan(bag: Bag, named: Mapping[Role, str]) -> TopicPlan:
 
 
 def _imu(bag: Bag) -> tuple[str, str]:
-    candidates = _most_first(bag, IMU)
+    candidates, in_g = _most_first(bag, IMU), []
     for topic in candidates:
         force = bag.read({topic.name: ["linear_acceleration"]}, most=SAMPLE)[topic.name]["linear_acceleration"]
         with np.errstate(over="ignore"):  # damage: the median does not mind
             length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
         if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
             return topic.name, _chose("IMU", topic, f"it feels {length:.2f} m/s2", candidates)
+        in_g += [(topic, f"it feels {length:.2f}, which is gravity in g")] if abs(length - 1.0) < ONE_G_WITHIN else []
+    for topic, why in in_g:
+        return topic.name, _chose("IMU", topic, why, candidates)
     names = ", ".join(topic.name for topic in candidates)
     raise RecordingError(
         f"{bag.path} has no IMU topic that feels gravity ({names or 'none of type sensor_msgs/Imu'}); give imu_topic."

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -183,9 +183,10 @@ class MethodStyle(NamedTuple):
     hatch: str
 
     @property
-    def line(self) -> str | tuple[float, tuple[float, ...]]:
-        """The line style as matplotlib has it."""
-        return (0.0, tuple(POINTS * length for length in self.dash)) if self.dash else "-"
+    def stroke(self) -> dict[str, Any]:
+        """Colour and line style as matplotlib takes them."""
+        dashes = (0.0, tuple(POINTS * length for length in self.dash)) if self.dash else "-"
+        return {"color": self.colour, "linestyle": dashes}
 
 
 @dataclass(frozen=True)

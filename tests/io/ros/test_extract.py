@@ -40,9 +40,8 @@ def test_the_second_reading_is_the_first_without_the_bag(bag, tmp_path, monkeypa
 def test_what_changes_nothing_of_the_reading_takes_it_from_the_cache(bag, tmp_path, monkeypatch):
     Fixposition(str(bag)).load(0)
     monkeypatch.setattr(extract, "open_bag", never)
-    turned = Fixposition(str(bag), imu_axes="z y -x", imu_shift_s=0.1, sanitise="drop", earliest_utc="2001-01-01").load(
-        0
-    )
+    changed = {"imu_axes": ("z", "y", "-x"), "imu_shift_s": 0.1, "sanitise": "drop", "earliest_utc": "2001-01-01"}
+    turned = Fixposition(str(bag), **changed).load(0)
     assert np.abs(turned.imu.accel_mps2[:, 0] - 9.81).max() < 0.1
 
 

@@ -168,9 +168,9 @@ def test_an_odometry_that_is_not_in_ecef_is_refused(tmp_path):
     [
         ({"sanitise": "mend"}, "There is no sanitise 'mend'"),
         ({"velocity": "wheel"}, "There is no velocity of fixposition 'wheel'"),
-        ({"imu_axes": "x y y"}, "give which axes point forward, left and up"),
-        ({"imu_axes": "x y -z"}, "right-handed"),
-        ({"lever_arm_m": (1.0,)}, "give three numbers"),
+        ({"imu_axes": ("x", "y", "y")}, "right-handed"),
+        ({"imu_axes": ("x", "y", "up")}, "give three of x, y, z"),
+        ({"lever_arm_m": (1.0,)}, "lever_arm_m has 1 entries, .*; give 3"),
         ({"earliest_utc": "yesterday"}, "give a day"),
     ],
 )

@@ -103,12 +103,22 @@ def test_no_imu_with_gravity_and_no_fixes_are_sentences(tmp_path):
         RosBag(path).load(0)
 
 
+def test_an_imu_in_g_and_deg_per_s_is_found_said_and_scaled(tmp_path):
+    path = bag(tmp_path / "a.bag", accel=(0, 0, 1.0))
+    guessed = RosBag(path).load(0)
+    scaled = RosBag(path, accel_unit="g", gyro_unit="deg/s").load(0)
+
+    assert any("it feels 1.00, which is gravity in g" in note for note in guessed.notes)
+    np.testing.assert_allclose(scaled.imu.accel_mps2, 9.80665 * guessed.imu.accel_mps2)
+    np.testing.assert_allclose(scaled.imu.gyro_radps, np.radians(guessed.imu.gyro_radps))
+
+
 def test_the_imu_is_turned_into_the_body(tmp_path):
     path = bag(tmp_path / "a.bag", accel=(0, 9.8, 0))
-    imu = RosBag(path, imu_axes="-z -x y").load(0).imu
+    imu = RosBag(path, imu_axes=("-z", "-x", "y")).load(0).imu
     np.testing.assert_allclose(imu.accel_mps2.mean(axis=0), [0, 0, 9.8], atol=1e-3)
     np.testing.assert_allclose(imu.gyro_radps.mean(axis=0), [-0.3, -0.1, 0.2], atol=1e-3)
-    pitched = RosBag(path, imu_axes="-z -x y", mounting_deg=(0.0, 30.0, 0.0)).load(0).imu
+    pitched = RosBag(path, imu_axes=("-z", "-x", "y"), mounting_deg=(0.0, 30.0, 0.0)).load(0).imu
     half, root = 9.8 / 2, 9.8 * np.sqrt(3) / 2  # the IMU is pitched nose down: its z leans forward
     np.testing.assert_allclose(pitched.accel_mps2.mean(axis=0), [-half, 0, root], atol=2e-3)
 
