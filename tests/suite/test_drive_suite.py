@@ -1,7 +1,9 @@
 """The suite of random drives: frozen, scored from rows whose answer is known, and its entries in results/suite-v2."""
 
 import dataclasses
+import re
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,9 +14,11 @@ from jerkbench import plugins
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
+from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import FROZEN, read_suite
 from jerkbench.suite.recordings import data_digests, require_recordings
 from jerkbench.suite.scores import drive_log_ratios, drive_page, drive_score, members
+from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 DIGESTS = {"v2": "a81d3228b547", "v2-tiny": "172079cf7a5a"}
 TINY = read_suite("v2-tiny")
@@ -119,3 +123,31 @@ def test_one_that_was_not_tuned_is_scored_as_it_came():
 def test_the_verdict_is_that_of_the_interval(factor, word):
     near = [factor * (1 + 0.001 * sign) for sign, _ in product((1, -1), range(6))]
     assert drive_score(rows({**FACTORS, ("entry", "drives"): near}), TINY).verdict == word
+
+
+# Our own entries.
+
+FOLDER = Path(__file__).parents[2] / "results" / "suite-v2"
+ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{MANIFEST}"))
+
+
+@pytest.mark.parametrize("folder", ENTRIES, ids=lambda folder: folder.name)
+def test_a_committed_entry_is_whole_and_its_score_is_that_of_its_rows(folder):
+    entry, protocol = read_entry(folder), read_suite("v2")
+    assert [*frozen_mistakes(entry, protocol), *file_mistakes(entry), *missing_mistakes(entry, protocol)] == []
+    assert list(score_mistakes(entry, protocol)) == []
+    assert entry.manifest["tuned"]
+    assert not entry.manifest["git_commit"].endswith("+changes")
+
+
+def test_the_board_shows_every_entry_with_its_score():
+    protocol, board = read_suite("v2"), (FOLDER / "board.md").read_text(encoding="utf-8")
+    line = r"^\| \d+ \(\d+ to \d+\) \| (.*?) \| 240 \| ([\d.]+) \[([\d.]+), ([\d.]+)\] \| (.*?) \|"
+    shown = {name: rest for name, *rest in re.findall(line, board, flags=re.MULTILINE)}
+    scores = {(entry := read_entry(folder)).name: drive_score(entry.rows, protocol) for folder in ENTRIES}
+    wanted = {
+        name: [*(f"{value:.3f}" for value in (score.ratio, score.low, score.high)), score.verdict]
+        for name, score in scores.items()
+    }
+    assert shown == wanted
+    assert board.count("| yes, 2 rows |") == len(ENTRIES) >= 8
