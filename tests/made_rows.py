@@ -50,4 +50,4 @@ def made_rows(protocol=SMALL, seed=0, ratio=None):
                             "log_error": np.nan if lost else error,
                         }
                     )
-    return AuditRows(protocol, drives, pd.DataFrame(tuned), pd.DataFrame(judged), pd.DataFrame(), pd.DataFrame())
+    return AuditRows(protocol, drives, pd.DataFrame(tuned), pd.DataFrame(judged), pd.DataFrame())

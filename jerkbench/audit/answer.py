@@ -219,8 +219,9 @@ def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
 def pays_from(d: FloatArray, without: BoolArray) -> FloatArray:
     """Return from which share of faulty drives on the log ratios d (M, D) are below 0; NaN: from none."""
     price, gain = d[:, without].mean(axis=1), d[:, ~without].mean(axis=1)
+    dear = np.maximum(price, 0.0)  # a method that is better without a fault, too, pays from the share 0 on
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(gain < 0.0, np.maximum(price / (price - gain), 0.0), np.nan))
+        return np.asarray(np.where(gain < 0.0, dear / (dear - gain), np.nan))
 
 
 # Estimators that stand apart.

@@ -76,6 +76,7 @@ def _array(table: pd.DataFrame, methods: Sequence[AuditMethod], axes: Sequence[s
     """The column ``loss`` of a table as an array: the methods, then the ``axes`` in the order of their values."""
     name = table["filter"].astype(str) + " + " + table["adaptation"].astype(str)
     names = [method.name for method in methods]
-    wide = table.assign(name=name)[name.isin(names)].pivot(index=[*axes], columns="name", values="loss")[names]
-    sizes = [wide.index.get_level_values(axis).nunique() for axis in axes]
-    return np.asarray(wide.to_numpy(dtype=np.float64).T.reshape(len(names), *sizes))
+    known = table.assign(name=name)[name.isin(names)]
+    wide = known.pivot_table(index=[*axes], columns="name", values="loss", aggfunc="first", dropna=False, observed=True)
+    sizes = [known[axis].nunique() for axis in axes]
+    return np.asarray(wide[names].to_numpy(dtype=np.float64).T.reshape(len(names), *sizes))

@@ -36,7 +36,7 @@ class AuditMethod(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class AuditProtocol:
-    """What an audit compares, and how long it searches: all that conf/audit/full.yaml states and explains, besides:
+    """What an audit compares, and how long it searches; conf/audit/full.yaml explains all but two of it.
 
     Attributes:
         laws: what the preset of the drives states.

@@ -22,10 +22,10 @@ def three_sentences(answer: Answer) -> list[str]:
     price = counts_of(methods["no_fault_verdict"])
     ((leader, times),) = Counter(leaders(answer.rows)).most_common(1)
     first = (
-        f"**Of {len(published)} published adaptive filters, most of them simplified, {theirs['better']} are shown to"
-        f" beat the plain filter of their model, tuned alike, and {theirs['worse']} are worse.** With ours it is {own['better']} and"
-        f" {own['worse']} of {n}; {own['equal']} are {EQUAL}, and of {own['undecided']} nothing is shown. The average"
-        f" published one has {interval(said.average)} of the error of its plain filter."
+        f"**Of {len(published)} published adaptive filters, {theirs['better']} are shown to beat the plain filter of"
+        f" their model, tuned alike, and {theirs['worse']} are worse.** Most of them are simplified. With our own, it is"
+        f" {own['better']} and {own['worse']} of {n}; {own['equal']} are {EQUAL}, and {own['undecided']} undecided. The"
+        f" average published one has {interval(said.average)} of the error of its plain filter."
     )
     second = (
         f"**Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']} worse.**"

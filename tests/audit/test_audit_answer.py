@@ -57,10 +57,10 @@ def test_what_is_better_and_what_is_worse_is_said_so(answer):
 
 
 def test_it_pays_from_the_share_at_which_gain_and_price_are_equal():
-    d = np.array([[0.1, 0.1, -0.3, -0.3], [0.1, 0.1, 0.2, 0.2], [-0.1, -0.1, -0.2, -0.2]])
+    d = np.array([[0.1, 0.1, -0.3, -0.3], [0.1, 0.1, 0.2, 0.2], [-0.1, -0.1, -0.2, -0.2], [-0.2, -0.2, -0.1, -0.1]])
     without = np.array([True, True, False, False])
 
-    np.testing.assert_allclose(pays_from(d, without), [0.25, np.nan, 0.0])
+    np.testing.assert_allclose(pays_from(d, without), [0.25, np.nan, 0.0, 0.0])
 
 
 def test_another_mixture_is_that_of_its_drives_alone(answer):
