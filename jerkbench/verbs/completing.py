@@ -26,7 +26,7 @@ HEADS = {
     "zsh": 'In ~/.zshrc, behind compinit: eval "$(jerkbench completion zsh)"',
 }
 
-GROUPS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine", "experiment", "cluster")
+CHOSEN_GROUPS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine", "experiment", "cluster")
 """The groups of which a name is chosen: GROUP=NAME."""
 
 OTHERS = (
@@ -45,14 +45,14 @@ def completion_verb(chosen: argparse.Namespace) -> None:
     if chosen.line is None:
         print(f"# {HEADS[chosen.shell]}\n{SCRIPTS[chosen.shell]}", end="")
         return
-    for word in candidates(chosen.line):
+    for word in completions(chosen.line):
         print(word)
 
 
-def candidates(line: str) -> list[str]:
+def completions(line: str) -> list[str]:
     """Return the words that may stand where ``line`` ends; none where any file may stand.
 
-    >>> candidates("jerkbench data fe")
+    >>> completions("jerkbench data fe")
     ['fetch']
     """
     _, *words = line.split() if line.strip() else [""]
@@ -127,9 +127,9 @@ def _settings(words: Sequence[str], current: str) -> Iterator[str]:
     group, equals, value = current.partition("=")
     if equals:
         before = value[: value.rfind(",") + 1] or value[: value.rfind("[") + 1]
-        yield from (f"{group}={before}{name}" for name in (_names(group) if group in GROUPS else ()))
+        yield from (f"{group}={before}{name}" for name in (_names(group) if group in CHOSEN_GROUPS else ()))
         return
-    yield from (f"{name}=" for name in (*GROUPS, *OTHERS))
+    yield from (f"{name}=" for name in (*CHOSEN_GROUPS, *OTHERS))
     if "." in current:
         yield from _parameters(words, group.partition(".")[0])
     else:
@@ -139,7 +139,7 @@ def _settings(words: Sequence[str], current: str) -> Iterator[str]:
 def _chosen(words: Sequence[str]) -> Iterator[tuple[str, str]]:
     from jerkbench.presets import default_names
 
-    typed = [(group, value) for group, _, value in (word.partition("=") for word in words) if group in GROUPS]
+    typed = [(group, value) for group, _, value in (word.partition("=") for word in words) if group in CHOSEN_GROUPS]
     for group, value in {**default_names(), **dict(typed)}.items():
         yield from ((group, name) for name in value.strip("[]").split(",") if name)
 

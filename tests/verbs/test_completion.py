@@ -10,7 +10,7 @@ import pytest
 
 from commands import verb
 from jerkbench.errors import PluginError
-from jerkbench.verbs.completing import candidates
+from jerkbench.verbs.completing import completions
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ from jerkbench.verbs.completing import candidates
     ],
 )
 def test_what_may_stand_there_is_offered(line, some):
-    offered = set(candidates(line))
+    offered = set(completions(line))
 
     assert some <= offered
     if line.count(" ") > 1:
@@ -48,10 +48,10 @@ def test_presets_of_ones_own_are_offered(tmp_path):
     (tmp_path / "dataset").mkdir()
     (tmp_path / "dataset" / "my_drive.yaml").write_text("defaults: [field, _self_]\n")
 
-    assert candidates(f"jerkbench run --config-dir {tmp_path} dataset=my") == ["dataset=my_drive"]
-    assert candidates("jerkbench run dataset=my") == []
+    assert completions(f"jerkbench run --config-dir {tmp_path} dataset=my") == ["dataset=my_drive"]
+    assert completions("jerkbench run dataset=my") == []
     with pytest.raises(PluginError, match="no folder"):
-        candidates("jerkbench run --config-dir nowhere dataset=my")
+        completions("jerkbench run --config-dir nowhere dataset=my")
 
 
 @pytest.mark.skipif(not shutil.which("bash"), reason="there is no bash")
