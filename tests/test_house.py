@@ -19,20 +19,20 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 419, 37
+MOST_FILES, MOST_FOLDERS = 401, 36
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 34_155
+MOST_CODE = 34_503
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
-MOST_LONE = 47
+MOST_LONE = 40
 """Modules that one other module imports; the aim is none."""
-MOST_CONSTANTS = 126
+MOST_CONSTANTS = 131
 """Names of constants in two or more modules."""
 
 DOUBLES = {
-    *("Cells", "Columns", "Frame", "Interval", "Line", "Losses", "Measured", "Method", "Model", "Models"),
-    *("Part", "Room", "Row", "Scenario", "Settings", "Stream", "Table", "Trials", "Two", "Value", "Windows"),
-    *("advance", "align", "anywhere", "begin", "chosen", "make_room", "move", "propagate", "reference_of"),
-    *("run_samples", "smooth", "update", "with_sigma"),
+    *("Answer", "Cells", "Columns", "Frame", "Interval", "Ledger", "Line", "Method", "Model", "Models"),
+    *("Part", "Piece", "Row", "Scenario", "Settings", "Stream", "Table", "Value", "advance", "anywhere"),
+    *("begin", "blocks", "chosen", "innovate", "markdown", "method_of", "move", "page", "protocol_of"),
+    *("smooth", "update", "with_sigma"),
 }
 """Classes, types and functions whose name stands for several things."""
 
