@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 401, 36
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 34_503
+MOST_CODE = 34_560
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 40
 """Modules that one other module imports; the aim is none."""
@@ -29,10 +29,8 @@ MOST_CONSTANTS = 131
 """Names of constants in two or more modules."""
 
 DOUBLES = {
-    *("Answer", "Cells", "Columns", "Frame", "Interval", "Ledger", "Line", "Method", "Model", "Models"),
-    *("Part", "Piece", "Row", "Scenario", "Settings", "Stream", "Table", "Value", "advance", "anywhere"),
-    *("begin", "blocks", "chosen", "innovate", "markdown", "method_of", "move", "page", "protocol_of"),
-    *("smooth", "update", "with_sigma"),
+    *("Cells", "Columns", "Frame", "Interval", "Line", "Method", "Model", "Models", "Part", "Row", "Scenario"),
+    *("Settings", "Stream", "Table", "Value", "advance", "anywhere", "begin", "chosen", "move", "smooth", "update"),
 }
 """Classes, types and functions whose name stands for several things."""
 

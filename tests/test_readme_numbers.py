@@ -9,7 +9,7 @@ import pytest
 
 from experiment_scripts import experiment
 from jerkbench.audit.answer import answered
-from jerkbench.audit.page import page, summary
+from jerkbench.audit.page import answer_summary, audit_page
 from jerkbench.audit.stored import read_rows
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study
@@ -100,5 +100,6 @@ def test_the_audits_page_is_that_of_its_rows():
     told = json.loads((AUDIT / "answer.json").read_text(encoding="utf-8"))
     answer = answered(read_rows(AUDIT))
 
-    assert json.loads(json.dumps(summary(answer, told["commit"]))) == told
-    assert page(answer, AUDIT, told["commit"]) == (ROOT / "experiments/audit/README.md").read_text(encoding="utf-8")
+    assert json.loads(json.dumps(answer_summary(answer, told["commit"]))) == told
+    committed = (ROOT / "experiments/audit/README.md").read_text(encoding="utf-8")
+    assert audit_page(answer, AUDIT, told["commit"]) == committed

@@ -39,7 +39,7 @@ WORSE = {"worse_3": 1.03, "worse_100": 2.0}
 
 
 @dataclass(frozen=True)
-class Answer:
+class AuditAnswer:
     """What an audit says.
 
     Attributes:
@@ -71,7 +71,7 @@ class Answer:
     error: Error
 
 
-def answered(rows: AuditRows) -> Answer:
+def answered(rows: AuditRows) -> AuditAnswer:
     """Return what the rows of an audit say."""
     protocol, losses = rows.protocol, losses_of(rows)
     said = statements(losses)
@@ -79,7 +79,7 @@ def answered(rows: AuditRows) -> Answer:
     of_models = (len(protocol.filters), len(protocol.compared), *own.shape[1:])
     means = {"own": own.reshape(of_models).mean(axis=0), "best": best.reshape(of_models).mean(axis=0)}
     kinds = kind_frame(own, [method._asdict() for method in protocol.methods], rows)
-    return Answer(
+    return AuditAnswer(
         rows=rows,
         losses=losses,
         said=said,
@@ -310,7 +310,7 @@ def leaders(rows: AuditRows) -> list[str]:
     return [str(names[place]) for place in losses.tuned[losses.picked].argmin(axis=0)]
 
 
-def told_truth(answer: Answer) -> dict[str, float]:
+def told_truth(answer: AuditAnswer) -> dict[str, float]:
     """Return the ratio of each reference, which is told the truth, to the plain filter of its model, by its name."""
     protocol, plains = answer.rows.protocol, answer.losses.plains
     ratios: dict[str, float] = {}

@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 import pandas as pd
 
-from jerkbench.audit.pieces import Ledger, Piece, Trial, blocks, method_of, run_piece
+from jerkbench.audit.pieces import Piece, RunLedger, Trial, drive_blocks, method_and_space, run_piece
 from jerkbench.audit.protocol import AuditMethod, AuditProtocol
 from jerkbench.campaigns.entrant import tried_settings
 from jerkbench.errors import JerkbenchError
@@ -30,7 +30,7 @@ class Campaign:
     """
 
     protocol: AuditProtocol
-    ledger: Ledger
+    ledger: RunLedger
     workers: Workers
 
     def run(self, methods: Sequence[AuditMethod], title: str) -> None:
@@ -41,7 +41,8 @@ class Campaign:
             OSError: nothing can be stored.
         """
         self._run(self._to_tune(methods), f"{title}, settings tried")
-        self._run(self._to_judge(methods, picks(self.protocol, tuned(self.on_tuning()))), f"{title}, judged unseen")
+        found = picks(self.protocol, tuning_losses(self.on_tuning()))
+        self._run(self._to_judge(methods, found), f"{title}, judged unseen")
 
     def on_tuning(self) -> pd.DataFrame:
         """Return the runs on the drives of all tunings, with their losses."""
@@ -57,13 +58,13 @@ class Campaign:
         for tuning in range(self.protocol.tunings):
             seeds = self.protocol.seeds_to_tune_on(tuning)
             own = {m: trials_of(self.protocol, m, tuning) for m in methods if tuning in self.protocol.tunings_of(m)}
-            for block in blocks(seeds):
+            for block in drive_blocks(seeds):
                 yield [Piece(self.protocol.dataset, method, trials, block) for method, trials in own.items()]
 
     def _to_judge(self, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> Iterator[list[Piece]]:
         of_method = dict(iter(picked.groupby(METHOD, observed=True)))
         own = {method: self._trials(method, of_method[method]) for method in methods}
-        for block in blocks(self.protocol.seeds_to_judge_on):
+        for block in drive_blocks(self.protocol.seeds_to_judge_on):
             wanted = {method: [seed for seed in block if seed in self.protocol.judges(method)] for method in methods}
             yield [
                 Piece(self.protocol.dataset, method, own[method], range(seeds[0], seeds[-1] + 1))
@@ -96,12 +97,12 @@ class Campaign:
 
     def _identity(self, groups: Sequence[Sequence[Piece]]) -> Identity:
         methods = {piece.method for pieces in groups for piece in pieces}
-        return identity_of(method_of(self.protocol.dataset, method)[0] for method in methods)
+        return identity_of(method_and_space(self.protocol.dataset, method)[0] for method in methods)
 
 
 def trials_of(protocol: AuditProtocol, method: AuditMethod, tuning: int) -> tuple[Trial, ...]:
     """Return the settings that a tuning tries of a method, its defaults first; a longer search begins as a shorter."""
-    _, space = method_of(protocol.dataset, method)
+    _, space = method_and_space(protocol.dataset, method)
     scramble = protocol.seeds_to_tune_on(tuning)[0]
     settings = tried_settings(max(protocol.searches(method)), space, scramble)
     return tuple(Trial(tuning, number, setting) for number, setting in enumerate(settings))
@@ -128,7 +129,7 @@ def with_losses(protocol: AuditProtocol, runs: pd.DataFrame) -> pd.DataFrame:
     return runs.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
 
 
-def tuned(runs: pd.DataFrame) -> pd.DataFrame:
+def tuning_losses(runs: pd.DataFrame) -> pd.DataFrame:
     """Return each setting of a tuning, from its runs: filter, adaptation, tuning, trial, drives, lost, mean loss."""
     settings = runs.groupby([*METHOD, "tuning", "trial"], observed=True, sort=True)
     return settings.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
-from jerkbench.audit.answer import NO_FAULT, Answer, told_truth
+from jerkbench.audit.answer import NO_FAULT, AuditAnswer, told_truth
 from jerkbench.audit.figures import kinds_figure
 from jerkbench.audit.words import EQUAL, counts, counts_of, interval, percent, three_sentences
 from jerkbench.evaluation.statistics.drives_and_tunings import Statement
@@ -28,7 +28,7 @@ SHOWN = 15
 """Methods in the table of worst cases."""
 
 
-def write_page(answer: Answer, folder: Path, commit: str) -> None:
+def write_page(answer: AuditAnswer, folder: Path, commit: str) -> None:
     """Write README.md, its pictures, methods.csv, kinds.csv, apart.csv and answer.json into ``folder``."""
     margin = answer.rows.protocol.margin
     kinds, methods = (table.assign(name=_names(table)) for table in (answer.kinds, answer.methods))
@@ -37,11 +37,11 @@ def write_page(answer: Answer, folder: Path, commit: str) -> None:
     save_figure(kinds_figure(kinds, means, margin), folder / "answer.png")
     for name in ("methods", "kinds", "apart"):
         write_text(folder / f"{name}.csv", getattr(answer, name).to_csv(index=False, lineterminator="\n"))
-    write_text(folder / "answer.json", json.dumps(summary(answer, commit), indent=1) + "\n")
-    write_text(folder / "README.md", page(answer, folder, commit))
+    write_text(folder / "answer.json", json.dumps(answer_summary(answer, commit), indent=1) + "\n")
+    write_text(folder / "README.md", audit_page(answer, folder, commit))
 
 
-def summary(answer: Answer, commit: str) -> dict[str, object]:
+def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
     """Return the answer for programs, as the front page of the repository is."""
     protocol, said = answer.rows.protocol, answer.said
     return {
@@ -62,7 +62,7 @@ def summary(answer: Answer, commit: str) -> dict[str, object]:
     }
 
 
-def page(answer: Answer, folder: Path, commit: str) -> str:
+def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
     """Return the page as Markdown; what was found elsewhere is read beside ``folder``."""
     from jinja2 import Environment, StrictUndefined
 
@@ -83,7 +83,7 @@ def page(answer: Answer, folder: Path, commit: str) -> str:
         "by_kind": _by_kind(answer.kinds),
         "worst": _worst(answer.methods),
         "shown": SHOWN,
-        "steps": markdown({"step": answer.steps.index, "error": _two(answer.steps)}),
+        "steps": columns_table({"step": answer.steps.index, "error": _two(answer.steps)}),
         "apart": _apart(answer.apart),
         "truth": told_truth(answer),
         "elsewhere": _texts(found),
@@ -107,14 +107,14 @@ def _texts(paths: Iterable[Path]) -> str:
 # The tables, a column a key.
 
 
-def markdown(columns: Mapping[str, Iterable[object]]) -> str:
+def columns_table(columns: Mapping[str, Iterable[object]]) -> str:
     """Return a Markdown table."""
     lines = [columns, ["---"] * len(columns), *zip(*columns.values(), strict=True)]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 def _table(methods: pd.DataFrame) -> str:
-    return markdown(
+    return columns_table(
         {
             "method": _names(methods),
             "own plain filter": _ratios(methods, "own_"),
@@ -128,7 +128,7 @@ def _table(methods: pd.DataFrame) -> str:
 
 def _worst(methods: pd.DataFrame) -> str:
     least = methods.dropna(subset=["worst_high"]).sort_values("worst_high", kind="stable").head(SHOWN)
-    return markdown(
+    return columns_table(
         {
             "method": _names(least),
             "worst kind": _spaced(least["worst_kind"]),
@@ -146,7 +146,8 @@ def _apart(apart: pd.DataFrame) -> str:
     if apart.empty:
         return "There is none in this protocol."
     against = {"best plain filter": _ratios(apart, "best_"), "itself without adaptation": _ratios(apart, "own_")}
-    return markdown({"estimator": _names(apart), **against, "lost runs": [f"{100 * x:.1f} %" for x in apart["lost"]]})
+    lost = [f"{100 * share:.1f} %" for share in apart["lost"]]
+    return columns_table({"estimator": _names(apart), **against, "lost runs": lost})
 
 
 def _take(take: pd.DataFrame) -> str:
@@ -154,7 +155,7 @@ def _take(take: pd.DataFrame) -> str:
         "against the best plain filter": _ratios(take, ""),
         "drives": take["drives"],
     }
-    return markdown({"when": _spaced(take["when"]), "take": take["take"], **against})
+    return columns_table({"when": _spaced(take["when"]), "take": take["take"], **against})
 
 
 def _by_kind(kinds: pd.DataFrame) -> str:
@@ -166,13 +167,14 @@ def _by_kind(kinds: pd.DataFrame) -> str:
         lines.append((kind, own["drives"].iloc[0], shown["better"], shown["worse"], low, high))
     lines.sort(key=lambda line: (line[0] != NO_FAULT, -line[2], line[3]))
     table = pd.DataFrame(lines, columns=["kind", "drives", "better", "worse", "lowest ratio", "highest ratio"])
-    return markdown({str(name): own for name, own in table.assign(kind=_spaced(table["kind"])).items()})
+    return columns_table({str(name): own for name, own in table.assign(kind=_spaced(table["kind"])).items()})
 
 
 def _sources(adaptations: Sequence[str]) -> str:
     known = [(name, provenance_of(plugins.get("adaptation", name))) for name in adaptations]
     lines = [(name, of.kind, of.source, of.note) for name, of in known if of]
-    return markdown(dict(zip(("adaptation", "is", "source", "what differs"), zip(*lines, strict=True), strict=True)))
+    head = ("adaptation", "is", "source", "what differs")
+    return columns_table(dict(zip(head, zip(*lines, strict=True), strict=True)))
 
 
 def _names(table: pd.DataFrame) -> "pd.Series[str]":

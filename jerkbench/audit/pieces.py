@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from jerkbench.audit.protocol import AuditMethod, job_of
+from jerkbench.audit.protocol import AuditMethod, audit_job
 from jerkbench.campaigns.entrant import knobs_of
 from jerkbench.files import write_atomically
 from jerkbench.jobs.inputs import KEPT_INPUTS
@@ -60,7 +60,7 @@ class Piece(NamedTuple):
         return (*self.method, self.trials[0].tuning, self.trials[0].number, self.seeds[0])
 
 
-def blocks(seeds: range) -> list[range]:
+def drive_blocks(seeds: range) -> list[range]:
     """Cut seeds so that a process keeps the drives of a block in memory."""
     return [seeds[begin : begin + KEPT_INPUTS] for begin in range(0, len(seeds), KEPT_INPUTS)]
 
@@ -71,7 +71,7 @@ def run_piece(piece: Piece) -> pd.DataFrame:
     Returns:
         A run a row: the columns of `RUN`, status ("ok", "diverged", or "failed: " and why), log_error.
     """
-    job, space = method_of(piece.dataset, piece.method)
+    job, space = method_and_space(piece.dataset, piece.method)
     rows: list[list[dict[str, Any]]] = []
     for begin in range(0, len(piece.trials), TOGETHER):
         jobs = tuple(space.applied(job, trial.setting) for trial in piece.trials[begin : begin + TOGETHER])
@@ -97,9 +97,9 @@ def run_piece(piece: Piece) -> pd.DataFrame:
 
 
 @lru_cache(maxsize=1024)
-def method_of(dataset: str, method: AuditMethod) -> tuple[Job, Space]:
+def method_and_space(dataset: str, method: AuditMethod) -> tuple[Job, Space]:
     """Return a method at its defaults, and its knobs."""
-    job = job_of(dataset, method)
+    job = audit_job(dataset, method)
     return job, knobs_of(job)
 
 
@@ -113,7 +113,7 @@ HELD_S = 10.0
 
 
 @dataclass
-class Ledger:
+class RunLedger:
     """The runs of all pieces, in the files of one folder, which belongs to one protocol and one code.
 
     Attributes:

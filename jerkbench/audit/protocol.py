@@ -122,7 +122,7 @@ class AuditProtocol:
         """The estimators that are shown apart, with the adaptations that they take."""
         own = [AuditMethod(name, self.plain) for name in self.apart]
         adapted = [AuditMethod(name, rule) for name in self.apart_with_adaptations for rule in self.compared]
-        return [*own, *(method for method in adapted if not refusal(job_of(self.dataset, method)))]
+        return [*own, *(method for method in adapted if not refusal(audit_job(self.dataset, method)))]
 
     def searches(self, method: AuditMethod) -> tuple[int, ...]:
         """How many settings each search of a method tries; the shorter one is the begin of the longer."""
@@ -137,7 +137,7 @@ class AuditProtocol:
         return self.seeds_to_judge_on[: None if method.filter in self.filters else self.apart_drives]
 
 
-def job_of(dataset: str, method: AuditMethod) -> Job:
+def audit_job(dataset: str, method: AuditMethod) -> Job:
     """Return a method at its defaults on the drives of a preset.
 
     Raises:
@@ -160,10 +160,10 @@ def read_protocol(scale: str) -> AuditProtocol:
         PluginError: there is none, or it does not hold together.
     """
     stated = preset("audit", scale)
-    return protocol_of({**stated, "laws": preset("dataset", str(stated.get("dataset")))}, f"conf/audit/{scale}.yaml")
+    return audit_protocol({**stated, "laws": preset("dataset", str(stated.get("dataset")))}, f"conf/audit/{scale}.yaml")
 
 
-def protocol_of(stated: Mapping[str, Any], where: str | Path) -> AuditProtocol:
+def audit_protocol(stated: Mapping[str, Any], where: str | Path) -> AuditProtocol:
     """Return the protocol that ``stated`` says, as it stands in the file ``where``.
 
     Raises:

@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
-from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of, tuned
-from jerkbench.audit.pieces import method_of, write_rows
-from jerkbench.audit.protocol import AuditMethod, AuditProtocol, protocol_of
+from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of, tuning_losses
+from jerkbench.audit.pieces import method_and_space, write_rows
+from jerkbench.audit.protocol import AuditMethod, AuditProtocol, audit_protocol
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_text
 
@@ -59,7 +59,7 @@ TABLES = tuple(known.name for known in dataclasses.fields(AuditRows) if known.na
 def collected(campaign: Campaign) -> AuditRows:
     """Return the rows of a campaign at its end."""
     protocol, on_tuning, judged = campaign.protocol, campaign.on_tuning(), campaign.judged()
-    settings = tuned(on_tuning)
+    settings = tuning_losses(on_tuning)
     picked = picks(protocol, settings)
     knobs = pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)])
     levels = pd.concat([runs[["seed", "level"]].drop_duplicates("seed") for runs in (on_tuning, judged)])
@@ -87,7 +87,7 @@ def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
 
 def _setting(protocol: AuditProtocol, picked: Any) -> Iterator[Mapping[str, object]]:  # noqa: ANN401 - a named tuple
     method = AuditMethod(picked.filter, picked.adaptation)
-    _, space = method_of(protocol.dataset, method)
+    _, space = method_and_space(protocol.dataset, method)
     trial = trials_of(protocol, method, picked.tuning)[picked.trial]
     for knob, value in zip(space.names, trial.setting, strict=True):
         yield {**method._asdict(), "tuning": picked.tuning, "tried": picked.tried, "knob": knob, "value": value}
@@ -123,7 +123,7 @@ def read_rows(folder: Path) -> AuditRows:
     except FileNotFoundError as error:
         raise JerkbenchError(f"{error.filename} is not there; run the audit to its end first.") from error
     digest = stated.pop("digest")
-    protocol = protocol_of(stated, folder / PROTOCOL)
+    protocol = audit_protocol(stated, folder / PROTOCOL)
     if protocol.digest != digest:
         raise JerkbenchError(f"{folder / PROTOCOL} says digest {digest}, but has {protocol.digest}; it was changed.")
     return AuditRows(protocol, **tables)

@@ -3,11 +3,11 @@
 import json
 from pathlib import Path
 
-from jerkbench.audit.answer import Answer, answered, changed_verdicts
+from jerkbench.audit.answer import AuditAnswer, answered, changed_verdicts
 from jerkbench.audit.campaign import Campaign
 from jerkbench.audit.losses import losses_of
 from jerkbench.audit.page import SECOND, write_page
-from jerkbench.audit.pieces import Ledger
+from jerkbench.audit.pieces import RunLedger
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stored import collected, read_rows, write_protocol
 from jerkbench.audit.words import compared_text
@@ -26,7 +26,7 @@ CHANGED = "+changes"
 """The end of a commit with changes."""
 
 
-def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> Answer:
+def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> AuditAnswer:
     """Run what is not stored in ``folder`` yet, and write the rows and the page.
 
     Args:
@@ -44,7 +44,7 @@ def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: 
         notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
     write_protocol(protocol, folder)
     with Workers(cluster, workers) as own:
-        campaign = Campaign(protocol, Ledger.of(protocol.digest, folder / "runs"), own)
+        campaign = Campaign(protocol, RunLedger.of(protocol.digest, folder / "runs"), own)
         campaign.run(protocol.competing, "Audit")
         campaign.run(protocol.beside, "Other estimators")
     collected(campaign).write(folder)
@@ -52,7 +52,7 @@ def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: 
     return judged_audit(folder)
 
 
-def judged_audit(folder: Path) -> Answer:
+def judged_audit(folder: Path) -> AuditAnswer:
     """Judge the rows in ``folder``, whatever version computed them, and write the page.
 
     Raises:

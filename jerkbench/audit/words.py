@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
-from jerkbench.audit.answer import Answer, leaders, reweighted
+from jerkbench.audit.answer import AuditAnswer, leaders, reweighted
 from jerkbench.audit.protocol import PUBLISHED
 from jerkbench.audit.stored import AuditRows
 from jerkbench.evaluation.statistics.drives_and_tunings import MARGIN, Statement, Statements
@@ -14,7 +14,7 @@ from jerkbench.evaluation.statistics.judgement import Verdict
 EQUAL = f"equal within {100 * MARGIN:.0f} %"
 
 
-def three_sentences(answer: Answer) -> list[str]:
+def three_sentences(answer: AuditAnswer) -> list[str]:
     """Return the answer: how many beat the plain filter, what the best of them brings, what it costs."""
     said, methods, tunings = answer.said, answer.methods, answer.rows.protocol.tunings
     n, published = len(methods), methods[methods["is"].isin(PUBLISHED)]
@@ -23,9 +23,9 @@ def three_sentences(answer: Answer) -> list[str]:
     ((leader, times),) = Counter(leaders(answer.rows)).most_common(1)
     first = (
         f"**Of {len(published)} published adaptive filters, {theirs['better']} are shown to beat the plain filter of"
-        f" their model, tuned alike, and {theirs['worse']} are worse.** Most of them are simplified. With our own, it is"
-        f" {own['better']} and {own['worse']} of {n}; {own['equal']} are {EQUAL}, and {own['undecided']} undecided. The"
-        f" average published one has {interval(said.average)} of the error of its plain filter."
+        f" their model, tuned alike, and {theirs['worse']} are worse.** Most of them are simplified. With our own, it"
+        f" is {own['better']} and {own['worse']} of {n}; {own['equal']} are {EQUAL}, and {own['undecided']} undecided."
+        f" The average published one has {interval(said.average)} of the error of its plain filter."
     )
     second = (
         f"**Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']} worse.**"

@@ -26,7 +26,9 @@ HEADS = {
     "zsh": 'In ~/.zshrc, behind compinit: eval "$(jerkbench completion zsh)"',
 }
 
-CHOSEN_GROUPS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine", "experiment", "cluster")
+CHOSEN_GROUPS = (
+    *("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine", "experiment", "cluster"),
+)
 """The groups of which a name is chosen: GROUP=NAME."""
 
 OTHERS = (

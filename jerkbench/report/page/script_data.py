@@ -97,7 +97,7 @@ EACH = 3
 """So many metrics are told of each run, the first ones; of the others the spread."""
 
 
-Shared = dict[str, tuple[int, Any]]
+Numbered = dict[str, tuple[int, Any]]
 """Values that stand once, by their JSON: the number of each, and the value."""
 
 
@@ -111,13 +111,13 @@ def details(
         about: what is stored beside them.
         metrics: those of the table, the leading one first.
     """
-    shared: Shared = {}
+    shared: Numbered = {}
     cells = {key: _cell(group, about[key], metrics, shared) for key, group in groups.items()}
     seeds = [quantity(column).heading for column in metrics[:EACH]]
     return {"shared": [value for _, value in shared.values()], "seeds": seeds, "cells": cells}
 
 
-def _place(shared: Shared, value: object) -> int:
+def _place(shared: Numbered, value: object) -> int:
     """Return the number of ``value``; the same for an equal one."""
     return shared.setdefault(json.dumps(value, sort_keys=True), (len(shared), value))[0]
 
@@ -128,7 +128,7 @@ def packed_json(content: Mapping[str, Any]) -> str:
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
-def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str], shared: Shared) -> dict[str, Any]:
+def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str], shared: Numbered) -> dict[str, Any]:
     return {
         "labels": [[factor, str(about["labels"][factor])] for factor in FACTORS],
         "spec": {kind: _place(shared, part) for kind, part in about["spec"].items()},
@@ -141,7 +141,7 @@ def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str
     }
 
 
-def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: Shared) -> list[list[Any]]:
+def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: Numbered) -> list[list[Any]]:
     """Return of each metric its title's number, and the median, the lowest and the highest of the runs with a value.
 
     Those of the table of cells come first.
