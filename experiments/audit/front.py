@@ -36,17 +36,14 @@ def front() -> str:
 
 
 def _suite() -> str:
-    paths = (RESULTS / "suite-v1").glob("*/manifest.json")
+    paths = sorted((RESULTS / "suite-v2").glob("*/manifest.json"))
     manifests = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
     entries = sorted((m["score"]["ratio"], m["entry"], m["score"]) for m in manifests)
-    told = [
-        f"{name.removesuffix(' + none')} {ratio:.2f} [{score['low']:.2f}, {score['high']:.3f}]"
-        for ratio, name, score in entries
-        if score["verdict"] == "better"
-    ]
+    better = [own for own in entries if own[2]["verdict"] == "better"]
+    told = [f"{name} {ratio:.2f} [{score['low']:.2f}, {score['high']:.2f}]" for ratio, name, score in better]
     return (
-        "The suite `jerkbench-v1` is a fixed test set with a [leaderboard](results/suite-v1/board.md). Of its"
-        f" {len(entries)} entries,\n{len(told)} beat the tuned baseline: {' and '.join(told)}."
+        "The suite `jerkbench-v2` is a fixed test set with a [leaderboard](results/suite-v2/board.md). Of its"
+        f" {len(entries)} entries,\n{len(told)} beat the tuned baseline: {', '.join(told)}."
     )
 
 

@@ -147,6 +147,8 @@ class RunLedger:
         wanted = [("seed", ">=", seeds.start), ("seed", "<", seeds.stop)]
         tables = [pq.read_table(path, filters=wanted) for path in self.folder.glob("*.parquet")]
         runs: pd.DataFrame = pa.concat_tables(tables).unify_dictionaries().to_pandas()
+        for name in TEXTS:  # in which order they were stored shall show nowhere
+            runs[name] = runs[name].cat.reorder_categories(sorted(runs[name].cat.categories))
         return runs.drop_duplicates(RUN, ignore_index=True)
 
     def keys(self, firsts: Collection[int]) -> set[tuple[object, ...]]:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
-from jerkbench.audit.answer import AuditAnswer, leaders, reweighted
+from jerkbench.audit.answer import NO_FAULT, AuditAnswer, leaders, reweighted
 from jerkbench.audit.protocol import PUBLISHED
 from jerkbench.audit.stored import AuditRows
 from jerkbench.evaluation.statistics.drives_and_tunings import MARGIN, Statement, Statements
@@ -22,22 +22,36 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
     price = counts_of(methods["no_fault_verdict"])
     ((leader, times),) = Counter(leaders(answer.rows)).most_common(1)
     first = (
-        f"**Of {len(published)} published adaptive filters, {theirs['better']} are shown to beat the plain filter of"
-        f" their model, tuned alike, and {theirs['worse']} are worse.** Most of them are simplified. With our own, it"
-        f" is {own['better']} and {own['worse']} of {n}; {own['equal']} are {EQUAL}, and {own['undecided']} undecided."
-        f" The average published one has {interval(said.average)} of the error of its plain filter."
+        f"**{theirs['better']} of {len(published)} published adaptive filters beat the plain filter of their model,"
+        f" tuned alike; {theirs['worse']} are worse.** For the others, nothing is shown. The average one has"
+        f" {interval(said.average)} of the error of the plain filter. With our own methods, {own['better']} of {n} are"
+        f" better and {own['worse']} worse."
     )
     second = (
         f"**Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']} worse.**"
-        f" Whichever published one leads in tuning ({leader}, {times} of {tunings} times) has {interval(said.pick)} of"
-        " the error of the best plain filter with as many settings tried."
+        " The published method that leads in tuning has"
+        f" {interval(said.pick)} of its error, with as many settings tried. It is {leader} in {times} of"
+        f" {tunings} tunings."
     )
     third = (
-        f"**The price: without a fault, {price['worse']} of {n} are worse and {price['better']} better.** The median"
-        f" method is worse than its plain filter by more than 3 % in {percent(methods['worse_3'].median())} of the"
-        f" drives, and has more than twice its error in {percent(methods['worse_100'].median())}."
+        f"**It pays under {_where(answer)}; without a fault, {_count(price['better'])} better and {price['worse']} are"
+        " worse.** The median method is more than 3 % worse than its plain filter on"
+        f" {percent(methods['worse_3'].median())} of the drives, and more than twice as bad on"
+        f" {percent(methods['worse_100'].median())}."
     )
     return [first, second, third]
+
+
+def _where(answer: AuditAnswer) -> str:
+    """Say under which kinds of faults most methods are better, and how many."""
+    faults = answer.kinds[answer.kinds["kind"] != NO_FAULT]
+    better = faults[faults["verdict"].astype(str) == str(Verdict.BETTER)].groupby("kind", observed=True).size()
+    told = [f"{str(kind).replace('_', ' ')} ({count})" for kind, count in better.nlargest(3).items()]
+    return ", ".join(told) or "no kind of fault for sure"
+
+
+def _count(count: int) -> str:
+    return "none is" if count == 0 else "1 is" if count == 1 else f"{count} are"
 
 
 def counts(said: Sequence[Statement]) -> dict[str, int]:
