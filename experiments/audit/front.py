@@ -43,7 +43,7 @@ def _suite() -> str:
     told = [f"{name} {ratio:.2f} [{score['low']:.2f}, {score['high']:.2f}]" for ratio, name, score in better]
     return (
         "The suite `jerkbench-v2` is a fixed test set with a [leaderboard](results/suite-v2/board.md). Of its"
-        f" {len(entries)} entries,\n{len(told)} beat the tuned baseline: {', '.join(told)}."
+        f" {len(entries)} entries,\n{len(told)} beat the tuned baseline. The first two are {' and '.join(told[:2])}."
     )
 
 

@@ -23,19 +23,19 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
     ((leader, times),) = Counter(leaders(answer.rows)).most_common(1)
     first = (
         f"**{theirs['better']} of {len(published)} published adaptive filters beat the plain filter of their model,"
-        f" tuned alike; {theirs['worse']} are worse.** For the others, nothing is shown. The average one has"
+        f" tuned alike; {theirs['worse']} are worse**. For the others, nothing is shown. The average one has"
         f" {interval(said.average)} of the error of the plain filter. With our own methods, {own['better']} of {n} are"
         f" better and {own['worse']} worse."
     )
     second = (
-        f"**Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']} worse.**"
+        f"**Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']} worse**."
         " The published method that leads in tuning has"
         f" {interval(said.pick)} of its error, with as many settings tried. It is {leader} in {times} of"
         f" {tunings} tunings."
     )
     third = (
         f"**It pays under {_where(answer)}; without a fault, {_count(price['better'])} better and {price['worse']} are"
-        " worse.** The median method is more than 3 % worse than its plain filter on"
+        " worse**. The median method is more than 3 % worse than its plain filter on"
         f" {percent(methods['worse_3'].median())} of the drives, and more than twice as bad on"
         f" {percent(methods['worse_100'].median())}."
     )
