@@ -49,7 +49,8 @@ def run(folder: Path, out: Path, settings: int, drives: int | None) -> None:
     if whole and drives is None:
         page = filled((HERE / "README.md").read_text(encoding="utf-8"), errors, out)
         (out / "README.md").write_text(page, encoding="utf-8")
-    print(f"{len(rows)} rows of {rows['trial'].nunique()} trials, starts, navigation and pictures: {out}")
+    print(f"{len(rows)} rows of {rows['trial'].nunique()} trials in {out / KEPT}.")
+    print(f"Starts and navigation: {out / STARTS}, {out / NAVIGATION}. Pictures: {out / 'inclination.png'}.")
 
 
 def main() -> None:
