@@ -16,7 +16,8 @@ from commands import environment, verb
 ROOT = Path(__file__).parents[1]
 STUDIES = sorted(path.parent.name for path in (ROOT / "experiments").glob("*/README.md"))
 RECORDINGS = {
-    **{"drive": "rtklib_drive_0708", "replayed": "rtklib_drive_0708"},
+    "drive": "rtklib_drive_0708",
+    "replayed": "rtklib_drive_0708",
     **dict.fromkeys(("real_drives", "attitude", "journeys", "vehicles"), ""),
 }
 """Folder of a study's recording, where it is not called as the study is."""
