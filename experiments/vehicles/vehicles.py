@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import yaml
 
@@ -26,7 +27,7 @@ from jerkbench.files import filled
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import choose
 from jerkbench.presets import config_folder
-from jerkbench.traces import trace_of, write_trace
+from jerkbench.traces import Trace, trace_of, write_trace
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "journeys"))
@@ -44,8 +45,8 @@ UNSOUND = ("2011_09_30_drive_0028", "2011_09_26_drive_0093")
 EXPERIMENT: dict[str, Any] = yaml.safe_load((config_folder() / "experiment/vehicles.yaml").read_text(encoding="utf-8"))
 
 
-def traces(folder: Path, results: Path) -> dict[str, tuple[Path, float]]:
-    """Make the trace of each journey, of its first receiver; file and length [s], the shortest first."""
+def traces(folder: Path, results: Path) -> dict[str, tuple[Path, Trace]]:
+    """Make the trace of each journey, of its first receiver, and its file; the shortest first."""
     of, made = journeys.taken("J-GNSS"), {}
     first = {ride: name for name, ride in reversed(list(zip(of.recording, of.replicate, strict=True)))}
     scenarios = journeys.scenarios(folder, journeys.FIRST)
@@ -53,8 +54,16 @@ def traces(folder: Path, results: Path) -> dict[str, tuple[Path, float]]:
         recording = plugins.create("dataset", choose("dataset", scenarios[first[ride]].dataset).plain).load(0)
         trace, path = trace_of(recording), results / "traces" / f"{ride}.parquet"
         write_trace(trace, path)
-        made[ride] = (path, trace.period_s)
-    return dict(sorted(made.items(), key=lambda item: item[1][1]))
+        made[ride] = (path, trace)
+    return dict(sorted(made.items(), key=lambda item: item[1][1].period_s))
+
+
+def start_s(trace: Trace, duration_s: float, half: int) -> float:
+    """Return where the most fixes are in the first (0) or second half of a trace: without a reference it has gaps."""
+    last = max(trace.period_s - duration_s, 0.0) / 2
+    starts = np.arange(half * last, (half + 1) * last + 0.1, 1.0)
+    fixes = np.searchsorted(trace.t_s, starts + duration_s) - np.searchsorted(trace.t_s, starts)
+    return round(float(starts[fixes.argmax()]), 1)
 
 
 def scenarios(folder: Path, results: Path) -> dict[str, FaultScenario]:
@@ -64,11 +73,11 @@ def scenarios(folder: Path, results: Path) -> dict[str, FaultScenario]:
     made = traces(folder, results)
     found = {}
     for k, (drive, duration_s) in enumerate(zip(drives["drive"], drives["dur_s"], strict=True)):
-        ride, (path, period_s) = list(made.items())[k // 2]
-        file, start_s = f"{drive}.parquet", (1 + k % 2) / 3 * (period_s - duration_s)
+        ride, (path, trace) = list(made.items())[k // 2]
+        file = f"{drive}.parquet"
         files = dict.fromkeys(("imu_file", "position_file", "reference_file"), file)
         dataset = {"name": "kitti_drive", **EXPERIMENT["dataset"], **files, "folder": str(folder / "kitti")}
-        replayed = {"trace": str(path), "start_s": round(max(0.0, start_s), 1)}
+        replayed = {"trace": str(path), "start_s": start_s(trace, duration_s, k % 2)}
         disturbance = {"name": "mems_car", "replayed_gnss": replayed}
         found[f"{ride}, {drive}"] = FaultScenario("V", dataset, ride, drive, "both", disturbance)
     return found
