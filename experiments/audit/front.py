@@ -32,7 +32,20 @@ def front() -> str:
     words = "Error of each adaptation under each kind of fault, relative to the plain filter of its model"
     figure = f'<img src="experiments/audit/answer.png" alt="{words}" width="780">'
     more = "[The audit](experiments/audit/README.md) says what to take when, what it costs, and how sure it is."
-    return f"{head}\n{sentences}\n{figure}\n\n{more}\n{_suite()}\n"
+    return f"{head}\n{sentences}\n{_journeys()}\n\n{figure}\n\n{more}\n{_suite()}\n"
+
+
+FOUND = re.compile(r"- \*\*J-(\w+)\*\*: (\S+ \[.*?\]) of .*? of (\d+) journeys, .*?: \*\*(\w+)\*\*")
+
+
+def _journeys() -> str:
+    """Say what the average adaptation did on real journeys."""
+    found = FOUND.findall((RESULTS / "journeys" / "answer.md").read_text(encoding="utf-8"))
+    told = [f"{ratio} of the error with {name} ({n} journeys, {word})" for name, ratio, n, word in found]
+    return (
+        f"On [real journeys](experiments/journeys/README.md) the average adaptation has {' and '.join(told)}.\n"
+        "So tune the plain filter first, and adapt where you expect gross errors."
+    )
 
 
 def _suite() -> str:

@@ -155,7 +155,9 @@ def main() -> None:
     rows = pd.read_parquet(results / left_out.ROWS)
     print(f"Protocol {digest()}.", *(f"{name}: {sentence(rows, name)}" for name in protocol()["populations"]), sep="\n")
     if results == RESULTS:
-        PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), parts(rows)), encoding="utf-8")
+        of_page = parts(rows)
+        PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), of_page), encoding="utf-8")
+        left_out.answer(RESULTS, "20 real journeys, without an IMU", "journeys", of_page["average"])
 
 
 if __name__ == "__main__":

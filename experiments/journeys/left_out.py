@@ -114,6 +114,12 @@ def setting_rows(
     )
 
 
+def answer(results: Path, what: str, study: str, sentences: str) -> None:
+    """Write what was found where the audit's page looks for it: a copy of that page has the links of experiments/audit."""
+    head = f"**{what}** ([all of it](../{study}/README.md)). The average adaptation, tuned on other places, has:"
+    write_text(results / "answer.md", f"{head}\n\n{sentences}\n")
+
+
 def keep(folder: Path, rows: pd.DataFrame, scenarios: Mapping[str, FaultScenario], protocol: str) -> None:
     """Write the rows, and what they were made with, to ``folder``.
 
