@@ -115,7 +115,7 @@ def setting_rows(
 
 
 def answer(results: Path, what: str, study: str, sentences: str) -> None:
-    """Write what was found where the audit's page looks for it: a copy of that page has the links of experiments/audit."""
+    """Write what was found where the audit's page looks for it; links are those of a page in experiments/audit."""
     head = f"**{what}** ([all of it](../{study}/README.md)). The average adaptation, tuned on other places, has:"
     write_text(results / "answer.md", f"{head}\n\n{sentences}\n")
 
