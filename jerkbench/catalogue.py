@@ -3,7 +3,7 @@
 import dataclasses
 import inspect
 import itertools
-import math
+import json
 import typing
 from collections import Counter
 from collections.abc import Iterator
@@ -221,19 +221,11 @@ def shown_json(kind: str, name: str) -> dict[str, Any]:
     if name in presets:
         from omegaconf import OmegaConf
 
-        return {**head, "values": _strict(OmegaConf.to_container(OmegaConf.load(presets[name])))}
+        values = json.dumps(OmegaConf.to_container(OmegaConf.load(presets[name])))
+        return {**head, "values": json.loads(values, parse_constant=str)}  # JSON has no infinity: it is text
     cls = plugin_class(kind, name)
     known = {"provenance": dataclasses.asdict(known)} if (known := provenance_of(cls)) else {}
     return {**head, **known, "docstrings": docstrings(cls), "parameters": _parameters(cls), "defined_in": home(cls)}
-
-
-def _strict(value: Any) -> Any:  # noqa: ANN401 - what YAML holds
-    """JSON has no infinity: it is written as text."""
-    if isinstance(value, dict):
-        return {key: _strict(own) for key, own in value.items()}
-    if isinstance(value, list):
-        return [_strict(own) for own in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _parameters(cls: type) -> list[dict[str, Any]]:

@@ -19,20 +19,17 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 401, 36
+MOST_FILES, MOST_FOLDERS = 394, 36
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 34_560
+MOST_CODE = 34_573
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
-MOST_LONE = 40
+MOST_LONE = 39
 """Modules that one other module imports; the aim is none."""
-MOST_CONSTANTS = 131
+MOST_CONSTANTS = 114
 """Names of constants in two or more modules."""
 
-DOUBLES = {
-    *("Cells", "Columns", "Frame", "Interval", "Line", "Method", "Model", "Models", "Part", "Row", "Scenario"),
-    *("Settings", "Stream", "Table", "Value", "advance", "anywhere", "begin", "chosen", "move", "smooth", "update"),
-}
-"""Classes, types and functions whose name stands for several things."""
+DOUBLES = {"anywhere", "chosen"}
+"""Functions whose name stands for several things: these are one operation on numbers and on vectors of them."""
 
 PLUGINS = ("adaptation", "attitude", "datasets", "disturbances", "engines", "evaluation/metrics", "filters")
 """Folders whose modules are found by their names."""

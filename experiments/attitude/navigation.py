@@ -18,9 +18,10 @@ from jerkbench.attitude.common import TiltAndYaw
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.audit.attitude.methods import TILT_METHODS
 from jerkbench.audit.attitude.trials import after_start, with_noise
-from jerkbench.audit.attitude.verdicts import VERDICT_HEADS, TiltErrors, plain_table, tilt_verdicts, verdict_cells
+from jerkbench.audit.attitude.verdicts import VERDICT_HEADS, TiltErrors, tilt_verdicts, verdict_cells
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
+from jerkbench.report.tables.writers import plain_table
 
 UNSOUND = ("2011_09_30_drive_0028", "2011_09_26_drive_0093")
 """Their places have steps."""

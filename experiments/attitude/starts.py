@@ -10,9 +10,9 @@ import pandas as pd
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import tilt_start
 from jerkbench.audit.attitude.trials import kitti_pieces
-from jerkbench.audit.attitude.verdicts import plain_table
 from jerkbench.evaluation.navigation_errors import angle_between
 from jerkbench.recording import Position, Recording
+from jerkbench.report.tables.writers import plain_table
 
 FIX_SIGMAS_M = (0.02, 1.0)
 """Of the fixes, one a second: the reference's places with white noise."""

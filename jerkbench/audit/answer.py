@@ -213,6 +213,7 @@ def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
         "worst_kind": worst["kind"],
         "worst_ratio": worst["ratio"],
         "worst_high": worst["high"],
+        "highest_ratio": own["ratio"].max(),
     }
 
 

@@ -9,13 +9,15 @@ import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
-from jerkbench.audit.answer import NO_FAULT, AuditAnswer, told_truth
+from jerkbench.audit.answer import NO_FAULT, AuditAnswer, kinds_of, told_truth
 from jerkbench.audit.figures import kinds_figure
 from jerkbench.audit.words import EQUAL, counts, counts_of, interval, percent, three_sentences
 from jerkbench.evaluation.statistics.drives_and_tunings import Statement
+from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.files import write_text
 from jerkbench.parameters import provenance_of
 from jerkbench.report.plots.style import save_figure
+from jerkbench.report.tables.writers import plain_table
 
 TEMPLATE = Path(__file__).with_name("page.md.jinja")
 
@@ -48,6 +50,7 @@ def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
         "protocol": protocol.digest,
         "commit": commit,
         "drives": protocol.judged_drives,
+        "faulty": float(1.0 - kinds_of(answer.rows)[NO_FAULT].mean()),
         "tunings": protocol.tunings,
         "methods": len(answer.methods),
         "adaptations": len(protocol.compared),
@@ -67,6 +70,7 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
     status = answer.rows.judged["status"].astype(str)
+    levels = answer.rows.judged["seed"].map(answer.rows.drives.set_index("seed")["level"]).to_numpy()
     found = [folder.parent / name / FOUND for name in ELSEWHERE]
     values = {
         "p": answer.rows.protocol,
@@ -76,6 +80,8 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
         "methods": answer.methods,
         "n": len(answer.methods),
         "error": answer.error,
+        "errs": share_interval(answer.error.wrong, answer.error.audits),
+        "dear": np.exp(answer.rows.judged["log_error"] - levels) > answer.rows.protocol.lost_costs,
         "at_costs": answer.at_costs,
         "runs": len(status),
         "failed": status.str.startswith("failed").sum(),
@@ -109,8 +115,7 @@ def _texts(paths: Iterable[Path]) -> str:
 
 def columns_table(columns: Mapping[str, Iterable[object]]) -> str:
     """Return a Markdown table."""
-    lines = [columns, ["---"] * len(columns), *zip(*columns.values(), strict=True)]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+    return plain_table(columns, zip(*columns.values(), strict=True))
 
 
 def _table(methods: pd.DataFrame) -> str:
@@ -131,7 +136,8 @@ def _worst(methods: pd.DataFrame) -> str:
     return columns_table(
         {
             "method": _names(least),
-            "worst kind": _spaced(least["worst_kind"]),
+            "highest ratio": _two(least["highest_ratio"]),
+            "least certain kind": _spaced(least["worst_kind"]),
             "ratio there": _two(least["worst_ratio"]),
             "at most": _two(least["worst_high"]),
             "kinds better": least["better_kinds"],

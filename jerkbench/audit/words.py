@@ -5,53 +5,56 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
-from jerkbench.audit.answer import NO_FAULT, AuditAnswer, leaders, reweighted
+from jerkbench.audit.answer import NO_FAULT, AuditAnswer, kinds_of, leaders, reweighted
 from jerkbench.audit.protocol import PUBLISHED
 from jerkbench.audit.stored import AuditRows
-from jerkbench.evaluation.statistics.drives_and_tunings import MARGIN, Statement, Statements
+from jerkbench.evaluation.statistics.drives_and_tunings import MARGIN, Statement, Statements, comparisons
 from jerkbench.evaluation.statistics.judgement import Verdict
 
 EQUAL = f"equal within {100 * MARGIN:.0f} %"
 
 
 def three_sentences(answer: AuditAnswer) -> list[str]:
-    """Return the answer: how many beat the plain filter, what the best of them brings, what it costs."""
-    said, methods, tunings = answer.said, answer.methods, answer.rows.protocol.tunings
-    n, published = len(methods), methods[methods["is"].isin(PUBLISHED)]
-    own, best, theirs = counts(said.own_plain), counts(said.best_plain), counts_of(published["own_verdict"])
-    price = counts_of(methods["no_fault_verdict"])
-    ((leader, times),) = Counter(leaders(answer.rows)).most_common(1)
+    """Return the answer: how many beat the plain filter, where the gain comes from, what picking the best brings."""
+    said, methods = answer.said, answer.methods
+    taken, as_published = methods[methods["is"].isin(PUBLISHED)], methods[methods["is"] == "published"]
+    theirs, exact = counts_of(taken["own_verdict"]), counts_of(as_published["own_verdict"])
+    best, price = counts(said.best_plain), counts_of(methods["no_fault_verdict"])
+    n, leading = len(methods), len(set(leaders(answer.rows)))
     first = (
-        f"**{theirs['better']} of {len(published)} published adaptive filters beat the plain filter of their model,"
-        f" tuned alike; {theirs['worse']} are worse**. For the others, nothing is shown. The average one has"
-        f" {interval(said.average)} of the error of the plain filter. With our own methods, {own['better']} of {n} are"
-        f" better and {own['worse']} worse."
-    )
-    second = (
-        f"**Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']} worse**."
-        " The published method that leads in tuning has"
-        f" {interval(said.pick)} of its error, with as many settings tried. It is {leader} in {times} of"
-        f" {tunings} tunings."
+        f"**{theirs['better']} of {len(taken)} published or simplified adaptive filters beat the plain filter of their"
+        f" model, tuned alike; {theirs['worse']} are worse**. Of the {len(as_published)} that are as published,"
+        f" {exact['better']} are better and {exact['worse']} worse. The average has {interval(said.average)} of the"
+        f" error. Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']}"
+        " worse."
     )
     third = (
-        f"**It pays under {_where(answer)}; without a fault, {_count(price['better'])} better and {price['worse']} are"
-        " worse**. The median method is more than 3 % worse than its plain filter on"
-        f" {percent(methods['worse_3'].median())} of the drives, and more than twice as bad on"
-        f" {percent(methods['worse_100'].median())}."
+        f"**Picking the leader of each tuning gives {interval(said.pick)}** of the error of the best plain filter with"
+        f" as many settings tried. {leading} methods lead in {answer.rows.protocol.tunings} tunings, so none is meant"
+        f" alone. Half of the methods are more than 3 % worse than their plain filter on"
+        f" {percent(methods['worse_3'].median())} of the drives or more."
     )
-    return [first, second, third]
+    price_text = f"Without a fault, {price['better']} are better and {price['worse']} worse."
+    return [first, f"{_where(answer)} {price_text}", third]
 
 
 def _where(answer: AuditAnswer) -> str:
-    """Say under which kinds of faults most methods are better, and how many."""
-    faults = answer.kinds[answer.kinds["kind"] != NO_FAULT]
-    better = faults[faults["verdict"].astype(str) == str(Verdict.BETTER)].groupby("kind", observed=True).size()
-    told = [f"{str(kind).replace('_', ' ')} ({count})" for kind, count in better.nlargest(3).items()]
-    return ", ".join(told) or "no kind of fault for sure"
-
-
-def _count(count: int) -> str:
-    return "none is" if count == 0 else "1 is" if count == 1 else f"{count} are"
+    """Say which kind of fault the average gains most from, what is left without it, and which one does most harm."""
+    rows, n = answer.rows, len(answer.methods)
+    average, drives = comparisons(answer.losses)[0][0].mean(axis=0), kinds_of(rows)
+    left = {kind: average[~member].mean() for kind, member in drives.items() if kind != NO_FAULT and member.any()}
+    most = max(left, key=lambda kind: left[kind])
+    said = reweighted(rows, f"{most}=0")
+    own, share = counts(said.own_plain), percent(drives[most].mean())
+    shown = {kind: counts_of(of["verdict"]) for kind, of in answer.kinds.groupby("kind", observed=True)}
+    harm = max((kind for kind in shown if kind not in (most, NO_FAULT)), key=lambda kind: shown[kind]["worse"])
+    name, other = most.replace("_", " "), str(harm).replace("_", " ")
+    return (
+        f"**The gain is that under {name}**. Without the {share} of drives that have {name}, the average has"
+        f" {interval(said.average)}, with {own['better']} methods better and {own['worse']} worse. With {name},"
+        f" {shown[most]['better']} of {n} are better and {shown[most]['worse']} worse; with {other},"
+        f" {shown[harm]['better']} and {shown[harm]['worse']}."
+    )
 
 
 def counts(said: Sequence[Statement]) -> dict[str, int]:

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.campaigns.protocol import BOTH, FaultScenario, domain_of
-from jerkbench.errors import JerkbenchError
 from jerkbench.tuning.objectives import LOST
 
 ERROR_COLUMN = "position_rmse_m"
@@ -29,22 +28,6 @@ def losses(
         log = np.log(rows[error].to_numpy() / level)
     lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(log)
     return pd.Series(np.minimum(np.where(lost, LOST, log), LOST), index=rows.index)
-
-
-def levels_of(rows: pd.DataFrame, plain: str, error: str = ERROR_COLUMN, by: str = "scenario") -> dict[int, float]:
-    """Return what the best plain filter has at its defaults (trial 0) in each scenario: geometric mean of its runs.
-
-    Estimators that stand apart, and GNSS alone, are plain filters too: a lost run counts a hundredfold of the best.
-
-    Raises:
-        JerkbenchError: every plain filter was lost in some scenario, so that it has no level.
-    """
-    own = rows[(rows["adaptation"] == plain) & (rows["trial"] == 0) & (rows["status"] == "ok")]
-    means = np.log(own[error]).groupby([own[by], own["filter"]]).mean()
-    lowest = np.exp(means.groupby(by).min())
-    if missing := sorted(set(rows[by]) - set(lowest.index)):
-        raise JerkbenchError(f"In {by} {missing[0]} every run of every plain filter was lost; make its fault milder.")
-    return {int(place): float(level) for place, level in lowest.items()}
 
 
 def seen(tuned_on: str, scenarios: Iterable[FaultScenario]) -> list[int]:

@@ -12,7 +12,7 @@ from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.mechanisation import SensorNoise, earth_at
-from jerkbench.inertial.run_inputs import Constraints, Events, Journey, Settings, merge_events, still_samples
+from jerkbench.inertial.run_inputs import Constraints, Events, InertialSettings, Journey, merge_events, still_samples
 from jerkbench.inertial.state import NavigationState
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
@@ -259,7 +259,7 @@ def first_yaw(
     return float(attitude.euler_rad[sample, 2]), 0.0 if known is None else float(known[sample])
 
 
-def _settings(parameters: Eskf15Parameters, recording: Recording) -> Settings:
+def _settings(parameters: Eskf15Parameters, recording: Recording) -> InertialSettings:
     imu = recording.inertial
     still = np.zeros(len(imu.t_s), dtype=np.bool_)
     if parameters.zero_velocity:
@@ -271,7 +271,7 @@ def _settings(parameters: Eskf15Parameters, recording: Recording) -> Settings:
         sideways_sigma_mps=parameters.nonholonomic_sigma_mps if parameters.nonholonomic else 0.0,
         sideways_point_m=np.array(parameters.nonholonomic_point_m),
     )
-    return Settings(
+    return InertialSettings(
         noise=parameters.sensor_noise(),
         earth=earth_at(recording.origin, rotates=parameters.earth_rotation, curved=parameters.earth_curvature),
         antenna_m=np.array(parameters.antenna_m),

@@ -6,7 +6,7 @@ from typing import ClassVar
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.eskf15 import InertialFilter
-from jerkbench.inertial.smoother import smooth
+from jerkbench.inertial.smoother import smooth_navigation
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -44,4 +44,4 @@ class Eskf15Smoother(InertialFilter):
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
-        return smooth(self.journey(recording, attitude), adaptation)
+        return smooth_navigation(self.journey(recording, attitude), adaptation)

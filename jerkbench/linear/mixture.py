@@ -23,7 +23,7 @@ from jerkbench.linear.mixing import Mixing, run_mixture
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
-OWN = ("run_mixture", "begin", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
+OWN = ("run_mixture", "begin_mixture", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
 """Kernels that stand alone: one body of all of them takes long to compile."""
 
 

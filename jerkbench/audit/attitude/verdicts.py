@@ -5,7 +5,7 @@ takes the one with the lowest mean log error on the domain's other trials. The v
 tunings; trials are what is counted.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from jerkbench.audit.attitude.methods import AS_THEY_COME, TILT_METHODS, TILT_SE
 from jerkbench.audit.attitude.trials import DOMAINS
 from jerkbench.evaluation.statistics.families import sign_p
 from jerkbench.evaluation.statistics.intervals import quantiles_of_rows, student_interval
+from jerkbench.report.tables.writers import plain_table
 
 TUNINGS, TRIED_EACH = 16, 16
 
@@ -117,12 +118,6 @@ TUNED_ELSEWHERE = {("broad", "vqf"): "vqf (its authors tuned its defaults on thi
 """What a reader has to know of a method in a domain."""
 
 VERDICT_HEADS = ("mean ratio", "median ratio", "wins", "p (Holm)", "verdict")
-
-
-def plain_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def of_errors(errors: TiltErrors) -> str:

@@ -157,18 +157,18 @@ def _lowest(judged: FloatArray, tuned: FloatArray) -> FloatArray:
     return np.asarray(judged[np.argmin(tuned, axis=0), np.arange(judged.shape[1])])
 
 
-Interval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+CrossedInterval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Mean, lower and upper end of the logarithms, and the variance of the tunings, each (k,)."""
 
 
-def _intervals(families: tuple[FloatArray, ...], weights: FloatArray | None) -> Iterator[Interval]:
+def _intervals(families: tuple[FloatArray, ...], weights: FloatArray | None) -> Iterator[CrossedInterval]:
     """Yield the intervals of each of the four; H3 is two of them, whose statements share its level."""
     counts = [1, 1, 2 * len(families[2]), 2 * len(families[3])]
     for y, count in zip(families, counts, strict=True):
         yield crossed_intervals(y, LEVEL / FAMILIES / count, weights)
 
 
-def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = None) -> Interval:
+def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = None) -> CrossedInterval:
     """Return the intervals of the means of y (k, R, D), each at ``level``; their tunings' variances are pooled."""
     from scipy.special import stdtrit
 

@@ -24,7 +24,7 @@ COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per
 
 
 @dataclass(frozen=True)
-class Value:
+class CellValue:
     """One entry of the table.
 
     Attributes:
@@ -41,7 +41,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Line:
+class ScriptLine:
     """One cell.
 
     Attributes:
@@ -54,7 +54,7 @@ class Line:
 
     key: str
     labels: tuple[str, ...]
-    values: tuple[Value, ...]
+    values: tuple[CellValue, ...]
     verdict: str
     rule: str
 
@@ -77,7 +77,7 @@ class Cells:
     factors: tuple[str, ...]
     choices: dict[str, list[str]]
     heads: tuple[str, ...]
-    lines: list[Line]
+    lines: list[ScriptLine]
     explanation: str
     details: dict[str, Any]
 
@@ -106,7 +106,7 @@ def cells_view(
     by_key = rows.assign(key=list(keys)).groupby("key", sort=False)
     groups = {str(key): group for key, group in by_key}
     factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
-    scenarios: dict[tuple[str, ...], list[Line]] = {}
+    scenarios: dict[tuple[str, ...], list[ScriptLine]] = {}
     for key, group in groups.items():
         combination = Combination(*(str(group[factor].iloc[0]) for factor in FACTORS))
         values = [_mean(of[combination], extra=k > 0) for k, of in enumerate(cells)]
@@ -114,7 +114,7 @@ def cells_view(
         lines = scenarios.setdefault(combination[:2], [])
         labels = tuple(getattr(combination, factor) for factor in factors)
         rule = "group" if len(scenarios) > 1 and not lines else ""
-        lines.append(Line(key, labels, (*values, _lost(group)), nees_verdict(group), rule))
+        lines.append(ScriptLine(key, labels, (*values, _lost(group)), nees_verdict(group), rule))
     against = ("times none",) if ratios else ()
     return Cells(
         constants=", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
@@ -133,23 +133,23 @@ def _by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], 
     return {tuple(labels[factor] for factor in FACTORS): cell for labels, cell in table.placed()}
 
 
-def _mean(cell: TableCell, *, extra: bool) -> Value:
+def _mean(cell: TableCell, *, extra: bool) -> CellValue:
     known = cell.number and not math.isnan(cell.mean)
     sorting = "" if not known else "Infinity" if math.isinf(cell.mean) else f"{cell.mean:.7g}"
-    return Value(cell.number or cell.trouble, cell.interval, sorting, extra)
+    return CellValue(cell.number or cell.trouble, cell.interval, sorting, extra)
 
 
-def _factor(comparison: Comparison | None) -> Value:
+def _factor(comparison: Comparison | None) -> CellValue:
     """The ratio to no adaptation, with its mark."""
     if comparison is None or not comparison.ratio_text:
-        return Value("", extra=True)
-    return Value(f"{comparison.ratio_text}{comparison.mark}", "", f"{comparison.judgement.ratio:.7g}", extra=True)
+        return CellValue("", extra=True)
+    return CellValue(f"{comparison.ratio_text}{comparison.mark}", "", f"{comparison.judgement.ratio:.7g}", extra=True)
 
 
-def _lost(group: "pd.DataFrame") -> Value:
+def _lost(group: "pd.DataFrame") -> CellValue:
     lost = int((group["status"] != "ok").sum())
     bound = up_to(lost, len(group)) if (group["replicate"] == "seed").all() else ""
-    return Value(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True)
+    return CellValue(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True)
 
 
 HEADING = "NEES says"

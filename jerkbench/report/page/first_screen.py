@@ -26,7 +26,7 @@ PARTS = ("filter", "adaptation")
 
 
 @dataclass(frozen=True)
-class Settings:
+class ShownSettings:
     """The parameters of one method in a study.
 
     Attributes:
@@ -57,7 +57,7 @@ class FirstScreen:
 
     answer: Answer
     matrix: "Matrix | None"
-    settings: list[Settings]
+    settings: list[ShownSettings]
     summary: list[str]
     findings: list[str]
     more: list[str]
@@ -90,7 +90,7 @@ def first_screen(
     )
 
 
-def settings(about: Iterable[Mapping[str, Any]]) -> list[Settings]:
+def settings(about: Iterable[Mapping[str, Any]]) -> list[ShownSettings]:
     """Return each method's parameters, of the filter and the adaptation."""
     values: dict[str, dict[str, dict[str, None]]] = {}
     tried: dict[str, dict[tuple[str, str], set[str]]] = {}
@@ -103,7 +103,7 @@ def settings(about: Iterable[Mapping[str, Any]]) -> list[Settings]:
         scenario = (str(labels["dataset"]), str(labels["disturbance"]))
         tried.setdefault(method, {}).setdefault(scenario, set()).add(json.dumps(own, sort_keys=True, default=str))
     return [
-        Settings(
+        ShownSettings(
             method,
             max(map(len, tried[method].values())),
             ", ".join(f"{name} {' or '.join(list(of)[:MOST])}" for name, of in values.get(method, {}).items())

@@ -17,7 +17,7 @@ from jerkbench.report.plots.style import (
     MEASURED,
     PLAIN,
     REFERENCE,
-    Method,
+    DrawnMethod,
     MethodStyle,
     Palette,
     coinciding,
@@ -80,13 +80,13 @@ def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     return figure
 
 
-def _methods(table: Table) -> Iterator[Method]:
+def _methods(table: Table) -> Iterator[DrawnMethod]:
     """Yield filter and adaptation of each combination of a table."""
     for row, column in itertools.product(table.rows, table.columns):
         yield _method(table, row, column)
 
 
-def _method(table: Table, row: Sequence[str], column: Sequence[str]) -> Method:
+def _method(table: Table, row: Sequence[str], column: Sequence[str]) -> DrawnMethod:
     keys = (*table.row_keys, *table.column_keys)
     label = {**dict(table.constants), **dict(zip(keys, (*row, *column), strict=True))}
     return label.get("filter", ""), label.get("adaptation", PLAIN)

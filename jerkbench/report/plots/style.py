@@ -165,7 +165,7 @@ POINTS = 0.5
 BETWEEN = re.compile(r", *(?![^()]*\))")
 """A comma that is in no parentheses."""
 
-Method = tuple[str, str]
+DrawnMethod = tuple[str, str]
 """Filter and adaptation."""
 
 
@@ -202,7 +202,7 @@ class Palette:
     adaptations: tuple[str, ...]
 
     @classmethod
-    def of(cls, methods: Iterable[Method]) -> "Palette":
+    def of(cls, methods: Iterable[DrawnMethod]) -> "Palette":
         """Return the palette of ``methods``."""
         methods = list(methods)
         adaptations = dict.fromkeys(adaptation for _, adaptation in methods)
@@ -212,14 +212,14 @@ class Palette:
             tuple(dict.fromkeys([*plain, *adaptations])),
         )
 
-    def look(self, method: Method) -> MethodStyle:
+    def look(self, method: DrawnMethod) -> MethodStyle:
         """Return the look of a method; one that the study has not comes after all others."""
         filter_name, adaptation = method
         dash = _place(self.adaptations, adaptation) % len(DASHES)
         return MethodStyle(COLOURS[_place(self.filters, filter_name) % len(COLOURS)], DASHES[dash], HATCHES[dash])
 
 
-def method_of(name: str) -> Method:
+def method_of(name: str) -> DrawnMethod:
     """Return filter and adaptation of a method's name.
 
     >>> method_of("jerk(a=1, b=2) + mtf, accel_mps2=0.1")
