@@ -21,7 +21,6 @@ from plain_loops import filterpy_loop
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import intervals
 from jerkbench.attitude.tilt import Tilt, run_tilt
 from jerkbench.contracts import Engine, Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
@@ -122,7 +121,7 @@ def tilt_lines(rounds: int) -> list[Line]:
 
     def uncompiled() -> FloatArray:
         x, triggered = np.empty((STEPS, 3)), np.empty(STEPS, dtype=np.bool_)
-        run_tilt(Tilt().state(tilt_start(drive)), gyro, accel, intervals(imu), x, triggered)
+        run_tilt(Tilt().state(tilt_start(drive)), gyro, accel, imu.intervals_s, x, triggered)
         return x
 
     difference = apart(Tilt().verticals(drive)[0], uncompiled())

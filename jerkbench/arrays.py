@@ -64,6 +64,12 @@ def nearest_rows(stamps_s: FloatArray, t_s: FloatArray) -> IntArray:
     return np.where(t_s - stamps_s[before] <= stamps_s[last] - t_s, before, last).astype(np.int64)
 
 
+def streaks(flags: BoolArray) -> IntArray:
+    """Return (k, 2) the first row of each streak of ``flags`` (n,) that are set, and the row after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return edges.reshape(-1, 2)
+
+
 def require(ok: npt.ArrayLike, owner: object, name: str, reason: str) -> None:
     """Raise a RecordingError that names the field and the first row where ``ok`` is False."""
     rows = np.flatnonzero(~np.asarray(ok, dtype=bool))

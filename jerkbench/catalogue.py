@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import itertools
+import json
 import typing
 from collections import Counter
 from collections.abc import Iterator
@@ -220,7 +221,8 @@ def shown_json(kind: str, name: str) -> dict[str, Any]:
     if name in presets:
         from omegaconf import OmegaConf
 
-        return {**head, "values": OmegaConf.to_container(OmegaConf.load(presets[name]))}
+        values = json.dumps(OmegaConf.to_container(OmegaConf.load(presets[name])))
+        return {**head, "values": json.loads(values, parse_constant=str)}  # JSON has no infinity: it is text
     cls = plugin_class(kind, name)
     known = {"provenance": dataclasses.asdict(known)} if (known := provenance_of(cls)) else {}
     return {**head, **known, "docstrings": docstrings(cls), "parameters": _parameters(cls), "defined_in": home(cls)}

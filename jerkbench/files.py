@@ -1,7 +1,7 @@
 """Files that are written as a whole or not at all."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -63,3 +63,12 @@ def _stat(path: Path) -> os.stat_result | None:
 def write_text(path: Path, text: str) -> None:
     """Write ``text`` to ``path`` atomically, as UTF-8; what would steer a terminal or end a line is written out."""
     write_atomically(path, lambda partial: partial.write_text(plain(text), encoding="utf-8"))
+
+
+def filled(page: str, parts: Mapping[str, str]) -> str:
+    """Return a page with each of its parts, which stand between ``<!-- NAME -->`` and ``<!-- end -->``, made anew."""
+    for name, text in parts.items():
+        begin, end = f"<!-- {name} -->\n", "<!-- end -->"
+        before, rest = page.split(begin)
+        page = f"{before}{begin}{text}\n{end}{rest.split(end, 1)[1]}"
+    return page

@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, fields
 from functools import cache
-from typing import Literal, TypeVar, cast, get_args, get_type_hints
+from typing import Literal, TypeGuard, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 
@@ -51,6 +51,7 @@ from jerkbench.errors import unknown
 from jerkbench.timeline import Timeline
 
 A = TypeVar("A")
+P = TypeVar("P")
 
 OPTIONAL: Mapping[str, tuple[type, ...]] = {
     kind: (*own, Cited, Depending)
@@ -106,10 +107,10 @@ ALIKE = 0.8
 """Names that are more alike than this are one name, misspelt."""
 
 
-def has_methods(plugin: object, protocol: type) -> bool:
+def has_methods(plugin: object, protocol: type[P]) -> TypeGuard[P]:
     """Whether the class of a plugin has the methods of a ``protocol`` that asks for methods alone."""
-    kind: type = type(plugin)
-    return _has_methods(kind, protocol)
+    kind, contract = cast("tuple[type, type]", (type(plugin), protocol))
+    return _has_methods(kind, contract)
 
 
 @cache
@@ -142,7 +143,7 @@ def clocked(adaptation: A, timeline: Timeline) -> A:
     """Return ``adaptation`` for the run over ``timeline``: one that is `Clocked` hears when its updates are."""
     if not has_methods(adaptation, Clocked):
         return adaptation
-    return cast("A", cast("Clocked", adaptation).at_updates(timeline.update_times_s))
+    return cast("A", adaptation.at_updates(timeline.update_times_s))
 
 
 MEASURED_STATES = 6
@@ -160,8 +161,8 @@ def empty_memory(adaptation: object, states: int = MEASURED_STATES) -> FloatArra
 def memory_size(adaptation: object, states: int) -> int:
     """Return how many numbers ``adaptation`` remembers over a filter of ``states`` states."""
     if has_methods(adaptation, RememberingStates):
-        return cast("RememberingStates", adaptation).memory_size_of(states)
-    return cast("Remembering", adaptation).memory_size() if has_methods(adaptation, Remembering) else 0
+        return adaptation.memory_size_of(states)
+    return adaptation.memory_size() if has_methods(adaptation, Remembering) else 0
 
 
 def wants_truth(adaptation: object) -> bool:
@@ -187,6 +188,12 @@ def on_request(metric: object) -> bool:
 
 def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
     """The part of an estimate that a metric looks at."""
+    kind: type = type(metric)
+    return _part_read(kind)
+
+
+@cache
+def _part_read(metric: type) -> Literal["attitude", "updates", "everything"]:
     return metric.reads if isinstance(metric, Reading) else "everything"
 
 

@@ -9,6 +9,7 @@ time at which the value was true (the stamp less the latency). A value that is N
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -80,10 +81,15 @@ class Imu:
         for name in ("accel_mps2", "gyro_radps"):
             require(np.isfinite(getattr(self, name)).all(axis=1), self, name, "the sample is NaN or infinite")
 
-    @property
+    @cached_property
     def nominal_interval_s(self) -> float:
         """The interval dt0 between samples (median)."""
         return float(np.median(np.diff(self.t_s)))
+
+    @property
+    def intervals_s(self) -> FloatArray:
+        """The interval (n,) that ends at each stamp; nobody saw the first one begin, so it is the nominal one."""
+        return np.concatenate(([self.nominal_interval_s], np.diff(self.t_s)))
 
 
 @dataclass(frozen=True, eq=False)

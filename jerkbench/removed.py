@@ -24,8 +24,7 @@ REMOVED: Mapping[str, str] = {
         " compares them to within 1e-9."
     ),
     r"--attribution|--scale[= ]attribution": (
-        "`jerkbench audit --attribution` is gone from the package, as it is of one paper; in the repository, run"
-        " `python experiments/attribution/attribution.py`."
+        "`jerkbench audit --attribution` is gone; the page of `jerkbench audit` says what each step brings."
     ),
 }
 """What was typed, alone or with the word behind it, and the sentence."""

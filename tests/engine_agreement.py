@@ -72,6 +72,24 @@ def agree_runs(timeline, compiled, reference, changed):
     return Agreement(flip, amplified)
 
 
+def with_a_negative_variance(timeline, row):
+    """Make the R of a measurement one that no filter comes through."""
+    R = np.array(timeline.measurements.R)
+    R[row] *= -0.1
+    return replace(timeline, measurements=replace(timeline.measurements, R=R, R_true=R))
+
+
+def assert_same_until_it_stops(got, wanted):
+    """Assert that two runs stop at the same step, and that their states up to there agree."""
+    assert wanted.failure
+    assert got.failure == wanted.failure
+    assert len(wanted.index) > 200
+    assert len(got.updates.nis) == len(wanted.updates.nis)
+    np.testing.assert_array_equal(got.index, wanted.index)
+    np.testing.assert_allclose(got.position_m, wanted.position_m, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(got.covariance, wanted.covariance, rtol=0.0, atol=1e-12)
+
+
 def with_other_last_bits(timeline, seed):
     """Change each measurement and each variance by a few units in the last place, R still symmetric."""
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from jerkbench.hydra_app.configuration import job_of, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import configured_job, register_hydra_parts, register_schemas
 from jerkbench.presets import config_folder
 
 
@@ -18,7 +18,7 @@ def cell(*overrides):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}
         plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
-        return job_of(plain, config.hydra.runtime.choices, list(overrides))
+        return configured_job(plain, config.hydra.runtime.choices, list(overrides))
 
 
 def test_everything_at_once_as_the_page_says():

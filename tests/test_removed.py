@@ -24,8 +24,8 @@ TYPED = [
     (("run", "-m", "portable=true"), "suite verify"),
     (("score", "portable=false"), "suite verify"),
     (("table", "results/a", "--format", "tex", "--fit"), "resizebox"),
-    (("audit", "--attribution"), "experiments/attribution/attribution.py"),
-    (("audit", "--scale", "attribution", "--stored"), "experiments/attribution/attribution.py"),
+    (("audit", "--attribution"), "what each step brings"),
+    (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
 ]
 
 

@@ -15,7 +15,11 @@ from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 STUDIES = sorted(path.parent.name for path in (ROOT / "experiments").glob("*/README.md"))
-RECORDINGS = {"drive": "rtklib_drive_0708", "replayed": "rtklib_drive_0708", "real_drives": "", "attitude": ""}
+RECORDINGS = {
+    "drive": "rtklib_drive_0708",
+    "replayed": "rtklib_drive_0708",
+    **dict.fromkeys(("real_drives", "attitude", "journeys", "vehicles"), ""),
+}
 """Folder of a study's recording, where it is not called as the study is."""
 
 BLOCK = re.compile(r"<!-- small:\n(.*?)-->\n```sh\n(.*?)```", flags=re.DOTALL)

@@ -35,4 +35,4 @@ def test_the_commands_of_the_page_go_well(folder):
         assert done.returncode == 0, done.stderr + done.stdout
         assert pages.agree(shown.get(line, "..."), done.stdout), done.stdout
 
-    assert "my_filter" in (folder / "results/suite-tiny/board.md").read_text(encoding="utf-8")
+    assert "my_filter" in (folder / "results/suite-v2-tiny/board.md").read_text(encoding="utf-8")

@@ -1,40 +1,55 @@
 """What the tilt is worth to the navigation: the same attitudes under baseline and jerk on KITTI's drives.
 
-    python experiments/attitude/navigation.py FOLDER [ROWS [DRIVES]]
-
-FOLDER holds kitti. The fixes are the reference's places with the replayed errors of two receivers: semi-real. Each
-attitude has the setting with the lowest mean log error of the tilt on the other drives. DRIVES may be fewer than all.
+The fixes are the reference's places with the replayed errors of two receivers: semi-real. Each attitude has the setting
+with the lowest mean log error of the tilt on the other drives, once with a start of its own, once with a known one.
 """
 
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from page import KEPT, KINEMATIC, NAVIGATION
 
 from jerkbench.api import disturb, estimate, evaluate
+from jerkbench.attitude.common import TiltAndYaw
 from jerkbench.attitude.reference import ReferenceAttitude
-from jerkbench.audit.attitude.methods import METHODS
-from jerkbench.audit.attitude.tuned import TiltErrors, errors_of
-from jerkbench.recording import Imu, Position, Recording, Reference
+from jerkbench.audit.attitude.methods import TILT_METHODS
+from jerkbench.audit.attitude.trials import after_start, with_noise
+from jerkbench.audit.attitude.verdicts import VERDICT_HEADS, TiltErrors, tilt_verdicts, verdict_cells
+from jerkbench.estimate import Attitude
+from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
+from jerkbench.report.tables.writers import plain_table
 
 UNSOUND = ("2011_09_30_drive_0028", "2011_09_26_drive_0093")
 """Their places have steps."""
 
 TRACES = ("tokyo_1105", "pixel4")
 TILTS = ("constant", "mtf", "mekf", "madgwick", "mahony", "vqf")
-INERTIAL = "eskf15_tactical"
+KINEMATIC, INERTIAL = ("baseline", "jerk"), "eskf15_tactical"
 ERROR = "position_rmse_m"
-WORKERS = 2
+COLUMNS = ["drive", "trace", "filter", "attitude", ERROR]
+
 EVERY = 20
 """Samples from fix to fix: 5 Hz."""
 
 FIX_M2 = 1e-4
 """The variance of the places themselves."""
+
+
+@dataclass(frozen=True)
+class StartKnown:
+    """An attitude filter that starts by a velocity over ground, which the navigation filter does not get."""
+
+    plugin: TiltAndYaw
+    velocity: Velocity
+
+    def estimate(self, recording: Recording) -> Attitude:
+        """Return the attitude; yaw comes from the track of the fixes as without."""
+        plugin = replace(self.plugin, alignment="track", yaw_source="track")
+        return plugin.estimate(replace(recording, velocity=self.velocity))
 
 
 def drive(path: Path) -> Recording:
@@ -54,47 +69,72 @@ def drive(path: Path) -> Recording:
     )
 
 
-def setting_for(errors: TiltErrors, method: str, number: int) -> int:
+def navigation_rows(folder: Path, errors: TiltErrors, drives: int | None, workers: int) -> pd.DataFrame:
+    """Drive, trace, filter, attitude, RMSE of the position [m], of the first ``drives`` (None: all)."""
+    paths = sorted(folder.glob("*drive*.parquet"))
+    places = [(path, number) for number, path in enumerate(paths) if path.stem not in UNSOUND][:drives]
+    known = [path for number, path in enumerate(paths) if after_start(path, number)]
+    chosen = [
+        {
+            (name, domain): _left_out(errors[domain][name], of.index(path) if path in of else None)
+            for name in TILTS
+            for domain, of in (("kitti", paths), ("kitti_start", known))
+        }
+        for path, _ in places
+    ]
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        found = [row for rows in pool.map(_drive_rows, *zip(*places, strict=True), chosen) for row in rows]
+    return pd.DataFrame(found, columns=COLUMNS).astype({ERROR: "float32"})
+
+
+def _left_out(loss: np.ndarray, number: int | None) -> int:
     """The best setting on all drives but one."""
-    others = np.delete(errors["kitti"][method], number, axis=1)
+    others = loss if number is None else np.delete(loss, number, axis=1)
     return int(others.mean(axis=1).argmin())
 
 
-def rows_of(path: Path, number: int) -> list[tuple[str, str, str, str, float]]:
-    """Drive, trace, filter, attitude, RMSE of the position [m]."""
-    return list(_rows(path, number))
+def _drive_rows(path: Path, number: int, chosen: dict[tuple[str, str], int]) -> list[tuple[str, str, str, str, float]]:
+    return list(_rows(path, number, chosen))
 
 
-def _rows(path: Path, number: int) -> Iterator[tuple[str, str, str, str, float]]:
-    errors = errors_of(pd.read_parquet(KEPT))
+def _rows(path: Path, number: int, chosen: dict[tuple[str, str], int]) -> Iterator[tuple[str, str, str, str, float]]:
     exact = drive(path)
     rate_hz = 1.0 / exact.inertial.nominal_interval_s
-    settings = {name: METHODS[name].settings()[setting_for(errors, name, number)] for name in TILTS}
-    attitudes = {name: METHODS[name].make(setting, rate_hz) for name, setting in settings.items()}
-    attitudes["reference"] = ReferenceAttitude(gap_s=1.0)
+    reference = exact.reference
+    velocity = with_noise(reference.t_s, np.asarray(reference.velocity_mps), number)
+    attitudes: dict[str, object] = {"reference": ReferenceAttitude(gap_s=1.0)}
+    for (name, domain), setting in chosen.items():
+        plugin = TILT_METHODS[name].plugin(TILT_METHODS[name].settings()[setting], rate_hz)
+        known = domain == "kitti_start"
+        attitudes[f"{name}, start known" if known else name] = StartKnown(plugin, velocity) if known else plugin
     for trace in TRACES:
         recording = disturb(exact, {"name": "replayed_gnss", "trace": trace}, seed=number)
         for name, attitude in attitudes.items():
             for model in KINEMATIC:
                 navigated = estimate(recording, filter=model, attitude=attitude, noise="real")
                 yield path.stem, trace, model, name, evaluate(navigated, recording, metrics=["position_rmse"])[ERROR]
-        navigated = estimate(recording, filter=INERTIAL, attitude=attitudes["constant"])
-        yield path.stem, trace, INERTIAL, "its own", evaluate(navigated, recording, metrics=["position_rmse"])[ERROR]
+        for name in ("constant", "constant, start known"):
+            navigated = estimate(recording, filter=INERTIAL, attitude=attitudes[name])
+            yield path.stem, trace, INERTIAL, name, evaluate(navigated, recording, metrics=["position_rmse"])[ERROR]
 
 
-def main() -> None:
-    """Run them, and keep the rows."""
-    folder = Path(sys.argv[1]) / "kitti"
-    kept = Path(sys.argv[2]) if len(sys.argv) > 2 else NAVIGATION
-    paths = sorted(folder.glob("*drive*.parquet"))
-    drives = [(path, number) for number, path in enumerate(paths) if path.stem not in UNSOUND]
-    drives = drives[: int(sys.argv[3]) if len(sys.argv) > 3 else None]
-    with ProcessPoolExecutor(WORKERS, get_context("spawn")) as pool:
-        found = [row for rows in pool.map(rows_of, *zip(*drives, strict=True)) for row in rows]
-    table = pd.DataFrame(found, columns=["drive", "trace", "filter", "attitude", ERROR])
-    table.astype({ERROR: "float32"}).to_parquet(kept, index=False)
-    print(table.groupby(["filter", "attitude", "trace"])[ERROR].median().to_string())
-
-
-if __name__ == "__main__":
-    main()
+def navigation_table(rows: pd.DataFrame) -> str:
+    """Position errors with each attitude against those with `constant`, and how much of the gap to eskf15 it closes."""
+    rows = rows.assign(loss=np.log(rows[ERROR].astype(float)))
+    mean = rows.pivot_table(index=["filter", "attitude"], columns="drive", values="loss")  # over the traces
+    inertial = mean.loc[(INERTIAL, "constant")].to_numpy()
+    parts = []
+    for model in KINEMATIC:
+        own = {str(name): mean.loc[(model, name)].to_numpy()[None] for name in mean.loc[model].index}
+        gap = float((own["constant"] - inertial).mean())
+        gains = {name: (own["constant"] - own[name]).mean() for name in own}
+        closed = {name: f"{gain / gap:.2f}" if gap > 0 else "-" for name, gain in gains.items()}
+        found = tilt_verdicts(own, "constant")
+        head = [f"{model} (n = {len(inertial)})", *VERDICT_HEADS, "closed"]
+        parts.append(plain_table(head, [[name, *verdict_cells(of), closed[name]] for name, of in found.items()]))
+        known = np.exp((mean.loc[(INERTIAL, "constant, start known")] - own["constant"][0]).mean())
+        parts.append(
+            f"eskf15 has {np.exp(-gap):.2f} times the error of {model} with `constant`; {known:.2f} times with a known"
+            " start."
+        )
+    return "\n\n".join(parts)

@@ -1,73 +1,67 @@
-"""The tables of the page, from the kept rows.
+"""All of the study: its rows, the tables of the page, and the pictures.
 
-    python experiments/attitude/page.py [PAGE]
+    python experiments/attitude/page.py [FOLDER [OUT [SETTINGS [DRIVES]]]]
 
-prints them, or writes them into a page. Most are those of `jerkbench audit attitude`; starts and navigation are added.
+Without FOLDER it prints the tables of the kept rows. FOLDER holds broad, repoimu and kitti: then all of it is run, and
+rows, pictures and tables (into README.md) are written to OUT, which is the folder of this file where none is named.
+Fewer SETTINGS than 64 or DRIVES than all show that it runs, and give no tables.
 """
 
+import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
+from figure import draw_dots, draw_over_time
+from navigation import navigation_rows, navigation_table
+from starts import start_rows, start_table
 
-from jerkbench.audit.attitude.tables import TILT_TABLES, VERDICT_HEADS, plain_table, verdict_cells
-from jerkbench.audit.attitude.tuned import TiltErrors, errors_of, tilt_verdicts
+from jerkbench import files
+from jerkbench.audit.attitude.methods import TILT_SETTINGS
+from jerkbench.audit.attitude.rows import audit_rows
+from jerkbench.audit.attitude.trials import all_trials
+from jerkbench.audit.attitude.verdicts import TILT_TABLES, TiltErrors, errors_of
 
 HERE = Path(__file__).parent
-KEPT, NAVIGATION, STARTS = HERE / "errors.parquet", HERE / "navigation.parquet", HERE / "starts.parquet"
-KINEMATIC = ("baseline", "jerk")
+KEPT, NAVIGATION, STARTS = "errors.parquet", "navigation.parquet", "starts.parquet"
 
 
-def of_navigation(errors: TiltErrors) -> str:
-    """Position errors with each attitude against those with `constant`, and how much of the gap to eskf15 it closes."""
-    del errors
-    rows = pd.read_parquet(NAVIGATION)
-    rows["loss"] = np.log(rows["position_rmse_m"].astype(float))
-    mean = rows.pivot_table(index=["filter", "attitude"], columns="drive", values="loss")  # over the traces
-    (inertial,) = mean.drop(index=list(KINEMATIC), level="filter").to_numpy()
-    parts = []
-    for model in KINEMATIC:
-        own = {str(name): mean.loc[(model, name)].to_numpy()[None] for name in mean.loc[model].index}
-        gap = float((own["constant"] - inertial).mean())
-        gains = {name: (own["constant"] - own[name]).mean() for name in own}
-        closed = {name: f"{gain / gap:.2f}" if gap > 0 else "-" for name, gain in gains.items()}
-        found = tilt_verdicts(own, "constant")
-        head = [f"{model} (n = {len(inertial)})", *VERDICT_HEADS, "closed"]
-        parts.append(plain_table(head, [[name, *verdict_cells(of), closed[name]] for name, of in found.items()]))
-        parts.append(f"eskf15 has {np.exp(-gap):.2f} times the error of {model} with `constant`.")
-    return "\n\n".join(parts)
+def filled(page: str, errors: TiltErrors, folder: Path = HERE) -> str:
+    """Return the page with each of its tables from the rows in ``folder``."""
+    tables = {name: make(errors) for name, make in TILT_TABLES.items()}
+    tables["starts"] = start_table(pd.read_parquet(folder / STARTS))
+    tables["navigation"] = navigation_table(pd.read_parquet(folder / NAVIGATION))
+    return files.filled(page, tables)
 
 
-def of_starts(errors: TiltErrors) -> str:
-    """The error of each alignment at the first sample."""
-    del errors
-    found = pd.read_parquet(STARTS).groupby("alignment", sort=False)["error_deg"]
-    cells = [[str(name), f"{own.median():.2f}", f"{own.max():.2f}"] for name, own in found]
-    return plain_table(["alignment", "median [deg]", "worst [deg]"], cells)
-
-
-TABLES: dict[str, Callable[[TiltErrors], str]] = {**TILT_TABLES, "starts": of_starts, "navigation": of_navigation}
-
-
-def filled(page: str, errors: TiltErrors) -> str:
-    """Return the page with each of its tables from the rows."""
-    for name, make in TABLES.items():
-        begin, end = f"<!-- {name} -->\n", "<!-- end -->"
-        before, rest = page.split(begin)
-        page = f"{before}{begin}{make(errors)}\n{end}{rest.split(end, 1)[1]}"
-    return page
+def run(folder: Path, out: Path, settings: int, drives: int | None) -> None:
+    """Compute all rows, and draw; what is in ``out``/rows already is taken."""
+    workers = os.cpu_count() or 1
+    out.mkdir(parents=True, exist_ok=True)
+    rows = audit_rows(list(all_trials(folder)), out / "rows", workers, settings)
+    whole = settings == TILT_SETTINGS
+    errors = errors_of(rows if whole else pd.read_parquet(HERE / KEPT))
+    rows.to_parquet(out / KEPT, index=False)
+    start_rows(folder / "kitti").to_parquet(out / STARTS, index=False)
+    navigation_rows(folder / "kitti", errors, drives, workers).to_parquet(out / NAVIGATION, index=False)
+    draw_dots(errors, out / "inclination.png")
+    draw_over_time(folder, out / "over_time.png")
+    if whole and drives is None:
+        page = filled((HERE / "README.md").read_text(encoding="utf-8"), errors, out)
+        (out / "README.md").write_text(page, encoding="utf-8")
+    print(f"{len(rows)} rows of {rows['trial'].nunique()} trials in {out / KEPT}.")
+    print(f"Starts and navigation: {out / STARTS}, {out / NAVIGATION}. Pictures: {out / 'inclination.png'}.")
 
 
 def main() -> None:
-    """Print the tables, or write them into the page that is named."""
-    errors = errors_of(pd.read_parquet(KEPT))
-    if len(sys.argv) > 1:
-        page = Path(sys.argv[1])
-        page.write_text(filled(page.read_text(encoding="utf-8"), errors), encoding="utf-8")
-    else:
-        print("\n\n".join(make(errors) for make in TABLES.values()))
+    """Run all of it, or print the tables of what is kept."""
+    if len(sys.argv) == 1:
+        page = (HERE / "README.md").read_text(encoding="utf-8")
+        print(filled(page, errors_of(pd.read_parquet(HERE / KEPT))))
+        return
+    folder, *more = sys.argv[1:]
+    out, settings, drives = (*more, *(str(HERE), TILT_SETTINGS, None)[len(more) :])
+    run(Path(folder), Path(out), int(settings), None if drives is None else int(drives))
 
 
 if __name__ == "__main__":

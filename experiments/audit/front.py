@@ -1,95 +1,71 @@
-"""The audit on one screen, for the README: its answer and five lines of its table, from committed results.
+"""The audit's page and the README's first screen, from committed results.
 
-python experiments/audit/front.py            prints it
-python experiments/audit/front.py README.md  puts it between <!-- audit --> and <!-- /audit -->
+python experiments/audit/front.py            prints the block of the first screen
+python experiments/audit/front.py README.md  puts it between <!-- audit --> and <!-- /audit -->, and takes page and
+                                             pictures along from results/audit-full, where they are
 """
 
 import json
 import re
+import shutil
 import sys
 from pathlib import Path
 
-import pandas as pd
-
-RESULTS = Path(__file__).parents[2] / "results"
-PAPER = ("jerk", "mtf")
-"""The paper's method, which always has a line."""
-LINES = 4
+HERE = Path(__file__).parent
+RESULTS = HERE.parents[1] / "results"
+AUDIT = RESULTS / "audit-full"
+PAGE = ("README.md", "answer.png", "kinds.png")
 
 BLOCK = re.compile(r"(?<=<!-- audit -->\n).*?(?=<!-- /audit -->)", flags=re.DOTALL)
-
-HEADS = ("method", "untuned", "tuned [95 %, for this method alone]", "three searches", "worst scenario", "no fault")
 
 
 def front() -> str:
     """Return the block as Markdown."""
-    audit = RESULTS / "audit-full"
-    verdicts = pd.read_csv(audit / "verdicts.csv").sort_values("tuned", kind="stable")
-    families = pd.read_csv(audit / "families.csv")
-    rows = [list(HEADS), ["---"] * len(HEADS), *(_line(row) for _, row in _chosen(verdicts).iterrows())]
-    table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
-    words = "Ratio of each adaptation to the tuned plain filter of each model"
-    figure = f'<img src="experiments/audit/models.png" alt="{words}" width="480">'
-    return f"{_answer(verdicts, families)}\n\n{table}\n{_suite()}\n{figure}\n"
+    told = json.loads((AUDIT / "answer.json").read_text(encoding="utf-8"))
+    head = (
+        "An adaptation changes R, Q or the covariance while the filter runs. We tuned"
+        f" {told['methods']} methods ({told['adaptations']} adaptations\non {len(told['filters'])} motion models) and"
+        f" the plain filters with the same effort, {told['tunings']} times. We judged them on\n{told['drives']} other"
+        f" simulated drives, {100 * told['faulty']:.0f} % of them with a fault:\n"
+    )
+    sentences = "".join(f"{number}. {sentence}\n" for number, sentence in enumerate(told["sentences"], 1))
+    words = "Error of each adaptation under each kind of fault, relative to the plain filter of its model"
+    figure = f'<img src="experiments/audit/answer.png" alt="{words}" width="780">'
+    more = "[The audit](experiments/audit/README.md) says what to take when, what it costs, and how sure it is."
+    return f"{head}\n{sentences}\n{_journeys()}\n\n{figure}\n\n{more}\n{_suite()}\n"
 
 
-def _answer(verdicts: pd.DataFrame, families: pd.DataFrame) -> str:
-    n, adaptations, models = len(verdicts), verdicts["adaptation"].nunique(), verdicts["filter"].nunique()
-    of_family = {name: own["verdict"].value_counts() for name, own in families.groupby("family")}
-    outliers, multipath = (int(of_family[name].get("better", 0)) for name in ("outliers", "multipath"))
-    steps, nothing = (int(of_family[name].get("worse", 0)) for name in ("noise_step", "none"))
-    counts = verdicts["verdict"].value_counts()
-    shown = n - int(counts.get("undecided", 0))
-    alone = int((verdicts["high"] < 1.0).sum())
+FOUND = re.compile(r"- \*\*(?:J-)?(\w+)\*\*: (\S+ \[.*?\]) of .*? of (\d+) ")
+
+
+def _journeys() -> str:
+    """Say what the average adaptation did on real journeys, and over real cars."""
+    rides, cars = (
+        FOUND.findall((RESULTS / name / "answer.md").read_text(encoding="utf-8")) for name in ("journeys", "vehicles")
+    )
+    on_rides = " and ".join(f"{ratio} ({name}, {n} journeys)" for name, ratio, n in rides)
+    on_cars = " and ".join(f"{ratio} with `{name}`" for name, ratio, _ in cars)
     return (
-        "It depends on the fault. An adaptation changes R, Q or the covariance while the filter runs. We compared"
-        f" {n} methods\n({adaptations} adaptations on {models} motion models), each with the same filter without"
-        " adaptation, tuned with the same effort:\n\n"
-        f"1. **Against the fault that it suits, adapting pays.** Under outliers {outliers} of {n} methods are better,"
-        f" under multipath {multipath}.\n"
-        f"2. **Elsewhere it costs.** When the noise changes in steps, {steps} are worse. Without a fault, {nothing} are"
-        " worse.\n"
-        f"3. **On average over all faults, {shown} of {n} are shown to be better or worse.** The gain differs so much"
-        " between faults\n"
-        "   that an average stays uncertain."
-        f" Taken alone, {alone} methods would count as better; tested together, none does.\n\n"
-        "All drives are simulated; one kind of fault replays real receivers. The rows of four are void"
-        " ([why, and all others](experiments/audit/README.md)).\nRatio of the position RMSE to the same filter without"
-        " adaptation, on faults that were not used for tuning, of the three\nlowest and the paper's method:"
+        "**On real recordings it is not shown to help**. On [real journeys](experiments/journeys/README.md),"
+        "\nthe average "
+        f"adaptation has {on_rides} of the error.\n"
+        f"On [real cars](experiments/vehicles/README.md) with the errors of {cars[0][2]} receivers, it has {on_cars}.\n"
+        "So tune the plain filter first. If you expect isolated outliers, try a robust R: `student_t_r`, `huber_r` or"
+        "\n`ssmkf_r`."
     )
 
 
-def _chosen(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """The lowest ratios, and the paper's method in the last line if it is not among them."""
-    paper = (verdicts["filter"] == PAPER[0]) & (verdicts["adaptation"] == PAPER[1])
-    best = verdicts.head(LINES)
-    return best if paper.loc[best.index].any() else pd.concat([verdicts.head(LINES - 1), verdicts[paper]])
-
-
-def _line(row: pd.Series) -> list[str]:
-    noise, fault = str(row["worst"]).split(", ")
-    return [
-        f"{row['filter']} + {row['adaptation']}",
-        f"{row['default']:.2f}",
-        f"{row['tuned']:.2f} [{row['low']:.2f}, {row['high']:.2f}]",
-        f"{row['restart_low']:.2f} to {row['restart_high']:.2f}",
-        f"{row['worst_ratio']:.1f} ({fault.replace('_', ' ')}, {noise} noise)",
-        f"{row['nominal']:.2f}",
-    ]
-
-
 def _suite() -> str:
-    paths = (RESULTS / "suite-v1").glob("*/manifest.json")
+    paths = sorted((RESULTS / "suite-v2").glob("*/manifest.json"))
     manifests = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
     entries = sorted((m["score"]["ratio"], m["entry"], m["score"]) for m in manifests)
-    told = [
-        f"{name.removesuffix(' + none')} {ratio:.2f} [{score['low']:.2f}, {score['high']:.3f}]"
-        for ratio, name, score in entries
-        if score["verdict"] == "better"
-    ]
+    better = [own for own in entries if own[2]["verdict"] == "better"]
+    plain = sum(name.endswith("+ none") for _, name, _ in better)
+    told = [f"{name} {ratio:.2f} [{score['low']:.2f}, {score['high']:.2f}]" for ratio, name, score in better]
     return (
-        "The suite `jerkbench-v1` is a fixed test set with a [leaderboard](results/suite-v1/board.md). Of its"
-        f" {len(entries)} entries,\n{len(told)} beat the tuned baseline: {' and '.join(told)}."
+        "The suite `jerkbench-v2` is a fixed test set with a [leaderboard](results/suite-v2/board.md). Of its"
+        f" {len(entries)} entries,\n{len(told)} beat the tuned baseline, {plain} of them without adaptation."
+        f" The first two are {' and '.join(told[:2])}."
     )
 
 
@@ -97,4 +73,6 @@ if __name__ == "__main__":
     text = front()
     for path in map(Path, sys.argv[1:]):
         path.write_text(BLOCK.sub(lambda _: text, path.read_text(encoding="utf-8")), encoding="utf-8")
+        for page in filter(Path.exists, (AUDIT / name for name in PAGE)):
+            shutil.copyfile(page, HERE / page.name)
     print(text)

@@ -13,7 +13,6 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
-from jerkbench.report.analysis.answer import shows_something
 from jerkbench.report.analysis.findings import losses_clause, method_names, varying_factors
 from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import study_verdicts
@@ -148,7 +147,8 @@ def _are(rows: pd.DataFrame, values: Mapping[str, str]) -> pd.Series:
 def said(rows: pd.DataFrame) -> list[str]:
     """Return all that a study says of the claim: of each opponent, then case by case; empty without its filters."""
     comparisons = claimed(rows)
-    if comparisons and not shows_something(study_verdicts(rows, "position_rmse_m").standings):
+    standings = study_verdicts(rows, "position_rmse_m").standings
+    if comparisons and all(pair.verdict is Verdict.UNDECIDED for one in standings for pair in one.tested):
         return [NOTHING_SHOWN]
     return [*headlines(rows, comparisons), *claim_sentences(rows, comparisons)]
 

@@ -18,6 +18,8 @@ ALIGNMENT_S = 1.0
 TRACK_S = 10.0
 """How much of the drive the alignment by its track uses."""
 
+LEAST_VELOCITIES = 3
+
 STATIC_VARIANCE = 1e-3
 LEVEL_VARIANCE = 0.03
 
@@ -54,6 +56,18 @@ def tilt_start(recording: Recording, variance: float | None = None, alignment: s
     else:
         x = np.array([0.0, 0.0, 1.0])
     return TiltStart(x, usual if variance is None else variance)
+
+
+def start_remarks(recording: Recording, alignment: str) -> tuple[str, ...]:
+    """Return what a reader has to know of the start: that it is a guess, and that a measured velocity shows it."""
+    velocity, imu = recording.velocity, recording.imu
+    if alignment == "track" or imu is None or velocity is None or velocity.frame != "enu":
+        return ()
+    if recording.static_start_s >= ALIGNMENT_S or (velocity.t_s <= imu.t_s[0] + TRACK_S).sum() < LEAST_VELOCITIES:
+        return ()
+    start = "level" if alignment == "rest" else "along the first second's specific force"
+    found = f"it begins in motion, and the tilt starts {start}, which may be off by degrees"
+    return (f"{found}; attitude.alignment=track starts by its velocities over ground.",)
 
 
 def tracked_vertical(recording: Recording) -> FloatArray:
@@ -99,7 +113,7 @@ def _velocities(recording: Recording) -> tuple[FloatArray, FloatArray]:
         fix_s, place_m = position.t_s[whole], position.enu_m[whole]
         t_s, v_mps = 0.5 * (fix_s[1:] + fix_s[:-1]), np.diff(place_m, axis=0) / np.diff(fix_s)[:, None]
     use = np.isfinite(v_mps).all(axis=1) & (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[0] + TRACK_S)
-    if use.sum() < 3:
+    if use.sum() < LEAST_VELOCITIES:
         raise RecordingError(
             f"{recording.name} has fewer than three velocities over ground, or fixes, in its first {TRACK_S:g} s; take"
             " alignment rest or gravity."

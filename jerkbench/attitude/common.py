@@ -9,15 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, require_not_negative, require_positive
-from jerkbench.attitude.alignment import ALIGNMENTS, tilt_start
-from jerkbench.attitude.track import Track
+from jerkbench.attitude.alignment import ALIGNMENTS, start_remarks, tilt_start
 from jerkbench.attitude.yaw import (
     YAW_SOURCES,
-    Yaw,
     estimate_yaw,
     require_headings,
     select_headings,
-    yaw_rate,
     yaw_remarks,
 )
 from jerkbench.compilation.compiled_loop import compiled_loop
@@ -25,7 +22,7 @@ from jerkbench.compilation.module_cache import can_compile
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler, roll_pitch
-from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
+from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 
 # Gravity compensation: specific force of the body -> acceleration in ENU.
 
@@ -51,24 +48,6 @@ def compensate_gravity(dcm: FloatArray, accel_mps2: FloatArray, compensation: st
     return np.asarray(rotated - np.array([0.0, 0.0, GRAVITY_MPS2]))
 
 
-def intervals(imu: Imu) -> FloatArray:
-    """The interval (n,) that ends at each stamp; nobody saw the first one begin, so it is the nominal one."""
-    return np.concatenate(([imu.nominal_interval_s], np.diff(imu.t_s)))
-
-
-def filtered_yaw(
-    imu: Imu,
-    roll_rad: FloatArray,
-    pitch_rad: FloatArray,
-    source: Heading | Track | None,
-    walk_rad_per_sqrt_s: float,
-    course_sigma_min_rad: float,
-) -> Yaw:
-    """Return the yaw that the yaw filter finds with the gyro and ``source``."""
-    rate = yaw_rate(imu.gyro_radps, roll_rad, pitch_rad)
-    return estimate_yaw(imu.t_s, intervals(imu), rate, source, walk_rad_per_sqrt_s, course_sigma_min_rad)
-
-
 def attitude_from(
     imu: Imu,
     euler_rad: FloatArray,
@@ -88,7 +67,7 @@ def run_samples(loop: Callable[..., None], title: str, imu: Imu, state: tuple[ob
 
     With NUMBA_DISABLE_JIT=1 the same loop runs as it is, some hundred times slower. ``title`` says what is compiled.
     """
-    samples = (np.require(a, np.float64, ["C", "W", "A"]) for a in (imu.gyro_radps, imu.accel_mps2, intervals(imu)))
+    samples = (np.require(a, np.float64, ["C", "W", "A"]) for a in (imu.gyro_radps, imu.accel_mps2, imu.intervals_s))
     with np.errstate(all="ignore"):
         (_compiled(loop, title) if can_compile() else loop)(*state, *samples, *filled)
 
@@ -153,8 +132,9 @@ class TiltAndYaw(ABC):
             tilt_start(load(), None, "track")
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
-        """Return what a reader of the table has to know: that nothing measures yaw."""
-        return yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        """Return what a reader of the table has to know: that the start is a guess, or that nothing measures yaw."""
+        yaw = yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        return (*start_remarks(recording, self.alignment), *yaw)
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return attitude and ENU acceleration at the IMU's stamps.
@@ -168,7 +148,7 @@ class TiltAndYaw(ABC):
         )  # first, because a missing source should not cost the whole loop
         x, triggered = self.verticals(recording)
         roll, pitch = roll_pitch(x)
-        yaw = filtered_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, sigma_min_rad)
+        yaw = estimate_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, sigma_min_rad)
         return attitude_from(imu, np.column_stack([roll, pitch, yaw.rad]), self.compensation, triggered, yaw.sigma_rad)
 
     def _check_choices(self, choices: Mapping[str, Sequence[str]]) -> None:

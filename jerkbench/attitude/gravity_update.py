@@ -54,7 +54,7 @@ def gravity_update(states: int, window: int, memory: float, adapt: str) -> Gravi
     return GravityUpdate(a_prev, np.zeros((window, 3)), H, e, C0, M, dx, K, float(memory), which)
 
 
-def innovate(u: GravityUpdate, P: FloatArray, x: FloatArray, y: FloatArray, k: int, noise: float) -> float:
+def see_gravity(u: GravityUpdate, P: FloatArray, x: FloatArray, y: FloatArray, k: int, noise: float) -> float:
     """Fill e = y_A - c_a a_prev - g x and C0 = diag(H P H') + N; returns e'e - tr C0: from 0 on it triggers."""
     excess = 0.0
     for i in range(3):

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
+from jerkbench.attitude.common import TiltAndYaw, Verticals
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -33,6 +33,6 @@ class GyroOnly(TiltAndYaw):
         """Return x after each sample."""
         imu = recording.inertial
         x, after = tilt_start(recording, alignment=self.alignment).x, np.empty_like(imu.gyro_radps)
-        for k, turn in enumerate(Rotation.from_rotvec(-intervals(imu)[:, None] * imu.gyro_radps).as_matrix()):
+        for k, turn in enumerate(Rotation.from_rotvec(-imu.intervals_s[:, None] * imu.gyro_radps).as_matrix()):
             after[k] = x = turn.dot(x)
         return after, None

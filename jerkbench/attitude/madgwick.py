@@ -43,7 +43,7 @@ class Madgwick(TiltAndYaw):
 
     gain_per_s: Annotated[
         float,
-        Range(3e-4, 1.0, log=True, source="ours: from a car's slow correction to ten times a hand's"),
+        Range(1e-5, 1.0, log=True, source="ours: from hardly any correction to thirty times the default"),
         DefaultOrigin("literature: the paper's .033 for gyro and accelerometer"),
     ] = 0.033
 

@@ -42,7 +42,7 @@ class Mahony(TiltAndYaw):
 
     proportional_per_s: Annotated[
         float,
-        Range(1e-3, 3.0, log=True, source="ours: time constants from a third of a second to 1000 s"),
+        Range(1e-4, 3.0, log=True, source="ours: time constants from a third of a second to three hours"),
         DefaultOrigin("literature: the paper's 1"),
     ] = 1.0
     integral_per_s2: Annotated[

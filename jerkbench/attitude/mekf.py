@@ -14,7 +14,7 @@ from jerkbench.attitude.gravity_update import (
     fill_noise,
     fill_rotation,
     gravity_update,
-    innovate,
+    see_gravity,
     updating,
 )
 from jerkbench.errors import PluginError
@@ -23,7 +23,7 @@ from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
-FIELD = DefaultOrigin("ours: a consumer MEMS IMU in a hand")
+MEMS_HAND = DefaultOrigin("ours: a consumer MEMS IMU in a hand")
 
 
 @register("attitude", "mekf")
@@ -73,22 +73,24 @@ class Mekf(TiltAndYaw):
     gyro_density: Annotated[
         float,
         Range(1e-4, 1e-2, log=True, source="ours: from a tactical gyro to one that errs with the motion"),
-        FIELD,
+        MEMS_HAND,
     ] = 1e-3
     accel_density: Annotated[
         float,
         Range(0.01, 30.0, log=True, source="ours: from quiet ground to hardly any trust in the accelerometer"),
-        FIELD,
+        MEMS_HAND,
     ] = 0.1
     window_s: Annotated[
-        float, Range(0.01, 3.0, log=True, source="ours: from one sample at 100 Hz to a turn of a car"), FIELD
+        float, Range(0.01, 3.0, log=True, source="ours: from one sample at 100 Hz to a turn of a car"), MEMS_HAND
     ] = 0.01
     external_memory: Annotated[
-        float, Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen"), FIELD
+        float, Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen"), MEMS_HAND
     ] = 0.3
     bias: Annotated[bool, SWITCH, DefaultOrigin("ours: MEMS gyros have one")] = True
     bias_density: Annotated[
-        float, Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion"), FIELD
+        float,
+        Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion"),
+        MEMS_HAND,
     ] = 1e-5
     initial_bias_radps: Annotated[float, DefaultOrigin("a data sheet's turn-on bias of a consumer MEMS gyro")] = 0.005
 
@@ -158,7 +160,7 @@ class MekfState(NamedTuple):
     gravity: GravityUpdate
 
 
-update = updating(6)
+update_mekf = updating(6)
 
 
 def run_mekf(
@@ -171,9 +173,9 @@ def run_mekf(
         for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # H = g [x], x the last row of Omega
             H[i, i], H[i, j], H[i, m] = 0.0, -g * C[2, m], g * C[2, j]
         noise = state.accel_power / dt[k]
-        excess = innovate(u, state.P, C[2], accel[k], k, noise)
+        excess = see_gravity(u, state.P, C[2], accel[k], k, noise)
         fill_noise(u, k, excess, noise, max(1.0, state.window_s / dt[k]))
-        update(u, state.P)
+        update_mekf(u, state.P)
         triggered[k] = excess >= 0.0
         _turn(state, u.dx, 1.0)
         for i in range(3):

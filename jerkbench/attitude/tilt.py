@@ -6,7 +6,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative
+from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative, require_positive
 from jerkbench.attitude.alignment import TiltStart, tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
 from jerkbench.attitude.gravity_update import (
@@ -15,7 +15,7 @@ from jerkbench.attitude.gravity_update import (
     fill_noise,
     fill_rotation,
     gravity_update,
-    innovate,
+    see_gravity,
     updating,
 )
 from jerkbench.errors import PluginError
@@ -121,10 +121,8 @@ class Tilt(TiltAndYaw):
         )
 
     def _check_numbers(self) -> None:
-        for name in ("sigma_accel_mps2", "initial_tilt_variance"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < np.inf:
-                raise PluginError(f"attitude tilt: {name} is {value}; it must be a positive number.")
+        may_be_null = "sigma_accel_mps2", "initial_tilt_variance"
+        require_positive("attitude tilt", self, [name for name in may_be_null if getattr(self, name) is not None])
         require_not_negative("attitude tilt", self, ("sigma_gyro_radps",))
         if not 0 <= self.external_memory <= 1:
             raise PluginError(f"attitude tilt: external_memory is {self.external_memory}; it must be from 0 to 1.")
@@ -160,7 +158,7 @@ class TiltState(NamedTuple):
     gravity: GravityUpdate
 
 
-update = updating(3)
+update_tilt = updating(3)
 
 
 def run_tilt(
@@ -170,9 +168,9 @@ def run_tilt(
     noise = state.sigma_accel_mps2**2
     for k in range(len(dt)):
         _predict(state, gyro[k], dt[k])
-        excess = innovate(state.gravity, state.P, state.x, accel[k], k, noise)
+        excess = see_gravity(state.gravity, state.P, state.x, accel[k], k, noise)
         fill_noise(state.gravity, k, excess, noise, 1.0)
-        update(state.gravity, state.P)
+        update_tilt(state.gravity, state.P)
         triggered[k] = excess >= 0.0
         length = 1.0
         for i in range(3):

@@ -6,7 +6,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.geometry import wrap_angle
-from jerkbench.recording import Position, Recording
+from jerkbench.recording import Position
 
 # Pairs of fixes that are far enough apart to show a course; none overlaps another.
 
@@ -19,7 +19,7 @@ COARSE_RAD = 0.15
 LONGEST_S = 30.0
 """A chord lasts no longer: what the speed did on the way is not known."""
 
-LEAST_M = 1.0
+LEAST_CHORD_M = 1.0
 """A chord is no shorter: over less the antenna sways."""
 
 
@@ -39,7 +39,7 @@ class Chords(NamedTuple):
     sigma_rad: FloatArray
 
 
-def chords_of(position: Position | None, begin_s: float, end_s: float, least_m: float = LEAST_M) -> Chords:
+def chords_of(position: Position | None, begin_s: float, end_s: float, least_m: float = LEAST_CHORD_M) -> Chords:
     """Return the chords of the fixes between two times.
 
     With d the way, n across it and R_i, R_j the covariances of both fixes, horizontal::
@@ -96,7 +96,7 @@ def _pairs(
 TURN_ON_RADPS = 0.01
 """One sigma of the yaw gyro's bias where no rest shows it."""
 
-BIAS_WALK = 1e-5
+YAW_BIAS_WALK = 1e-5
 """Random walk of that bias [rad/s/sqrt(s)]."""
 
 REST_S = 1.0
@@ -105,7 +105,7 @@ REST_S = 1.0
 UNSTEADY_MPS2 = 1.0
 """One sigma of the acceleration along a chord; the speed's slope over it is not known."""
 
-SIGMAS = 5.0
+CONTRADICTION_SIGMAS = 5.0
 """A course that is further off contradicts what was known."""
 
 
@@ -149,11 +149,6 @@ class Drift(NamedTuple):
     t_s: FloatArray
     x: FloatArray
     P: FloatArray
-
-
-def track_of(recording: Recording, chords: Chords) -> Track | None:
-    """Return the track of a recording with ``chords``; None where there are none."""
-    return Track(chords, recording.static_start_s) if len(chords.end_s) else None
 
 
 def courses_of(chords: Chords, nodes_s: FloatArray, psi_rad: FloatArray, sigma_min_rad: float) -> Courses:
@@ -206,7 +201,7 @@ def filter_drift(courses: Courses, rate: tuple[float, float], walk_rad_per_sqrt_
         x, P = _predicted(*states[-1], t, walk_rad_per_sqrt_s)
         H = np.array([1.0, -lag])
         innovation, S = float(wrap_angle(z - H @ x)), float(H @ P @ H) + sigma**2
-        if innovation**2 <= SIGMAS**2 * S:
+        if innovation**2 <= CONTRADICTION_SIGMAS**2 * S:
             K = P @ H / S
             states.append((t, x + K * innovation, P - np.outer(K, K) * S))
         elif dropped == k - 1 and _agree(courses, k - 1, k):
@@ -221,7 +216,7 @@ def rate_at_rest(t_s: FloatArray, rate_radps: FloatArray, rest_s: float, walk: f
     rows = t_s <= rest_s
     if rest_s < REST_S or not rows.any():
         return 0.0, TURN_ON_RADPS
-    return -float(rate_radps[rows].mean()), float(np.hypot(walk / np.sqrt(rest_s), BIAS_WALK * np.sqrt(rest_s)))
+    return -float(rate_radps[rows].mean()), float(np.hypot(walk / np.sqrt(rest_s), YAW_BIAS_WALK * np.sqrt(rest_s)))
 
 
 def offsets_at(drift: Drift, t_s: FloatArray, walk: float) -> tuple[FloatArray, FloatArray]:
@@ -241,9 +236,9 @@ def _begun(z: float, lag: float, sigma: float, rate: float, variance: float) -> 
 def _predicted(since: float, x: FloatArray, P: FloatArray, t: float, walk: float) -> tuple[FloatArray, FloatArray]:
     dt = t - since
     F = np.array([[1.0, dt], [0.0, 1.0]])
-    return F @ x, F @ P @ F.T + dt * np.diag([walk**2, BIAS_WALK**2])
+    return F @ x, F @ P @ F.T + dt * np.diag([walk**2, YAW_BIAS_WALK**2])
 
 
 def _agree(courses: Courses, first: int, second: int) -> bool:
     difference = wrap_angle(courses.offset_rad[second] - courses.offset_rad[first])
-    return bool(abs(difference) <= SIGMAS * np.hypot(courses.sigma_rad[first], courses.sigma_rad[second]))
+    return bool(abs(difference) <= CONTRADICTION_SIGMAS * np.hypot(courses.sigma_rad[first], courses.sigma_rad[second]))

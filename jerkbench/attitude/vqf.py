@@ -9,7 +9,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals, intervals
+from jerkbench.attitude.common import TiltAndYaw, Verticals
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
@@ -18,10 +18,10 @@ from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 if TYPE_CHECKING:
     import vqf
 
-GAP_S = 0.1
+SILENCE_S = 0.1
 """Over a longer interval the filter sees several steps of the gyro, each as long as the others."""
 
-OWN = DefaultOrigin("literature: the package's default")
+OF_PACKAGE = DefaultOrigin("literature: the package's default")
 
 
 @register("attitude", "vqf")
@@ -60,12 +60,12 @@ class Vqf(TiltAndYaw):
 
     alignment: str = field(default="gravity", kw_only=True)
     tau_acc_s: Annotated[
-        float, Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"), OWN
+        float, Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"), OF_PACKAGE
     ] = 3.0
-    rest_bias: Annotated[bool, SWITCH, OWN] = True
-    motion_bias: Annotated[bool, SWITCH, OWN] = True
+    rest_bias: Annotated[bool, SWITCH, OF_PACKAGE] = True
+    motion_bias: Annotated[bool, SWITCH, OF_PACKAGE] = True
     bias_forgetting_s: Annotated[
-        float, Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"), OWN
+        float, Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"), OF_PACKAGE
     ] = 100.0
 
     def __post_init__(self) -> None:
@@ -89,11 +89,11 @@ class Vqf(TiltAndYaw):
         filter_ = package.VQF(step_s, **self._parameters())
         if self.alignment != "gravity":
             self._settle(filter_, tilt_start(recording, alignment=self.alignment).x, step_s)
-        gaps = np.flatnonzero(intervals(imu) > GAP_S)
+        gaps = np.flatnonzero(imu.intervals_s > SILENCE_S)
         parts = []
         for begin, end in zip([0, *gaps], [*gaps, len(imu.t_s)], strict=True):
             if begin in gaps:
-                for _ in range(round(intervals(imu)[begin] / step_s) - 1):
+                for _ in range(round(imu.intervals_s[begin] / step_s) - 1):
                     filter_.updateGyr(imu.gyro_radps[begin].copy())
             if end > begin:
                 parts.append(filter_.updateBatch(*_samples(imu, begin, end))["quat6D"])
@@ -140,10 +140,10 @@ class OfflineVqf(Vqf):
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, from all of them."""
         imu = recording.inertial
-        if intervals(imu).max() > GAP_S:
+        if imu.intervals_s.max() > SILENCE_S:
             raise RecordingError(
-                f"{recording.name} has a gap of {intervals(imu).max():.2f} s between two samples, and attitude"
-                f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {GAP_S} s."
+                f"{recording.name} has a gap of {imu.intervals_s.max():.2f} s between two samples, and attitude"
+                f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {SILENCE_S} s."
             )
         smoothed = vqf_package().offlineVQF(
             *_samples(imu, 0, len(imu.t_s)), None, imu.nominal_interval_s, self._parameters()

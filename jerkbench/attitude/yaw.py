@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.track import (
     COARSE_RAD,
     FINE_RAD,
-    LEAST_M,
+    LEAST_CHORD_M,
     LONGEST_S,
     Track,
     chords_of,
@@ -18,11 +18,10 @@ from jerkbench.attitude.track import (
     filter_drift,
     offsets_at,
     rate_at_rest,
-    track_of,
 )
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import wrap_angle
-from jerkbench.recording import HEADING_SOURCES, Heading, Recording, Velocity
+from jerkbench.recording import HEADING_SOURCES, Heading, Imu, Recording, Velocity
 
 UNKNOWN_RAD = np.pi / np.sqrt(3.0)
 """One sigma of a yaw of which nothing is known: any direction is as likely."""
@@ -47,9 +46,9 @@ def yaw_rate(gyro_radps: FloatArray, roll_rad: FloatArray, pitch_rad: FloatArray
 
 
 def estimate_yaw(
-    t_s: FloatArray,
-    dt_s: FloatArray,
-    rate_radps: FloatArray,
+    imu: Imu,
+    roll_rad: FloatArray,
+    pitch_rad: FloatArray,
     source: Heading | Track | None,
     walk_rad_per_sqrt_s: float,
     course_sigma_min_rad: float = 0.0,
@@ -62,13 +61,14 @@ def estimate_yaw(
     take the place of headings, see `jerkbench.attitude.track`. Without either yaw starts at zero, and nobody knows it.
 
     Args:
-        t_s: (n,) stamps.
-        dt_s: (n,) the interval that ends at each stamp.
-        rate_radps: (n,) mean yaw rate over that interval.
+        imu: the gyro is the mean over the interval that ends at each stamp.
+        roll_rad: (n,) at the stamps.
+        pitch_rad: (n,) likewise.
         source: headings, at least one; the track of the fixes; or None.
         walk_rad_per_sqrt_s: random walk of yaw.
         course_sigma_min_rad: least standard deviation of a course of the track.
     """
+    t_s, dt_s, rate_radps = imu.t_s, imu.intervals_s, yaw_rate(imu.gyro_radps, roll_rad, pitch_rad)
     psi = np.cumsum(dt_s * rate_radps)
     if source is None:
         return Yaw(wrap_angle(psi), np.full(len(psi), UNKNOWN_RAD))
@@ -136,7 +136,8 @@ def select_headings(
         return required_track(recording)
     if source != "auto":
         raise RecordingError(
-            f"{recording.name} has no {_name(source)} heading{_instead(measured)}; take yaw_source {_others(source)}."
+            f"{recording.name} has no {source.replace('_', '-')} heading{_instead(measured)}; take yaw_source course,"
+            " track, gyro_only or auto."
         )
     if recording.velocity is not None and recording.velocity.frame == "enu":
         courses = course_headings(recording.velocity, min_speed_mps, sigma_min_rad)
@@ -145,13 +146,14 @@ def select_headings(
     return track_in(recording)
 
 
-def track_in(recording: Recording, least_m: float = LEAST_M) -> Track | None:
+def track_in(recording: Recording, least_m: float = LEAST_CHORD_M) -> Track | None:
     """Return the track of the fixes while the IMU runs; None where it shows no course."""
     imu = recording.inertial
-    return track_of(recording, chords_of(recording.position, imu.t_s[0], imu.t_s[-1], least_m))
+    chords = chords_of(recording.position, imu.t_s[0], imu.t_s[-1], least_m)
+    return Track(chords, recording.static_start_s) if len(chords.end_s) else None
 
 
-def required_track(recording: Recording, least_m: float = LEAST_M) -> Track:
+def required_track(recording: Recording, least_m: float = LEAST_CHORD_M) -> Track:
     """Return the track of the fixes while the IMU runs.
 
     Raises:
@@ -192,16 +194,8 @@ def course_headings(velocity: Velocity, min_speed_mps: float, sigma_min_rad: flo
     return Heading(velocity.t_s[usable], np.arctan2(north, east)[usable], sigma)
 
 
-def _name(source: str) -> str:
-    return source.replace("_", "-")
-
-
 def _instead(measured: Heading | None) -> str:
     return "" if measured is None or not len(measured.t_s) else f", its headings are of source {measured.source}"
-
-
-def _others(source: str) -> str:
-    return f"{', '.join(s for s in ('course', 'track', 'gyro_only') if s != source)} or auto"
 
 
 def _course(recording: Recording, min_speed_mps: float, sigma_min_rad: float) -> Heading:
@@ -227,16 +221,16 @@ def _course(recording: Recording, min_speed_mps: float, sigma_min_rad: float) ->
 
 # Sentences about a yaw that nothing measures.
 
-UNKNOWN = (
+YAW_UNKNOWN = (
     f"nothing shows yaw: no heading, no velocity over ground that is fast enough, and within {LONGEST_S:g} s no two"
     " fixes that are far enough apart for their sigmas. Yaw starts at 0 (east), and what the IMU adds may point"
     " anywhere; a heading, a velocity in ENU, or fixes of a longer or faster drive would show it."
 )
-TRACKED = (
+YAW_TRACKED = (
     "yaw comes from the track of the fixes, for there is no heading and no velocity over ground; it shares the errors"
     " of the fixes."
 )
-COARSE = (
+YAW_COARSE = (
     "yaw is hardly observable: it comes from the track of the fixes alone, whose courses have sigmas from"
     f" {FINE_RAD:g} to {COARSE_RAD:g} rad, for the vehicle is slow and the fixes are noisy."
 )
@@ -252,10 +246,10 @@ def yaw_remarks(recording: Recording, source: str, min_speed_mps: float, sigma_m
         return ()
     selected = select_headings(recording, source, min_speed_mps, sigma_min_rad)
     if selected is None:
-        return (UNKNOWN,)
+        return (YAW_UNKNOWN,)
     if not isinstance(selected, Track):
         return ()
-    return (COARSE,) if is_coarse(selected) else (TRACKED,)
+    return (YAW_COARSE,) if is_coarse(selected) else (YAW_TRACKED,)
 
 
 def is_coarse(track: Track) -> bool:

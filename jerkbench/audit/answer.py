@@ -19,6 +19,7 @@ from jerkbench.evaluation.statistics.drives_and_tunings import (
     Statements,
     comparisons,
     mixture_weights,
+    picked,
     procedure_error,
     stated,
     statements,
@@ -27,6 +28,8 @@ from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.parameters import provenance_of
 
+FAULT = "drawn.fault."
+"""Columns of drives that tell a kind of fault begin so."""
 NO_FAULT, FAULTY = "no fault", "faulty"
 NOTHING_KNOWN, LEAST_BAD = "nothing known", "the worst kind shall be least bad"
 FEWEST = 5
@@ -36,7 +39,7 @@ WORSE = {"worse_3": 1.03, "worse_100": 2.0}
 
 
 @dataclass(frozen=True)
-class Answer:
+class AuditAnswer:
     """What an audit says.
 
     Attributes:
@@ -50,6 +53,7 @@ class Answer:
         adaptations_by_kind: such a mean and a kind of fault a row.
         apart: an estimator that is shown apart a row.
         take: a situation a row: which method to take.
+        steps: error relative to the first plain filter at its defaults, by what was done.
         error: of the whole procedure.
     """
 
@@ -63,10 +67,11 @@ class Answer:
     adaptations_by_kind: pd.DataFrame
     apart: pd.DataFrame
     take: pd.DataFrame
+    steps: "pd.Series[float]"
     error: Error
 
 
-def answered(rows: AuditRows) -> Answer:
+def answered(rows: AuditRows) -> AuditAnswer:
     """Return what the rows of an audit say."""
     protocol, losses = rows.protocol, losses_of(rows)
     said = statements(losses)
@@ -74,7 +79,7 @@ def answered(rows: AuditRows) -> Answer:
     of_models = (len(protocol.filters), len(protocol.compared), *own.shape[1:])
     means = {"own": own.reshape(of_models).mean(axis=0), "best": best.reshape(of_models).mean(axis=0)}
     kinds = kind_frame(own, [method._asdict() for method in protocol.methods], rows)
-    return Answer(
+    return AuditAnswer(
         rows=rows,
         losses=losses,
         said=said,
@@ -85,6 +90,7 @@ def answered(rows: AuditRows) -> Answer:
         adaptations_by_kind=kind_frame(means["own"], [{"adaptation": name} for name in protocol.compared], rows),
         apart=apart_frame(rows),
         take=take_frame(rows, losses),
+        steps=steps(rows, losses),
         error=procedure_error(losses, protocol.resampled_audits),
     )
 
@@ -109,9 +115,10 @@ def reweighted(rows: AuditRows, mixture: str) -> Statements:
 
 def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
     """Return which of the judged drives (D,) have no fault, and which have each kind; a drive may have several."""
-    faulty = rows.faulty(pd.Index(rows.protocol.seeds_to_judge_on))
-    none = np.asarray(~faulty.to_numpy(dtype=bool).any(axis=1))
-    return {NO_FAULT: none, **{kind: faulty[kind].to_numpy(dtype=bool) for kind in rows.kinds}}
+    judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
+    columns = judged.reindex(columns=[FAULT + str(kind) for kind, *_ in rows.protocol.laws["faults"]]).notna()
+    drives = {str(name).removeprefix(FAULT): own.to_numpy() for name, own in columns.items()}
+    return {NO_FAULT: ~columns.any(axis=1).to_numpy(), **drives}
 
 
 # Under each kind of fault.
@@ -174,7 +181,7 @@ def method_frame(rows: AuditRows, losses: Losses, said: Statements, kinds: pd.Da
             for method, mine, best in zip(protocol.methods, said.own_plain, said.best_plain, strict=True)
         ]
     ).assign(untuned=untuned, tuning_sd=[one.tuning_sd for one in said.own_plain])
-    of_method = [kinds[(kinds[["filter", "adaptation"]] == method).all(axis=1)] for method in protocol.methods]
+    of_method = [kinds[(kinds[["filter", "adaptation"]] == list(method)).all(axis=1)] for method in protocol.methods]
     table = table.join(pd.DataFrame([_over_kinds(each) for each in of_method]))
     table["pays_from"] = pays_from(own.mean(axis=1), kinds_of(rows)[NO_FAULT])
     for name, ratio in WORSE.items():
@@ -206,14 +213,16 @@ def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
         "worst_kind": worst["kind"],
         "worst_ratio": worst["ratio"],
         "worst_high": worst["high"],
+        "highest_ratio": own["ratio"].max(),
     }
 
 
 def pays_from(d: FloatArray, without: BoolArray) -> FloatArray:
     """Return from which share of faulty drives on the log ratios d (M, D) are below 0; NaN: from none."""
     price, gain = d[:, without].mean(axis=1), d[:, ~without].mean(axis=1)
+    dear = np.maximum(price, 0.0)  # a method that is better without a fault, too, pays from the share 0 on
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(gain < 0.0, np.maximum(price / (price - gain), 0.0), np.nan))
+        return np.asarray(np.where(gain < 0.0, dear / (dear - gain), np.nan))
 
 
 # Estimators that stand apart.
@@ -263,8 +272,7 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
     """
     methods = [*rows.protocol.methods, *rows.protocol.plains]
     tuned = np.concatenate([losses.methods, losses.plains])
-    best = losses.plains[np.argmin(losses.tuned_plains, axis=0), np.arange(losses.plains.shape[1])]
-    y, first = tuned - best, np.arange(tuned.shape[2]) % 2 == 0
+    y, first = tuned - picked(losses)[0], np.arange(tuned.shape[2]) % 2 == 0
     halves = {kind: (own & first, own & ~first) for kind, own in kinds_of(rows).items()}
     halves = {kind: own for kind, own in halves.items() if min(own[0].sum(), own[1].sum()) >= FEWEST}
 
@@ -280,6 +288,38 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
         worst = max((other for _, other in halves.values()), key=lambda other: float(y[least][:, other].mean()))
         lines.append(told(LEAST_BAD, least, worst))
     return pd.DataFrame(lines)
+
+
+def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
+    """Return what each step brings: the error relative to the first plain filter at its defaults."""
+    protocol, first = rows.protocol, rows.protocol.filters[0]
+    level = rows.drives.set_index("seed")["level"].loc[list(protocol.seeds_to_judge_on)].to_numpy()
+    best, more, pick = picked(losses)
+    of = {
+        f"{first}, tuned": losses.plains[0],
+        "the best plain filter of all models, tuned": best,
+        f"the same with {protocol.plain_trials} settings tried": more,
+        "the published adaptation that leads, tuned": pick,
+    }
+    return pd.Series({step: float(np.exp((own - level).mean())) for step, own in of.items()})
+
+
+def leaders(rows: AuditRows) -> list[str]:
+    """Return which published method leads on the drives of each tuning."""
+    losses = losses_of(rows)
+    names = np.array([method.name for method in rows.protocol.methods])[losses.picked]
+    return [str(names[place]) for place in losses.tuned[losses.picked].argmin(axis=0)]
+
+
+def told_truth(answer: AuditAnswer) -> dict[str, float]:
+    """Return the ratio of each reference, which is told the truth, to the plain filter of its model, by its name."""
+    protocol, plains = answer.rows.protocol, answer.losses.plains
+    ratios: dict[str, float] = {}
+    for name in protocol.references:
+        told = [AuditMethod(model, name) for model in protocol.filters]
+        differences = (cubes(answer.rows, told).tuned - plains).mean(axis=(1, 2))
+        ratios |= {method.name: float(ratio) for method, ratio in zip(told, np.exp(differences), strict=True)}
+    return ratios
 
 
 # Two audits.

@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 import pandas as pd
 
-from jerkbench.audit.pieces import Ledger, Piece, Trial, blocks, method_of, run_piece
+from jerkbench.audit.pieces import Piece, RunLedger, Trial, drive_blocks, method_and_space, run_piece
 from jerkbench.audit.protocol import AuditMethod, AuditProtocol
 from jerkbench.campaigns.entrant import tried_settings
 from jerkbench.errors import JerkbenchError
@@ -17,7 +17,6 @@ from jerkbench.jobs.identity import Identity, identity_of
 from jerkbench.jobs.progress import Progress
 
 METHOD = ["filter", "adaptation"]
-DRAWN = [*METHOD, "tuning", "trial"]
 
 
 @dataclass(frozen=True)
@@ -27,12 +26,12 @@ class Campaign:
     Attributes:
         protocol: what is compared.
         ledger: where runs are kept.
-        workers: who runs them; None: nobody does.
+        workers: who runs them.
     """
 
     protocol: AuditProtocol
-    ledger: Ledger
-    workers: Workers | None = None
+    ledger: RunLedger
+    workers: Workers
 
     def run(self, methods: Sequence[AuditMethod], title: str) -> None:
         """Tune ``methods`` and judge them, as far as it is not done yet.
@@ -42,39 +41,30 @@ class Campaign:
             OSError: nothing can be stored.
         """
         self._run(self._to_tune(methods), f"{title}, settings tried")
-        self._run(self._to_judge(methods, picks(self.protocol, self.tuned())), f"{title}, judged unseen")
+        found = picks(self.protocol, tuning_losses(self.on_tuning()))
+        self._run(self._to_judge(methods, found), f"{title}, judged unseen")
 
-    def tuned(self) -> pd.DataFrame:
-        """Return the mean loss of each setting on the drives of its tuning, and how many runs were lost.
-
-        Returns:
-            filter, adaptation, tuning, trial, drives, lost, loss. The loss has lost runs at ``lost_costs``.
-        """
+    def on_tuning(self) -> pd.DataFrame:
+        """Return the runs on the drives of all tunings, with their losses."""
         first, last = self.protocol.seeds_to_tune_on(0)[0], self.protocol.seeds_to_judge_on[0]
-        rows = with_losses(self.protocol, self.ledger.rows(range(first, last)))
-        known = rows.groupby(DRAWN, observed=True, sort=True)
-        return known.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
+        return with_losses(self.protocol, self.ledger.runs(range(first, last)))
 
     def judged(self) -> pd.DataFrame:
-        """Return the runs on unseen drives, as `with_losses` does."""
-        return with_losses(self.protocol, self.ledger.rows(self.protocol.seeds_to_judge_on))
-
-    def levels(self) -> dict[int, float]:
-        """Return the level of each drive."""
-        return _levels(self.protocol, self.ledger.rows())
+        """Return the runs on unseen drives, with their losses."""
+        return with_losses(self.protocol, self.ledger.runs(self.protocol.seeds_to_judge_on))
 
     def _to_tune(self, methods: Sequence[AuditMethod]) -> Iterator[list[Piece]]:
         """All methods on one block of drives, block after block: the drives of a block are made once."""
         for tuning in range(self.protocol.tunings):
             seeds = self.protocol.seeds_to_tune_on(tuning)
             own = {m: trials_of(self.protocol, m, tuning) for m in methods if tuning in self.protocol.tunings_of(m)}
-            for block in blocks(seeds):
+            for block in drive_blocks(seeds):
                 yield [Piece(self.protocol.dataset, method, trials, block) for method, trials in own.items()]
 
     def _to_judge(self, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> Iterator[list[Piece]]:
         of_method = dict(iter(picked.groupby(METHOD, observed=True)))
         own = {method: self._trials(method, of_method[method]) for method in methods}
-        for block in blocks(self.protocol.seeds_to_judge_on):
+        for block in drive_blocks(self.protocol.seeds_to_judge_on):
             wanted = {method: [seed for seed in block if seed in self.protocol.judges(method)] for method in methods}
             yield [
                 Piece(self.protocol.dataset, method, own[method], range(seeds[0], seeds[-1] + 1))
@@ -93,34 +83,32 @@ class Campaign:
         done = self.ledger.keys({piece.seeds[0] for pieces in planned for piece in pieces})
         left = [own for pieces in planned if (own := [piece for piece in pieces if piece.key not in done])]
         count, missing = sum(map(len, planned)), sum(map(len, left))
-        if missing and self.workers is None:
-            raise JerkbenchError(
-                f"Of {count} pieces of this audit {missing} are not stored in {self.ledger.folder}; run the audit"
-                " without --stored."
-            )
         order = Order(work=run_piece, groups=left, identity=cache(partial(self._identity, left)))
-        lent = self.workers.lent(missing) if self.workers and missing else None
-        with Progress(count, count - missing, doing=title, unit="pieces") as bar, self.ledger:
-            for piece, ran in outcomes(order, lent):
-                if isinstance(ran, Exception):
-                    raise ran
-                self.ledger.add(piece, ran)
-                bar.advance()
+        lent = self.workers.lent(missing) if missing else None
+        with Progress(count, count - missing, doing=title, unit="pieces") as bar:
+            try:
+                for _, runs in outcomes(order, lent):
+                    if isinstance(runs, Exception):
+                        raise runs
+                    self.ledger.add(runs)
+                    bar.advance()
+            finally:
+                self.ledger.flush()
 
     def _identity(self, groups: Sequence[Sequence[Piece]]) -> Identity:
         methods = {piece.method for pieces in groups for piece in pieces}
-        return identity_of(method_of(self.protocol.dataset, method)[0] for method in methods)
+        return identity_of(method_and_space(self.protocol.dataset, method)[0] for method in methods)
 
 
 def trials_of(protocol: AuditProtocol, method: AuditMethod, tuning: int) -> tuple[Trial, ...]:
     """Return the settings that a tuning tries of a method, its defaults first; a longer search begins as a shorter."""
-    _, space = method_of(protocol.dataset, method)
+    _, space = method_and_space(protocol.dataset, method)
     scramble = protocol.seeds_to_tune_on(tuning)[0]
     settings = tried_settings(max(protocol.searches(method)), space, scramble)
     return tuple(Trial(tuning, number, setting) for number, setting in enumerate(settings))
 
 
-def with_losses(protocol: AuditProtocol, rows: pd.DataFrame) -> pd.DataFrame:
+def with_losses(protocol: AuditProtocol, runs: pd.DataFrame) -> pd.DataFrame:
     """Return runs with ``lost``, the ``level`` of their drive, and their ``loss``.
 
     The level is the log error of the first plain filter at its defaults; a lost run costs ``lost_costs`` of it.
@@ -128,22 +116,23 @@ def with_losses(protocol: AuditProtocol, rows: pd.DataFrame) -> pd.DataFrame:
     Raises:
         JerkbenchError: that filter was lost itself, or has not run.
     """
-    levels = _levels(protocol, rows)
-    if missing := sorted(set(rows["seed"]) - set(levels)):
-        name = protocol.plains[0].name
+    filter_, plain = protocol.plains[0]
+    first = runs[(runs["filter"] == filter_) & (runs["adaptation"] == plain) & (runs["trial"] == 0)]
+    levels = first[first["status"] == "ok"].drop_duplicates("seed").set_index("seed")["log_error"].astype(float)
+    if missing := sorted(set(runs["seed"]) - set(levels.index)):
         raise JerkbenchError(
-            f"On drive {missing[0]} {name} was lost at its defaults, or has not run, so that a lost run costs nothing"
-            " that is known; make the faults milder, or run the audit to its end."
+            f"On drive {missing[0]} {filter_} + {plain} was lost at its defaults, or has not run, so that a lost run"
+            " costs nothing that is known; make the faults milder, or run the audit to its end."
         )
-    level, error = rows["seed"].map(levels).to_numpy(), rows["log_error"].to_numpy(dtype=float)
-    lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(error)
-    return rows.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
+    level, error = runs["seed"].map(levels).to_numpy(), runs["log_error"].to_numpy(dtype=float)
+    lost = (runs["status"] != "ok").to_numpy() | ~np.isfinite(error)
+    return runs.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
 
 
-def _levels(protocol: AuditProtocol, rows: pd.DataFrame) -> dict[int, float]:
-    first = (rows["filter"] == protocol.filters[0]) & (rows["adaptation"] == protocol.plain) & (rows["trial"] == 0)
-    known = rows[first & (rows["status"] == "ok")]
-    return dict(zip(known["seed"].tolist(), known["log_error"].tolist(), strict=True))
+def tuning_losses(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return each setting of a tuning, from its runs: filter, adaptation, tuning, trial, drives, lost, mean loss."""
+    settings = runs.groupby([*METHOD, "tuning", "trial"], observed=True, sort=True)
+    return settings.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
 
 
 def picks(protocol: AuditProtocol, tuned: pd.DataFrame) -> pd.DataFrame:

@@ -35,18 +35,16 @@ def cubes(rows: AuditRows, methods: Sequence[AuditMethod], tried: int = 0, cost:
         cost: of a lost run; default: that of the protocol. It changes what is judged, not what the search has found.
     """
     protocol, tried = rows.protocol, tried or rows.protocol.trials
-    tunings, seeds = protocol.tunings_of(methods[0]), protocol.judges(methods[0])
     found = picks(protocol, rows.tuned)
-    found = found[found["tried"] == tried]
-    on_tuning = np.full((len(methods), len(tunings)), np.nan)
-    on_tuning[_places(found, methods)] = found.loc[_known(found, methods), "loss"]
-    return Cubes(_judged(rows, methods, tried, seeds, len(tunings), cost or protocol.lost_costs), on_tuning)
+    return Cubes(
+        _array(_with_losses(rows, tried, cost or protocol.lost_costs), methods, ["tuning", "seed"]),
+        _array(found[found["tried"] == tried], methods, ["tuning"]),
+    )
 
 
 def defaults(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
     """Return the log errors (M, D) of ``methods`` at their defaults."""
-    protocol = rows.protocol
-    return _judged(rows, methods, 1, protocol.judges(methods[0]), 1, protocol.lost_costs)[:, 0]
+    return _array(_with_losses(rows, 1, rows.protocol.lost_costs), methods, ["seed"])
 
 
 def losses_of(rows: AuditRows, cost: float = 0.0) -> Losses:
@@ -67,31 +65,18 @@ def lost_shares(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
     return np.asarray(shares.loc[list(methods)], dtype=np.float64)
 
 
-def _judged(
-    rows: AuditRows, methods: Sequence[AuditMethod], tried: int, seeds: range, tunings: int, cost: float
-) -> FloatArray:
+def _with_losses(rows: AuditRows, tried: int, cost: float) -> pd.DataFrame:
     own = rows.judged[rows.judged["tried"] == tried]
-    own = own[_known(own, methods)]
-    method, tuning = _places(own, methods)
-    drive = own["seed"].to_numpy() - seeds[0]
     level = own["seed"].map(rows.drives.set_index("seed")["level"]).to_numpy()
     error = own["log_error"].to_numpy(dtype=np.float64)
-    losses = np.full((len(methods), tunings, len(seeds)), np.nan)
-    losses[method, tuning, drive] = log_losses(np.exp(error), np.isnan(error), np.exp(level), cost)
-    return losses
+    return own.assign(loss=log_losses(np.exp(error), np.isnan(error), np.exp(level), cost))
 
 
-def _known(table: pd.DataFrame, methods: Sequence[AuditMethod]) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    return np.asarray(_numbers(table, methods) >= 0)
-
-
-def _places(table: pd.DataFrame, methods: Sequence[AuditMethod]) -> tuple["np.ndarray", "np.ndarray"]:
-    """The places of the rows of ``methods``: the method's number and the tuning's."""
-    numbers = _numbers(table, methods)
-    return numbers[numbers >= 0], table["tuning"].to_numpy()[numbers >= 0].astype(int)
-
-
-def _numbers(table: pd.DataFrame, methods: Sequence[AuditMethod]) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    """(n,) the number of the method of each row; -1 of others."""
-    names = table["filter"].astype(str) + " + " + table["adaptation"].astype(str)
-    return pd.Index([method.name for method in methods]).get_indexer(pd.Index(names))
+def _array(table: pd.DataFrame, methods: Sequence[AuditMethod], axes: Sequence[str]) -> FloatArray:
+    """The column ``loss`` of a table as an array: the methods, then the ``axes`` in the order of their values."""
+    name = table["filter"].astype(str) + " + " + table["adaptation"].astype(str)
+    names = [method.name for method in methods]
+    known = table.assign(name=name)[name.isin(names)]
+    wide = known.pivot_table(index=[*axes], columns="name", values="loss", aggfunc="first", dropna=False, observed=True)
+    sizes = [known[axis].nunique() for axis in axes]
+    return np.asarray(wide[names].to_numpy(dtype=np.float64).T.reshape(len(names), *sizes))

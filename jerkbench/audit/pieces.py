@@ -1,12 +1,12 @@
 """A piece of an audit: some settings of one method, run over a block of drives; and where pieces are kept."""
 
+import hashlib
 import json
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 from uuid import uuid4
 
@@ -15,12 +15,12 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from jerkbench.audit.protocol import AuditMethod, job_of
+from jerkbench.audit.protocol import AuditMethod, audit_job
 from jerkbench.campaigns.entrant import knobs_of
 from jerkbench.files import write_atomically
 from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.jobs.key import code_digest, versions
 from jerkbench.jobs.rows import Task, work
 from jerkbench.tuning.space import Setting, Space
 
@@ -60,29 +60,18 @@ class Piece(NamedTuple):
         return (*self.method, self.trials[0].tuning, self.trials[0].number, self.seeds[0])
 
 
-def blocks(seeds: range) -> list[range]:
+def drive_blocks(seeds: range) -> list[range]:
     """Cut seeds so that a process keeps the drives of a block in memory."""
     return [seeds[begin : begin + KEPT_INPUTS] for begin in range(0, len(seeds), KEPT_INPUTS)]
 
 
-class Ran(NamedTuple):
-    """What came of a piece.
+def run_piece(piece: Piece) -> pd.DataFrame:
+    """Run a piece, in a worker.
 
-    Attributes:
-        error_m: (S, D) position RMSE of each setting on each drive; NaN: there is none.
-        status: (S, D) "ok", "diverged", or "failed: " and why.
-        cpu_s: time that a run took, mean.
+    Returns:
+        A run a row: the columns of `RUN`, status ("ok", "diverged", or "failed: " and why), log_error.
     """
-
-    error_m: np.ndarray[Any, np.dtype[np.float64]]
-    status: np.ndarray[Any, np.dtype[np.object_]]
-    cpu_s: float
-
-
-def run_piece(piece: Piece) -> Ran:
-    """Run a piece, in a worker."""
-    job, space = method_of(piece.dataset, piece.method)
-    began = time.process_time()
+    job, space = method_and_space(piece.dataset, piece.method)
     rows: list[list[dict[str, Any]]] = []
     for begin in range(0, len(piece.trials), TOGETHER):
         jobs = tuple(space.applied(job, trial.setting) for trial in piece.trials[begin : begin + TOGETHER])
@@ -92,128 +81,91 @@ def run_piece(piece: Piece) -> Ran:
             results, rest = work(rest)
             for own, result in zip(rows[begin:], results, strict=True):
                 own.extend(result.rows)
-    status = [[f"failed: {row['reason']}" if row["status"] == "failed" else row["status"] for row in o] for o in rows]
-    cpu_s = (time.process_time() - began) / (len(piece.trials) * len(piece.seeds))
-    error_m = np.array([[row.get(ERROR, np.nan) for row in own] for own in rows], dtype=np.float64)
-    return Ran(error_m, np.array(status, dtype=object), cpu_s)
+    runs = [(trial, row) for trial, own in zip(piece.trials, rows, strict=True) for row in own]
+    error_m = np.array([row.get(ERROR, np.nan) for _, row in runs], dtype=np.float64)
+    with np.errstate(divide="ignore"):
+        columns = {
+            "filter": piece.method.filter,
+            "adaptation": piece.method.adaptation,
+            "tuning": np.array([trial.tuning for trial, _ in runs], dtype=np.int8),
+            "trial": np.array([trial.number for trial, _ in runs], dtype=np.int16),
+            "seed": [row["seed"] for _, row in runs],
+            "status": [f"failed: {row['reason']}" if row["status"] == "failed" else row["status"] for _, row in runs],
+            "log_error": np.log(error_m).astype(np.float32),
+        }
+    return pd.DataFrame(columns)
 
 
 @lru_cache(maxsize=1024)
-def method_of(dataset: str, method: AuditMethod) -> tuple[Job, Space]:
+def method_and_space(dataset: str, method: AuditMethod) -> tuple[Job, Space]:
     """Return a method at its defaults, and its knobs."""
-    job = job_of(dataset, method)
+    job = audit_job(dataset, method)
     return job, knobs_of(job)
 
 
 # The pieces that are done, in files.
 
-KEY = ["filter", "adaptation", "tuning", "trial", "seed"]
-"""The columns of a run's place; those of its first run are the key of a piece, whose first trial are the defaults."""
+RUN = ["filter", "adaptation", "tuning", "trial", "seed"]
+"""The columns that name a run; those of its first run name a piece, whose first trial are the defaults."""
 TEXTS = ("filter", "adaptation", "status")
 HELD_S = 10.0
 """Pieces are stored so often: so much is lost with this process."""
 
 
 @dataclass
-class Ledger:
-    """The rows of all pieces in the files of one folder, as far as they belong to this protocol and this code.
+class RunLedger:
+    """The runs of all pieces, in the files of one folder, which belongs to one protocol and one code.
 
     Attributes:
         folder: of the files.
-        protocol: digest of the protocol.
-        any_code: whether rows that other code computed count too.
     """
 
     folder: Path
-    protocol: str
-    any_code: bool = False
     _held: list[pd.DataFrame] = field(default_factory=list)
     _written: float = field(default_factory=time.monotonic)
 
-    def __enter__(self) -> Self:
-        """Begin to take pieces."""
-        return self
+    @classmethod
+    def of(cls, protocol: str, folder: Path) -> Self:
+        """Return the ledger of a protocol's digest, this code and these libraries, below ``folder``."""
+        made = [protocol, code_digest("campaigns", "tuning"), json.dumps(versions())]
+        return cls(folder / hashlib.sha256("\n".join(made).encode()).hexdigest()[:12])
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Store what is held, whatever has ended it."""
-        self._flush()
-
-    def add(self, piece: Piece, ran: Ran) -> None:
-        """Take what came of a piece."""
-        S, D = ran.error_m.shape
-        with np.errstate(divide="ignore"):
-            log_error = np.log(ran.error_m).ravel().astype(np.float32)
-        self._held.append(
-            pd.DataFrame(
-                {
-                    "filter": piece.method.filter,
-                    "adaptation": piece.method.adaptation,
-                    "tuning": np.repeat([trial.tuning for trial in piece.trials], D).astype(np.int8),
-                    "trial": np.repeat([trial.number for trial in piece.trials], D).astype(np.int16),
-                    "seed": np.tile(np.array(piece.seeds), S),
-                    "status": ran.status.ravel(),
-                    "log_error": log_error,
-                    "cpu_s": np.float32(ran.cpu_s),
-                }
-            )
-        )
+    def add(self, runs: pd.DataFrame) -> None:
+        """Take the runs of a piece."""
+        self._held.append(runs)
         if time.monotonic() - self._written > HELD_S:
-            self._flush()
+            self.flush()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Store what is held."""
         if self._held:
-            table = compact(pd.concat(self._held, ignore_index=True)).replace_schema_metadata(self._maker())
-            write_atomically(self.folder / f"{uuid4().hex}.parquet", lambda path: write_compact(table, path))
+            write_rows(pd.concat(self._held, ignore_index=True), self.folder / f"{uuid4().hex}.parquet")
         self._held, self._written = [], time.monotonic()
 
-    def rows(self, seeds: range | None = None) -> pd.DataFrame:
-        """Return what is stored of the drives ``seeds`` (default: all), each run once."""
-        wanted = [] if seeds is None else [("seed", ">=", seeds.start), ("seed", "<", seeds.stop)]
-        tables = [pq.read_table(path, filters=wanted or None) for path in self._files()]
-        if not tables:
-            return pd.DataFrame(columns=[*KEY, "status", "log_error"])
-        rows: pd.DataFrame = pa.concat_tables(tables, promote_options="default").unify_dictionaries().to_pandas()
-        return rows.drop_duplicates(KEY, ignore_index=True)
+    def runs(self, seeds: range) -> pd.DataFrame:
+        """Return what is stored of the drives ``seeds``, each run once."""
+        wanted = [("seed", ">=", seeds.start), ("seed", "<", seeds.stop)]
+        tables = [pq.read_table(path, filters=wanted) for path in self.folder.glob("*.parquet")]
+        runs: pd.DataFrame = pa.concat_tables(tables).unify_dictionaries().to_pandas()
+        for name in TEXTS:  # in which order they were stored shall show nowhere
+            runs[name] = runs[name].cat.reorder_categories(sorted(runs[name].cat.categories))
+        return runs.drop_duplicates(RUN, ignore_index=True)
 
     def keys(self, firsts: Collection[int]) -> set[tuple[object, ...]]:
         """Return the keys of the pieces that are stored; ``firsts`` are the first seeds of their blocks."""
         wanted = [("seed", "in", firsts), ("trial", "==", 0)]
-        tables = [pq.read_table(path, columns=KEY, filters=wanted) for path in self._files()]
+        tables = [pq.read_table(path, columns=RUN, filters=wanted) for path in self.folder.glob("*.parquet")]
         return {key for table in tables for key in zip(*table.to_pydict().values(), strict=True)}
 
-    def makers(self) -> list[dict[str, str]]:
-        """Return the code and the commits that computed what is stored, each once."""
-        made = [pq.read_schema(path).metadata for path in self._files()]
-        texts = {json.dumps({name: own[name.encode()].decode() for name in self._maker()}) for own in made}
-        return [json.loads(text) for text in sorted(texts)]
 
-    def _files(self) -> Sequence[Path]:
-        """The files of this protocol and, unless any will do, of this code and these libraries."""
-        same = {"protocol": self.protocol}
-        if not self.any_code:
-            same |= {"code": code_digest(), "versions": json.dumps(versions())}
-        return [
-            path
-            for path in sorted(self.folder.glob("*.parquet"))
-            if (made := pq.read_schema(path).metadata)
-            and all(made.get(name.encode()) == value.encode() for name, value in same.items())
-        ]
-
-    def _maker(self) -> dict[str, str]:
-        own = {"code": code_digest(), "commit": git_commit(), "versions": json.dumps(versions())}
-        return {"protocol": self.protocol, **own}
-
-
-def compact(rows: pd.DataFrame) -> pa.Table:
-    """Return rows as a table in which each text is a code."""
-    return pa.Table.from_pandas(rows.astype({name: "category" for name in TEXTS if name in rows}), preserve_index=False)
-
-
-def write_compact(table: pa.Table, path: Path) -> None:
-    """Write a table of rows: codes as they are, the bytes of numbers apart, which compresses."""
+def write_rows(rows: pd.DataFrame, path: Path) -> None:
+    """Write rows as Parquet: each text as a code, the bytes of numbers apart, which compresses."""
+    coded = rows.astype({name: "category" for name in TEXTS if name in rows})
+    table = pa.Table.from_pandas(coded, preserve_index=False)
     floats = [known.name for known in table.schema if pa.types.is_floating(known.type)]
-    texts = [known.name for known in table.schema if known.name not in floats]
-    encoding = dict.fromkeys(floats, "BYTE_STREAM_SPLIT")
-    pq.write_table(table, path, compression="zstd", use_dictionary=texts, column_encoding=encoding)
+    how = {
+        "compression": "zstd",
+        "use_dictionary": [name for name in table.column_names if name not in floats],
+        "column_encoding": dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+    }
+    write_atomically(path, lambda partial: pq.write_table(table, partial, **how))

@@ -36,30 +36,10 @@ class AuditMethod(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class AuditProtocol:
-    """What an audit compares, and how long it searches.
+    """What an audit compares, and how long it searches; conf/audit/full.yaml explains all but two of it.
 
     Attributes:
-        version: of the protocol.
-        repeat: an audit with another number has other drives and other tunings.
-        dataset: preset of random drives.
-        laws: what that preset states.
-        tunings: independent searches of each method.
-        tune_drives: drives of a tuning.
-        judged_drives: drives that no tuning has seen.
-        trials: settings that each method may try in a tuning, its defaults among them.
-        plain_trials: settings of each plain filter, where it is compared with whoever is best of all methods.
-        filters: the kinematic filters that every adaptation runs on.
-        plain: the adaptation that changes nothing.
-        references: adaptations that are judged and never compared.
-        apart: estimators of another kind, tuned alike, and shown apart.
-        apart_with_adaptations: those of them that run with every adaptation that they take.
-        apart_tunings: tunings of these, the first ones.
-        apart_drives: drives that these are judged on, the first ones.
-        margin: a ratio within 1 + margin is equal.
-        lost_costs: a lost run costs so many times what the first filter has at its defaults, without adaptation.
-        lost_costs_shown: other such costs that are shown beside it.
-        resampled_audits: for the error of the whole procedure.
-        adaptations: what each of those that compete is: published, simplified or own.
+        laws: what the preset of the drives states.
         only: names of the adaptations to take; empty: all.
     """
 
@@ -142,11 +122,7 @@ class AuditProtocol:
         """The estimators that are shown apart, with the adaptations that they take."""
         own = [AuditMethod(name, self.plain) for name in self.apart]
         adapted = [AuditMethod(name, rule) for name in self.apart_with_adaptations for rule in self.compared]
-        return [*own, *(method for method in adapted if not refusal(job_of(self.dataset, method)))]
-
-    def plain_of(self, method: AuditMethod) -> AuditMethod:
-        """Return the plain filter of a method's model."""
-        return AuditMethod(method.filter, self.plain)
+        return [*own, *(method for method in adapted if not refusal(audit_job(self.dataset, method)))]
 
     def searches(self, method: AuditMethod) -> tuple[int, ...]:
         """How many settings each search of a method tries; the shorter one is the begin of the longer."""
@@ -161,7 +137,7 @@ class AuditProtocol:
         return self.seeds_to_judge_on[: None if method.filter in self.filters else self.apart_drives]
 
 
-def job_of(dataset: str, method: AuditMethod) -> Job:
+def audit_job(dataset: str, method: AuditMethod) -> Job:
     """Return a method at its defaults on the drives of a preset.
 
     Raises:
@@ -184,10 +160,10 @@ def read_protocol(scale: str) -> AuditProtocol:
         PluginError: there is none, or it does not hold together.
     """
     stated = preset("audit", scale)
-    return protocol_of({**stated, "laws": preset("dataset", str(stated.get("dataset")))}, f"conf/audit/{scale}.yaml")
+    return audit_protocol({**stated, "laws": preset("dataset", str(stated.get("dataset")))}, f"conf/audit/{scale}.yaml")
 
 
-def protocol_of(stated: Mapping[str, Any], where: str | Path) -> AuditProtocol:
+def audit_protocol(stated: Mapping[str, Any], where: str | Path) -> AuditProtocol:
     """Return the protocol that ``stated`` says, as it stands in the file ``where``.
 
     Raises:

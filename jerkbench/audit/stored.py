@@ -4,7 +4,6 @@ import dataclasses
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +11,15 @@ import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
-from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of
-from jerkbench.audit.pieces import compact, method_of, write_compact
-from jerkbench.audit.protocol import AuditMethod, AuditProtocol, protocol_of
+from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of, tuning_losses
+from jerkbench.audit.pieces import method_and_space, write_rows
+from jerkbench.audit.protocol import AuditMethod, AuditProtocol, audit_protocol
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.files import write_text
 
 PROTOCOL = "protocol.json"
 JUDGED = -1
 """The number that stands for a tuning, of drives that no tuning has seen."""
-FAULT = "drawn.fault."
-"""Columns of drives that tell a kind of fault begin so."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +34,6 @@ class AuditRows:
         judged: a run on an unseen drive a row: filter, adaptation, tuning, tried (settings of its search; 1: the
             defaults), trial, seed, status, log_error (of a lost run: NaN).
         settings: a knob of what a search has found a row: filter, adaptation, tuning, tried, knob, value.
-        costs: a method a row: filter, adaptation, runs, and cpu_s, the time of one of them.
     """
 
     protocol: AuditProtocol
@@ -46,51 +41,29 @@ class AuditRows:
     tuned: pd.DataFrame
     judged: pd.DataFrame
     settings: pd.DataFrame
-    costs: pd.DataFrame
 
     @property
-    def tables(self) -> Iterator[tuple[str, pd.DataFrame]]:
-        """The name of each table, and itself."""
-        own = [(known.name, getattr(self, known.name)) for known in dataclasses.fields(self)]
-        return ((name, table) for name, table in own if isinstance(table, pd.DataFrame))
-
-    @property
-    def kinds(self) -> list[str]:
-        """The kinds of faults, in the order of the laws."""
-        return [str(kind) for kind, *_ in self.protocol.laws["faults"]]
-
-    def faulty(self, seeds: "pd.Series[int] | pd.Index[int]") -> pd.DataFrame:
-        """Return a column for each kind of fault: whether it was drawn for each of ``seeds``."""
-        drives = self.drives.set_index("seed").reindex(seeds)
-        columns = {kind: drives.get(FAULT + kind, pd.Series(np.nan, drives.index)).notna() for kind in self.kinds}
-        return pd.DataFrame(columns)
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The tables by their names."""
+        return {name: getattr(self, name) for name in TABLES}
 
     def write(self, folder: Path) -> None:
         """Write each table into a file of its own."""
-        for name, table in self.tables:
-            compacted = compact(table)
-            write_atomically(folder / f"{name}.parquet", partial(write_compact, compacted))
+        for name, table in self.tables.items():
+            write_rows(table, folder / f"{name}.parquet")
 
 
-def collected(campaign: Campaign, methods: list[AuditMethod]) -> AuditRows:
-    """Return the rows of those ``methods`` whose campaign is at its end."""
-    protocol, tuned, runs = campaign.protocol, campaign.tuned(), campaign.judged()
-    tuned, runs = (rows[_of(rows, methods)].reset_index(drop=True) for rows in (tuned, runs))
-    picked = picks(protocol, tuned)
-    return AuditRows(
-        protocol=protocol,
-        drives=_drives(campaign),
-        tuned=tuned,
-        judged=_judged(runs, picked),
-        settings=pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)]),
-        costs=runs.groupby(METHOD, observed=True, sort=False)
-        .agg(runs=("seed", "size"), cpu_s=("cpu_s", "mean"))
-        .reset_index(),
-    )
+TABLES = tuple(known.name for known in dataclasses.fields(AuditRows) if known.name != "protocol")
 
 
-def _of(rows: pd.DataFrame, methods: list[AuditMethod]) -> Any:  # noqa: ANN401 - a mask
-    return pd.MultiIndex.from_frame(rows[METHOD].astype(str)).isin(methods)
+def collected(campaign: Campaign) -> AuditRows:
+    """Return the rows of a campaign at its end."""
+    protocol, on_tuning, judged = campaign.protocol, campaign.on_tuning(), campaign.judged()
+    settings = tuning_losses(on_tuning)
+    picked = picks(protocol, settings)
+    knobs = pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)])
+    levels = pd.concat([runs[["seed", "level"]].drop_duplicates("seed") for runs in (on_tuning, judged)])
+    return AuditRows(protocol, _drives(protocol, levels), settings, _judged(judged, picked), knobs)
 
 
 def _judged(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
@@ -104,20 +77,17 @@ def _judged(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
     return rows.drop(columns=["run_of", "lost"]).astype({"tuning": np.int8, "tried": np.int16, "trial": np.int16})
 
 
-def _drives(campaign: Campaign) -> pd.DataFrame:
-    protocol = campaign.protocol
-    known = campaign.levels()
+def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
     dataset: Any = plugins.create("dataset", dict(protocol.laws))
-    uses = [(seed, tuning) for tuning in range(protocol.tunings) for seed in protocol.seeds_to_tune_on(tuning)]
-    uses += [(seed, JUDGED) for seed in protocol.seeds_to_judge_on]
-    return pd.DataFrame(
-        [{"seed": seed, "tuning": tuning, "level": known[seed], **dataset.columns(seed)} for seed, tuning in uses]
-    )
+    drives = levels.sort_values("seed", ignore_index=True)
+    tuning = (drives["seed"] - protocol.seeds_to_tune_on(0)[0]) // protocol.tune_drives
+    drives.insert(1, "tuning", tuning.where(drives["seed"] < protocol.seeds_to_judge_on[0], JUDGED))
+    return drives.join(pd.DataFrame([dataset.columns(seed) for seed in drives["seed"].tolist()]))
 
 
 def _setting(protocol: AuditProtocol, picked: Any) -> Iterator[Mapping[str, object]]:  # noqa: ANN401 - a named tuple
     method = AuditMethod(picked.filter, picked.adaptation)
-    _, space = method_of(protocol.dataset, method)
+    _, space = method_and_space(protocol.dataset, method)
     trial = trials_of(protocol, method, picked.tuning)[picked.trial]
     for knob, value in zip(space.names, trial.setting, strict=True):
         yield {**method._asdict(), "tuning": picked.tuning, "tried": picked.tried, "knob": knob, "value": value}
@@ -141,17 +111,6 @@ def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
     write_text(path, json.dumps({"digest": protocol.digest, **dataclasses.asdict(protocol)}, indent=1))
 
 
-def manifest(protocol: AuditProtocol, makers: list[dict[str, str]]) -> dict[str, Any]:
-    """Return what says which code made an audit; a commit that ends with "+changes" can be had by nobody."""
-    return {
-        "protocol": protocol.digest,
-        "code": code_digest(),
-        "git_commit": git_commit(),
-        "versions": versions(),
-        "rows_computed_by": makers,
-    }
-
-
 def read_rows(folder: Path) -> AuditRows:
     """Return the rows of the audit in ``folder``.
 
@@ -160,12 +119,11 @@ def read_rows(folder: Path) -> AuditRows:
     """
     try:
         stated = json.loads((folder / PROTOCOL).read_text(encoding="utf-8"))
-        names = [known.name for known in dataclasses.fields(AuditRows)][1:]
-        tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in names}
+        tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
     except FileNotFoundError as error:
         raise JerkbenchError(f"{error.filename} is not there; run the audit to its end first.") from error
     digest = stated.pop("digest")
-    protocol = protocol_of(stated, folder / PROTOCOL)
+    protocol = audit_protocol(stated, folder / PROTOCOL)
     if protocol.digest != digest:
         raise JerkbenchError(f"{folder / PROTOCOL} says digest {digest}, but has {protocol.digest}; it was changed.")
     return AuditRows(protocol, **tables)

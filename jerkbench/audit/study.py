@@ -3,31 +3,30 @@
 import json
 from pathlib import Path
 
-from jerkbench.audit.answer import Answer, answered, changed_verdicts
+from jerkbench.audit.answer import AuditAnswer, answered, changed_verdicts
 from jerkbench.audit.campaign import Campaign
 from jerkbench.audit.losses import losses_of
 from jerkbench.audit.page import SECOND, write_page
-from jerkbench.audit.pieces import Ledger
+from jerkbench.audit.pieces import RunLedger
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.stored import collected, manifest, read_rows, write_protocol
+from jerkbench.audit.stored import collected, read_rows, write_protocol
 from jerkbench.audit.words import compared_text
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.drives_and_tunings import statements
 from jerkbench.files import write_text
 from jerkbench.jobs.cluster import Cluster, Workers
-from jerkbench.jobs.key import git_commit
+from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.notices import notify
 
 FOLDER = "audit-"
 """The name of a folder begins with it; the scale follows."""
 
+MANIFEST = "manifest.json"
 CHANGED = "+changes"
 """The end of a commit with changes."""
 
 
-def run_audit(
-    protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int, *, only_stored: bool = False
-) -> Answer:
+def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> AuditAnswer:
     """Run what is not stored in ``folder`` yet, and write the rows and the page.
 
     Args:
@@ -35,26 +34,32 @@ def run_audit(
         folder: of the audit.
         cluster: what runs it.
         workers: number of processes, where the cluster starts them.
-        only_stored: run nothing, and take what is stored, whatever code computed it.
 
     Raises:
-        JerkbenchError: a run failed, or is not stored and may not be run.
+        JerkbenchError: the folder has another protocol's results, or a run cannot be made.
         OSError: nothing can be written.
     """
+    made = {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()}
     if git_commit().endswith(CHANGED):
         notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
     write_protocol(protocol, folder)
-    ledger = Ledger(folder / "runs", protocol.digest, any_code=only_stored)
     with Workers(cluster, workers) as own:
-        campaign = Campaign(protocol, ledger, None if only_stored else own)
+        campaign = Campaign(protocol, RunLedger.of(protocol.digest, folder / "runs"), own)
         campaign.run(protocol.competing, "Audit")
         campaign.run(protocol.beside, "Other estimators")
-    rows = collected(campaign, [*protocol.competing, *protocol.beside])
-    rows.write(folder)
-    made = manifest(protocol, ledger.makers())
-    write_text(folder / "manifest.json", json.dumps(made, indent=1))
-    answer = answered(rows)
-    write_page(answer, folder, ", ".join(sorted({own["commit"] for own in made["rows_computed_by"]})))
+    collected(campaign).write(folder)
+    write_text(folder / MANIFEST, json.dumps(made, indent=1) + "\n")
+    return judged_audit(folder)
+
+
+def judged_audit(folder: Path) -> AuditAnswer:
+    """Judge the rows in ``folder``, whatever version computed them, and write the page.
+
+    Raises:
+        JerkbenchError: there are none.
+    """
+    answer = answered(read_rows(folder))
+    write_page(answer, folder, json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["git_commit"])
     return answer
 
 

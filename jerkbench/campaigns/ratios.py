@@ -55,6 +55,18 @@ def ratio_verdict(low: float, high: float, margin: float) -> Verdict:
     return Verdict.WORSE if low > 1 else Verdict.UNDECIDED
 
 
+def ratio_word(low: float, high: float, margin: float) -> str:
+    """Return the verdict of an interval of a ratio, as the audit has it: better or worse first, then equal.
+
+    >>> ratio_word(0.92, 0.98, 0.1), ratio_word(0.95, 1.04, 0.1), ratio_word(0.8, 1.2, 0.1)
+    ('better, by less than 10 %', 'equal', 'undecided')
+    """
+    shown = "better" if high < 1 else "worse" if low > 1 else ""
+    if 1 / (1 + margin) <= low and high <= 1 + margin:
+        return f"{shown}, by less than {100 * margin:g} %" if shown else "equal"
+    return shown or "undecided"
+
+
 def fastest_step_ns(rows: pd.DataFrame, duration_s: float) -> float:
     """Return the time of a step [ns], in the fastest of some runs."""
     return float(rows["seconds"].min() / (duration_s * IMU_HZ) * 1e9)

@@ -101,7 +101,7 @@ def _element(array: Any, width: int) -> Any:  # noqa: ANN401 - as above
 # Methods of a plugin, compiled as they are: `self` becomes a named tuple that is rebuilt from a vector of numbers.
 
 
-class Method(NamedTuple):
+class CompiledMethod(NamedTuple):
     """How a method of a plugin is called from compiled code.
 
     Attributes:
@@ -142,7 +142,7 @@ def _shape(value: object) -> object:
     return type(value) if isinstance(value, (bool, int, float)) else value
 
 
-def compiled_method(plugin: object, method: Method, width: int = 1) -> Any:  # noqa: ANN401 - numba has no types
+def compiled_method(plugin: object, method: CompiledMethod, width: int = 1) -> Any:  # noqa: ANN401 - numba has no types
     """Return the plugin's method as a compiled function for `jerkbench.compilation.methods`.
 
     It takes the addresses of the parameters, of each argument, and of the array that it fills if there is one; then
@@ -207,7 +207,7 @@ BODY = """\
         {else_}"""
 
 
-def _entry_source(plugin: object, method: Method, width: int) -> str:
+def _entry_source(plugin: object, method: CompiledMethod, width: int) -> str:
     """Text of the entry point: rebuild self, call the method."""
     arrays = [("parameters", "number"), *([("whole", "int64")] if width > 1 else [])]
     arrays += [(name, "number" if of == "float64" else of) for name, of, _ in method.arguments]
@@ -221,7 +221,7 @@ def _entry_source(plugin: object, method: Method, width: int) -> str:
     )
 
 
-def _body(plugin: object, method: Method, width: int) -> str:
+def _body(plugin: object, method: CompiledMethod, width: int) -> str:
     """Text of the call; of two where some sizes are usual."""
     if not method.usual:
         return f"    {_call(plugin, method, {}, width)}"
@@ -232,7 +232,7 @@ def _body(plugin: object, method: Method, width: int) -> str:
     )
 
 
-def _call(plugin: object, method: Method, known: dict[str, int], width: int) -> str:
+def _call(plugin: object, method: CompiledMethod, known: dict[str, int], width: int) -> str:
     """Text of the call, with numbers in the place of the sizes that are ``known``."""
 
     def sized(shape: str) -> str:

@@ -218,14 +218,20 @@ def _regular(run: Lanes, dims: Untyped, width: int) -> View | None:
     return View(tuple(sizes), range(0, width * math.prod(sizes), width), width)
 
 
+def _stack(builder: Untyped, view: View) -> Untyped:
+    """Room on the stack; numba's own way fills it with zeros each time, which takes as long as a step."""
+    with builder.goto_entry_block():
+        whole = builder.alloca(ir.ArrayType(llvm_vector(view.width), len(view.places)))
+    return builder.bitcast(whole, NUMBER.as_pointer())
+
+
 def _room(*, wide: bool) -> Untyped:
     def room_of(_typing: Untyped, run: Untyped, dims: Untyped) -> Untyped:
         view = _regular(run, dims, WIDE if wide else run.width)
 
         def generate(_context: Untyped, builder: Untyped, sig: Untyped, _args: Untyped) -> Untyped:
             view = sig.return_type
-            whole = cgutils.alloca_once(builder, ir.ArrayType(llvm_vector(view.width), len(view.places)))
-            return builder.bitcast(whole, NUMBER.as_pointer())
+            return _stack(builder, view)
 
         return view and (view(run, dims), generate)
 
@@ -233,7 +239,7 @@ def _room(*, wide: bool) -> Untyped:
 
 
 room: Callable[..., Any] = _room(wide=False)
-"""``room(run, "n n")``: a matrix until the function returns; what never leaves the function needs no memory."""
+"""``room(run, "n n")``: a matrix until the function returns, of any content; what never leaves it needs no memory."""
 
 wide_room: Callable[..., Any] = _room(wide=True)
 """The same of vectors of `WIDE` numbers, also of one run."""
@@ -273,8 +279,7 @@ def taken(_typing: Untyped, array: Untyped, k: Untyped, run: Untyped, dims: Unty
         first = builder.gep(given.data, [builder.mul(k, builder.mul(last, LONG(len(view.places))))])
         if view.width == 1:
             return first
-        whole = cgutils.alloca_once(builder, ir.ArrayType(llvm_vector(view.width), len(view.places)))
-        into = builder.bitcast(whole, NUMBER.as_pointer())
+        into = _stack(builder, view)
         with builder.if_else(builder.icmp_signed("==", last, LONG(1))) as (shared, apart):
             with shared:
                 for e, place in enumerate(view.places):

@@ -55,23 +55,17 @@ def check_dataset(plugin: Plugin) -> None:
     require_that(
         isinstance(first, Recording), f"{subject}.load() gives a {type(first).__name__}; it must be a Recording."
     )
-    _check_positions(subject, plugin, first)
+    require_that(
+        is_attitude_only(plugin) or first.position is not None,
+        f"{subject}.load() gives no positions; a filter has nothing to start from. If there are none, say so with a"
+        " class attribute attitude_only = True.",
+    )
     mark = pure_result(f"{subject}.fingerprint()", plugin.fingerprint)
     require_that(isinstance(mark, str), f"{subject}.fingerprint() is {mark!r}; it must be a string.")
     alike = identical(first, plugin.load(1))
     require_that(alike or plugin.seeded, f"{subject}.load() depends on the seed, but its seeded is False.")
     require_that(
         not alike or not plugin.seeded, f"{subject}.load() gives the same for seeds 0 and 1, but its seeded is True."
-    )
-
-
-def _check_positions(subject: str, plugin: Plugin, recording: Recording) -> None:
-    """Only a data set that says so has no positions."""
-    without = is_attitude_only(plugin)
-    require_that(
-        without or recording.position is not None,
-        f"{subject}.load() gives no positions; a filter has nothing to start from. If there are none, say so with a"
-        " class attribute attitude_only = True.",
     )
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.datasets.broad import BroadTrial, recording_of
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import best_rotation, dcm_from_euler, roll_pitch
@@ -99,7 +99,7 @@ class RepoImu:
 
 def aligned(trial: BroadTrial, imu: Imu) -> BroadTrial:
     """Return the trial with its reference in the axes of the IMU, upright, scored where it agrees with gravity."""
-    known = np.isfinite(trial.quaternion_wxyz).all(axis=1)
+    known: BoolArray = np.asarray(np.isfinite(trial.quaternion_wxyz).all(axis=1))
     q = Rotation.from_quat(np.where(known[:, None], trial.quaternion_wxyz, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
     accel, gyro = imu.accel_mps2.copy(), imu.gyro_radps[1:]
     mean = uniform_filter1d(q.apply(accel), round(WINDOW_S * RATE_HZ), axis=0, mode="nearest")

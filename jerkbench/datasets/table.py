@@ -33,7 +33,7 @@ from jerkbench.io.table import (
     CHOICES,
     COVARIANCE_FRAMES,
     Source,
-    Stream,
+    TableStream,
     TimedColumns,
     require_columns,
     require_origin,
@@ -289,14 +289,14 @@ class Tables(TimedColumns):
         quality = getattr(self, f"{stream}_quality_column", "")
         return Source(stream, file, time, shift_s, unit, qualities, quality)
 
-    def _samples(self) -> Stream | None:
+    def _samples(self) -> TableStream | None:
         """Return the rows of the IMU; None where there is none."""
         if not self.imu_file:
             return None
         stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
         return stream.only((*self.imu_accel, *self.imu_gyro))
 
-    def _first_ns(self, samples: Stream | None) -> int:
+    def _first_ns(self, samples: TableStream | None) -> int:
         """Return time 0: that of the first sample, or, without an IMU, of the first fix."""
         if samples is None:
             source = self._source("position")
@@ -305,7 +305,7 @@ class Tables(TimedColumns):
             samples = self.read(source).only(self.position_columns)
         return int(samples.t_ns[0]) if len(samples.t_ns) else 0
 
-    def _imu(self, samples: Stream | None, zero_ns: int) -> tuple[Imu | None, tuple[str, ...]]:
+    def _imu(self, samples: TableStream | None, zero_ns: int) -> tuple[Imu | None, tuple[str, ...]]:
         """Return the samples in the body, None where there are none, and what a reader has to know of them."""
         if samples is None:
             return None, (NO_IMU,)

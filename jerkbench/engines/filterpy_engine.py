@@ -26,7 +26,7 @@ from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.plugins import register
 from jerkbench.timeline import Recorder, Timeline
 
-COVARIANCES = ("joseph", "paper")
+COVARIANCE_FORMS = ("joseph", "paper")
 
 
 @register("engine", "filterpy")
@@ -54,8 +54,8 @@ class FilterpyEngine:
 
     def __post_init__(self) -> None:
         """Check the form of the covariance update."""
-        if self.covariance not in COVARIANCES:
-            raise PluginError(unknown("covariance update", self.covariance, COVARIANCES))
+        if self.covariance not in COVARIANCE_FORMS:
+            raise PluginError(unknown("covariance update", self.covariance, COVARIANCE_FORMS))
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""

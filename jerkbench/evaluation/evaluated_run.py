@@ -1,7 +1,7 @@
 """When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -142,7 +142,7 @@ def metric_values(
     def columns(metric: Metric) -> Mapping[str, float]:
         """Return the columns of one metric, from the sums where it can."""
         if sums is not None and has_methods(metric, Summarising):
-            return cast("Summarising", metric).summarise(sums)
+            return metric.summarise(sums)
         return evaluate(metric, estimate, recording, counted)
 
     return {**gathered((metric, columns(metric)) for metric in metrics), **recording.parameters}

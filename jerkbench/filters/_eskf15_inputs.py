@@ -7,19 +7,18 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, Same, require_not_negative
-from jerkbench.attitude.common import filtered_yaw
-from jerkbench.attitude.yaw import required_track
+from jerkbench.attitude.yaw import estimate_yaw, required_track
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.mechanisation import SensorNoise, earth_at
-from jerkbench.inertial.run_inputs import Constraints, Events, Journey, Settings, merge_events, still_samples
+from jerkbench.inertial.run_inputs import Constraints, Events, InertialSettings, Journey, merge_events, still_samples
 from jerkbench.inertial.state import NavigationState
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, build_timeline
 
-YAW_SOURCES = ("attitude", "track")
+INERTIAL_YAW_SOURCES = ("attitude", "track")
 
 DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
@@ -144,8 +143,8 @@ class Eskf15Parameters:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.yaw_source not in YAW_SOURCES:
-            raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, YAW_SOURCES))
+        if self.yaw_source not in INERTIAL_YAW_SOURCES:
+            raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES))
         optional = ("position_sigma_m",) if self.position_sigma_m is not None else ()
         for name in (*POSITIVE, *optional):
             if not getattr(self, name) > 0:
@@ -254,13 +253,13 @@ def first_yaw(
     """First yaw and its sigma, as its source sees it; an attitude that says none is taken to be sure."""
     if parameters.yaw_source == "track":
         track, (roll, pitch, _) = required_track(recording, parameters.track_least_m), attitude.euler_rad.T
-        yaw = filtered_yaw(recording.inertial, roll, pitch, track, YAW_WALK, COURSE_SIGMA_RAD)
+        yaw = estimate_yaw(recording.inertial, roll, pitch, track, YAW_WALK, COURSE_SIGMA_RAD)
         return float(yaw.rad[sample]), float(yaw.sigma_rad[sample])
     known = attitude.yaw_sigma_rad
     return float(attitude.euler_rad[sample, 2]), 0.0 if known is None else float(known[sample])
 
 
-def _settings(parameters: Eskf15Parameters, recording: Recording) -> Settings:
+def _settings(parameters: Eskf15Parameters, recording: Recording) -> InertialSettings:
     imu = recording.inertial
     still = np.zeros(len(imu.t_s), dtype=np.bool_)
     if parameters.zero_velocity:
@@ -272,7 +271,7 @@ def _settings(parameters: Eskf15Parameters, recording: Recording) -> Settings:
         sideways_sigma_mps=parameters.nonholonomic_sigma_mps if parameters.nonholonomic else 0.0,
         sideways_point_m=np.array(parameters.nonholonomic_point_m),
     )
-    return Settings(
+    return InertialSettings(
         noise=parameters.sensor_noise(),
         earth=earth_at(recording.origin, rotates=parameters.earth_rotation, curved=parameters.earth_curvature),
         antenna_m=np.array(parameters.antenna_m),

@@ -43,7 +43,7 @@ def embedded(model: Filter, like: Filter) -> Filter:
     return model if len(model.initial_variances()) >= len(wanted) else WithInertState(model, float(wanted[0]))
 
 
-def begin(
+def mixed_start(
     timeline: Timeline, models: Sequence[Filter], transitions: FloatArray, mu: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the mixed states (k, n), covariances (k, n, n) and weights c (k,) of k filters at the start."""
@@ -65,7 +65,7 @@ class Mixture:
         """Start all filters from the timeline's start."""
         self.timeline, self.transitions = timeline, transitions
         self.models = [StepModels(model, timeline.dt0_s) for model in models]
-        self.x, self.P, self.weights = begin(timeline, models, transitions, mu)
+        self.x, self.P, self.weights = mixed_start(timeline, models, transitions, mu)
         measured = timeline.measurements
         self.R = measured.covariances(true=wants_truth(adaptation))
         self.adaptation, self.memory = clocked(adaptation, timeline), empty_memory(adaptation)
@@ -79,7 +79,7 @@ class Mixture:
             if dt > 0:
                 self._predict(dt, t.accel_enu_mps2[sample])
             if update >= 0 and not self._update(update):
-                return self.recorder.estimate(f"a covariance is no longer positive definite at {t.t_s[k]:.2f} s")
+                return self.recorder.estimate(f"the covariance is no longer positive definite at {t.t_s[k]:.2f} s")
             if reference >= 0:
                 x, P = combined(self.x, self.P, self.weights)
                 self.recorder.state(reference, x[:6], P[:6, :6])

@@ -1,17 +1,21 @@
 """What linear estimators share: the model of three axes, the start, the measurement updates, ranges of noises."""
 
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
+from jerkbench.estimate import Attitude, Estimate
 from jerkbench.kalman import squared_distance, updated
 from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.parameters import DefaultOrigin, Range
-from jerkbench.timeline import Recorder, Timeline
+from jerkbench.recording import Recording
+from jerkbench.sums import RecordedRun, Run, Streamed
+from jerkbench.timeline import Recorder, Timeline, kept_timeline
 
 
 class StepModel(NamedTuple):
@@ -124,6 +128,56 @@ class MeasurementUpdates:
             x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
         self.recorder.update(row, rows, innovation, np.diag(R), nis, used, log_det)
         return x, P, prior
+
+
+CompiledWays = tuple[Callable[..., Estimate | None], Callable[..., Sequence[Streamed | None]]]
+"""What runs one timeline with its trajectory, and what runs several without."""
+
+
+class OverTimelines:
+    """The compiled way of an estimator over kinematic filters: `jerkbench.contracts.Batched`."""
+
+    def compiled_ways(self) -> CompiledWays | None:
+        """Return what runs one timeline with its trajectory, and what runs several without; None: nothing does."""
+        raise NotImplementedError
+
+    def start(self, timeline: Timeline) -> Any:  # noqa: ANN401 - what its compiled ways begin with
+        """Return the filters at the start of a timeline."""
+        raise NotImplementedError
+
+    def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
+        """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
+        from jerkbench.kinematic.plugin_call import compiled_rule  # what it imports takes half a second
+
+        timeline, ways = kept_timeline(recording, attitude), self.compiled_ways()
+        rule = compiled_rule(clocked(adaptation, timeline))
+        return None if rule is None or ways is None else ways[0](timeline, self.start(timeline), rule)
+
+    def run_settings(
+        self,
+        runs: Sequence[RecordedRun],
+        estimators: Sequence[Self],
+        adaptations: Sequence[Adaptation],
+        *,
+        updates: bool,
+        attitude: bool,
+        threads: int,
+    ) -> Sequence[Streamed | None]:
+        """Return the sums of each run, with its own of ``estimators`` and ``adaptations``; it finds no attitude."""
+        from jerkbench.kinematic.plugin_call import compiled_rule
+
+        results: list[Streamed | None] = [None] * len(runs)
+        every = enumerate(zip(adaptations, runs, strict=True))
+        rules = {k: rule for k, (a, run) in every if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
+        ways = [way for k in rules if (way := estimators[k].compiled_ways()) is not None]
+        if not ways or len(ways) < len(rules):
+            return results
+        compiled_runs = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
+        starts = [estimators[k].start(runs[k].timeline) for k in rules]
+        streamed = ways[0][1](compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
+        for k, result in zip(rules, streamed, strict=True):
+            results[k] = result
+        return results
 
 
 # The adaptations that an estimator can take.

@@ -18,9 +18,43 @@ from jerkbench.sums import RecordedRun, Streamed
 from jerkbench.timeline import Timeline
 
 
+class InertialFilter(Eskf15Parameters):
+    """What the filters with the parts and the parameters of `eskf15` share; they run in NumPy with either engine."""
+
+    invariant: ClassVar[bool] = False
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """Names of the adaptations that it accepts: all that change R alone."""
+        return of_r_alone()
+
+    def require(self, load: Callable[[], Recording]) -> None:
+        """Check, before a sweep begins, that the recording of ``load`` has the wheel whose scale was asked for.
+
+        Raises:
+            RecordingError: it has not.
+        """
+        if self.wheel_scale:
+            aided(self, load())
+
+    def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
+        """Return the navigation solution at the reference's stamps."""
+        return self.solve(recording, attitude, adaptation).estimate
+
+    def solve(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> InertialSolution:
+        """Return the navigation solution with the state and the whole covariance at the end."""
+        journey = self.journey(recording, attitude)
+        run = InertialRun(journey.imu, journey.timeline, journey.headings, journey.start, adaptation, journey.settings)
+        return run.over(journey.events)
+
+    def journey(self, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> Journey:
+        """Return everything that a run needs besides its adaptation, as `run_inputs` says."""
+        return run_inputs(self, recording, attitude, timeline)
+
+
 @register("filter", "eskf15")
 @dataclass(frozen=True)
-class Eskf15(Eskf15Parameters):
+class Eskf15(InertialFilter):
     """Error-state inertial navigation with 15 states: position, velocity, attitude, gyro and accelerometer bias.
 
     Unlike the kinematic filters it integrates the raw IMU itself, so that position and velocity correct the attitude
@@ -83,31 +117,6 @@ class Eskf15(Eskf15Parameters):
     )
 
     title: ClassVar[str] = "eskf15"
-    invariant: ClassVar[bool] = False
-
-    @property
-    def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that change R alone."""
-        return of_r_alone()
-
-    def require(self, load: Callable[[], Recording]) -> None:
-        """Check, before a sweep begins, that the recording of ``load`` has the wheel whose scale was asked for.
-
-        Raises:
-            RecordingError: it has not.
-        """
-        if self.wheel_scale:
-            aided(self, load())
-
-    def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the navigation solution at the reference's stamps."""
-        return self.solve(recording, attitude, adaptation).estimate
-
-    def solve(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> InertialSolution:
-        """Return the navigation solution with the state and the whole covariance at the end."""
-        journey = self.journey(recording, attitude)
-        run = InertialRun(journey.imu, journey.timeline, journey.headings, journey.start, adaptation, journey.settings)
-        return run.over(journey.events)
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
         """Return the same as `estimate`; None where numba cannot compile the adaptation."""
@@ -143,10 +152,6 @@ class Eskf15(Eskf15Parameters):
 
         scorings, journeys = [run.scoring for run in runs], [journey(k) for k in range(len(runs))]
         return stream_journeys(journeys, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
-
-    def journey(self, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> Journey:
-        """Return everything that a run needs besides its adaptation, as `run_inputs` says."""
-        return run_inputs(self, recording, attitude, timeline)
 
 
 @lru_cache(maxsize=32)  # as many as a process keeps recordings; for the next adaptation

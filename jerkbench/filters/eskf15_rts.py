@@ -5,8 +5,8 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_alone import Eskf15Alone
-from jerkbench.inertial.smoother import smooth
+from jerkbench.filters.eskf15 import InertialFilter
+from jerkbench.inertial.smoother import smooth_navigation
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -14,7 +14,7 @@ from jerkbench.recording import Recording
 
 @register("filter", "eskf15_rts")
 @dataclass(frozen=True)
-class Eskf15Smoother(Eskf15Alone):
+class Eskf15Smoother(InertialFilter):
     """The Rauch-Tung-Striebel smoother over `eskf15`: every estimate knows all measurements, later ones too.
 
     Forward it is eskf15 with the adaptation and with every parameter of it. A node is a step at which something is
@@ -44,4 +44,4 @@ class Eskf15Smoother(Eskf15Alone):
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
-        return smooth(self.journey(recording, attitude), adaptation)
+        return smooth_navigation(self.journey(recording, attitude), adaptation)

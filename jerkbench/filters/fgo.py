@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_alone import Eskf15Alone
 from jerkbench.filters._eskf15_inputs import DEFORMATION
+from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.inertial.factor_graph import Graph, Options
 from jerkbench.inertial.graph_solution import batch, estimate_of, fixed_lag
 from jerkbench.inertial.run_inputs import Journey
@@ -22,7 +22,7 @@ NOT_TAKEN = (*DEFORMATION, "wheel_scale", "zero_velocity", "nonholonomic", "eart
 
 @register("filter", "fgo")
 @dataclass(frozen=True)
-class FactorGraph(Eskf15Alone):
+class FactorGraph(InertialFilter):
     """Inertial navigation as a factor graph on GTSAM, over the whole drive or its last seconds, robust on request.
 
     A node for each time of a measurement: pose, velocity, biases. The graph minimises, with r whitened residuals::

@@ -1,6 +1,5 @@
 """Interacting multiple models: two kinematic filters that share one state."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,21 +9,27 @@ from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._mixture import Mixture, begin, embedded
-from jerkbench.filters._over_timelines import OverTimelines
+from jerkbench.filters._mixture import Mixture, embedded, mixed_start
 from jerkbench.filters.acceleration import Acceleration
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
-from jerkbench.filters.common import ACCEL, ACCEL_WALK, BIAS_WALK, JERK_WALK, STAYS, of_r_alone
+from jerkbench.filters.common import (
+    ACCEL,
+    ACCEL_WALK,
+    BIAS_WALK,
+    JERK_WALK,
+    STAYS,
+    CompiledWays,
+    OverTimelines,
+    of_r_alone,
+)
 from jerkbench.filters.jerk import Jerk
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, build_timeline
 
 if TYPE_CHECKING:
-    from jerkbench.kinematic.plugin_call import Rule
     from jerkbench.linear.mixture import Mixed  # what it imports takes half a second
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
@@ -145,24 +150,11 @@ class InteractingMultipleModels(OverTimelines):
         """Return the combined solution at the reference's stamps."""
         return self._mixture(build_timeline(recording, attitude), adaptation).to_the_end()
 
-    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
-        from jerkbench.linear.mixture import mix_alone
+    def compiled_ways(self) -> CompiledWays:
+        """Return what mixes the filters over one timeline, and over several side by side."""
+        from jerkbench.linear.mixture import mix_alone, mix_many
 
-        return mix_alone(timeline, self.start(timeline), rule)
-
-    def _together(
-        self,
-        runs: Sequence[Run],
-        estimators: "Sequence[InteractingMultipleModels]",
-        rules: "Sequence[Rule]",
-        *,
-        updates: bool,
-        threads: int,
-    ) -> Sequence[Streamed | None]:
-        from jerkbench.linear.mixture import mix_many
-
-        starts = [estimator.start(run.timeline) for estimator, run in zip(estimators, runs, strict=True)]
-        return mix_many(runs, starts, rules, updates=updates, threads=threads)
+        return mix_alone, mix_many
 
     def _mixture(self, timeline: Timeline, adaptation: Adaptation) -> Mixture:
         return Mixture(timeline, self.models(), self.transitions(), self._probabilities(), adaptation)
@@ -175,7 +167,7 @@ class InteractingMultipleModels(OverTimelines):
         from jerkbench.linear.mixture import Mixed
 
         models, transitions = self.models(), self.transitions()
-        x, P, weights = begin(timeline, models, transitions, self._probabilities())
+        x, P, weights = mixed_start(timeline, models, transitions, self._probabilities())
         return Mixed(models, transitions, weights, x, P)
 
     def _model(self, name: str, accel_mps2: float, walk_mps2_per_sqrt_s: float) -> Filter:

@@ -1,8 +1,8 @@
 """The Rauch-Tung-Striebel smoother over a kinematic filter, or over fixes alone: it sees the future."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._over_timelines import OverTimelines
 from jerkbench.filters.acceleration import Acceleration
 from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.bias import Bias
@@ -20,7 +19,9 @@ from jerkbench.filters.common import (
     BIAS_WALK,
     JERK_WALK,
     VELOCITY_WALK,
+    CompiledWays,
     MeasurementUpdates,
+    OverTimelines,
     StepModels,
     initial,
     of_r_or_fading,
@@ -32,11 +33,7 @@ from jerkbench.kalman import is_healthy
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Recorder, Timeline, build_timeline
-
-if TYPE_CHECKING:
-    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
 
 MODELS = ("baseline", "bias", "jerk")
 OF_FIXES = ("acceleration", "constant_turn", "constant_velocity")
@@ -68,28 +65,15 @@ class Smoother(OverTimelines):
             recorder.state(int(timeline.reference[k]), x[k, :6], P[k, :6, :6])
         return recorder.estimate(failure)
 
-    def _alone(self, timeline: Timeline, rule: "Rule") -> Estimate | None:
-        from jerkbench.linear.smoother import smooth_one
+    def compiled_ways(self) -> CompiledWays | None:
+        """Return what smooths one timeline, and several side by side; of a turn there is no compiled way."""
+        from jerkbench.linear.smoother import smooth_many, smooth_one
 
-        model = self.kinematic_filter()
-        return None if isinstance(model, ConstantTurn) else smooth_one(timeline, model, rule)
+        return None if isinstance(self.kinematic_filter(), ConstantTurn) else (smooth_one, smooth_many)
 
-    def _together(
-        self,
-        runs: Sequence[Run],
-        estimators: "Sequence[Smoother]",
-        rules: "Sequence[Rule]",
-        *,
-        updates: bool,
-        threads: int,
-    ) -> Sequence[Streamed | None]:
-        from jerkbench.linear.smoother import smooth_many
-
-        models = [estimator.kinematic_filter() for estimator in estimators]
-        linear = [model for model in models if not isinstance(model, ConstantTurn)]
-        if len(linear) < len(models):  # nothing of it is compiled
-            return [None] * len(models)
-        return smooth_many(runs, linear, rules, updates=updates, threads=threads)
+    def start(self, timeline: Timeline) -> Filter | ConstantTurn:
+        """Return the filter of the forward pass, which begins as the timeline says."""
+        return self.kinematic_filter()
 
 
 @register("filter", "rts")

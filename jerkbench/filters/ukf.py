@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_alone import Eskf15Alone
 from jerkbench.filters._eskf15_inputs import DEFORMATION
+from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.inertial.unscented import UnscentedRun
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
@@ -18,7 +18,7 @@ LITERATURE = "literature: Wan and van der Merwe 2000 for a Gaussian prior"
 
 @register("filter", "ukf")
 @dataclass(frozen=True)
-class Ukf(Eskf15Alone):
+class Ukf(InertialFilter):
     """Inertial navigation by an unscented Kalman filter over the error state, attitudes as rotation vectors.
 
     The nominal state, the measurements, the start and the parameters are those of `eskf15`; scale factors, a wheel's

@@ -17,7 +17,7 @@ from jerkbench.errors import JerkbenchError, PluginError, exit_with
 from jerkbench.hydra_app.configuration import (
     LAUNCHER,
     check_options,
-    job_of,
+    configured_job,
     register_hydra_parts,
     register_schemas,
     study_folder,
@@ -97,7 +97,7 @@ def one(config: DictConfig) -> None:
         check_options(config)
         cluster_of(config)  # not needed here; an option that it has not is refused all the same
         plain: Any = OmegaConf.to_container(config, resolve=True)
-        job = job_of(plain, task.runtime.choices, list(task.overrides.task))
+        job = configured_job(plain, task.runtime.choices, list(task.overrides.task))
         sweeping, store = task.mode == RunMode.MULTIRUN, Store(study_folder(config))
         if (reason := refusal(job)) and sweeping:
             print(f"Left out: {reason}.", file=sys.stderr)

@@ -102,7 +102,7 @@ def study_folder(config: DictConfig) -> Path:
     return Path(str(config.results)) / str(config.study)
 
 
-def job_of(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Job:
+def configured_job(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Job:
     """Make the job that a composed configuration describes.
 
     Args:

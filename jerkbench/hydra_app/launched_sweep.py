@@ -15,7 +15,7 @@ from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.hydra_app.composition import compose_jobs
-from jerkbench.hydra_app.configuration import job_of, study_folder
+from jerkbench.hydra_app.configuration import configured_job, study_folder
 from jerkbench.hydra_app.looks import Look, forecast, looks_left, planned_looks, undecided
 from jerkbench.hydra_app.words import cluster_of
 from jerkbench.jobs.cluster import Cluster, ClusterError, Workers, processors
@@ -175,7 +175,7 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
     try:
         with Pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
             composed = compose_jobs(loader, config, jobs)
-            plan = planned(job_of(job.plain, job.choices, job.overrides) for job in composed)
+            plan = planned(configured_job(job.plain, job.choices, job.overrides) for job in composed)
         cluster = cluster_of(config)
     except JerkbenchError as error:
         exit_with(error)

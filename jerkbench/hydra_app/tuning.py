@@ -33,7 +33,7 @@ from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.search import Budget, Effort, Tuning, tune
 from jerkbench.tuning.space import R_STREAMS, Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-from jerkbench.tuning.summary import record, summary, tunings_table
+from jerkbench.tuning.summary import record, tuning_page, tunings_table
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.
@@ -246,7 +246,7 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     outcome, objective = tuning.outcome, tuning.effort.objective.name
     remarks = f"Tuned by jerkbench: {objective}, {len(outcome.trials)} settings, {tuning.cases.split}."
     write_presets(tuning, folder / "conf", remarks)
-    page = f"{passive(summary(tuning))}\nTake it with: {command}\n"
+    page = f"{passive(tuning_page(tuning))}\nTake it with: {command}\n"
     write_text(folder / "tuning.md", page)
     write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
     scenarios = [case.labels.scenario for case in tuning.cases.tune]

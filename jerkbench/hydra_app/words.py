@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench.errors import JerkbenchError, PluginError, unknown
-from jerkbench.hydra_app.configuration import check_options, job_of, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import check_options, configured_job, register_hydra_parts, register_schemas
 from jerkbench.hydra_app.messages import hydra_sentence
 from jerkbench.hydra_app.typed_words import arranged_words
 from jerkbench.jobs.cluster import Cluster
@@ -49,7 +49,7 @@ class Words:
         plain: Any = OmegaConf.to_container(self.config, resolve=True)
         plain["filter"] = {**plain["filter"], **filter_parameters}
         plain["dataset"] = {**plain["dataset"], **(dataset or {})}
-        return job_of(plain, self.choices, self.overrides)
+        return configured_job(plain, self.choices, self.overrides)
 
 
 def composed(words: Sequence[str]) -> Words:

@@ -15,7 +15,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
 from jerkbench.inertial.run import InertialSolution
-from jerkbench.inertial.run_inputs import Journey, Settings
+from jerkbench.inertial.run_inputs import InertialSettings, Journey
 from jerkbench.inertial.state import Deformation, NavigationState
 from jerkbench.kinematic.loop import APART, runs_of
 from jerkbench.kinematic.packs import Pack
@@ -159,7 +159,7 @@ def inertial_of(journeys: Sequence[Journey], lengths_s: FloatArray, visited: int
     )
 
 
-def _arms(s: Settings) -> FloatArray:
+def _arms(s: InertialSettings) -> FloatArray:
     """Lever arms (4, 3), as `Inertial` has them; a velocity along the body is that of the IMU."""
     velocity_m = {"enu": s.antenna_m, "body": np.zeros(3), "speed": s.wheel_m}[s.velocity_frame]
     return np.array([s.antenna_m, velocity_m, s.constraints.sideways_point_m, s.reference_point_m])
@@ -169,7 +169,7 @@ def _lanes(parts: Sequence[FloatArray]) -> FloatArray:
     return np.ascontiguousarray(np.stack(parts, axis=-1), np.float64)
 
 
-@lru_cache(maxsize=2)  # for the next adaptation
+@lru_cache(maxsize=8)  # for the next adaptation; some 6 MB each
 def _sensed(imus: tuple[Imu, ...]) -> tuple[FloatArray, FloatArray]:
     """Specific force and rate in vectors."""
     return _lanes([imu.accel_mps2 for imu in imus]), _lanes([imu.gyro_radps for imu in imus])

@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.factor_graph import Graph, Known, to_eskf
-from jerkbench.inertial.mechanisation import FLAT, advance, calibrated, propagated, step_noise, transition
+from jerkbench.inertial.mechanisation import FLAT, advance_navigation, calibrated, propagated, step_noise, transition
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.state import STATES, NavigationState
 
@@ -77,7 +77,7 @@ def carried(journey: Journey, known: Known, begin: int, end: int) -> Known:
     if not len(dt_s):
         return known
     sensed = calibrated(state, journey.imu.accel_mps2[samples], journey.imu.gyro_radps[samples])
-    passage = advance(state, *sensed, dt_s, FLAT)
+    passage = advance_navigation(state, *sensed, dt_s, FLAT)
     for dt, Phi in zip(dt_s, transition(dt_s, passage.mean_dcm, passage.force_enu_mps2), strict=True):
         covariance = propagated(covariance, Phi, step_noise(journey.settings.noise, float(dt)))
     return passage.state(state, len(dt_s) - 1), covariance

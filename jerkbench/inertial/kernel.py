@@ -80,7 +80,7 @@ def run_navigation(
     begin(run, own)
     reached = updates = 0
     for k in range(len(steps.model)):
-        move(run, own, steps.model[k], steps.sample[k])
+        move_navigation(run, own, steps.model[k], steps.sample[k])
         if steps.update[k] >= 0:
             take_update(run, own, steps, score, rules, kept, exchange, steps.update[k], updates)
             updates += 1
@@ -121,7 +121,7 @@ def begin(run: Lanes, own: Inertial) -> None:
     run.ended = run.ended - 1.0
 
 
-def move(run: Lanes, own: Inertial, length: int, sample: int) -> None:
+def move_navigation(run: Lanes, own: Inertial, length: int, sample: int) -> None:
     """Carry the nominal states and the covariances over a step of length number ``length``; -1: no time passes."""
     accel, gyro = own.accel_mps2, own.gyro_radps
     ask_for(row(accel, sample + AHEAD, run, "3"))

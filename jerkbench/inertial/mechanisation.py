@@ -107,7 +107,7 @@ def calibrated(state: NavigationState, accel_mps2: FloatArray, gyro_radps: Float
     return force - force @ state.deformation.accel.T, rate - rate @ state.deformation.gyro.T
 
 
-def advance(
+def advance_navigation(
     state: NavigationState, force_mps2: FloatArray, rate_radps: FloatArray, dt_s: FloatArray, earth: Earth
 ) -> Passage:
     """Carry ``state`` over k steps.

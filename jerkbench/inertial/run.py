@@ -8,8 +8,8 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
-from jerkbench.inertial.mechanisation import advance, calibrated, propagated, step_noise, transition
-from jerkbench.inertial.run_inputs import Events, Settings
+from jerkbench.inertial.mechanisation import advance_navigation, calibrated, propagated, step_noise, transition
+from jerkbench.inertial.run_inputs import Events, InertialSettings
 from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
 from jerkbench.inertial.update import (
     carried_over,
@@ -77,7 +77,7 @@ class InertialRun:
         headings: Heading | None,
         start: tuple[NavigationState, FloatArray],
         adaptation: Adapts,
-        settings: Settings,
+        settings: InertialSettings,
     ) -> None:
         """Put a run together; it starts from the state and covariance of ``start``."""
         self.imu, self.timeline, self.headings, self.settings = imu, timeline, headings, settings
@@ -115,7 +115,7 @@ class InertialRun:
         dt_s, samples = events.dt_s[steps], events.sample[steps]
         start = self.state
         sensed = calibrated(start, self.imu.accel_mps2[samples], self.imu.gyro_radps[samples])
-        passage = advance(start, *sensed, dt_s, self.settings.earth)
+        passage = advance_navigation(start, *sensed, dt_s, self.settings.earth)
         Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), sensed)
         references = events.reference[steps].tolist()
         for k, dt in enumerate(dt_s.tolist()):

@@ -118,7 +118,7 @@ class Constraints(NamedTuple):
     sideways_point_m: FloatArray
 
 
-class Settings(NamedTuple):
+class InertialSettings(NamedTuple):
     """Everything about a run that is not measured.
 
     Attributes:
@@ -160,4 +160,4 @@ class Journey(NamedTuple):
     headings: Heading | None
     events: Events
     start: tuple[NavigationState, FloatArray]
-    settings: Settings
+    settings: InertialSettings

@@ -94,7 +94,7 @@ class Smoothed(NamedTuple):
     covariance: FloatArray
 
 
-def smooth(journey: Journey, adaptation: Adapts) -> Estimate:
+def smooth_navigation(journey: Journey, adaptation: Adapts) -> Estimate:
     """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
     run = ForwardRun(*journey[:3], journey.start, adaptation, journey.settings)
     estimate = run.over(journey.events).estimate

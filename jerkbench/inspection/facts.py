@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.track import Track
-from jerkbench.attitude.yaw import COARSE, UNKNOWN, is_coarse, select_headings
+from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, is_coarse, select_headings
 from jerkbench.inspection.clocks import SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.evidence import moving_speed_mps
@@ -211,14 +211,14 @@ def yaw_line(recording: Recording) -> str:
     if selected is None and recording.position is None:
         return "yaw: nothing shows it; there is no heading, no velocity over ground that is fast enough, and no fix"
     if selected is None:
-        return f"yaw: {UNKNOWN}"
+        return f"yaw: {YAW_UNKNOWN}"
     if isinstance(selected, Track):
         chords = selected.chords
         line = (
             f"yaw: from the track of the fixes, {len(chords.end_s)} courses, the first one known at"
             f" {chords.end_s[0]:.2f} s; sigma {np.median(chords.sigma_rad):.2g} rad (median)"
         )
-        return f"{line}. {COARSE.capitalize()}" if is_coarse(selected) else line
+        return f"{line}. {YAW_COARSE.capitalize()}" if is_coarse(selected) else line
     if selected is recording.heading:
         return f"yaw: from {len(selected.t_s)} headings of source {selected.source}"
     return f"yaw: from the course of {len(selected.t_s)} velocities above {tilt.course_min_speed_mps:g} m/s"

@@ -72,7 +72,7 @@ SOON_S = 1.0
 
 
 @dataclass(frozen=True)
-class Table:
+class GuessedTable:
     """A file with columns.
 
     Attributes:
@@ -102,7 +102,7 @@ class Draft:
         guesses: in order.
     """
 
-    tables: dict[str, Table]
+    tables: dict[str, GuessedTable]
     guesses: dict[str, Guess] = field(default_factory=dict)
 
     def add(self, *guesses: Guess) -> None:
@@ -183,7 +183,7 @@ def guess_tables(*paths: Path) -> Draft:
     return draft
 
 
-def _table(path: Path) -> Table:
+def _table(path: Path) -> GuessedTable:
     separator = None
     if track_reader(path) is None:
         with path.open(encoding="utf-8", errors="replace") as lines:
@@ -191,10 +191,10 @@ def _table(path: Path) -> Table:
         separator = next((mark for mark in SEPARATORS if mark in first), "")
     columns = read_columns((path,), TextFormat(separator or ""))
     names = [name for column in columns.names if (name := parse_name(column)) is not None]
-    return Table(path, separator, columns, names)
+    return GuessedTable(path, separator, columns, names)
 
 
-def _streams(tables: Sequence[Table]) -> dict[str, Table]:
+def _streams(tables: Sequence[GuessedTable]) -> dict[str, GuessedTable]:
     inertial = [table for table in tables if sensors_of(table.names)]
     placed = [table for table in tables if table.is_placed]
     for table in tables:
@@ -247,7 +247,7 @@ def _times(draft: Draft) -> None:
     draft.add(*(counted or epochs.values()))
 
 
-def _epoch(draft: Draft, table: Table, *, dated: bool) -> Guess:
+def _epoch(draft: Draft, table: GuessedTable, *, dated: bool) -> Guess:
     weeks = [name.column for name in table.names if name.quantity == "week"]
     if len(weeks) == 1:
         draft.name("its name", time_week=weeks[0])
@@ -257,7 +257,7 @@ def _epoch(draft: Draft, table: Table, *, dated: bool) -> Guess:
     return Guess("epoch", "none", "measured", "the stamps are no dates of our time")
 
 
-def _imu(draft: Draft, table: Table, accel: Triple, gyro: Triple) -> None:
+def _imu(draft: Draft, table: GuessedTable, accel: Triple, gyro: Triple) -> None:
     draft.name("it has an IMU", imu_file=draft.file("imu"))
     draft.name("their names", imu_accel=accel.columns, imu_gyro=gyro.columns)
     force = table.columns.numbers(accel.columns)
@@ -265,13 +265,13 @@ def _imu(draft: Draft, table: Table, accel: Triple, gyro: Triple) -> None:
     draft.add(guess_accel_unit(force, common_unit(accel.names, ACCEL_UNITS)), guess_upright(force))
 
 
-def _position(draft: Draft, table: Table) -> None:
+def _position(draft: Draft, table: GuessedTable) -> None:
     draft.name("it has places", position_file=draft.file("position"))
     places = _places(draft, table, "position_columns", "position_frame")
     _sigma(draft, table, np.asarray(np.isfinite(places).all(axis=1)))
 
 
-def _places(draft: Draft, table: Table, columns: str, frame: str) -> FloatArray:
+def _places(draft: Draft, table: GuessedTable, columns: str, frame: str) -> FloatArray:
     """Guess which columns are places and in which frame; return them (n, 3)."""
     position = position_columns(table.names)
     if position is None:  # a stream of places has them
@@ -291,7 +291,7 @@ def _places(draft: Draft, table: Table, columns: str, frame: str) -> FloatArray:
     return places
 
 
-def _sigma(draft: Draft, table: Table, fixes: BoolArray) -> None:
+def _sigma(draft: Draft, table: GuessedTable, fixes: BoolArray) -> None:
     """Guess the standard deviations of the fixes in the rows ``fixes``: three columns that are positive there."""
     sigma = sigma_of(table.names)
     if sigma is None or not _is_sigma(table.columns.numbers(sigma.columns)[fixes]):
@@ -330,7 +330,7 @@ def _turned_frame(draft: Draft) -> Guess:
     return replace(frame, grade="unsure", why=why)
 
 
-def _velocity(draft: Draft, table: Table) -> None:
+def _velocity(draft: Draft, table: GuessedTable) -> None:
     velocity = velocity_columns(table.names)
     if velocity is None:
         return
@@ -344,7 +344,7 @@ def _velocity(draft: Draft, table: Table) -> None:
         draft.add(guess_velocity_frame(draft.load(velocity_frame="enu"), velocity.frame))
 
 
-def _reference(draft: Draft, table: Table) -> None:
+def _reference(draft: Draft, table: GuessedTable) -> None:
     draft.name("a second file with places", reference_file=draft.file("reference"))
     _places(draft, table, "reference_position", "reference_frame")
     velocity, frame = velocity_columns(table.names), draft.guesses["reference_frame"].value

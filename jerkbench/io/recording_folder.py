@@ -87,7 +87,7 @@ def write_kf_gins(recording: Recording, attitude: Attitude | None, folder: Path)
 
 def imu_increments(imu: Imu, zero_s: float) -> FloatArray:
     """Return (n, 7): time, rotation [rad] and change of velocity [m/s] over the interval that ends there, FRD."""
-    interval_s = np.diff(imu.t_s, prepend=imu.t_s[0] - imu.nominal_interval_s)[:, None]
+    interval_s = imu.intervals_s[:, None]
     turned = [values @ FLU_FROM_FRD * interval_s for values in (imu.gyro_radps, imu.accel_mps2)]
     return np.column_stack([zero_s + imu.t_s, *turned])
 

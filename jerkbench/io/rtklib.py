@@ -17,10 +17,10 @@ from jerkbench.recording import Origin, Position
 
 # The header of a .pos file: the options that RTKLIB wrote with, and its columns.
 
-Frame = Literal["geodetic", "dms", "ecef", "baseline"]
+SolutionFrame = Literal["geodetic", "dms", "ecef", "baseline"]
 
 CLOCKS = ("GPST", "UTC", "JST")
-FRAMES: dict[str, tuple[Frame, str, str]] = {
+FRAMES: dict[str, tuple[SolutionFrame, str, str]] = {
     "latitude(deg)": ("geodetic", "latitude(deg) longitude(deg) height(m)", "neu"),
     "latitude(d'\")": ("dms", "latitude(d'\") longitude(d'\") height(m)", "neu"),
     "x-ecef(m)": ("ecef", "x-ecef(m) y-ecef(m) z-ecef(m)", "xyz"),
@@ -57,7 +57,7 @@ class PosHeader:
     """
 
     clock: str
-    frame: Frame
+    frame: SolutionFrame
     axes: str
     count: int
     position: tuple[int, ...]

@@ -1,7 +1,7 @@
 """What the streams of a table have in common.
 
 In this order: what each parameter may be, and the checks; where a stream is (`Source`); its rows with their times
-(`Stream`); how the files are cut and what their clock is (`TimedColumns`), which reads a source into a stream.
+(`TableStream`); how the files are cut and what their clock is (`TimedColumns`), which reads a source into a stream.
 """
 
 from collections.abc import Sequence
@@ -138,7 +138,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class Stream:
+class TableStream:
     """A file's columns with their stamps.
 
     Attributes:
@@ -149,7 +149,7 @@ class Stream:
     columns: Columns
     t_ns: IntArray
 
-    def only(self, names: Sequence[str]) -> "Stream":
+    def only(self, names: Sequence[str]) -> "TableStream":
         """Return the rows in which the stream's columns ``names`` are not all empty: others belong to other streams.
 
         Raises:
@@ -158,9 +158,9 @@ class Stream:
         rows = self.columns.rows_of(names)
         if not rows.any():
             raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
-        return self if rows.all() else Stream(self.columns.only(rows), self.t_ns[rows])
+        return self if rows.all() else TableStream(self.columns.only(rows), self.t_ns[rows])
 
-    def whole(self) -> "Stream":
+    def whole(self) -> "TableStream":
         """Return the stream without a first and a last row whose time alone was cut, and with a note that counts them.
 
         A time that lost its first digits is so early that the step after it is longer than all the rest; one that lost
@@ -173,7 +173,7 @@ class Stream:
         rows = np.arange(len(self.t_ns))
         keep = (rows >= first) & (rows < len(rows) - last)
         notes = cut_note(Path(self.columns.where).name, first=first, last=last)
-        return self if keep.all() else Stream(self.columns.only(keep).noted(notes), self.t_ns[keep])
+        return self if keep.all() else TableStream(self.columns.only(keep).noted(notes), self.t_ns[keep])
 
     def t_s(self, zero_ns: int) -> FloatArray:
         """Return (n,) seconds since ``zero_ns``."""
@@ -222,7 +222,7 @@ class TimedColumns:
         """
         return find_tables(named_folder(self.folder), pattern, parameter)
 
-    def read(self, source: Source) -> Stream:
+    def read(self, source: Source) -> TableStream:
         """Return a stream.
 
         Raises:
@@ -240,7 +240,7 @@ class TimedColumns:
                 f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times; they must be the"
                 " same."
             )
-        return Stream(columns, t_ns + source.shift_ns).whole()
+        return TableStream(columns, t_ns + source.shift_ns).whole()
 
     def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
         """Return the times of RTKLIB's solution since ``zero_ns``, and `solution_of`."""

@@ -20,7 +20,7 @@ from jerkbench.io.text import read_lines, require_content
 if TYPE_CHECKING:
     import pandas as pd
 
-Row = dict[str, Any]
+TrackRow = dict[str, Any]
 
 MPS_PER_KNOT = 1852.0 / 3600.0
 DAY_MS = 86_400_000
@@ -41,7 +41,9 @@ def track_reader(path: Path) -> Callable[[Path], tuple["pd.DataFrame", tuple[str
     return read_gpsd if re.match(rb'\{\s*"class"\s*:', head) else None
 
 
-def _table(path: Path, rows: list[Row], notes: tuple[str, ...], what: str) -> tuple["pd.DataFrame", tuple[str, ...]]:
+def _table(
+    path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str
+) -> tuple["pd.DataFrame", tuple[str, ...]]:
     """The rows that have a place, in their order, without columns that none has."""
     import pandas as pd
 
@@ -72,7 +74,7 @@ def read_nmea(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
     Raises:
         RecordingError: the file is missing, or no sentence has a place, or none has a date.
     """
-    epochs: dict[int, Row] = {}
+    epochs: dict[int, TrackRow] = {}
     dates: dict[int, str] = {}
     damaged, day, last_ms = 0, 0, 0
     for _, line in read_lines(path):

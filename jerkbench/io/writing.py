@@ -31,7 +31,7 @@ VELOCITIES = {"enu": ("east_mps", "north_mps", "up_mps"), "ned": ("north_mps", "
 BODY = ("forward_mps", "left_mps", "up_mps")
 UPPER = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 
-Columns = dict[str, FloatArray]
+WrittenColumns = dict[str, FloatArray]
 
 
 def recording_table(recording: Recording, coordinates: str = "enu") -> "pd.DataFrame":
@@ -46,7 +46,7 @@ def recording_table(recording: Recording, coordinates: str = "enu") -> "pd.DataF
 
     streams = [(stream, columns) for stream, columns in _streams(recording, coordinates)]
     t_ns = np.unique(np.concatenate([nanoseconds(t_s) for t_s, _ in streams]))
-    table: Columns = {"t_s": t_ns * 1e-9}
+    table: WrittenColumns = {"t_s": t_ns * 1e-9}
     for t_s, columns in streams:
         rows = np.searchsorted(t_ns, nanoseconds(t_s))
         for name, values in columns.items():
@@ -68,7 +68,7 @@ def write_frame(table: "pd.DataFrame", path: Path) -> None:
         write_atomically(path, lambda partial: table.to_csv(partial, index=False, float_format="%.12g"))
 
 
-def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, Columns]]:
+def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, WrittenColumns]]:
     imu, position, velocity, heading = recording.imu, recording.position, recording.velocity, recording.heading
     streams = [] if imu is None else [(imu.t_s, _imu(imu))]
     if position is not None:
@@ -87,16 +87,16 @@ def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, C
     return [*streams, (recording.reference.t_s, reference_columns(recording, coordinates))]
 
 
-def _imu(imu: Imu) -> Columns:
+def _imu(imu: Imu) -> WrittenColumns:
     axes = ("forward", "left", "up")
     columns = _three("accel", tuple(f"{axis}_mps2" for axis in axes), imu.accel_mps2)
     return columns | _three("gyro", tuple(f"{axis}_radps" for axis in axes), imu.gyro_radps)
 
 
-def reference_columns(recording: Recording, coordinates: str) -> Columns:
+def reference_columns(recording: Recording, coordinates: str) -> WrittenColumns:
     """Return what the reference knows, by column, at its own stamps."""
     reference = recording.reference
-    columns: Columns = {}
+    columns: WrittenColumns = {}
     if reference.enu_m is not None:
         columns |= _position("reference", reference.enu_m, recording, coordinates)
     if reference.velocity_mps is not None:
@@ -107,7 +107,7 @@ def reference_columns(recording: Recording, coordinates: str) -> Columns:
     return columns
 
 
-def _position(stream: str, enu_m: FloatArray, recording: Recording, coordinates: str) -> Columns:
+def _position(stream: str, enu_m: FloatArray, recording: Recording, coordinates: str) -> WrittenColumns:
     if coordinates != "geodetic":
         return _three(stream, POSITIONS[coordinates], swapped(_turn(coordinates), enu_m))
     if recording.origin is None:
@@ -115,11 +115,11 @@ def _position(stream: str, enu_m: FloatArray, recording: Recording, coordinates:
     return _three(stream, POSITIONS[coordinates], enu_to_geodetic(enu_m, recording.origin))
 
 
-def _three(stream: str, names: tuple[str, ...], values: FloatArray) -> Columns:
+def _three(stream: str, names: tuple[str, ...], values: FloatArray) -> WrittenColumns:
     return {f"{stream}_{name}": values[:, k] for k, name in enumerate(names)}
 
 
-def _covariance(stream: str, covariance: FloatArray, unit: str) -> Columns:
+def _covariance(stream: str, covariance: FloatArray, unit: str) -> WrittenColumns:
     return {f"{stream}_variance_{i + 1}{j + 1}_{unit}": covariance[:, i, j] for i, j in UPPER}
 
 

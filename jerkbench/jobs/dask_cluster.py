@@ -6,7 +6,7 @@ import signal
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -49,13 +49,8 @@ class Dask:
     def open(self, workers: int) -> Iterator[Lent]:
         """Reach the scheduler, or start processes."""
         distributed = required("distributed", "dask")
-        with (
-            quiet(),
-            sparing(),
-            ended(self._cluster(distributed, workers)) as cluster,
-            client_of(distributed, cluster) as client,
-        ):
-            yield from lent_by(client, workers, self.address or "of this process")
+        with quiet(), sparing(), lent_by(distributed, self._cluster(distributed, workers), workers) as lent:
+            yield lent
 
     def _cluster(self, distributed: Any, workers: int) -> Any:  # noqa: ANN401 - Dask has no types
         if self.address:
@@ -64,7 +59,8 @@ class Dask:
             n_workers=workers,
             threads_per_worker=1,  # a run holds the interpreter
             memory_limit=0,  # a worker that is paused or ended for its memory would be a surprise
-            dashboard_address=None,
+            dashboard_address=":0",  # Dask listens all the same, and warns where somebody else has its usual port
+            scheduler_kwargs={"dashboard": False},
             silence_logs=logging.CRITICAL,
             preload=[__name__],
         )
@@ -76,21 +72,35 @@ def dask_setup(worker: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def lent_by(client: Any, workers: int, name: str) -> Iterator[Lent]:  # noqa: ANN401 - Dask has no types
+@contextmanager
+def lent_by(distributed: Any, cluster: Any, workers: int) -> Iterator[Lent]:  # noqa: ANN401 - Dask has no types
     """Lend the workers of a scheduler, which sends what a lost one had to another by itself.
 
     Args:
-        client: of the scheduler.
+        distributed: the module.
+        cluster: what was started here, and ends here; or the address of a scheduler, which stays.
         workers: a guess of how many there are, until they are there.
-        name: of the scheduler, for sentences.
+
+    Raises:
+        ClusterError: nobody answers.
     """
-    executor = client.get_executor(pure=False)  # the same bundle twice is run twice
-    gone = f"The Dask scheduler {name} is gone. What is done is stored; the same command goes on from there."
-    try:
-        yield Lent(executor, Slots(client, workers), lambda: "" if client.status == "running" else gone, elsewhere=True)
-    finally:
-        with suppress(CancelledError, OSError, TimeoutError):
-            executor.shutdown(wait=False)
+    with ExitStack() as stack:
+        name = cluster if isinstance(cluster, str) else "of this process"
+        if not isinstance(cluster, str):
+            stack.callback(cluster.close, timeout=5)
+        try:
+            client = distributed.Client(cluster, timeout=ANSWER_S, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise ClusterError(f"The Dask scheduler {cluster} does not answer: {error}.") from error
+        stack.callback(client.close, timeout=5)
+        executor = client.get_executor(pure=False)  # the same bundle twice is run twice
+        gone = f"The Dask scheduler {name} is gone. What is done is stored; the same command goes on from there."
+        slots = Slots(client, workers)
+        try:
+            yield Lent(executor, slots, lambda: "" if client.status == "running" else gone, elsewhere=True)
+        finally:
+            with suppress(CancelledError, OSError, TimeoutError):
+                executor.shutdown(wait=False)
 
 
 class Slots:
@@ -108,33 +118,6 @@ class Slots:
             workers = self._client.scheduler_info(n_workers=-1).get("workers", {})
             self._threads, self._asked_s = sum(worker["nthreads"] for worker in workers.values()), now_s
         return 2 * (self._threads or self._workers)
-
-
-@contextmanager
-def client_of(distributed: Any, cluster: Any) -> Iterator[Any]:  # noqa: ANN401 - Dask has no types
-    """Open a client of a cluster, or of an address.
-
-    Raises:
-        ClusterError: nobody answers.
-    """
-    try:
-        client = distributed.Client(cluster, timeout=ANSWER_S, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise ClusterError(f"The Dask scheduler {cluster} does not answer: {error}.") from error
-    try:
-        yield client
-    finally:
-        client.close(timeout=5)
-
-
-@contextmanager
-def ended(cluster: Any) -> Iterator[Any]:  # noqa: ANN401 - as above
-    """Close a cluster that was started here; an address stays what it is."""
-    try:
-        yield cluster
-    finally:
-        if not isinstance(cluster, str):
-            cluster.close(timeout=5)
 
 
 @contextmanager
@@ -160,13 +143,9 @@ def sparing() -> Iterator[None]:
 
 
 def exports() -> list[str]:
-    """Return the lines of a shell script that set them for the workers that it starts."""
-    return [f"export {variable(name)}={value}" for name, value in SPARING.items()]
-
-
-def variable(name: str) -> str:
-    """Return the environment variable that Dask reads a setting from."""
-    return "DASK_" + name.upper().replace("-", "_").replace(".", "__")
+    """Return the lines of a shell script that set them, as Dask reads them, for the workers that it starts."""
+    variables = {name.upper().replace("-", "_").replace(".", "__"): value for name, value in SPARING.items()}
+    return [f"export DASK_{variable}={value}" for variable, value in variables.items()]
 
 
 # Job queues: workers of Dask that SLURM, PBS or LSF starts, and starts again where a job is lost.
@@ -209,9 +188,11 @@ class JobQueue:
         """Submit the jobs; work begins with the first that runs."""
         del workers  # jobs and processes say how many
         distributed = required("distributed", self.system)
-        with quiet(), sparing(), ended(self._cluster()) as cluster, client_of(distributed, cluster) as client:
-            cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # which submits another where one is lost
-            yield from lent_by(client, self.jobs * self.processes, "of this process")
+        with quiet(), sparing():
+            cluster = self._cluster()
+            with lent_by(distributed, cluster, self.jobs * self.processes) as lent:
+                cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # which submits another where one is lost
+                yield lent
 
     def _cluster(self) -> Any:  # noqa: ANN401 - dask-jobqueue has no types
         jobqueue = required("dask_jobqueue", self.system)

@@ -4,7 +4,6 @@ import os
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import cast
 
 import numpy as np
 
@@ -179,7 +178,7 @@ def _gaps(recording: Recording) -> list[str]:
 
 def _remarks(job: Job, recording: Recording) -> list[str]:
     of_attitude, of_filter = (
-        cast("Remarking", part).remarks(recording) if has_methods(part, Remarking) else ()
+        part.remarks(recording) if has_methods(part, Remarking) else ()
         for part in (job.scenario.attitude, job.method.filter)
     )
     return [*(f"{_name(job)}: {remark}" for remark in of_attitude), *of_filter]

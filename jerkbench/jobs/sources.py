@@ -79,7 +79,7 @@ def _lines(module: str) -> Iterator[str]:
     while waiting:
         top = waiting.pop()
         installed = _installed(top)
-        if installed is not None and top != own and not _shares(installed, own):
+        if installed is not None and top != own and installed.name not in _owners().get(own, ()):
             yield from _released(installed, set())
             continue
         files = list(_loose(top, required=top == own) if installed is None else _whole(installed, top))
@@ -128,11 +128,6 @@ def _installed(top: str) -> Distribution | None:
         return None
     several = map(distribution, _owners().get(top, ()))
     return next((d for d in several if d.files and place.is_relative_to(Path(str(d.locate_file(""))).resolve())), None)
-
-
-def _shares(installed: Distribution, own: str) -> bool:
-    """Whether the plugin itself comes from that distribution."""
-    return installed.name in _owners().get(own, ())
 
 
 def _place(top: str) -> Path | None:
@@ -229,19 +224,15 @@ def _released(installed: Distribution, visited: set[str]) -> Iterator[str]:
                 continue
 
 
-def imported_names(path: Path) -> set[str]:
-    """Return the modules that the file imports by name, also inside functions; not those of its own package."""
-    return set(_imports(_parsed(path)))
-
-
 def named_places(path: Path) -> set[str]:
     """Return the first part of every text in the file that may be the name of a file or a folder."""
     texts = (node.value for node in ast.walk(_parsed(path)) if isinstance(node, ast.Constant))
     return {text.split("/")[0] for text in texts if isinstance(text, str) and len(text) < 256}
 
 
-def _imports(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+def imported_names(path: Path) -> Iterator[str]:
+    """Yield the modules that the file imports by name, also inside functions; not those of its own package."""
+    for node in ast.walk(_parsed(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:

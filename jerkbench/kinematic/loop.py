@@ -224,7 +224,7 @@ def _rows_used(run: Lanes) -> float:
 
 # The loop of the kernel: the steps of a timeline, one after the other.
 
-Models = tuple[FloatArray, FloatArray, FloatArray]
+ModelArrays = tuple[FloatArray, FloatArray, FloatArray]
 
 AHEAD = 64
 """So many rows before it is needed the memory is asked for it: about ten microseconds."""
@@ -312,7 +312,7 @@ def move(run: Lanes, steps: Steps, model: Model, how: int, k: int) -> None:
     move_by(run, steps, (model.A, model.b, model.Q), how, k)
 
 
-def move_by(run: Lanes, steps: Steps, models: Models, how: int, k: int) -> None:
+def move_by(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> None:
     """The same by ``models`` A, b, Q of all lengths of a step: all runs have the same, or each its own."""
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
@@ -351,7 +351,16 @@ def all_lost(run: Lanes, step: int) -> bool:
 
 # The compiled loop.
 
-ALONE = ("run_steps", "predict", "predict_covariance", "add_row", "mahalanobis", "correct", "check_definite")
+ALONE = (
+    "run_steps",
+    "predict",
+    "predict_covariance",
+    "predict_measured",
+    "add_row",
+    "mahalanobis",
+    "correct",
+    "check_definite",
+)
 SELDOM = (
     *(
         "predict_any",

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.methods import (
-    Method,
+    CompiledMethod,
     address_of,
     ask,
     compiled_method,
@@ -37,10 +37,10 @@ MEASURED = (
 )
 GIVEN = (MEASURED[0], ("HPHt", "float64", "(m, m)"), *MEASURED[1:])
 STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
-ADAPT = Method("adapt", GIVEN, ("m", "size"), (("m", 6),), "(m, m)")
-FADE = Method("fade", GIVEN, ("m", "size"), (("m", 6),), "")
-PRIOR = Method("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
-GAIN = Method("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
+ADAPT = CompiledMethod("adapt", GIVEN, ("m", "size"), (("m", 6),), "(m, m)")
+FADE = CompiledMethod("fade", GIVEN, ("m", "size"), (("m", 6),), "")
+PRIOR = CompiledMethod("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
+GAIN = CompiledMethod("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
 
 
 class Rule(NamedTuple):
@@ -133,7 +133,7 @@ def _addresses(kind: _Kind, lanes: bool) -> tuple[int, int, int, int]:
     """Of `adapt`, and of the methods that it may have, 0 where it has not."""
     own = kind.example
 
-    def address(method: Method) -> int:
+    def address(method: CompiledMethod) -> int:
         return address_of(compiled_method(own, method, WIDE if lanes else 1))
 
     fade = address(FADE) if isinstance(own, Fading) else 0

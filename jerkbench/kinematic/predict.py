@@ -3,7 +3,7 @@
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, eights, room, wide_room
 
-Model = tuple[View, View, View]
+AxisViews = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
 
 
@@ -14,7 +14,7 @@ Of the covariance then A and Q of all steps since it was read are one step, whic
 """
 
 
-def predict(run: Lanes, model: Model, how: int, u: View) -> None:
+def predict(run: Lanes, model: AxisViews, how: int, u: View) -> None:
     """Make x = F x + B u and P = F P F' + Q (x) I3; ``how``: ANY, TRIANGULAR or LATER."""
     A, b, Q = room(run, "n n"), room(run, "n"), room(run, "n n")  # copies: the compiler knows that nothing overlaps
     for a in range(run.n):

@@ -144,7 +144,7 @@ def run_mixture(
         How many stamps of the reference were visited, and how many updates there were.
     """
     combined = runs_in(kept.w, RUN)
-    begin(mixing, combined)
+    begin_mixture(mixing, combined)
     reached = updates = 0
     states = mixing.x0.shape[1]
     for k in range(len(steps.model)):
@@ -152,7 +152,7 @@ def run_mixture(
             models = mixing.A[j], mixing.b[j], mixing.Q[j]
             move_by(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
         if steps.update[k] >= 0:
-            update(combined, steps, score, mixing, rules, kept, exchange, steps.update[k], updates, states)
+            update_mixture(combined, steps, score, mixing, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(combined, k):
                 return reached, updates
@@ -163,7 +163,7 @@ def run_mixture(
     return reached, updates
 
 
-def begin(mixing: Mixing, combined: Lanes) -> None:
+def begin_mixture(mixing: Mixing, combined: Lanes) -> None:
     """Put the states at the start into the arrays of the filters, which are zero."""
     for j in range(combined.count):
         run = runs_in(mixing.filters[j], RUN)
@@ -177,7 +177,7 @@ def begin(mixing: Mixing, combined: Lanes) -> None:
     combined.ended = combined.ended - 1.0
 
 
-def update(
+def update_mixture(
     combined: Lanes,
     steps: Steps,
     score: Score,

@@ -23,7 +23,7 @@ from jerkbench.linear.mixing import Mixing, run_mixture
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
-OWN = ("run_mixture", "begin", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
+OWN = ("run_mixture", "begin_mixture", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
 """Kernels that stand alone: one body of all of them takes long to compile."""
 
 
@@ -58,13 +58,12 @@ def mixture_for(n: int, width: int, count: int) -> Any:  # noqa: ANN401 - numba 
     return compiled_loop(run_mixture, title, constants, APART + OWN)
 
 
-def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate | None:
-    """Run with a trajectory; None where it stops on the way: then NumPy says where."""
+def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate:
+    """Run with a trajectory; stops at the first sign of divergence."""
     count, n = start.shape
     lengths_s, which = step_lengths(timeline.dt_s)
     mixing = mixing_of([start], lengths_s, timeline)
-    estimate, _ = run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))
-    return None if estimate.failure else estimate
+    return run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))[0]
 
 
 def mix_many(

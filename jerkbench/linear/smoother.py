@@ -20,6 +20,7 @@ Source: G. J. Bierman, "Fixed interval smoothing with discrete measurements", In
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -97,7 +98,7 @@ def run_smoother(
 def run_forward(
     steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape, states: int
 ) -> tuple[int, int, int]:
-    """Filter, and fill the tape; returns its rows (0: lost), the stamps of the reference, and the updates."""
+    """Filter, and fill the tape; returns its rows and the stamps of the reference (0: lost), and the updates."""
     run = runs_in(kept.w, RUN)
     start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
     tape.step[0], tape.updated[0] = -1, 0
@@ -110,7 +111,7 @@ def run_forward(
             update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(run, k):
-                return 0, reached, updates
+                return 0, 0, updates
         if steps.reference[k] >= 0:
             reached += 1
         if due or k - tape.step[last] == SEGMENT or k == len(steps.model) - 1:
@@ -186,14 +187,21 @@ def smoother_for(n: int, width: int) -> Any:  # noqa: ANN401 - numba has no type
 
 
 def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None:
-    """Run with a trajectory; None where the filter stops on the way: then NumPy smooths up to there.
+    """Run with a trajectory; where the filter stops on the way, what comes before is smoothed by itself.
 
-    None too where A is not upper triangular with ones on its diagonal.
+    None where A is not upper triangular with ones on its diagonal.
     """
     lengths_s, which = step_lengths(timeline.dt_s)
     prepared = _prepared([model], lengths_s, timeline.dt0_s, timeline.update)
-    estimate = None if prepared is None else run_alone(timeline, which, rule, prepared)[0]
-    return None if estimate is None or estimate.failure else estimate
+    if prepared is None:
+        return None
+    estimate, w = run_alone(timeline, which, rule, prepared)
+    if not estimate.failure:
+        return estimate
+    end = int(w[prepared[1].fields["ended"].places[0]])
+    steps = {name: getattr(timeline, name)[:end] for name in ("t_s", "dt_s", "sample", "update", "reference")}
+    before, _ = run_alone(replace(timeline, **steps), which[:end], rule, prepared)
+    return replace(before, updates=estimate.updates, failure=estimate.failure)
 
 
 def smooth_many(

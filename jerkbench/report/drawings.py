@@ -5,11 +5,30 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.evaluation.statistics.ranks import critical_difference
 from jerkbench.recording import Recording
-from jerkbench.report.analysis.columns import FACTORS, METHOD
+from jerkbench.report.analysis.columns import FACTORS, METHOD, competes, quantity
 from jerkbench.report.analysis.findings import largest
-from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.report.analysis.study_verdicts import common_field, study_verdicts
+from jerkbench.report.analysis.sweeps import (
+    at_best_noise,
+    competing,
+    costs,
+    method_labels,
+    of_all_methods,
+    with_severity,
+)
+from jerkbench.report.plots.bars import bars_figure, critical_difference_figure, heat_map_figure, profile_figure
+from jerkbench.report.plots.consistency import (
+    acceleration_figure,
+    adapted_r_figure,
+    consistency_figure,
+    tilt_figure,
+)
+from jerkbench.report.plots.errors_over_time import disturbed_window_s, error_figure, zoomed_error_figure
 from jerkbench.report.plots.style import Palette
+from jerkbench.report.plots.sweeps import sensitivity_figure, severity_figure, with_noise_sigma
+from jerkbench.report.plots.trajectory import inset_trajectory_figure
 from jerkbench.report.tables.summary import main_metric, summarise
 
 if TYPE_CHECKING:
@@ -110,11 +129,6 @@ def palette_of(rows: "pd.DataFrame") -> Palette:
 
 def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Drawing]:
     """Yield the figures that need the rows alone."""
-    from jerkbench.report.analysis.columns import quantity
-    from jerkbench.report.analysis.sweeps import at_best_noise, with_severity
-    from jerkbench.report.plots.bars import bars_figure
-    from jerkbench.report.plots.sweeps import sensitivity_figure, severity_figure, with_sigma
-
     metric, palette = main_metric(rows), palette or palette_of(rows)
     title = quantity(metric).heading
     best = at_best_noise(rows, metric)
@@ -125,7 +139,7 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
     yield Drawing("bars", means, bars_figure(summarise(best, metric, leaders=False), palette))
     yield from _over_scenarios(best, metric, noise, palette)
     yield from _ranked(best, metric, noise, palette)
-    if len(with_sigma(rows)["sigma_a"].unique()) > 1:
+    if len(with_noise_sigma(rows)["sigma_a"].unique()) > 1:
         figure = sensitivity_figure(rows, metric, palette)
         yield Drawing("sensitivity", f"{title} over the process noise; hollow: some runs were lost.", figure)
     swept = with_severity(best)
@@ -139,10 +153,6 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
 
 def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the heat map, and the profiles of the methods that compete, where there are several scenarios."""
-    from jerkbench.report.analysis.columns import competes, quantity
-    from jerkbench.report.analysis.sweeps import competing, costs, method_labels, of_all_methods
-    from jerkbench.report.plots.bars import heat_map_figure, profile_figure
-
     title = quantity(metric).heading
     values, _, methods = costs(rows, metric)
     if min(values.shape) < 2:
@@ -174,11 +184,6 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
 
 def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the mean ranks with the critical difference, where at least three methods ran in several scenarios."""
-    from jerkbench.evaluation.statistics.ranks import critical_difference
-    from jerkbench.report.analysis.columns import quantity
-    from jerkbench.report.analysis.study_verdicts import common_field, study_verdicts
-    from jerkbench.report.plots.bars import critical_difference_figure
-
     verdicts = study_verdicts(rows, metric, most=0)
     field = common_field(verdicts)
     if field is None or len(field.methods) < 3:
@@ -202,15 +207,6 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
 
 def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:
     """Yield the figures of one scenario's runs."""
-    from jerkbench.report.plots.consistency import (
-        acceleration_figure,
-        adapted_r_figure,
-        consistency_figure,
-        tilt_figure,
-    )
-    from jerkbench.report.plots.errors_over_time import disturbed_window_s, error_figure, zoomed_error_figure
-    from jerkbench.report.plots.trajectory import inset_trajectory_figure
-
     recording, estimates = scene.recording, scene.estimates
     window_s = disturbed_window_s(recording, estimates)
     common: Common = {"burn_in_s": scene.burn_in_s, "palette": palette}

@@ -135,12 +135,12 @@ Curve = Callable[[FloatArray, int], FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A smooth motion without vibration, at n times.
+    """A motion at n times: along a smooth path, or what vibration adds to one.
 
     Attributes:
         enu_m: (n, 3) position.
         velocity_mps: (n, 3) its derivative.
-        euler_rad: (n, 3) roll (0), pitch and yaw along the path; yaw is not wrapped.
+        euler_rad: (n, 3) roll (0 along a path), pitch and yaw, which is not wrapped.
     """
 
     enu_m: FloatArray

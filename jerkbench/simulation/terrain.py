@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.simulation.motion import harmonics
+from jerkbench.simulation.motion import Way, harmonics
 
 WAVES = 36
 SHORTEST_PER_M = 1.2
@@ -140,21 +140,6 @@ AXIS_SHARE = np.array([0.7, 0.7, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Shaking:
-    """The motion of the vibration, at n times.
-
-    Attributes:
-        enu_m: (n, 3) displacement.
-        velocity_mps: (n, 3) its derivative.
-        euler_rad: (n, 3) roll, pitch, yaw.
-    """
-
-    enu_m: FloatArray
-    velocity_mps: FloatArray
-    euler_rad: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Vibration:
     """14 sines between 8 and 35 Hz, one at a random place in each 14th of the band.
 
@@ -172,12 +157,12 @@ class Vibration:
     sine: FloatArray
     cosine: FloatArray
 
-    def at(self, t_s: FloatArray, envelope: FloatArray, envelope_rate: FloatArray) -> Shaking:
+    def at(self, t_s: FloatArray, envelope: FloatArray, envelope_rate: FloatArray) -> Way:
         """Return the motion at times (n,) under an envelope (n,) and its derivative [1/s]."""
         bare, rate = harmonics(t_s, self.frequency_radps, self.sine, self.cosine)
         shaped = envelope[:, None] * bare
         velocity = envelope[:, None] * rate[:, :3] + envelope_rate[:, None] * bare[:, :3]
-        return Shaking(shaped[:, :3], velocity, shaped[:, 3:])
+        return Way(shaped[:, :3], velocity, shaped[:, 3:])
 
 
 def draw_vibration(rng: np.random.Generator, accel_mps2: float, angle_rad: float) -> Vibration:

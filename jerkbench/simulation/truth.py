@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.simulation.motion import Path, smoothstep, smoothstep_rate
-from jerkbench.simulation.terrain import Ground, Ruts, Shaking, Terrain, Vibration
+from jerkbench.simulation.motion import Path, Way, smoothstep, smoothstep_rate
+from jerkbench.simulation.terrain import Ground, Ruts, Terrain, Vibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def drive_course(t_s: FloatArray, path: Path, ruts: Ruts) -> Course:
     return Course(speed[::2], distance, yaw[::2], velocity[::2], en)
 
 
-def _shake(t_s: FloatArray, path: Path, vibration: Vibration) -> Shaking:
+def _shake(t_s: FloatArray, path: Path, vibration: Vibration) -> Way:
     u = (t_s - path.stand_s) / path.ramp_s
     return vibration.at(t_s, smoothstep(u), smoothstep_rate(u) / path.ramp_s)
 

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from jerkbench import plugins
 from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import HALVES, CampaignProtocol, FaultScenario, protocol_of
+from jerkbench.campaigns.protocol import BOTH, HALVES, CampaignProtocol, FaultScenario, protocol_of
 from jerkbench.campaigns.site import NUMBERS, RunRules
 from jerkbench.errors import PluginError, unknown
 from jerkbench.jobs.job import Protocol
@@ -26,6 +27,9 @@ class SuiteProtocol(CampaignProtocol):
 
     numbers: ClassVar[tuple[str, ...]] = NUMBERS
     """Columns of a run's row that are kept; the first is the error."""
+
+    level_of: ClassVar[str] = "scenario"
+    """What has a level of its own: the error of the plain filter as it comes, of which a lost run counts a hundred."""
 
     name: str
     plain: Mapping[str, str]
@@ -52,6 +56,10 @@ class SuiteProtocol(CampaignProtocol):
         """Return those of ``seeds`` that a scenario has: all, where it is simulated."""
         del scenario
         return seeds
+
+    def recordings_of(self, scenario: FaultScenario) -> tuple[int, ...]:
+        """Return the seeds whose recordings are frozen: the first to score on."""
+        return self.seeds_of(scenario, self.seeds_to_test_on[:1])
 
     def rules(self, count: int | None = None) -> RunRules:
         """Return how runs are made, with the first ``count`` of the metrics."""
@@ -106,6 +114,42 @@ class AttitudeSuite(SuiteProtocol):
         return (0,) if scenario.noise == HAND else seeds
 
 
+@dataclass(frozen=True, kw_only=True)
+class DriveSuite(SuiteProtocol):
+    """A suite of random drives: each seed is another drive; what is tuned on one set of them is scored on others.
+
+    Attributes:
+        dataset: the data set that draws a drive from its seed, with all its laws.
+        entries: verdicts hold for so many entries at once: each interval is at 5 % of as many.
+    """
+
+    level_of: ClassVar[str] = "seed"
+
+    dataset: Mapping[str, Any]
+    entries: int
+
+    def __post_init__(self) -> None:
+        """Check that the laws can be drawn from; there are no halves."""
+        plugins.create("dataset", self.dataset)
+
+    @property
+    def searches(self) -> tuple[str, ...]:
+        """The one set of drives to tune on."""
+        return ("drives",)
+
+    @property
+    def scenarios(self) -> tuple[FaultScenario, ...]:
+        """The mixture."""
+        return (FaultScenario("mixture", dict(self.dataset), "any", "any", BOTH, {"name": "none"}),)
+
+    def recordings_of(self, scenario: FaultScenario) -> tuple[int, ...]:
+        """Return the seeds whose recordings are frozen: so many that every kind of fault is among them."""
+        return self.seeds_of(scenario, self.seeds_to_test_on[:FROZEN_DRIVES])
+
+
+FROZEN_DRIVES = 40
+
+
 def read_suite(scale: str) -> SuiteProtocol:
     """Return the suite conf/suite/``scale``.yaml.
 
@@ -114,10 +158,14 @@ def read_suite(scale: str) -> SuiteProtocol:
     """
     if scale not in FROZEN:
         raise PluginError(unknown("suite", scale, FROZEN))
-    protocol = protocol_of(FROZEN[scale].kind, preset("suite", scale), f"conf/suite/{scale}.yaml")
+    stated, where = preset("suite", scale), f"conf/suite/{scale}.yaml"
+    if FROZEN[scale].kind is DriveSuite:  # the laws are part of the digest
+        where = f"{where}, with conf/dataset/{stated['dataset']}.yaml,"
+        stated["dataset"] = preset("dataset", stated["dataset"])
+    protocol = protocol_of(FROZEN[scale].kind, stated, where)
     if protocol.digest != FROZEN[scale].protocol:
         raise PluginError(
-            f"conf/suite/{scale}.yaml is not {protocol.name} any more: its digest is {protocol.digest}, the frozen one"
+            f"{where} is not {protocol.name} any more: its digest is {protocol.digest}, the frozen one"
             f" {FROZEN[scale].protocol}. Take the change back; whatever differs is a new suite, in a file of its own."
         )
     return protocol
@@ -173,6 +221,8 @@ FROZEN = {
             "ea8f8833",
         ),
     ),
+    "v2": Frozen("a81d3228b547", ("61fa2d34",), DriveSuite, ("drives",)),
+    "v2-tiny": Frozen("172079cf7a5a", ("f6d92334",), DriveSuite, ("drives",)),
     "tiny": Frozen(
         protocol="c8613f7239bd", data=("c7cb2e2d", "a9681d79", "2cef4710", "41700fac", "9e31e6df", "7f9195ec")
     ),

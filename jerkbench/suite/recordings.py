@@ -33,13 +33,13 @@ def require_recordings(scale: str, protocol: SuiteProtocol) -> None:
 
 
 def data_digests(protocol: SuiteProtocol) -> Iterator[str]:
-    """Yield the digest of the recording of each scenario, for the first seed to test on."""
-    plain, inputs, seed = protocol.plain_entrant, Inputs(), protocol.seeds_to_test_on[0]
+    """Yield the digest of the recordings of each scenario that are frozen."""
+    plain, inputs = protocol.plain_entrant, Inputs()
+    arrays = _of_tilt if isinstance(protocol, AttitudeSuite) else _arrays
     for scenario in protocol.scenarios:
         job = plain.job(scenario, protocol.limits)
-        own = protocol.seeds_of(scenario, (seed,))[0]
-        recording = inputs.recording(job.scenario, own)
-        yield arrays_digest(_of_tilt(recording) if isinstance(protocol, AttitudeSuite) else _arrays(recording))
+        recordings = (inputs.recording(job.scenario, seed) for seed in protocol.recordings_of(scenario))
+        yield arrays_digest(array for recording in recordings for array in arrays(recording))
 
 
 def arrays_digest(arrays: Iterator[FloatArray]) -> str:

@@ -10,8 +10,15 @@ import pandas as pd
 from jerkbench.arrays import FloatArray
 from jerkbench.campaigns.ratios import of_families
 from jerkbench.suite.attitude_scores import attitude_log_ratios, attitude_page, attitude_score
-from jerkbench.suite.protocol import HAND, AttitudeSuite, SuiteProtocol
-from jerkbench.suite.scores import entry_log_ratios, entry_page, entry_score
+from jerkbench.suite.protocol import HAND, AttitudeSuite, DriveSuite, SuiteProtocol
+from jerkbench.suite.scores import (
+    drive_log_ratios,
+    drive_page,
+    drive_score,
+    entry_log_ratios,
+    entry_page,
+    entry_score,
+)
 
 
 @dataclass(frozen=True)
@@ -100,6 +107,58 @@ class ByPosition:
 
 
 @dataclass(frozen=True)
+class ByDrives:
+    """The position RMSE over random drives."""
+
+    protocol: DriveSuite
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """Count, ratio and verdict, and where it is worst."""
+        ratio = f"ratio to tuned plain [95 % for {self.protocol.entries} entries at once]"
+        return "n", ratio, "verdict", "without a fault", "worse by 3 % on [%]", "worst kind", "lost [%]", "ns a step"
+
+    @property
+    def about(self) -> str:
+        """What is compared with what."""
+        protocol = self.protocol
+        return (
+            f"{protocol.name} (digest {protocol.digest}): n = {protocol.test_seeds} random drives, each with a field, a"
+            f" speed and up to three faults of its own. Ratios of the position RMSE to"
+            f" {' + '.join(protocol.plain.values())}, tuned with the same {protocol.trials} settings on"
+            f" {protocol.tune_seeds} other drives; below 1 is better. One rule for all verdicts: the interval over"
+            f" drives, at 5 % for {protocol.entries} entries at once; within {100 * protocol.margin:g} % is equal. The"
+            " luck of the one tuning is not in the interval. Times are those of the machine that made the entry."
+        )
+
+    def score(self, rows: pd.DataFrame) -> dict[str, Any]:
+        """Return the fields of a `DriveScore`."""
+        return _plain(asdict(drive_score(rows, self.protocol)))
+
+    def page(self, name: str, rows: pd.DataFrame) -> str:
+        """Return a line, and the ratio by number and by kind of faults."""
+        return drive_page(name, rows, self.protocol)
+
+    def costs(self, rows: pd.DataFrame) -> Mapping[str, FloatArray]:
+        """Return drives."""
+        return {"rank (95 %)": drive_log_ratios(rows, self.protocol)[:, None]}
+
+    def fields(self, rows: pd.DataFrame) -> list[BoardValue]:
+        """Return the score's numbers."""
+        score = drive_score(rows, self.protocol)
+        return [
+            BoardValue(f"{score.n}"),
+            BoardValue(f"{score.ratio:.3f} [{score.low:.3f}, {score.high:.3f}]", f"{score.ratio:.9g}"),
+            BoardValue(score.verdict),
+            _number(score.nominal, ".3f"),
+            _number(100 * score.worse, ".0f"),
+            BoardValue(f"{score.worst_kind} {score.worst_ratio:.2f}", f"{score.worst_ratio:.9g}"),
+            _number(100 * score.lost, ".1f"),
+            _number(score.step_ns, ".0f"),
+        ]
+
+
+@dataclass(frozen=True)
 class ByTilt:
     """The inclination RMSE in each domain."""
 
@@ -158,6 +217,8 @@ class ByTilt:
 
 def entry_scoring(protocol: SuiteProtocol) -> EntryScoring:
     """Return how the entries of a suite are scored."""
+    if isinstance(protocol, DriveSuite):
+        return ByDrives(protocol)
     return ByTilt(protocol) if isinstance(protocol, AttitudeSuite) else ByPosition(protocol)
 
 

@@ -10,7 +10,7 @@ from jerkbench.tuning.curves import budget_curve, knob_intervals
 from jerkbench.tuning.search import Tuning, equal_budgets
 
 
-def summary(tuning: Tuning) -> str:
+def tuning_page(tuning: Tuning) -> str:
     """Return the page of one tuned method, as Markdown."""
     return "\n".join([f"# {tuning.name}, tuned", "", *_spent(tuning), "", *_knobs(tuning), "", *_worth(tuning), ""])
 

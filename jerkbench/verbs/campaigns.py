@@ -73,8 +73,7 @@ nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI an
 not in --data is left out.
 
 RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
-follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet, costs.parquet), manifest.json and
-protocol.json.
+follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), manifest.json and protocol.json.
 """
 
 
@@ -102,7 +101,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.stored import read_rows
-    from jerkbench.audit.study import FOLDER, compare_audits, run_audit
+    from jerkbench.audit.study import FOLDER, compare_audits, judged_audit, run_audit
     from jerkbench.audit.words import reweighted_text, three_sentences
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import processors
@@ -117,14 +116,18 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     if chosen.against:
         print(compare_audits(folder, chosen.against))
         return
-    cluster, workers = cluster_named(chosen.cluster), chosen.workers or processors()
-    answer = run_audit(protocol, folder, cluster, workers, only_stored=chosen.stored)
+    if chosen.stored:
+        answer = judged_audit(folder)
+    else:
+        answer = run_audit(protocol, folder, cluster_named(chosen.cluster), chosen.workers or processors())
     print("\n".join(three_sentences(answer)))
     print(f"Written to {folder}.")
 
 
 ENTRANT_GROUPS = ("filter", "adaptation", "noise", "r_scale")
 """Groups of a method; all else is the suite's."""
+
+DEFAULT_SUITE = "v2"
 
 ATTITUDES = "attitude-"
 """The names of suites of attitude filters begin so."""
@@ -133,14 +136,15 @@ ENTER = """\
 KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
 
   jerkbench suite run filter=jerk adaptation=mtf
-  jerkbench suite run filter=baseline adaptation=my_rule --scale tiny       seconds: does it run?
+  jerkbench suite run filter=baseline adaptation=my_rule --scale v2-tiny    seconds: does it run?
+  jerkbench suite run filter=jerk adaptation=mtf --scale v1                 an earlier suite
   jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
   jerkbench suite run attitude=madgwick --scale attitude-v1                 of attitude filters; attitude-tiny: seconds
   jerkbench suite run filter=attitude_command filter.command="./mine {recording} {out}" --scale attitude-v1 --name mine
 
-A method whose parameters have ranges is tuned on one half of the faults and scored on the other, and the reverse; one
-without, and a program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was
-stopped. Written: entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
+A method whose parameters have ranges is tuned on 60 random drives and scored on 240 others; one without, and a program,
+is scored as it is given. The plain filter is tuned alike. The same command goes on where it was stopped. Written:
+entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
 """
 
 
@@ -154,7 +158,7 @@ def _audit_attitude(chosen: argparse.Namespace, folder: Path, workers: int) -> N
 
 @verb(
     argument("words", nargs="+", metavar="KEY=VALUE", help="the method"),
-    argument("--scale", default="v1", help="name of the suite in conf/suite (default: v1)"),
+    argument("--scale", default=DEFAULT_SUITE, help=f"name of the suite in conf/suite (default: {DEFAULT_SUITE})"),
     argument("--name", default="", help="what the board calls it (default: filter + adaptation)"),
     argument("--out", type=output, metavar="FOLDER", help="of the entry (default: results/suite-SCALE/NAME)"),
     *WHERE,
@@ -176,7 +180,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
         re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
     )
-    scale = [] if chosen.scale == "v1" else ["--scale", chosen.scale]
+    scale = [] if chosen.scale == DEFAULT_SUITE else ["--scale", chosen.scale]
     command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
     with Workers(cluster_named(chosen.cluster), chosen.workers or processors()) as workers:
         print(enter(chosen.scale, entrant, name, Site(folder, workers), command))

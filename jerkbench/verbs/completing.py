@@ -19,27 +19,19 @@ _jerkbench() {
 complete -o default -F _jerkbench jerkbench
 """
 FISH = "complete -c jerkbench -a '(jerkbench completion fish --line (commandline -cp) 2>/dev/null)'\n"
-SHELLS = {"bash": BASH, "fish": FISH, "zsh": f"autoload -U +X bashcompinit && bashcompinit\n{BASH}"}
+SCRIPTS = {"bash": BASH, "fish": FISH, "zsh": f"autoload -U +X bashcompinit && bashcompinit\n{BASH}"}
 HEADS = {
     "bash": 'In ~/.bashrc: eval "$(jerkbench completion bash)"',
     "fish": "In ~/.config/fish/config.fish: jerkbench completion fish | source",
     "zsh": 'In ~/.zshrc, behind compinit: eval "$(jerkbench completion zsh)"',
 }
 
-NAMED_GROUPS = (
-    "dataset",
-    "disturbance",
-    "attitude",
-    "filter",
-    "adaptation",
-    "noise",
-    "engine",
-    "experiment",
-    "cluster",
+CHOSEN_GROUPS = (
+    *("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine", "experiment", "cluster"),
 )
 """The groups of which a name is chosen: GROUP=NAME."""
 
-MORE_WORDS = (
+OTHERS = (
     *("seeds", "first_seed", "study", "results", "metrics", "workers", "figures", "figures_pdf", "report", "tags"),
     *("burn_in_s", "divergence_limit_m", "notes", "r_scale.position", "r_scale.velocity"),
 )
@@ -47,13 +39,13 @@ MORE_WORDS = (
 
 
 @verb(
-    argument("shell", choices=tuple(SHELLS), help="whose words are to be completed"),
+    argument("shell", choices=tuple(SCRIPTS), help="whose words are to be completed"),
     argument("--line", help=argparse.SUPPRESS),
 )
 def completion_verb(chosen: argparse.Namespace) -> None:
     """Print the script that completes verbs, options, plugins and parameters in bash, zsh or fish."""
     if chosen.line is None:
-        print(f"# {HEADS[chosen.shell]}\n{SHELLS[chosen.shell]}", end="")
+        print(f"# {HEADS[chosen.shell]}\n{SCRIPTS[chosen.shell]}", end="")
         return
     for word in completions(chosen.line):
         print(word)
@@ -137,9 +129,9 @@ def _settings(words: Sequence[str], current: str) -> Iterator[str]:
     group, equals, value = current.partition("=")
     if equals:
         before = value[: value.rfind(",") + 1] or value[: value.rfind("[") + 1]
-        yield from (f"{group}={before}{name}" for name in (_names(group) if group in NAMED_GROUPS else ()))
+        yield from (f"{group}={before}{name}" for name in (_names(group) if group in CHOSEN_GROUPS else ()))
         return
-    yield from (f"{name}=" for name in (*NAMED_GROUPS, *MORE_WORDS))
+    yield from (f"{name}=" for name in (*CHOSEN_GROUPS, *OTHERS))
     if "." in current:
         yield from _parameters(words, group.partition(".")[0])
     else:
@@ -149,7 +141,7 @@ def _settings(words: Sequence[str], current: str) -> Iterator[str]:
 def _chosen(words: Sequence[str]) -> Iterator[tuple[str, str]]:
     from jerkbench.presets import default_names
 
-    typed = [(group, value) for group, _, value in (word.partition("=") for word in words) if group in NAMED_GROUPS]
+    typed = [(group, value) for group, _, value in (word.partition("=") for word in words) if group in CHOSEN_GROUPS]
     for group, value in {**default_names(), **dict(typed)}.items():
         yield from ((group, name) for name in value.strip("[]").split(",") if name)
 

@@ -11,7 +11,7 @@ from omegaconf import OmegaConf
 import jerkbench
 from commands import verb as command_line
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import Schema, job_of, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import Schema, configured_job, register_hydra_parts, register_schemas
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import job_of_parts
@@ -31,7 +31,7 @@ def by_words(*overrides):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}
         plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
-        return job_of(plain, config.hydra.runtime.choices, list(overrides))
+        return configured_job(plain, config.hydra.runtime.choices, list(overrides))
 
 
 def by_parts(disturbance=(), noise=None, **single):

@@ -11,6 +11,7 @@ from jerkbench.attitude.alignment import tilt_start
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.madgwick import Madgwick
 from jerkbench.attitude.tilt import Tilt
+from jerkbench.attitude.vqf import Vqf
 from jerkbench.errors import RecordingError
 from jerkbench.recording import Position, Velocity
 
@@ -63,6 +64,19 @@ def test_every_filter_starts_there(plugin):
     first = {way: plugin(alignment=way).verticals(drive)[0][0] for way in ("rest", "track")}
     assert degrees_between(first["track"], truth) < 1.5
     assert degrees_between(first["rest"], truth) > 2.0
+
+
+def test_a_start_in_motion_is_said_where_a_velocity_would_show_it():
+    drive, _ = driving()
+    (said,) = Tilt(yaw_source="gyro_only").remarks(drive)
+    assert "begins in motion, and the tilt starts level" in said
+    assert "first second's specific force" in Vqf(yaw_source="gyro_only").remarks(drive)[0]
+    for plugin, known in (
+        (Tilt(alignment="track", yaw_source="gyro_only"), drive),
+        (Tilt(yaw_source="gyro_only"), replace(drive, static_start_s=1.5)),
+        (Tilt(yaw_source="gyro_only"), driving("position")[0]),
+    ):
+        assert plugin.remarks(known) == ()
 
 
 def test_without_a_track_it_is_refused_before_a_sweep():

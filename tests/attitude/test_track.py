@@ -55,7 +55,7 @@ def test_what_the_speed_may_have_done_in_a_turn_is_in_the_sigma():
 
 
 def test_the_filter_is_least_squares_of_offset_and_bias(monkeypatch):
-    monkeypatch.setattr(track, "BIAS_WALK", 0.0)
+    monkeypatch.setattr(track, "YAW_BIAS_WALK", 0.0)
     rng = np.random.default_rng(0)
     t_s, lag_s, sigma = np.cumsum(rng.uniform(0.5, 3.0, 40)), rng.uniform(0.2, 2.0, 40), rng.uniform(0.02, 0.1, 40)
     z = 3.0 - 0.004 * (t_s - lag_s) + sigma * rng.normal(size=40)  # over pi nowhere: the slope is negative
@@ -114,7 +114,7 @@ def curved_drive(rate=0.1, speed=2.0, bias=0.05, rest_s=2.0):
 def test_before_the_first_course_it_is_that_one_less_the_gyro_without_its_bias():
     recording = curved_drive()
     imu = recording.imu
-    yaw = estimate_yaw(imu.t_s, np.full(len(imu.t_s), 0.01), imu.gyro_radps[:, 2], required_track(recording), WALK)
+    yaw = estimate_yaw(imu, *np.zeros((2, len(imu.t_s))), required_track(recording), WALK)
     true = 0.5 + 0.1 * np.maximum(imu.t_s - 2.0, 0.0)
 
     np.testing.assert_allclose(wrap_angle(yaw.rad - true), 0.0, atol=2e-3)

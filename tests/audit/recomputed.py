@@ -10,7 +10,9 @@ def recomputed(folder_or_rows, protocol):
     """Return numbers by name, from the tables drives, judged and tuned."""
     drives, judged, tuned = (getattr(folder_or_rows, name) for name in ("drives", "judged", "tuned"))
     judged = judged.assign(method=judged["filter"].astype(str) + " + " + judged["adaptation"].astype(str))
-    judged["loss"] = judged["log_error"].fillna(judged["seed"].map(drives.set_index("seed")["level"]) + np.log(100))
+    judged["loss"] = (
+        judged["log_error"].astype(float).fillna(judged["seed"].map(drives.set_index("seed")["level"]) + np.log(100))
+    )
     tuned = tuned.assign(method=tuned["filter"].astype(str) + " + " + tuned["adaptation"].astype(str))
     plain = [f"{model} + none" for model in protocol.filters]
     methods = [f"{model} + {name}" for model in protocol.filters for name in protocol.compared]
@@ -50,6 +52,6 @@ def recomputed(folder_or_rows, protocol):
         "lost": judged[judged["tried"] == protocol.trials]
         .groupby("method")["log_error"]
         .apply(lambda e: e.isna().mean())[methods],
-        "pays_from": (price / (price - gain)).clip(lower=0).where(gain < 0),
+        "pays_from": (price.clip(lower=0) / (price.clip(lower=0) - gain)).where(gain < 0),
         "kinds": pd.DataFrame(by_kind),
     }

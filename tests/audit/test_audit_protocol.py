@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from jerkbench import plugins
-from jerkbench.audit.protocol import PUBLISHED, AuditMethod, protocol_of, read_protocol
+from jerkbench.audit.protocol import PUBLISHED, AuditMethod, audit_protocol, read_protocol
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics import drives_and_tunings
 from jerkbench.parameters import provenance_of
@@ -78,4 +78,4 @@ def test_a_parameter_that_is_wrong_is_named(more, less):
     stated = {k: v for k, v in preset("audit", "small").items() if k not in less} | more | {"laws": {}}
 
     with pytest.raises(PluginError, match=f"mine.yaml lacks {[*more, *less][0]}"):
-        protocol_of(stated, "mine.yaml")
+        audit_protocol(stated, "mine.yaml")

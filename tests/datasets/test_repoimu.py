@@ -51,7 +51,7 @@ def turned(tmp_path):
     published = (tilt * truth * mount).as_quat(scalar_first=True)
     published[4000:] = published[4000]
     force = truth.inv().apply([0.0, 0.0, 9.81]) + np.random.default_rng(0).normal(0.0, 0.5, (6000, 3))
-    columns = np.column_stack([7.0 + t, force, rate + [0.01, -0.02, 0.03], published, t >= 3.0])
+    columns = np.column_stack([7.0 + t, force, np.add(rate, [0.01, -0.02, 0.03]), published, t >= 3.0])
     table = pd.DataFrame(columns, columns=["t_s", *ACCEL, *GYRO, *ATTITUDE, "movement"])
     table.to_parquet(tmp_path / "TStick_Test04_Trial1.parquet")
     return tmp_path, truth.inv().apply([0.0, 0.0, 1.0])

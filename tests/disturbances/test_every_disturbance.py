@@ -70,7 +70,8 @@ def test_the_input_stays_and_the_same_seed_gives_the_same(recording, name):
 def test_it_does_something_to_the_defaults_recording(recording, name):
     done = create(name).apply(recording, 0)
     assert changed(done, recording)
-    assert pickle.dumps(done.reference) == pickle.dumps(recording.reference) or name == "withhold"
+    of_reference = name in ("withhold", "score_moving")  # they say where errors count
+    assert of_reference or pickle.dumps(done.reference) == pickle.dumps(recording.reference)
 
 
 @pytest.mark.parametrize("name", NAMES)

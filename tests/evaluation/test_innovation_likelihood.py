@@ -10,7 +10,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Updates
-from jerkbench.evaluation.metrics.innovation import InnovationLikelihood
+from jerkbench.evaluation.metrics.consistency import InnovationLikelihood
 from jerkbench.filters.constant_velocity import ConstantVelocity
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest

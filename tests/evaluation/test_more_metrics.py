@@ -10,12 +10,10 @@ from scipy.stats import multivariate_normal
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.metrics.consistency import Coverage
-from jerkbench.evaluation.metrics.innovation import Innovation
-from jerkbench.evaluation.metrics.lockout import Lockout, longest_streak_s
-from jerkbench.evaluation.metrics.one_recording import OneRecording
-from jerkbench.evaluation.metrics.position import OutageDrift, Percentiles, PositionRmse
-from jerkbench.evaluation.metrics.relative_error import RelativeError
+from jerkbench.evaluation.metrics.consistency import Coverage, Innovation
+from jerkbench.evaluation.metrics.gates import Lockout, longest_streak_s
+from jerkbench.evaluation.metrics.outage import OutageDrift
+from jerkbench.evaluation.metrics.position import OneRecording, Percentiles, PositionRmse, RelativeError
 from jerkbench.evaluation.metrics.scores import LogScore
 from jerkbench.evaluation.statistics import correlated_errors
 from jerkbench.recording import Position

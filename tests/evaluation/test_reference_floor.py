@@ -7,7 +7,7 @@ import pytest
 from commands import verb
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.metrics.reference_floor import ReferenceFloor
+from jerkbench.evaluation.metrics.position import ReferenceFloor
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.runs import runs_by_combination
@@ -61,7 +61,7 @@ def test_a_number_stands_for_all_epochs_and_without_it_there_is_no_floor(folder)
     np.testing.assert_array_equal(one.reference.sigma_m, np.full((N, 3), 0.1))
     assert table(folder).load().reference.sigma_m is None
     assert one.reference.scored.all()
-    with pytest.raises(PluginError, match="reference_sigma names 2 columns"):
+    with pytest.raises(PluginError, match="reference_sigma has 2 entries"):
         table(folder, reference_sigma=("se", "sn"))
 
 

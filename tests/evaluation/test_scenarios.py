@@ -129,21 +129,18 @@ def test_the_best_of_many_equals_flatters_itself():
     gaps, honest = [], []
     for _ in range(200):
         errors = np.exp(0.2 * rng.standard_normal((20, 10)))
-        found = chosen_on_other_seeds(errors)
-        honest.append(np.log(found.values).mean())
-        gaps.append(np.log(errors[found.best]).mean())
+        honest.append(np.log(errors[chosen_on_other_seeds(errors), np.arange(errors.shape[1])]).mean())
+        gaps.append(np.log(errors).mean(axis=1).min())
     assert np.mean(gaps) < -0.1
     assert abs(np.mean(honest)) < 0.02
 
 
 def test_a_setting_is_chosen_by_the_other_seeds():
     errors = np.array([[1.0, 1.0, 9.0], [2.0, 2.0, 2.0]])
-    found = chosen_on_other_seeds(errors)
-    np.testing.assert_array_equal(found.picked, [1, 1, 0])
-    np.testing.assert_array_equal(found.values, [2.0, 2.0, 9.0])
+    np.testing.assert_array_equal(chosen_on_other_seeds(errors), [1, 1, 0])
 
 
 def test_a_lost_run_costs_more_than_any_error():
-    found = chosen_on_other_seeds(np.array([[1.0, 1.0, 1.0, np.inf], [5.0, 5.0, 5.0, 5.0]]))
-    np.testing.assert_array_equal(found.picked, [1, 1, 1, 0])
-    assert found.best == 1
+    errors = np.array([[1.0, 1.0, 1.0, np.inf], [5.0, 5.0, 5.0, 5.0]])
+    np.testing.assert_array_equal(chosen_on_other_seeds(errors), [1, 1, 1, 0])
+    assert chosen_on_other_seeds(errors[:, 3:]) == 1

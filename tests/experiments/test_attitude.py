@@ -5,15 +5,15 @@ import pandas as pd
 import pytest
 
 from experiment_scripts import EXPERIMENTS, experiment
-from jerkbench.audit.attitude.methods import METHODS, SETTINGS
-from jerkbench.audit.attitude.tuned import errors_of
+from jerkbench.audit.attitude.methods import TILT_METHODS, TILT_SETTINGS
+from jerkbench.audit.attitude.verdicts import errors_of
 
 page = experiment("attitude/page.py")
 
 
 @pytest.fixture(scope="module")
 def errors():
-    return errors_of(pd.read_parquet(page.KEPT))
+    return errors_of(pd.read_parquet(page.HERE / page.KEPT))
 
 
 def test_the_tables_of_the_page_are_those_of_the_rows(errors):
@@ -22,7 +22,7 @@ def test_the_tables_of_the_page_are_those_of_the_rows(errors):
 
 
 def test_every_method_has_every_setting_on_every_trial(errors):
-    for domain, trials in (("broad", 20), ("tstick", 11), ("kitti", 28), ("field", 16)):
-        for method in METHODS:
-            assert errors[domain][method].shape == (SETTINGS, trials)
+    for domain, trials in (("broad", 20), ("tstick", 11), ("kitti", 28), ("kitti_start", 25), ("field", 16)):
+        for method in TILT_METHODS:
+            assert errors[domain][method].shape == (TILT_SETTINGS, trials)
         assert np.isfinite(np.concatenate(list(errors[domain].values()))).all()

@@ -5,7 +5,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from engine_agreement import agree_runs, assert_same_sums, with_other_last_bits
+from engine_agreement import (
+    agree_runs,
+    assert_same_sums,
+    assert_same_until_it_stops,
+    with_a_negative_variance,
+    with_other_last_bits,
+)
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -16,6 +22,8 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
+from jerkbench.kinematic.plugin_call import compiled_rule
+from jerkbench.linear.mixture import mix_alone
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import build_timeline
 
@@ -74,3 +82,12 @@ def test_its_sums_are_those_of_a_trajectory():
     assert_same_sums(got, wanted)
     assert one.euler_rad is None
     np.testing.assert_allclose(one.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)
+
+
+def test_it_stops_where_numpy_stops():
+    timeline = with_a_negative_variance(build_timeline(*recorded()), 50)
+    model = InteractingMultipleModels()
+    got = mix_alone(timeline, model.start(timeline), compiled_rule(Mtf()))
+    wanted = model._mixture(timeline, Mtf()).to_the_end()
+
+    assert_same_until_it_stops(got, wanted)

@@ -3,13 +3,13 @@
 import numpy as np
 
 from jerkbench.inertial import mechanisation
-from jerkbench.inertial.mechanisation import advance, calibrated
+from jerkbench.inertial.mechanisation import advance_navigation, calibrated
 
 
 def mechanise(state, accel_mps2, gyro_radps, dt_s, earth):
     """The state after a step from what the sensors show, C and the force in its middle."""
     sensed = calibrated(state, accel_mps2[None], gyro_radps[None])
-    to = advance(state, *sensed, np.array([dt_s]), earth)
+    to = advance_navigation(state, *sensed, np.array([dt_s]), earth)
     after = state._replace(position_m=to.position_m[0], velocity_mps=to.velocity_mps[0], dcm=to.dcm[0])
     return after, to.mean_dcm[0], to.force_enu_mps2[0]
 

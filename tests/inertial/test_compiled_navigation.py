@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from engine_agreement import agree_runs, assert_same_sums, with_other_last_bits
+from engine_agreement import agree_runs, assert_same_sums, with_a_negative_variance, with_other_last_bits
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -165,10 +165,7 @@ def test_what_is_estimated_of_the_sensors_agrees():
 def test_it_stops_where_numpy_stops():
     recording, attitude = recorded("enu")
     journey = Eskf15().journey(recording, attitude)
-    R = np.array(journey.timeline.measurements.R)
-    R[40] *= -0.1
-    measured = replace(journey.timeline.measurements, R=R, R_true=R)
-    journey = journey._replace(timeline=replace(journey.timeline, measurements=measured))
+    journey = journey._replace(timeline=with_a_negative_variance(journey.timeline, 40))
     wanted = reference_run(journey, NoAdaptation()).estimate
     got = solve_compiled(journey, NoAdaptation()).estimate
 

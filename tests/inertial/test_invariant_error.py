@@ -14,7 +14,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
-from jerkbench.inertial.mechanisation import FLAT, advance
+from jerkbench.inertial.mechanisation import FLAT, advance_navigation
 from jerkbench.inertial.state import corrected
 from jerkbench.inertial.update import corrected_on_group, reset_on_group
 
@@ -36,7 +36,7 @@ def over(state, steps=200, dt=0.01):
     """The state after a ride with hard turns and a force that changes."""
     rng = np.random.default_rng(4)
     force, rate = rng.normal([0.0, 0.0, 9.8], 5.0, (steps, 3)), rng.normal(0.0, 2.0, (steps, 3))
-    passage = advance(state, force, rate, np.full(steps, dt), FLAT)
+    passage = advance_navigation(state, force, rate, np.full(steps, dt), FLAT)
     return passage, passage.state(state, steps - 1)
 
 

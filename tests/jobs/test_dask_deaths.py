@@ -13,7 +13,7 @@ from dask_site import dask_site
 
 from commands import environment, swept
 
-CELLS = 400
+CELLS = 1200
 WORDS = [f"noise.accel_mps2=range(0.1,{CELLS / 10 + 0.1:g},0.1)", "filter=jerk", "seeds=2", "dataset.duration_s=12"]
 pytestmark = [
     pytest.mark.slow,

@@ -6,7 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from engine_agreement import agree_runs, assert_same_sums, with_other_last_bits
+from engine_agreement import (
+    agree_runs,
+    assert_same_sums,
+    assert_same_until_it_stops,
+    with_a_negative_variance,
+    with_other_last_bits,
+)
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -110,3 +116,11 @@ def test_its_sums_are_those_of_a_trajectory_with_settings_side_by_side():
         got = sums_from(result, scene, recording)
         assert_same_sums(got, wanted)
         np.testing.assert_allclose(result.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)
+
+
+def test_where_the_filter_stops_what_comes_before_is_smoothed():
+    timeline = with_a_negative_variance(build_timeline(*recorded()), 50)
+    model, rule = RauchTungStriebel("jerk"), compiled_rule(Mtf())
+    got, wanted = smooth_one(timeline, model.kinematic_filter(), rule), model.smooth(timeline, Mtf())
+
+    assert_same_until_it_stops(got, wanted)

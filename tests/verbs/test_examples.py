@@ -1,4 +1,4 @@
-"""The examples of `--help`: each verb has two, and those of `jerkbench/verbs/examples.py` go well."""
+"""The examples of `--help`: each verb has two, and those of `jerkbench/verbs/arguments.py` go well."""
 
 import re
 import shlex
@@ -28,7 +28,7 @@ def verbs(parser, words=()):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Two studies, an entry of the suite, a bag that was cut, and one after a power loss."""
+    """Two studies, an entry of the suite, a bag that was cut, one after a power loss, and a track."""
     folder = tmp_path_factory.mktemp("examples")
     for study in ("first", "second"):
         words = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,outliers", "seeds=2"]
@@ -36,6 +36,7 @@ def folder(tmp_path_factory):
     done = verb("suite", "run", "filter=jerk", "--scale", "tiny", "--workers", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
     verb("data", "convert", "field", "whole_drive.bag", "--set", "duration_s=12", cwd=folder)
+    verb("data", "convert", "field", "ride.gpx", "--set", "duration_s=60", cwd=folder)
     whole = (folder / "whole_drive.bag").read_bytes()
     (folder / "cut.bag").write_bytes(whole[: len(whole) // 2])
     shutil.copy(folder / "cut.bag", folder / "drive.bag.active")

@@ -24,10 +24,8 @@ from jerkbench.tuning.samplers import Sobol
 TiltSetting = Mapping[str, float]
 """Values of the ranges, and 0 or 1 of the switches."""
 
-SETTINGS = 64
+TILT_SETTINGS = 64
 """Tried of each method, on every trial."""
-
-PLAIN = ("gyro_density", "accel_density")
 
 
 @dataclass(frozen=True)
@@ -36,36 +34,38 @@ class TiltMethod:
 
     Attributes:
         ranges: of its numbers.
-        switches: names of those.
-        make: the plugin of a setting, at a number of samples a second.
-        default: the plugin as it comes.
+        switches: names of those, besides ``gravity``: a start in motion is the accelerometer's first second, or level.
+        make: the plugin of a setting, at a number of samples a second, with an alignment.
     """
 
     ranges: Mapping[str, Range]
     switches: tuple[str, ...]
-    make: Callable[[TiltSetting, float], TiltAndYaw]
-    default: TiltAndYaw
+    make: Callable[[TiltSetting, float, str], TiltAndYaw]
+
+    def plugin(self, setting: TiltSetting, rate_hz: float, alignment: str = "") -> TiltAndYaw:
+        """Return the plugin of a setting; an ``alignment`` that is given replaces that of the setting."""
+        return self.make(setting, rate_hz, alignment or ("gravity" if setting["gravity"] else "rest"))
 
     def settings(self) -> list[TiltSetting]:
         """Return the first points of a scrambled Sobol sequence, with all switches."""
-        names = [*self.ranges, *self.switches]
-        points = Sobol(len(names), 0).ask(SETTINGS)
+        names = [*self.ranges, *self.switches, "gravity"]
+        points = Sobol(len(names), 0).ask(TILT_SETTINGS)
         return [{name: self._value(name, share) for name, share in zip(names, point, strict=True)} for point in points]
 
     def _value(self, name: str, share: float) -> float:
         return self.ranges[name].value(float(share)) if name in self.ranges else float(share >= 0.5)
 
 
-def _start(setting: TiltSetting) -> str:
-    """How it starts in motion: the accelerometer's first second, or level."""
-    return "gravity" if setting["gravity"] else "rest"
+def _numbers(cls: type, *names: str) -> dict[str, Range]:
+    """The ranges of ``names``; of all parameters but the switches, where none is named."""
+    ranges = ranges_of(cls).items()
+    return {name: bounds for name, bounds in ranges if bounds is not SWITCH and (name in names or not names)}
 
 
-def _tilt(adapt: str) -> TiltMethod:
-    """The paper's filter; its noise of a sample follows from the density."""
-    names = PLAIN + {"none": (), "mtf": ("window_s",), "lee": ("external_memory",)}[adapt]
+def _tilt(adapt: str, *names: str) -> TiltMethod:
+    """The paper's filter; its noise of a sample follows from the density, and its window from the time."""
 
-    def make(setting: TiltSetting, rate_hz: float) -> Tilt:
+    def make(setting: TiltSetting, rate_hz: float, alignment: str) -> Tilt:
         return Tilt(
             adapt,
             setting["gyro_density"] * np.sqrt(rate_hz),
@@ -73,67 +73,60 @@ def _tilt(adapt: str) -> TiltMethod:
             setting.get("external_memory", 0.0),
             max(1, round(setting.get("window_s", 0.0) * rate_hz)),
             propagation="exact",
-            alignment=_start(setting),
+            alignment=alignment,
         )
 
-    return TiltMethod(_of(Mekf, names), ("gravity",), make, Tilt("mtf", sigma_accel_mps2=0.5, propagation="exact"))
+    return TiltMethod(_numbers(Mekf, "gyro_density", "accel_density", *names), (), make)
 
 
-def _mekf(adapt: str) -> TiltMethod:
-    """The multiplicative filter; the walk of the bias counts where it has one."""
-    names = (*PLAIN, "bias_density", *{"none": (), "mtf": ("window_s",), "lee": ("window_s", "external_memory")}[adapt])
+def _mekf(adapt: str, *names: str) -> TiltMethod:
+    """The multiplicative filter."""
+    names = ("gyro_density", "accel_density", "bias_density", *names)
 
-    def make(setting: TiltSetting, rate_hz: float) -> Mekf:
-        del rate_hz
+    def make(setting: TiltSetting, _: float, alignment: str) -> Mekf:
         numbers: Any = {name: setting[name] for name in names}
-        return Mekf(adapt, **numbers, bias=bool(setting["bias"]), alignment=_start(setting))
+        return Mekf(adapt, **numbers, bias=bool(setting["bias"]), alignment=alignment)
 
-    return TiltMethod(_of(Mekf, names), ("bias", "gravity"), make, Mekf(adapt))
-
-
-def _vqf(setting: TiltSetting, rate_hz: float) -> Vqf:
-    """VQF; its start is its own, or level."""
-    del rate_hz
-    bias = bool(setting["rest_bias"]), bool(setting["motion_bias"])
-    return Vqf(setting["tau_acc_s"], *bias, setting["bias_forgetting_s"], alignment=_start(setting))
+    return TiltMethod(_numbers(Mekf, *names), ("bias",), make)
 
 
-def _madgwick(setting: TiltSetting, rate_hz: float) -> Madgwick:
-    """Madgwick's filter, which has no bias."""
-    del rate_hz
-    return Madgwick(setting["gain_per_s"], alignment=_start(setting))
+def _madgwick(setting: TiltSetting, _: float, alignment: str) -> Madgwick:
+    return Madgwick(setting["gain_per_s"], alignment=alignment)
 
 
-def _mahony(setting: TiltSetting, rate_hz: float) -> Mahony:
-    """Mahony's filter, with the integral or without."""
-    del rate_hz
+def _mahony(setting: TiltSetting, _: float, alignment: str) -> Mahony:
     integral = setting["integral_per_s2"] if setting["bias"] else 0.0
-    return Mahony(setting["proportional_per_s"], integral, alignment=_start(setting))
+    return Mahony(setting["proportional_per_s"], integral, alignment=alignment)
 
 
-def _of(cls: type, names: tuple[str, ...]) -> dict[str, Range]:
-    return {name: bounds for name, bounds in ranges_of(cls).items() if name in names and bounds is not SWITCH}
+def _vqf(setting: TiltSetting, _: float, alignment: str) -> Vqf:
+    bias = bool(setting["rest_bias"]), bool(setting["motion_bias"])
+    return Vqf(setting["tau_acc_s"], *bias, setting["bias_forgetting_s"], alignment=alignment)
 
 
-METHODS = {
+TILT_METHODS = {
     "constant": _tilt("none"),
-    "mtf": _tilt("mtf"),
-    "lee": _tilt("lee"),
+    "mtf": _tilt("mtf", "window_s"),
+    "lee": _tilt("lee", "external_memory"),
     "mekf": _mekf("none"),
-    "mekf_mtf": _mekf("mtf"),
-    "mekf_lee": _mekf("lee"),
-    "madgwick": TiltMethod(dict(ranges_of(Madgwick)), ("gravity",), _madgwick, Madgwick()),
-    "mahony": TiltMethod(dict(ranges_of(Mahony)), ("bias", "gravity"), _mahony, Mahony()),
-    "vqf": TiltMethod(
-        _of(Vqf, ("tau_acc_s", "bias_forgetting_s")), ("rest_bias", "motion_bias", "gravity"), _vqf, Vqf()
-    ),
+    "mekf_mtf": _mekf("mtf", "window_s"),
+    "mekf_lee": _mekf("lee", "window_s", "external_memory"),
+    "madgwick": TiltMethod(_numbers(Madgwick), (), _madgwick),
+    "mahony": TiltMethod(_numbers(Mahony), ("bias",), _mahony),
+    "vqf": TiltMethod(_numbers(Vqf), ("rest_bias", "motion_bias"), _vqf),
 }
 """Those that are tuned and ranked."""
 
 AS_THEY_COME = {
-    **{f"{name}, default": method.default for name, method in METHODS.items()},
     "constant, default": Tilt("none", sigma_accel_mps2=2.0, propagation="exact"),
+    "mtf, default": Tilt("mtf", sigma_accel_mps2=0.5, propagation="exact"),
     "lee, default": Tilt("lee", 0.1, 10.0, 0.3, propagation="exact"),
+    "mekf, default": Mekf(),
+    "mekf_mtf, default": Mekf("mtf"),
+    "mekf_lee, default": Mekf("lee"),
+    "madgwick, default": Madgwick(),
+    "mahony, default": Mahony(),
+    "vqf, default": Vqf(),
     "gyro_only": GyroOnly(),
     "offline_vqf": OfflineVqf(),
 }

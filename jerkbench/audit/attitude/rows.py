@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
@@ -11,8 +12,9 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.attitude.common import TiltAndYaw
-from jerkbench.audit.attitude.methods import AS_THEY_COME, METHODS, SETTINGS
-from jerkbench.audit.attitude.trials import Piece, TiltTrial
+from jerkbench.attitude.vqf import OfflineVqf
+from jerkbench.audit.attitude.methods import AS_THEY_COME, TILT_METHODS, TILT_SETTINGS
+from jerkbench.audit.attitude.trials import TiltPiece, TiltTrial
 from jerkbench.evaluation.navigation_errors import angle_between
 from jerkbench.files import write_atomically
 from jerkbench.jobs.key import code_digest, versions
@@ -21,11 +23,11 @@ from jerkbench.jobs.progress import Progress
 COMPUTED_BY = tuple(f"audit/attitude/{name}" for name in ("methods", "rows", "trials"))
 """Modules that the rows depend on, besides those of every run."""
 
-COLUMNS = ("domain", "trial", "method", "setting", "inclination_rmse_deg")
+TILT_COLUMNS = ("domain", "trial", "method", "setting", "inclination_rmse_deg")
 """Of the rows; the setting -1 is the method as it comes."""
 
 
-def error_deg(plugin: TiltAndYaw, pieces: Sequence[Piece]) -> float:
+def error_deg(plugin: TiltAndYaw, pieces: Sequence[TiltPiece]) -> float:
     """Return the RMSE of the inclination over all pieces that count [deg]."""
     squares, count = 0.0, 0
     for recording, truth, counted in pieces:
@@ -35,23 +37,24 @@ def error_deg(plugin: TiltAndYaw, pieces: Sequence[Piece]) -> float:
     return float(np.degrees(np.sqrt(squares / count)))
 
 
-def trial_rows(trial: TiltTrial, count: int = SETTINGS) -> pd.DataFrame:
+def trial_rows(trial: TiltTrial, count: int = TILT_SETTINGS) -> pd.DataFrame:
     """Return the rows of a trial: each method as it comes, and at the first ``count`` of its settings."""
+    rows = [(trial.domain, trial.name, *row) for row in _of_methods(trial, count)]
+    return pd.DataFrame(rows, columns=TILT_COLUMNS).astype({"inclination_rmse_deg": "float32", "setting": "int16"})
+
+
+def _of_methods(trial: TiltTrial, count: int) -> Iterator[tuple[str, int, float]]:
     pieces = trial.pieces()
     rate_hz = 1.0 / pieces[0][0].inertial.nominal_interval_s
-    rows = [(trial.domain, trial.name, *row) for row in _of_methods(pieces, rate_hz, count)]
-    return pd.DataFrame(rows, columns=COLUMNS).astype({"inclination_rmse_deg": "float32", "setting": "int16"})
-
-
-def _of_methods(pieces: Sequence[Piece], rate_hz: float, count: int) -> Iterator[tuple[str, int, float]]:
     for name, plugin in AS_THEY_COME.items():
-        yield name, -1, error_deg(plugin, pieces)
-    for name, method in METHODS.items():
+        fixed = not trial.alignment or isinstance(plugin, OfflineVqf)  # a smoother finds its start itself
+        yield name, -1, error_deg(plugin if fixed else replace(plugin, alignment=trial.alignment), pieces)
+    for name, method in TILT_METHODS.items():
         for number, setting in enumerate(method.settings()[:count]):
-            yield name, number, error_deg(method.make(setting, rate_hz), pieces)
+            yield name, number, error_deg(method.plugin(setting, rate_hz, trial.alignment), pieces)
 
 
-def audit_rows(trials: Sequence[TiltTrial], folder: Path, workers: int, count: int = SETTINGS) -> pd.DataFrame:
+def audit_rows(trials: Sequence[TiltTrial], folder: Path, workers: int, count: int = TILT_SETTINGS) -> pd.DataFrame:
     """Return the rows of all trials; those that are in ``folder`` already, of this code and these data, are taken.
 
     Raises:

@@ -8,17 +8,24 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.attitude.vqf import vqf_package
-from jerkbench.audit.attitude.methods import METHODS, SETTINGS
+from jerkbench.audit.attitude.methods import TILT_METHODS, TILT_SETTINGS
 from jerkbench.audit.attitude.rows import COMPUTED_BY, audit_rows
-from jerkbench.audit.attitude.tables import COMPARATORS, TILT_TABLES
 from jerkbench.audit.attitude.trials import DOMAINS, TiltTrial, all_trials
-from jerkbench.audit.attitude.tuned import EACH, TUNINGS, errors_of, tilt_verdicts, tuned
+from jerkbench.audit.attitude.verdicts import (
+    COMPARATORS,
+    TILT_TABLES,
+    TRIED_EACH,
+    TUNINGS,
+    errors_of,
+    tilt_verdicts,
+    tuned,
+)
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
 
-ROWS = "errors.parquet"
+TILT_ERRORS = "errors.parquet"
 
-PAGE = """\
+TILT_PAGE = """\
 # Attitude filters: the error of the tilt, domain by domain
 
 {answer}
@@ -50,7 +57,7 @@ defaults on BROAD. `offline_vqf` is a smoother: it is shown and never ranked. {a
 """
 
 
-def run_attitude_audit(data: Path, folder: Path, workers: int, settings: int = SETTINGS) -> str:
+def run_attitude_audit(data: Path, folder: Path, workers: int, settings: int = TILT_SETTINGS) -> str:
     """Compute what is not kept yet, write rows, tables and manifest to ``folder``, and return the answer.
 
     Args:
@@ -63,11 +70,11 @@ def run_attitude_audit(data: Path, folder: Path, workers: int, settings: int = S
         JerkbenchError: the package vqf is not installed, or a recording is damaged.
     """
     vqf_package()
-    trials = all_trials(data)
+    trials = list(all_trials(data))
     rows = audit_rows(trials, folder / "rows", workers, settings)
-    write_atomically(folder / ROWS, lambda path: rows.to_parquet(path, index=False))
+    write_atomically(folder / TILT_ERRORS, lambda path: rows.to_parquet(path, index=False))
     write_text(folder / "manifest.json", json.dumps(_manifest(trials, settings), indent=1) + "\n")
-    if settings < SETTINGS:
+    if settings < TILT_SETTINGS:
         return f"{len(rows)} rows of {len(trials)} trials."
     answer, page = attitude_answer(rows), attitude_audit_page(rows)
     write_text(folder / "README.md", page)
@@ -92,13 +99,13 @@ def attitude_audit_page(rows: pd.DataFrame) -> str:
     """Return the page with all tables."""
     errors = errors_of(rows)
     absent = [title for domain, title in DOMAINS.items() if domain not in errors]
-    return PAGE.format(
+    return TILT_PAGE.format(
         answer=attitude_answer(rows),
-        methods=len(METHODS),
-        settings=SETTINGS,
+        methods=len(TILT_METHODS),
+        settings=TILT_SETTINGS,
         tunings=TUNINGS,
-        each=EACH,
-        absent=f"Not here, and left out: {', '.join(absent)}." if absent else "",
+        each=TRIED_EACH,
+        absent=f"Not here, and left out: {'; '.join(absent)}." if absent else "",
         **{name: table(errors) for name, table in TILT_TABLES.items()},
     )
 
@@ -109,5 +116,5 @@ def _manifest(trials: Sequence[TiltTrial], settings: int) -> dict[str, object]:
         "git_commit": git_commit(),
         "versions": {**versions(), "vqf": version("vqf")},
         "trials": {f"{trial.domain} {trial.name}": trial.fingerprint for trial in trials},
-        "settings": {name: method.settings()[:settings] for name, method in METHODS.items()},
+        "settings": {name: method.settings()[:settings] for name, method in TILT_METHODS.items()},
     }

@@ -10,17 +10,20 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.attitude.alignment import TRACK_S
+from jerkbench.attitude.vqf import SILENCE_S
 from jerkbench.datasets.broad import ENDINGS, Broad
 from jerkbench.datasets.field import Field
 from jerkbench.datasets.repoimu import RepoImu
 from jerkbench.geometry import vertical_in_body
 from jerkbench.io.files import fingerprint
-from jerkbench.recording import Imu, Recording, Reference
+from jerkbench.recording import Imu, Recording, Reference, Velocity
 
 DOMAINS = {
     "broad": "BROAD, hand",
     "tstick": "TStick, hand",
     "kitti": "KITTI, vehicle",
+    "kitti_start": "KITTI, vehicle, start known",
     "field": "simulated field, vehicle",
 }
 """What each is called; they are never pooled."""
@@ -28,15 +31,15 @@ DOMAINS = {
 DRIVES = 16
 """Seeds of the simulated field."""
 
-GAP_S = 0.1
-"""Every recording is cut where the IMU is silent for longer, for all methods alike."""
-
 LEAST_S = 5.0
 """Shorter pieces do not count."""
 
-STILL_MPS = 0.1
+RESTING_MPS = 0.1
 
-Piece = tuple[Recording, FloatArray, BoolArray]
+VELOCITY_SIGMA_MPS, VELOCITY_EVERY = 0.1, 10
+"""White noise of the velocities for a known start, and the samples from one to the next."""
+
+TiltPiece = tuple[Recording, FloatArray, BoolArray]
 """A part of a recording, its true verticals (n, 3), and which samples count (n,)."""
 
 
@@ -54,73 +57,80 @@ class TiltTrial:
     domain: str
     name: str
     fingerprint: str
-    pieces: Callable[[], list[Piece]]
+    pieces: Callable[[], list[TiltPiece]]
+
+    @property
+    def alignment(self) -> str:
+        """The start of every method; empty: its own."""
+        return "track" if self.domain == "kitti_start" else ""
 
 
-def all_trials(folder: Path) -> list[TiltTrial]:
-    """Return the trials of ``folder``/broad, repoimu and kitti that are there, and the simulated drives."""
-    return [*broad(folder / "broad"), *tstick(folder / "repoimu"), *kitti(folder / "kitti"), *field()]
-
-
-def broad(folder: Path) -> Iterator[TiltTrial]:
-    """The trials of BROAD that are there."""
-    for path in sorted(path for path in folder.glob("*_*") if path.suffix in ENDINGS):
-        yield TiltTrial("broad", path.stem, fingerprint((path,)), partial(_of_broad, path))
-
-
-def tstick(folder: Path) -> Iterator[TiltTrial]:
-    """The trials of RepoIMU's TStick that are there."""
-    for path in sorted(folder.glob("TStick_*.parquet")):
-        yield TiltTrial("tstick", path.stem, fingerprint((path,)), partial(_of_tstick, path))
-
-
-def kitti(folder: Path) -> Iterator[TiltTrial]:
-    """The drives of KITTI: t; ax, ay, az; gx, gy, gz; e, n, u; ve, vn, vu; roll, pitch, yaw. All counts."""
-    for path in sorted(folder.glob("*drive*.parquet")):
-        yield TiltTrial("kitti", path.stem, fingerprint((path,)), partial(_of_kitti, path))
-
-
-def field() -> Iterator[TiltTrial]:
-    """Drives of the simulated field."""
+def all_trials(folder: Path) -> Iterator[TiltTrial]:
+    """The trials of ``folder``/broad, repoimu and kitti that are there, and the simulated drives."""
+    for path in sorted(path for path in (folder / "broad").glob("*_*") if path.suffix in ENDINGS):
+        recording = Broad(str(path.parent), int(path.name[:2]))
+        yield TiltTrial("broad", path.stem, recording.fingerprint(), partial(_whole, recording, 0))
+    for path in sorted((folder / "repoimu").glob("TStick_*.parquet")):
+        _, test, trial = path.stem.split("_")
+        stick = RepoImu(str(path.parent), int(test[4:]), int(trial[5:]))
+        yield TiltTrial("tstick", path.stem, stick.fingerprint(), partial(_whole, stick, 0))
+    drives = sorted((folder / "kitti").glob("*drive*.parquet"))
+    for number, path in enumerate(drives):
+        yield TiltTrial("kitti", path.stem, fingerprint((path,)), partial(kitti_pieces, path, number))
+    for number, path in enumerate(drives):
+        if after_start(path, number):
+            yield TiltTrial("kitti_start", path.stem, fingerprint((path,)), partial(after_start, path, number))
     for seed in range(DRIVES):
-        yield TiltTrial("field", f"seed {seed:02d}", "", partial(_of_field, seed))
+        yield TiltTrial("field", f"seed {seed:02d}", "", partial(_whole, Field(), seed))
 
 
-def _of_broad(path: Path) -> list[Piece]:
-    return _whole(Broad(str(path.parent), int(path.name[:2])).load())
-
-
-def _of_tstick(path: Path) -> list[Piece]:
-    _, test, trial = path.stem.split("_")
-    return _whole(RepoImu(str(path.parent), int(test[4:]), int(trial[5:])).load())
-
-
-def _of_field(seed: int) -> list[Piece]:
-    return _whole(Field().load(seed))
-
-
-def _whole(recording: Recording) -> list[Piece]:
+def _whole(source: Broad | RepoImu | Field, seed: int) -> list[TiltPiece]:
     """A recording without gaps."""
+    recording = source.load(seed)
     euler_rad = np.asarray(recording.reference.euler_rad, dtype=np.float64)
     return [(recording, vertical_in_body(np.nan_to_num(euler_rad)), recording.reference.scored)]
 
 
-def _of_kitti(path: Path) -> list[Piece]:
+def kitti_pieces(path: Path, seed: int) -> list[TiltPiece]:
+    """The pieces of a drive: t; ax, ay, az; gx, gy, gz; e, n, u; ve, vn, vu; roll, pitch, yaw. All counts."""
     drive = pd.read_parquet(path).astype(float)
-    edges = [0, *(np.flatnonzero(np.diff(drive["t"]) > GAP_S) + 1), len(drive)]
+    edges = [0, *(np.flatnonzero(np.diff(drive["t"]) > SILENCE_S) + 1), len(drive)]
     parts = [drive.iloc[begin:end] for begin, end in pairwise(edges)]
-    return [_part(path.stem, part) for part in parts if np.ptp(part["t"]) >= LEAST_S]
+    return [_part(path.stem, part, seed) for part in parts if np.ptp(part["t"]) >= LEAST_S]
 
 
-def _part(name: str, part: pd.DataFrame) -> Piece:
+def after_start(path: Path, seed: int) -> list[TiltPiece]:
+    """The pieces of a drive without their first seconds, which an alignment by the track takes."""
+    return [
+        (piece, truth, piece.inertial.t_s >= TRACK_S)
+        for piece, truth, _ in kitti_pieces(path, seed)
+        if piece.inertial.t_s[-1] >= TRACK_S + LEAST_S
+    ]
+
+
+def _part(name: str, part: pd.DataFrame, seed: int) -> TiltPiece:
     """A part of a drive; it is at rest at the start as long as its speed says."""
     t_s = (part["t"] - part["t"].iloc[0]).to_numpy()
     accel, gyro, place, velocity, euler = (
         part[names.split()].to_numpy() for names in ("ax ay az", "gx gy gz", "e n u", "ve vn vu", "roll pitch yaw")
     )
-    moving = np.linalg.norm(velocity, axis=1) > STILL_MPS
+    moving = np.linalg.norm(velocity, axis=1) > RESTING_MPS
     rest_s = float(t_s[np.argmax(moving)]) if moving.any() else float(t_s[-1])
-    solution = {"enu_m": place, "velocity_mps": velocity, "euler_rad": euler}
-    reference = Reference(t_s, "the OXTS's own fused solution", independent=False, **solution)
-    recording = Recording(name, Imu(t_s, accel, gyro), reference, static_start_s=rest_s)
+    reference = Reference(
+        t_s,
+        "the OXTS's own fused solution",
+        independent=False,
+        enu_m=place,
+        velocity_mps=velocity,
+        euler_rad=euler,
+    )
+    measured = with_noise(t_s, velocity, seed)
+    recording = Recording(name, Imu(t_s, accel, gyro), reference, velocity=measured, static_start_s=rest_s)
     return recording, vertical_in_body(euler), np.ones(len(t_s), dtype=np.bool_)
+
+
+def with_noise(t_s: FloatArray, mps: FloatArray, seed: int) -> Velocity:
+    """Return ten velocities a second of (n, 3) at 100 Hz, with white noise: what shows a known start."""
+    at = np.arange(0, len(t_s), VELOCITY_EVERY)
+    noise = VELOCITY_SIGMA_MPS * np.random.default_rng(seed).normal(size=(len(at), 3))
+    return Velocity(t_s[at], mps[at] + noise, np.tile(VELOCITY_SIGMA_MPS**2 * np.eye(3), (len(at), 1, 1)))

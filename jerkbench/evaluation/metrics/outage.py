@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import counting
@@ -48,9 +50,6 @@ class Outage(Summed):
         }
 
 
-# Position errors while there is no aiding, horizontal and vertical apart.
-
-
 @register("metric", "outage_axes")
 @dataclass(frozen=True)
 class OutageAxes:
@@ -71,3 +70,23 @@ class OutageAxes:
         inside = counting(estimate.index, recording, counted).outage
         error = position_error_m(estimate, recording)[inside]
         return {"outage_rmse_horizontal_m": rms_norm(error[:, :2]), "outage_rmse_up_m": rms_norm(error[:, 2:])}
+
+
+@register("metric", "outage_drift")
+@dataclass(frozen=True)
+class OutageDrift(Summed):
+    """Growth of the position error over an outage, per second.
+
+    With f(j) and l(j) the first and the last row inside outage j, as in the metric `outage`, and e_i the error [m]::
+
+        outage_drift_mps = mean over j of |e_l(j) - e_f(j)|/(t_l(j) - t_f(j))
+
+    The error with which the outage began does not count. NaN without an outage of two rows.
+    """
+
+    reads_nees: ClassVar[bool] = False
+
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the value by column name."""
+        drifts = sums.outage_drifts_mps[~np.isnan(sums.outage_drifts_mps)]
+        return {"outage_drift_mps": mean(float(drifts.sum()), float(drifts.size))}

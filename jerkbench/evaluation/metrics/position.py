@@ -1,14 +1,16 @@
-"""Errors of position and velocity: root mean square, percentiles and drift."""
+"""Errors of position and velocity: root mean square, its accuracy and floor, percentiles, over a distance."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.errors import PluginError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import POSITION_AXES, VELOCITY_AXES
-from jerkbench.evaluation.navigation_errors import known, mean, position_error_m, rms
+from jerkbench.evaluation.counted_rows import POSITION_AXES, VELOCITY_AXES, driven_m
+from jerkbench.evaluation.navigation_errors import known, position_error_m, rms, rms_norm
+from jerkbench.evaluation.statistics.correlated_errors import block_interval
 from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -42,9 +44,6 @@ class PositionRmse(Summed):
         return values
 
 
-# Velocity errors.
-
-
 @register("metric", "velocity_rmse")
 @dataclass(frozen=True)
 class VelocityRmse(Summed):
@@ -66,8 +65,6 @@ class VelocityRmse(Summed):
         each = zip(VELOCITY_AXES, sums.velocity_m2ps2, sums.velocity_rows, strict=True)
         return {f"velocity_rmse{name}_mps": rms(square, rows) for name, square, rows in each}
 
-
-# Percentiles of the position error.
 
 PERCENTILES = (50, 68, 95, 99)
 
@@ -97,24 +94,99 @@ class Percentiles:
         return values
 
 
-# The growth of the position error while there is no aiding.
-
-
-@register("metric", "outage_drift")
+@register("metric", "relative_error")
 @dataclass(frozen=True)
-class OutageDrift(Summed):
-    """Growth of the position error over an outage, per second.
+class RelativeError:
+    """Error of the displacement over a fixed distance, relative to it.
 
-    With f(j) and l(j) the first and the last row inside outage j, as in the metric `outage`, and e_i the error [m]::
+    With e_i = p_i - p_ref,i at the N counted rows, s_i the distance that the reference has driven up to row i, and j(i)
+    the first row with s_j >= s_i + d::
 
-        outage_drift_mps = mean over j of |e_l(j) - e_f(j)|/(t_l(j) - t_f(j))
+        relative_error_percent = 100/d sqrt(mean over i of |e_j(i) - e_i|^2)
 
-    The error with which the outage began does not count. NaN without an outage of two rows.
+    Nothing is rotated or aligned: attitude errors are errors of the displacement. Rows within the last d metres begin
+    no stretch; NaN without any. Not computed unless asked for: ``metrics=[relative_error]``.
+
+    Source: Geiger, Lenz and Urtasun, "Are we ready for autonomous driving?", CVPR 2012, 3.2, without the alignment.
+
+    Attributes:
+        distance_m: d [m].
     """
 
-    reads_nees: ClassVar[bool] = False
+    default: ClassVar[bool] = False
 
-    def summarise(self, sums: Sums) -> dict[str, float]:
+    distance_m: float = 50.0
+
+    def __post_init__(self) -> None:
+        """Check the distance."""
+        if not self.distance_m > 0:
+            raise PluginError(f"metric relative_error: distance_m is {self.distance_m}; it must be more than 0.")
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the value by column name."""
-        drifts = sums.outage_drifts_mps[~np.isnan(sums.outage_drifts_mps)]
-        return {"outage_drift_mps": mean(float(drifts.sum()), float(drifts.size))}
+        rows = counted & known(recording.reference.enu_m, estimate)
+        error = position_error_m(estimate, recording)[rows]
+        if len(error) == 0:
+            return {"relative_error_percent": np.nan}
+        begin, end = _stretches(driven_m(recording.reference)[estimate.index[rows]], self.distance_m)
+        return {"relative_error_percent": 100 * rms_norm(error[end] - error[begin]) / self.distance_m}
+
+
+def _stretches(driven_m: FloatArray, distance_m: float) -> tuple[IntArray, IntArray]:
+    """Return the rows at which stretches begin, and those at which they end."""
+    end = np.searchsorted(driven_m, driven_m + distance_m * (1 - 1e-12))
+    begin = np.flatnonzero(end < len(driven_m))
+    return np.asarray(begin, dtype=np.int64), np.asarray(end[begin], dtype=np.int64)
+
+
+@register("metric", "reference_floor")
+@dataclass(frozen=True)
+class ReferenceFloor:
+    """The position RMSE that a perfect estimate would have, as the reference is not perfect.
+
+    With s_ia one standard deviation of the reference's position on axis a, over the N counted rows that have it::
+
+        reference_floor_m = sqrt(1/N sum_i sum_a s_ia^2)
+
+    An RMSE near it says nothing about the filter, and differences of two RMSEs below it get no verdict. NaN where the
+    recording does not say how good its reference is (``reference_sigma`` of a table).
+    """
+
+    reads: ClassVar[str] = "attitude"
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the value by column name."""
+        sigma_m = recording.reference.sigma_m
+        rows = counted & known(recording.reference.enu_m, estimate)
+        return {"reference_floor_m": np.nan if sigma_m is None else rms_norm(sigma_m[estimate.index[rows]])}
+
+
+@register("metric", "one_recording")
+@dataclass(frozen=True)
+class OneRecording:
+    """Interval of the position RMSE from one recording, by a moving-block bootstrap.
+
+    Blocks are at least four times as long as the squared errors remember, so that errors which follow each other count
+    once::
+
+        position_rmse_low_m, position_rmse_high_m   95 % interval of position_rmse_m
+        error_correlation_rows                      rows that count as one: 1 + 2 sum of the autocorrelations of |e_i|^2
+
+    It speaks for other stretches of such a drive, not for other drives. NaN where the recording is too short to say:
+    fewer than 75 times as many rows as count as one. Computed by default where a cell has no seeds, and on request.
+
+    Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
+    """
+
+    default: ClassVar[bool] = False
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the three values by column name."""
+        rows = counted & known(recording.reference.enu_m, estimate)
+        with np.errstate(over="ignore", invalid="ignore"):
+            interval = block_interval(np.sum(position_error_m(estimate, recording)[rows] ** 2, axis=1))
+        return {
+            "position_rmse_low_m": interval.low,
+            "position_rmse_high_m": interval.high,
+            "error_correlation_rows": interval.correlation,
+        }

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import known, position_error_m
 from jerkbench.plugins import register
@@ -36,8 +36,7 @@ def _windows(t_s: FloatArray, reported: FloatArray, true: FloatArray) -> FloatAr
     """Return (k, 2) first stamp at fault and first that is not any more, or the last of all."""
     says, is_ = (np.diagonal(covariance, axis1=1, axis2=2) for covariance in (reported, true))
     at_fault: BoolArray = np.any(is_ > LARGER * says, axis=1)
-    edges = np.diff(np.concatenate([[False], at_fault, [False]]).astype(np.int8))
-    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    begins, ends = streaks(at_fault).T
     return np.column_stack([t_s[begins], t_s[np.minimum(ends, len(t_s) - 1)]])
 
 
@@ -55,20 +54,15 @@ def _joined(windows_s: FloatArray) -> FloatArray:
 # The answer to a fault: how large the error grows, and how long it takes to halve again.
 
 
-@dataclass(frozen=True)
-class StepResponse:
+class StepResponse(NamedTuple):
     """The error after a fault.
 
     Attributes:
-        before: root mean square of the errors before it.
         peak: the largest error from its beginning on.
-        peak_s: time of that after the beginning [s].
         halved_s: time from the peak until the error is at most halfway back and stays there; NaN where it never does.
     """
 
-    before: float
     peak: float
-    peak_s: float
     halved_s: float
 
 
@@ -80,7 +74,7 @@ def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: flo
     earlier, during = t_s < begin_s, (t_s >= begin_s) & (t_s < end_s)
     before = float(np.sqrt(np.mean(error[earlier] ** 2))) if earlier.any() else np.nan
     if not during.any():
-        return StepResponse(before, np.nan, np.nan, np.nan)
+        return StepResponse(np.nan, np.nan)
     t_s, error = t_s[during], error[during]
     top = int(np.argmax(error))
     peak = float(error[top])
@@ -88,7 +82,7 @@ def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: flo
     above = np.flatnonzero(error > half)
     last = int(above[-1]) if len(above) else top
     halved_s = float(t_s[last + 1] - t_s[top]) if last + 1 < len(t_s) else np.nan
-    return StepResponse(before, peak, float(t_s[top] - begin_s), halved_s)
+    return StepResponse(peak, halved_s)
 
 
 # The time that a filter takes to recover from a fault.

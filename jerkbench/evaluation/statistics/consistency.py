@@ -1,7 +1,5 @@
 """NEES and NIS against chi-square: the band in which the average of a consistent filter lies, and the verdict."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -15,23 +13,6 @@ NEAR = (0.5, 2.0)
 """An average over its expectation within these is near enough to be believed."""
 
 
-@dataclass(frozen=True)
-class ConsistencyVerdict:
-    """An average with the band in which a consistent filter's lies; of whole runs, with its own interval.
-
-    Attributes:
-        average: of what was judged.
-        low: lower end of the band, or of the interval.
-        high: upper end.
-        word: "consistent", "overconfident" (above what is expected), "too cautious" (below), or "not known".
-    """
-
-    average: float
-    low: float
-    high: float
-    word: str
-
-
 def chi2_band(dof: float, samples: float, confidence: float = 0.95) -> tuple[float, float]:
     """Return the band of the average of ``samples`` independent chi-square values of ``dof`` degrees each.
 
@@ -43,9 +24,7 @@ def chi2_band(dof: float, samples: float, confidence: float = 0.95) -> tuple[flo
     return float(low), float(high)
 
 
-def runs_verdict(
-    averages: npt.ArrayLike, expected: float, confidence: float = 0.95, lost: int = 0
-) -> ConsistencyVerdict:
+def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0.95, lost: int = 0) -> str:
     """Judge (n,) averages of independent runs by the interval of their mean; of one run nothing is known.
 
     ::
@@ -64,7 +43,7 @@ def runs_verdict(
     low, high = _ends(kept, confidence)
     word = _word(low, high, expected)
     known = word == OVERCONFIDENT or lost + len(values) == len(kept)
-    return ConsistencyVerdict(float(kept.mean()) if len(kept) else np.nan, low, high, word if known else UNKNOWN)
+    return word if known else UNKNOWN
 
 
 def _ends(values: FloatArray, confidence: float) -> tuple[float, float]:

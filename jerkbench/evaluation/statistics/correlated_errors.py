@@ -138,12 +138,10 @@ class Whiteness:
 
     Attributes:
         first: autocorrelation at lag 1; over 0: the filter lags behind, below: it overshoots.
-        bound: 95 % of white series of that length stay within -+bound.
         p: of the test over `LAGS` lags; small: not white.
     """
 
     first: float
-    bound: float
     p: float
 
     @property
@@ -177,12 +175,8 @@ def _tested(columns: FloatArray) -> list[Whiteness]:
 
     m = len(columns)
     if m < FEWEST:
-        return [Whiteness(np.nan, np.nan, np.nan)] * columns.shape[1]
+        return [Whiteness(np.nan, np.nan)] * columns.shape[1]
     lags = np.arange(1, LAGS + 1)
     rho = autocorrelation(columns, LAGS)[1:]
     statistic = m * (m + 2) * np.sum(rho**2 / (m - lags)[:, None], axis=0)
-    bound = float(1.96 / np.sqrt(m))
-    return [
-        Whiteness(float(correlation), bound, float(p))
-        for correlation, p in zip(rho[0], chdtrc(LAGS, statistic), strict=True)
-    ]
+    return list(map(Whiteness, rho[0].tolist(), chdtrc(LAGS, statistic).tolist()))

@@ -129,10 +129,16 @@ def mixture_weights(member: BoolArray, share: float) -> FloatArray:
 def comparisons(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return y of H1 (1, R, D), H2 (1, R, D), and of H3 (M, R, D) against the own and against the best plain filter."""
     own = losses.methods - losses.plains[losses.model]
-    best = losses.methods - _lowest(losses.plains, losses.tuned_plains)
-    pick = _lowest(losses.methods[losses.picked], losses.tuned[losses.picked])
+    best, more, pick = picked(losses)
     average = own[losses.averaged].mean(axis=0)
-    return average[None], (pick - _lowest(losses.wide, losses.tuned_wide))[None], own, best
+    return average[None], (pick - more)[None], own, losses.methods - best
+
+
+def picked(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (R, D) of the best plain filter of each tuning, of that with more settings tried, of the best method."""
+    of_methods = losses.methods[losses.picked], losses.tuned[losses.picked]
+    plains, wide = (losses.plains, losses.tuned_plains), (losses.wide, losses.tuned_wide)
+    return _lowest(*plains), _lowest(*wide), _lowest(*of_methods)
 
 
 def statements(losses: Losses, weights: FloatArray | None = None) -> Statements:
@@ -151,18 +157,18 @@ def _lowest(judged: FloatArray, tuned: FloatArray) -> FloatArray:
     return np.asarray(judged[np.argmin(tuned, axis=0), np.arange(judged.shape[1])])
 
 
-Interval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+CrossedInterval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Mean, lower and upper end of the logarithms, and the variance of the tunings, each (k,)."""
 
 
-def _intervals(families: tuple[FloatArray, ...], weights: FloatArray | None) -> Iterator[Interval]:
+def _intervals(families: tuple[FloatArray, ...], weights: FloatArray | None) -> Iterator[CrossedInterval]:
     """Yield the intervals of each of the four; H3 is two of them, whose statements share its level."""
     counts = [1, 1, 2 * len(families[2]), 2 * len(families[3])]
     for y, count in zip(families, counts, strict=True):
         yield crossed_intervals(y, LEVEL / FAMILIES / count, weights)
 
 
-def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = None) -> Interval:
+def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = None) -> CrossedInterval:
     """Return the intervals of the means of y (k, R, D), each at ``level``; their tunings' variances are pooled."""
     from scipy.special import stdtrit
 
@@ -194,7 +200,8 @@ def _third(apart: FloatArray) -> FloatArray:
 
 def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> tuple[Statement, ...]:
     said = []
-    ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
+    with np.errstate(over="ignore"):  # an interval that says nothing reaches to infinity
+        ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
     for ratio, below, above, sd in ends:
         small = bool(below >= 1.0 / (1.0 + MARGIN) and above <= 1.0 + MARGIN)
         shown = Verdict.BETTER if above < 1.0 else Verdict.WORSE if below > 1.0 else None

@@ -1,6 +1,5 @@
 """How many seeds a verdict needs, looks at seeds added in blocks, and a choice judged on seeds of its own."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -103,25 +102,8 @@ def levels(sizes: list[int], level: float = 0.05) -> FloatArray:
 # The winner's curse: what the best of several settings is worth on seeds that did not choose it.
 
 
-@dataclass(frozen=True, eq=False)
-class Chosen:
-    """The best of k settings.
-
-    Attributes:
-        best: index of the lowest over all seeds.
-        picked: (n,) index that the other seeds choose for each seed.
-        values: (n,) the error of each seed with the setting that the others chose.
-        optimism: mean log of these over those of ``best``: by so much the best's own seeds flatter it.
-    """
-
-    best: int
-    picked: IntArray
-    values: FloatArray
-    optimism: float
-
-
-def chosen_on_other_seeds(errors: FloatArray) -> Chosen:
-    """Return the best of (k, n) errors of k settings on n seeds, each seed scored by what the others choose.
+def chosen_on_other_seeds(errors: FloatArray) -> IntArray:
+    """Return (n,) which of k settings the other seeds choose for each seed, by (k, n) errors.
 
     The lowest mean log is the best; a setting with fewer lost (infinite) runs goes before. Of one seed there is no
     other: it chooses for itself.
@@ -130,15 +112,10 @@ def chosen_on_other_seeds(errors: FloatArray) -> Chosen:
     """
     lost = np.isinf(errors)
     logs = np.log(np.where(lost, 1.0, np.maximum(errors, np.finfo(float).tiny)))
-    best = _best(lost.sum(axis=1)[:, None], logs.sum(axis=1)[:, None], (~lost).sum(axis=1)[:, None])[0]
+    lost_by, total, count = (of.sum(axis=1, keepdims=True) for of in (lost, logs, ~lost))
     if errors.shape[1] < 2:
-        return Chosen(int(best), np.full(errors.shape[1], best), errors[best], 0.0)
-    others = (lost.sum(axis=1, keepdims=True) - lost, logs.sum(axis=1, keepdims=True) - logs)
-    picked = _best(*others, (~lost).sum(axis=1, keepdims=True) - ~lost)
-    values = errors[picked, np.arange(errors.shape[1])]
-    both = np.isfinite(values) & np.isfinite(errors[best])
-    optimism = float(np.mean(np.log(values[both] / errors[best][both]))) if both.any() else np.nan
-    return Chosen(int(best), picked, values, optimism)
+        return _best(lost_by, total, count)
+    return _best(lost_by - lost, total - logs, count - ~lost)
 
 
 def _best(lost: FloatArray, total: FloatArray, count: FloatArray) -> IntArray:

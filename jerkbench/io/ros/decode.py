@@ -21,7 +21,7 @@ STRING = "string"
 
 
 @dataclass(frozen=True)
-class Part:
+class MessagePart:
     """A run of equal numbers in a message, or a string.
 
     Attributes:
@@ -37,37 +37,39 @@ class Part:
     count: int = 1
 
 
-def _pose(path: str) -> tuple[Part, ...]:
-    return Part("position", f"{path}.position", count=3), Part("orientation", f"{path}.orientation", count=4)
+def _pose(path: str) -> tuple[MessagePart, ...]:
+    return MessagePart("position", f"{path}.position", count=3), MessagePart(
+        "orientation", f"{path}.orientation", count=4
+    )
 
 
-def _twist(path: str) -> tuple[Part, ...]:
-    return Part("linear", f"{path}.linear", count=3), Part("angular", f"{path}.angular", count=3)
+def _twist(path: str) -> tuple[MessagePart, ...]:
+    return MessagePart("linear", f"{path}.linear", count=3), MessagePart("angular", f"{path}.angular", count=3)
 
 
-POSE_COVARIANCE = Part("pose_covariance", "pose.covariance", count=36)
-TWIST_COVARIANCE = Part("twist_covariance", "twist.covariance", count=36)
+POSE_COVARIANCE = MessagePart("pose_covariance", "pose.covariance", count=36)
+TWIST_COVARIANCE = MessagePart("twist_covariance", "twist.covariance", count=36)
 
-LAYOUTS: dict[str, tuple[Part, ...]] = {
+LAYOUTS: dict[str, tuple[MessagePart, ...]] = {
     "sensor_msgs/msg/Imu": (
-        Part("orientation", "orientation", count=4),
-        Part("orientation_covariance", "orientation_covariance", count=9),
-        Part("angular_velocity", "angular_velocity", count=3),
-        Part("angular_velocity_covariance", "angular_velocity_covariance", count=9),
-        Part("linear_acceleration", "linear_acceleration", count=3),
-        Part("linear_acceleration_covariance", "linear_acceleration_covariance", count=9),
+        MessagePart("orientation", "orientation", count=4),
+        MessagePart("orientation_covariance", "orientation_covariance", count=9),
+        MessagePart("angular_velocity", "angular_velocity", count=3),
+        MessagePart("angular_velocity_covariance", "angular_velocity_covariance", count=9),
+        MessagePart("linear_acceleration", "linear_acceleration", count=3),
+        MessagePart("linear_acceleration_covariance", "linear_acceleration_covariance", count=9),
     ),
     "sensor_msgs/msg/NavSatFix": (
-        Part("status", "status.status", "i1"),
-        Part("service", "status.service", "u2"),
-        Part("latitude", "latitude"),
-        Part("longitude", "longitude"),
-        Part("altitude", "altitude"),
-        Part("position_covariance", "position_covariance", count=9),
-        Part("position_covariance_type", "position_covariance_type", "u1"),
+        MessagePart("status", "status.status", "i1"),
+        MessagePart("service", "status.service", "u2"),
+        MessagePart("latitude", "latitude"),
+        MessagePart("longitude", "longitude"),
+        MessagePart("altitude", "altitude"),
+        MessagePart("position_covariance", "position_covariance", count=9),
+        MessagePart("position_covariance_type", "position_covariance_type", "u1"),
     ),
     "nav_msgs/msg/Odometry": (
-        Part("child_frame_id", "child_frame_id", STRING),
+        MessagePart("child_frame_id", "child_frame_id", STRING),
         *_pose("pose.pose"),
         POSE_COVARIANCE,
         *_twist("twist.twist"),
@@ -77,7 +79,7 @@ LAYOUTS: dict[str, tuple[Part, ...]] = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": (*_pose("pose.pose"), POSE_COVARIANCE),
     "geometry_msgs/msg/TwistStamped": _twist("twist"),
     "geometry_msgs/msg/TwistWithCovarianceStamped": (*_twist("twist.twist"), TWIST_COVARIANCE),
-    "geometry_msgs/msg/Vector3Stamped": (Part("linear", "vector", count=3),),
+    "geometry_msgs/msg/Vector3Stamped": (MessagePart("linear", "vector", count=3),),
 }
 """The content behind the header of each type that is read."""
 
@@ -90,7 +92,7 @@ BLOCKS = {
 """3 x 3 blocks of the 6 x 6 covariances, and the row where they begin: the rest need not be kept."""
 
 
-def source_of(msgtype: str, name: str) -> tuple[Part, int | None]:
+def source_of(msgtype: str, name: str) -> tuple[MessagePart, int | None]:
     """Return the part of a message that holds the field ``name``, and, of a block, the row where it begins.
 
     Raises:
@@ -166,7 +168,7 @@ def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], li
     strings: list[str] = []
     fixed: list[tuple[int, int]] = [(0, base)] if cdr else []
     at += 8
-    for part in (Part("frame_id", "", STRING), *LAYOUTS[msgtype]):
+    for part in (MessagePart("frame_id", "", STRING), *LAYOUTS[msgtype]):
         if part.code == STRING:
             begin = _aligned(at, base, 4) if cdr else at
             (length,) = struct.unpack_from("<I", first, begin)
@@ -233,7 +235,7 @@ def _block(whole: FloatArray, first: int | None) -> FloatArray:
     return np.ascontiguousarray(square).reshape(len(whole), 9)
 
 
-def _numbers(message: Any, part: Part) -> Any:  # noqa: ANN401 - a number, or numbers
+def _numbers(message: Any, part: MessagePart) -> Any:  # noqa: ANN401 - a number, or numbers
     value = message
     for step in part.path.split("."):
         value = getattr(value, step)

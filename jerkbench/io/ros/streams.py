@@ -22,7 +22,7 @@ from jerkbench.io.ros.roles import is_ecef
 from jerkbench.io.sanitiser import DROPPED, Ledger, report_jumps, sound_covariances, unit_quaternions, without_leaps
 from jerkbench.recording import Heading, Imu, Origin, Position, Velocity
 
-Frame = Literal["geodetic", "ecef", "enu", "ned"]
+BagFrame = Literal["geodetic", "ecef", "enu", "ned"]
 POSE_FRAMES = ("auto", "ecef", "enu", "ned")
 FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """East, north, up from north, east, down."""
@@ -45,7 +45,7 @@ class Place:
     local_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
 
-def frame_of(messages: Messages, stated: str) -> Frame:
+def frame_of(messages: Messages, stated: str) -> BagFrame:
     """Return the frame of the positions; of a pose "auto" is ECEF where it is as far from the Earth's centre, else ENU.
 
     Raises:
@@ -60,7 +60,7 @@ def frame_of(messages: Messages, stated: str) -> Frame:
     return stated  # type: ignore[return-value]  # checked above
 
 
-def first_place(messages: Messages, frame: Frame, origin: tuple[float, ...]) -> Place:
+def first_place(messages: Messages, frame: BagFrame, origin: tuple[float, ...]) -> Place:
     """Return where ENU begins: the given origin, or the first position."""
     if frame in ("enu", "ned"):
         first = messages["position"][0]
@@ -72,7 +72,7 @@ def first_place(messages: Messages, frame: Frame, origin: tuple[float, ...]) -> 
     return Place(Origin(*(float(messages[name][0, 0]) for name in ("latitude", "longitude", "altitude"))))
 
 
-def fixes_in_enu(messages: Messages, frame: Frame, place: Place) -> FloatArray:
+def fixes_in_enu(messages: Messages, frame: BagFrame, place: Place) -> FloatArray:
     """Return the positions (n, 3) in ENU at ``place``.
 
     Raises:
@@ -92,7 +92,7 @@ def fixes_in_enu(messages: Messages, frame: Frame, place: Place) -> FloatArray:
     return geodetic_to_enu(lat, lon, height, place.origin)
 
 
-def axes_to_enu(frame: Frame, place: Place, covariance_order: str = "enu") -> FloatArray:
+def axes_to_enu(frame: BagFrame, place: Place, covariance_order: str = "enu") -> FloatArray:
     """Return the matrix (3, 3) that turns vectors of the frame into ENU; of "geodetic" the covariance's."""
     if frame == "ecef" and place.origin is not None:
         return enu_axes(place.origin)
@@ -102,7 +102,7 @@ def axes_to_enu(frame: Frame, place: Place, covariance_order: str = "enu") -> Fl
     return matrix
 
 
-def body_axes(frame: Frame) -> FloatArray:
+def body_axes(frame: BagFrame) -> FloatArray:
     """Return the matrix (3, 3) that turns FLU into the body of orientations in ``frame``: FRD in NED, else FLU."""
     matrix: FloatArray = FROM_FRD if frame == "ned" else np.eye(3)
     return matrix

@@ -114,11 +114,6 @@ def answer(standings: Sequence[Standing]) -> Answer:
     return Answer(said.title, (*said.sentences, _basis(tested)))
 
 
-def shows_something(standings: Iterable[Standing]) -> bool:
-    """Whether any two methods were shown to differ, or to be equal."""
-    return any(pair.verdict is not Verdict.UNDECIDED for standing in standings for pair in standing.tested)
-
-
 def _untested(standings: Sequence[Standing]) -> str:
     if not any(len(standing.rivals) > 1 for standing in standings):
         return "There is one method, and nothing to compare it with."

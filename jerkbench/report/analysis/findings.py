@@ -1,7 +1,7 @@
 """The comparisons with a study's baselines in sentences."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,7 @@ def compared(
     """Return every comparison of which `findings` has a sentence."""
     if not verdicts.standings:
         return []
-    baselines = [baseline] if baseline else _baselines(rows)
+    baselines = [baseline] if baseline else study_baselines(rows)
     return [comparison for values in baselines for comparison in verdicts.against(values)]
 
 
@@ -119,11 +119,10 @@ def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
     return tuple(key for key in FACTORS if len(rows[key].astype(str).unique()) > 1)
 
 
-def _baselines(rows: "pd.DataFrame") -> Iterator[dict[str, str]]:
-    for key, value in (("adaptation", "none"), ("filter", "baseline")):
-        values = set(rows[key].astype(str))
-        if value in values and len(values) > 1:
-            yield {key: value}
+def study_baselines(rows: "pd.DataFrame", factors: Sequence[str] = ("adaptation", "filter")) -> list[dict[str, str]]:
+    """Return the baselines among a study's ``factors``: the plain value of each that has others beside it."""
+    values = {factor: set(rows[factor].astype(str)) for factor in factors}
+    return [{factor: REFERENCES[factor]} for factor in factors if {REFERENCES[factor]} < values[factor]]
 
 
 def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:

@@ -38,7 +38,7 @@ REPORTED = ("sigma", "variance", "covariance")
 STREAMS = ("position", "velocity", "course", "wheel")
 """Measurements that have an accuracy of their own."""
 
-Cells = Sequence[Mapping[str, Any]]
+ReviewedCells = Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Evidence:
     """
 
     rows: "pd.DataFrame"
-    cells: Cells
+    cells: ReviewedCells
     metric: str
 
 
@@ -159,7 +159,7 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     counted = f"{well.min()}" if well.min() == well.max() else f"{well.min()} to {well.max()}"
     drawn = seeded.groupby([*FACTORS])["seed"].agg(lambda seeds: str(sorted(seeds)))
     alike = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
-    other = "" if alike else " Cells of one scenario have different seeds."
+    other = "" if alike else " ReviewedCells of one scenario have different seeds."
     passed = bool(well.min() >= LEAST_SEEDS and not more and alike)
     return passed, f"{counted} a cell that went well; {LEAST_SEEDS} are asked for.{other}{more}"
 

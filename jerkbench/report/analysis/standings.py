@@ -1,5 +1,6 @@
 """Scenario by scenario: how every two methods compare, and which lead."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios_of
 from jerkbench.evaluation.statistics.seeds import seeds_needed
 from jerkbench.report.analysis.columns import Combination
 from jerkbench.report.analysis.runs import RULE, MethodRuns, VerdictRule, on_common_seeds
+from jerkbench.report.tables.table_model import factor_number, number
 
 BELOW_FLOOR = "the reference is not known so well"
 
@@ -74,6 +76,12 @@ class Comparison:
     def mark(self) -> str:
         """A star where a difference was shown, "=" where the two are equal."""
         return "*" if self.shown else "=" if self.verdict is Verdict.EQUAL else ""
+
+    @property
+    def ratio_text(self) -> str:
+        """The ratio, with as many digits as tell it from 1 where a difference was shown; nothing of a lost run."""
+        ratio = self.judgement.ratio
+        return "" if not 0 < ratio < math.inf else factor_number(ratio) if self.shown else number(ratio)
 
     @cached_property
     def needed(self) -> int | None:

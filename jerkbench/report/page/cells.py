@@ -1,28 +1,20 @@
 """Every cell of a study: a table to sort and to filter, with a word on how sure of itself each filter is."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
 from jerkbench.evaluation.statistics.intervals import up_to
-from jerkbench.report.analysis.columns import FACTORS, quantity
+from jerkbench.evaluation.statistics.over_seeds import FEW
+from jerkbench.report.analysis.columns import EXPECTED, FACTORS, Combination, quantity
+from jerkbench.report.analysis.findings import study_baselines
 from jerkbench.report.analysis.standings import Comparison
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.page.script_data import details
 from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.table_model import Table, TableCell, factor_number, number
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
-from jerkbench.evaluation.statistics.over_seeds import FEW
-from jerkbench.report.analysis.columns import EXPECTED
+from jerkbench.report.tables.table_model import TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +24,7 @@ COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per
 
 
 @dataclass(frozen=True)
-class Value:
+class CellValue:
     """One entry of the table.
 
     Attributes:
@@ -49,7 +41,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Line:
+class ScriptLine:
     """One cell.
 
     Attributes:
@@ -62,7 +54,7 @@ class Line:
 
     key: str
     labels: tuple[str, ...]
-    values: tuple[Value, ...]
+    values: tuple[CellValue, ...]
     verdict: str
     rule: str
 
@@ -85,7 +77,7 @@ class Cells:
     factors: tuple[str, ...]
     choices: dict[str, list[str]]
     heads: tuple[str, ...]
-    lines: list[Line]
+    lines: list[ScriptLine]
     explanation: str
     details: dict[str, Any]
 
@@ -108,88 +100,56 @@ def cells_view(
     """
     others = (column for column in COLUMNS if column != metric and column in rows and rows[column].notna().any())
     metrics = [metric, *others]
-    cells = {column: by_combination(combinations(rows, column)) for column in metrics}
-    ratios, by_key = _ratios(rows, verdicts), rows.assign(key=list(keys)).groupby("key", sort=False)
+    cells = [_by_combination(rows, column) for column in metrics]
+    baselines = study_baselines(rows, ["adaptation"])
+    ratios = {comparison.subject: comparison for of in baselines for comparison in verdicts.against(of)}
+    by_key = rows.assign(key=list(keys)).groupby("key", sort=False)
     groups = {str(key): group for key, group in by_key}
     factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
-    lines: list[Line] = []
-    for scenario in _scenarios(groups.values()):
-        for place, (key, combination) in enumerate(scenario):
-            group = groups[key]
-            values = _values(
-                [cells[column][combination] for column in metrics], group, ratios and [ratios.get(combination)]
-            )
-            labels = tuple(str(group[factor].iloc[0]) for factor in factors)
-            rule = "group" if lines and place == 0 else ""
-            lines.append(Line(key, labels, values, nees_verdict(group), rule))
+    scenarios: dict[tuple[str, ...], list[ScriptLine]] = {}
+    for key, group in groups.items():
+        combination = Combination(*(str(group[factor].iloc[0]) for factor in FACTORS))
+        values = [_mean(of[combination], extra=k > 0) for k, of in enumerate(cells)]
+        values += [_factor(ratios.get(combination))] * bool(ratios)
+        lines = scenarios.setdefault(combination[:2], [])
+        labels = tuple(getattr(combination, factor) for factor in factors)
+        rule = "group" if len(scenarios) > 1 and not lines else ""
+        lines.append(ScriptLine(key, labels, (*values, _lost(group)), nees_verdict(group), rule))
     against = ("times none",) if ratios else ()
     return Cells(
         constants=", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
         factors=factors,
         choices={key: list(dict.fromkeys(rows[key].astype(str))) for key in factors},
         heads=(*(quantity(column).heading for column in metrics), *against, "lost runs"),
-        lines=lines,
+        lines=[line for lines in scenarios.values() for line in lines],
         explanation=nees_explanation(rows),
         details=details(groups, about, [column for column in metrics if column in rows]),
     )
 
 
-def _scenarios(groups: "Iterable[pd.DataFrame]") -> list[list[tuple[str, tuple[str, ...]]]]:
-    """Return the keys and combinations of the cells of each scenario."""
-    scenarios: dict[tuple[str, ...], list[tuple[str, tuple[str, ...]]]] = {}
-    for group in groups:
-        combination = tuple(str(group[factor].iloc[0]) for factor in FACTORS)
-        scenarios.setdefault(combination[:2], []).append((str(group["key"].iloc[0]), combination))
-    return list(scenarios.values())
-
-
-def combinations(rows: "pd.DataFrame", metric: str) -> Table:
-    """Return the table in which each combination of the six factors has a row."""
-    return summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], leaders=False)
-
-
-def by_combination(table: Table) -> dict[tuple[str, ...], TableCell]:
-    """Return the cell of each combination of the six factors, of `combinations`."""
+def _by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], TableCell]:
+    """Return what the tables say of each combination of the six factors."""
+    table = summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], leaders=False)
     return {tuple(labels[factor] for factor in FACTORS): cell for labels, cell in table.placed()}
 
 
-def _ratios(rows: "pd.DataFrame", verdicts: StudyVerdicts) -> dict[tuple[str, ...], Comparison]:
-    values = set(rows["adaptation"].astype(str))
-    if "none" not in values or len(values) == 1:
-        return {}
-    return {comparison.subject: comparison for comparison in verdicts.against({"adaptation": "none"})}
+def _mean(cell: TableCell, *, extra: bool) -> CellValue:
+    known = cell.number and not math.isnan(cell.mean)
+    sorting = "" if not known else "Infinity" if math.isinf(cell.mean) else f"{cell.mean:.7g}"
+    return CellValue(cell.number or cell.trouble, cell.interval, sorting, extra)
 
 
-def _values(
-    cells: Sequence[TableCell], group: "pd.DataFrame", ratios: "Sequence[Comparison | None] | dict[Any, Any]"
-) -> tuple[Value, ...]:
+def _factor(comparison: Comparison | None) -> CellValue:
+    """The ratio to no adaptation, with its mark."""
+    if comparison is None or not comparison.ratio_text:
+        return CellValue("", extra=True)
+    return CellValue(f"{comparison.ratio_text}{comparison.mark}", "", f"{comparison.judgement.ratio:.7g}", extra=True)
+
+
+def _lost(group: "pd.DataFrame") -> CellValue:
     lost = int((group["status"] != "ok").sum())
     bound = up_to(lost, len(group)) if (group["replicate"] == "seed").all() else ""
-    return (
-        *(_mean(cell, extra=place > 0) for place, cell in enumerate(cells)),
-        *(_factor(comparison) for comparison in ratios),
-        Value(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True),
-    )
-
-
-def _mean(cell: TableCell, *, extra: bool) -> Value:
-    known = cell.number and not math.isnan(cell.mean)
-    text = cell.number or cell.trouble
-    sorting = "" if not known else "Infinity" if math.isinf(cell.mean) else f"{cell.mean:.7g}"
-    return Value(text, cell.interval, sorting, extra)
-
-
-def _factor(comparison: Comparison | None) -> Value:
-    """The ratio to no adaptation, with its mark."""
-    if comparison is None or not 0 < comparison.judgement.ratio < math.inf:
-        return Value("", extra=True)
-    value = comparison.judgement.ratio
-    return Value(
-        f"{factor_number(value) if comparison.shown else number(value)}{comparison.mark}",
-        "",
-        f"{value:.7g}",
-        extra=True,
-    )
+    return CellValue(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True)
 
 
 HEADING = "NEES says"
@@ -217,5 +177,5 @@ def nees_verdict(group: "pd.DataFrame") -> str:
     if (group["replicate"] == "phase").any():
         return UNKNOWN
     well = group["status"] == "ok"
-    values = group.loc[well, ANEES].to_numpy(dtype=np.float64)
-    return runs_verdict(values, CONSISTENT, lost=int((~well).sum())).word
+    values = group.loc[well, ANEES].to_numpy(dtype=float)
+    return runs_verdict(values, CONSISTENT, lost=int((~well).sum()))

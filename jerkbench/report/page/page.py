@@ -6,6 +6,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.report.analysis.columns import quantity
+from jerkbench.report.analysis.findings import study_baselines
 from jerkbench.report.analysis.review import Evidence, review
 from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
@@ -112,14 +113,9 @@ def _tiles(results: Results) -> list[tuple[str, str]]:
 def _table(results: Results, metric: str, verdicts: StudyVerdicts) -> "Markup":
     from markupsafe import Markup
 
-    baseline = _baseline(results.rows)
+    baseline = next(iter(study_baselines(results.rows, ["adaptation"])), None)
     table = summarise(results.rows, metric, notes=results.notes, baseline=baseline, verdicts=verdicts)
     return Markup(html_table(table, level=3))  # noqa: S704 - its template escapes
-
-
-def _baseline(rows: "pd.DataFrame") -> dict[str, str] | None:
-    values = set(rows["adaptation"].astype(str))
-    return {"adaptation": "none"} if "none" in values and len(values) > 1 else None
 
 
 def _traces(about: Mapping[str, Mapping[str, Any]], stretches: Sequence[Stretch]) -> dict[str, Any]:

@@ -97,21 +97,8 @@ EACH = 3
 """So many metrics are told of each run, the first ones; of the others the spread."""
 
 
-class SharedValues:
-    """Values that stand once, each with a number."""
-
-    def __init__(self) -> None:
-        """Begin with none."""
-        self.items: list[Any] = []
-        self._places: dict[str, int] = {}
-
-    def place(self, value: object) -> int:
-        """Return the number of ``value``; the same for an equal one."""
-        text = json.dumps(value, sort_keys=True)
-        if text not in self._places:
-            self._places[text] = len(self.items)
-            self.items.append(value)
-        return self._places[text]
+Numbered = dict[str, tuple[int, Any]]
+"""Values that stand once, by their JSON: the number of each, and the value."""
 
 
 def details(
@@ -124,9 +111,15 @@ def details(
         about: what is stored beside them.
         metrics: those of the table, the leading one first.
     """
-    shared = SharedValues()
+    shared: Numbered = {}
     cells = {key: _cell(group, about[key], metrics, shared) for key, group in groups.items()}
-    return {"shared": shared.items, "seeds": [quantity(column).heading for column in metrics[:EACH]], "cells": cells}
+    seeds = [quantity(column).heading for column in metrics[:EACH]]
+    return {"shared": [value for _, value in shared.values()], "seeds": seeds, "cells": cells}
+
+
+def _place(shared: Numbered, value: object) -> int:
+    """Return the number of ``value``; the same for an equal one."""
+    return shared.setdefault(json.dumps(value, sort_keys=True), (len(shared), value))[0]
 
 
 def packed_json(content: Mapping[str, Any]) -> str:
@@ -135,13 +128,11 @@ def packed_json(content: Mapping[str, Any]) -> str:
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
-def _cell(
-    group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str], shared: SharedValues
-) -> dict[str, Any]:
+def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str], shared: Numbered) -> dict[str, Any]:
     return {
         "labels": [[factor, str(about["labels"][factor])] for factor in FACTORS],
-        "spec": {kind: shared.place(part) for kind, part in about["spec"].items()},
-        "told": {name: shared.place(about[name]) for name in TOLD},
+        "spec": {kind: _place(shared, part) for kind, part in about["spec"].items()},
+        "told": {name: _place(shared, about[name]) for name in TOLD},
         "metrics": _spreads(group, metrics, shared),
         "runs": [
             [int(row["seed"]), row["status"], row["reason"], *(_text(row[metric]) for metric in metrics[:EACH])]
@@ -150,7 +141,7 @@ def _cell(
     }
 
 
-def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: SharedValues) -> list[list[Any]]:
+def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: Numbered) -> list[list[Any]]:
     """Return of each metric its title's number, and the median, the lowest and the highest of the runs with a value.
 
     Those of the table of cells come first.
@@ -161,7 +152,7 @@ def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: SharedValues
     known = [place for place in range(len(names)) if not np.isnan(values[:, place]).all()]
     with np.errstate(invalid="ignore"):
         spread = [function(values[:, known], axis=0) for function in (np.nanmedian, np.nanmin, np.nanmax)]
-    titles = [shared.place(quantity(names[place]).heading) for place in known]
+    titles = [_place(shared, quantity(names[place]).heading) for place in known]
     return [[title, *map(_text, numbers)] for title, *numbers in zip(titles, *spread, strict=True)]
 
 

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.evaluation.statistics.ranks import mean_ranks, performance_profile, rank_cliques
+from jerkbench.report.analysis.columns import SCENARIO_FACTORS
 from jerkbench.report.plots.style import (
     MEASURED,
     PLAIN,
     REFERENCE,
-    Method,
+    DrawnMethod,
     MethodStyle,
     Palette,
     coinciding,
@@ -29,9 +30,6 @@ from jerkbench.report.tables.table_model import Table, TableCell, number
 
 LOGARITHMIC_FROM = 30.0
 """The axis is logarithmic where the largest mean is so many times the smallest."""
-
-SCENARIO = ("dataset", "disturbance", "attitude")
-"""Factors that get a panel each; the other rows of a table make groups of bars in it."""
 
 NAMED = 8
 """Up to so many bars in a panel, each has its value on it."""
@@ -82,13 +80,13 @@ def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     return figure
 
 
-def _methods(table: Table) -> Iterator[Method]:
+def _methods(table: Table) -> Iterator[DrawnMethod]:
     """Yield filter and adaptation of each combination of a table."""
     for row, column in itertools.product(table.rows, table.columns):
         yield _method(table, row, column)
 
 
-def _method(table: Table, row: Sequence[str], column: Sequence[str]) -> Method:
+def _method(table: Table, row: Sequence[str], column: Sequence[str]) -> DrawnMethod:
     keys = (*table.row_keys, *table.column_keys)
     label = {**dict(table.constants), **dict(zip(keys, (*row, *column), strict=True))}
     return label.get("filter", ""), label.get("adaptation", PLAIN)
@@ -110,8 +108,8 @@ def _scenes(table: Table, names: list[str], palette: Palette) -> dict[str, dict[
     scenes: dict[str, dict[str, dict[str, Bar]]] = {}
     for row, cells in zip(table.rows, table.cells, strict=True):
         named = dict(zip(table.row_keys, row, strict=True))
-        scene = ", ".join(value for key, value in named.items() if key in SCENARIO)
-        label = ", ".join(value for key, value in named.items() if key not in SCENARIO)
+        scene = ", ".join(value for key, value in named.items() if key in SCENARIO_FACTORS)
+        label = ", ".join(value for key, value in named.items() if key not in SCENARIO_FACTORS)
         looks = [palette.look(_method(table, row, column)) for column in table.columns]
         scenes.setdefault(scene, {})[label] = {
             name: Bar(cell, look)
@@ -233,9 +231,7 @@ def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_
         s = methods.index(names[0])
         label = " = ".join(f"{name} (mean rank {ranks[methods.index(name)]:.1f})" for name in names)
         look = looks_of[s]
-        axes.step(
-            factors, 100 * shares[s], where="post", color=look.colour, linestyle=look.line, linewidth=1.3, label=label
-        )
+        axes.step(factors, 100 * shares[s], where="post", **look.stroke, linewidth=1.3, label=label)
     axes.set(xscale="log", xlim=(1.0, FURTHEST), ylim=(0.0, 103.0), title=literal(title))
     axes.set_xlabel(f"Times the best of a scenario ({len(costs)} scenarios)")
     axes.set_ylabel("Scenarios within [%]")

@@ -146,7 +146,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
             known, dropped = np.isfinite(sigma), np.isinf(sigma)
             label = " = ".join(names) if row == 0 else None
             curve = thinned(*with_gaps(updates.t_s, np.where(known, sigma, np.nan)))
-            axes.plot(*curve, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
+            axes.plot(*curve, **look.stroke, linewidth=1.0, label=label)
             axes.plot(
                 updates.t_s[dropped],
                 np.full(int(dropped.sum()), 0.97),
@@ -203,7 +203,7 @@ def _draw_angle(
         estimate = estimates[name]
         curve = thinned(recording.reference.t_s[estimate.index], np.degrees(estimate.euler_rad[:, axis]))
         label = name if named else None
-        axes.plot(*curve, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
+        axes.plot(*curve, **look.stroke, linewidth=1.0, label=label)
     if truth is not None:
         label = "reference" if named else None
         curve = thinned(recording.reference.t_s, np.degrees(truth[:, axis]))

@@ -103,8 +103,7 @@ def _draw_norms(
         rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
         axes.plot(
             *thinned(t_s[seen], norms[name][seen]),
-            color=look_of[name].colour,
-            linestyle=look_of[name].line,
+            **look_of[name].stroke,
             linewidth=1.0,
             label=f"{' = '.join(names)}: {', '.join(rmses)}",
             zorder=3 - 0.01 * place,  # the first on top
@@ -201,14 +200,13 @@ def inclination_figure(
     figure = new_figure(3.2)
     axes = figure.add_subplot()
     for name, look in method_styles(estimates, palette):
-        colour, dash = look.colour, look.line
         index = estimates[name].index
         t_s, scored = recording.reference.t_s[index], recording.reference.scored[index]
         error_deg = np.degrees(inclination_error_rad(estimates[name], recording))
         rmse_deg = rms_norm(error_deg[scored & np.isfinite(error_deg), None])
-        axes.plot(t_s, error_deg, color=colour, linestyle=dash, linewidth=0.5, alpha=0.6)
+        axes.plot(t_s, error_deg, **look.stroke, linewidth=0.5, alpha=0.6)
         shown = np.where(scored, error_deg, np.nan)
-        axes.plot(t_s, shown, color=colour, linestyle=dash, linewidth=1.2, label=f"{name}: RMSE {number(rmse_deg)} deg")
+        axes.plot(t_s, shown, **look.stroke, linewidth=1.2, label=f"{name}: RMSE {number(rmse_deg)} deg")
     axes.set(xlabel="Time [s]", ylabel="Inclination error [deg]", title=literal(recording.name))
     axes.set_ylim(bottom=0.0)
     end_with(axes, recording.reference.t_s)

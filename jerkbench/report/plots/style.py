@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -165,7 +165,7 @@ POINTS = 0.5
 BETWEEN = re.compile(r", *(?![^()]*\))")
 """A comma that is in no parentheses."""
 
-Method = tuple[str, str]
+DrawnMethod = tuple[str, str]
 """Filter and adaptation."""
 
 
@@ -183,9 +183,10 @@ class MethodStyle(NamedTuple):
     hatch: str
 
     @property
-    def line(self) -> str | tuple[float, tuple[float, ...]]:
-        """The line style as matplotlib has it."""
-        return (0.0, tuple(POINTS * length for length in self.dash)) if self.dash else "-"
+    def stroke(self) -> dict[str, Any]:
+        """Colour and line style as matplotlib takes them."""
+        dashes = (0.0, tuple(POINTS * length for length in self.dash)) if self.dash else "-"
+        return {"color": self.colour, "linestyle": dashes}
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,7 @@ class Palette:
     adaptations: tuple[str, ...]
 
     @classmethod
-    def of(cls, methods: Iterable[Method]) -> "Palette":
+    def of(cls, methods: Iterable[DrawnMethod]) -> "Palette":
         """Return the palette of ``methods``."""
         methods = list(methods)
         adaptations = dict.fromkeys(adaptation for _, adaptation in methods)
@@ -211,14 +212,14 @@ class Palette:
             tuple(dict.fromkeys([*plain, *adaptations])),
         )
 
-    def look(self, method: Method) -> MethodStyle:
+    def look(self, method: DrawnMethod) -> MethodStyle:
         """Return the look of a method; one that the study has not comes after all others."""
         filter_name, adaptation = method
         dash = _place(self.adaptations, adaptation) % len(DASHES)
         return MethodStyle(COLOURS[_place(self.filters, filter_name) % len(COLOURS)], DASHES[dash], HATCHES[dash])
 
 
-def method_of(name: str) -> Method:
+def method_of(name: str) -> DrawnMethod:
     """Return filter and adaptation of a method's name.
 
     >>> method_of("jerk(a=1, b=2) + mtf, accel_mps2=0.1")

@@ -38,7 +38,7 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
 
     Runs that diverged or failed are left out of a mean, and make its point hollow.
     """
-    swept = with_sigma(rows)
+    swept = with_noise_sigma(rows)
     swept["scene"] = swept["dataset"].astype(str) + ": " + swept["disturbance"].astype(str)
     scenes = list(swept["scene"].unique())
     figure = new_figure(0.6 + 2.6 * len(scenes))
@@ -55,7 +55,7 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
     return figure
 
 
-def with_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
+def with_noise_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
     """Return the rows whose noise label says sigma_a, with the column ``sigma_a``."""
     sigma_a = rows["noise"].astype(str).str.extract(SIGMA.pattern)[0].astype(float)
     return rows.assign(sigma_a=sigma_a)[sigma_a.notna()].copy()
@@ -111,7 +111,7 @@ def _draw_means(
     intervals = mean_intervals(good)
     means = np.array([interval.mean for interval in intervals])
     label = name if axes is first else None
-    axes.plot(at, means, color=look.colour, linestyle=look.line, linewidth=1.0, label=label)
+    axes.plot(at, means, **look.stroke, linewidth=1.0, label=label)
     for x, group, values, interval in zip(at, groups, good, intervals, strict=True):
         axes.plot([x, x], [interval.low, interval.high], color=look.colour, linewidth=0.8)
         face = look.colour if len(values) == len(group) else "white"

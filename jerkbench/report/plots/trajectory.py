@@ -51,7 +51,7 @@ def trajectory_figure(
         inside = ((path >= low) & (path <= high)).all()
         label = name if inside else f"{name} (leaves the picture)"
         shown = np.where(np.isfinite(path) & (np.abs(path - low) < 1e3 * span), path, np.nan)
-        axes.plot(*shown.T, color=look.colour, linestyle=look.line, linewidth=1.2, label=label, zorder=4)
+        axes.plot(*shown.T, **look.stroke, linewidth=1.2, label=label, zorder=4)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="East [m]", ylabel="North [m]")
     axes.set_title(literal(recording.name))
     axes.set_aspect("equal", adjustable="box")
@@ -140,9 +140,7 @@ def inset_trajectory_figure(
     for name, *_ in distinct(recording, estimates):
         path, look = estimates[name].position_m[:, :2], look_of[name]
         near = np.abs(path - middle).max(axis=1) < 20 * half
-        inset.plot(
-            *np.where(near[:, None], path, np.nan).T, color=look.colour, linestyle=look.line, linewidth=1.4, zorder=4
-        )
+        inset.plot(*np.where(near[:, None], path, np.nan).T, **look.stroke, linewidth=1.4, zorder=4)
     inset.plot(*truth[:, :2].T, color=REFERENCE, linewidth=1.8, zorder=3)
     inset.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half / 2, middle[1] + half / 2))
     inset.set(xlabel="East [m]", ylabel="North [m]", aspect="equal")

@@ -30,7 +30,7 @@ LABEL = "bound"
 TOLD = 6
 """Of how many scenarios the footnote gives the number."""
 
-Scenario = tuple[str, ...]
+ToldScenario = tuple[str, ...]
 
 
 def with_bounds(table: Table, rows: "pd.DataFrame") -> Table:
@@ -63,7 +63,7 @@ def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
     )
 
 
-def known_bounds(rows: "pd.DataFrame") -> dict[Scenario, TableCell]:
+def known_bounds(rows: "pd.DataFrame") -> dict[ToldScenario, TableCell]:
     """Return the root mean square over seeds of each scenario whose bound is known."""
     if BOUND not in rows.columns:
         return {}
@@ -76,12 +76,12 @@ def known_bounds(rows: "pd.DataFrame") -> dict[Scenario, TableCell]:
     return bounds
 
 
-def _scenario(table: Table, row: tuple[str, ...]) -> Scenario:
+def _scenario(table: Table, row: tuple[str, ...]) -> ToldScenario:
     values = dict(table.constants) | dict(zip(table.row_keys, row, strict=True))
     return tuple(values[key] for key in SCENARIO)
 
 
-def _labels_of_bound(table: Table, scenario: Scenario) -> tuple[str, ...]:
+def _labels_of_bound(table: Table, scenario: ToldScenario) -> tuple[str, ...]:
     values = dict(zip(SCENARIO, scenario, strict=True)) | {"filter": LABEL}
     return tuple(values.get(key, "") for key in table.row_keys)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from jerkbench.evaluation.statistics.errors_over_seeds import MEAN, MEDIAN
 
-Part = tuple[str, str]
+TextPart = tuple[str, str]
 """A text of a cell, and its style: number, best, interval, factor, trouble or absent."""
 
 
@@ -207,7 +207,7 @@ class Table:
 ABSENT = "–"  # noqa: RUF001 - the usual sign for a combination that does not exist
 
 
-def parts(cell: TableCell | None) -> list[Part]:
+def parts(cell: TableCell | None) -> list[TextPart]:
     """Return what stands in a cell, in this order: number, interval, geometric mean, ratio, and what went wrong."""
     if cell is None:
         return [(ABSENT, "absent")]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jerkbench.plain import plain, styled
 from jerkbench.report.analysis.columns import FACTORS, metric_columns, quantity
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
-from jerkbench.report.tables.table_model import ABSENT, Part, Table, TableCell, parts
+from jerkbench.report.tables.table_model import ABSENT, Table, TableCell, TextPart, parts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -191,7 +191,7 @@ def _plain(text: str, style: str = "") -> "Text":
     return Text(plain(text), style=style)
 
 
-def _text(told: Sequence[Part], width: int = 0, *, plain: bool = False) -> "Text":
+def _text(told: Sequence[TextPart], width: int = 0, *, plain: bool = False) -> "Text":
     """Return a cell as one line, or as lines of at most ``width`` characters."""
     from rich.text import Text
 

@@ -14,7 +14,7 @@ from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.plain import plain
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.markup import render
-from jerkbench.report.tables.table_model import ABSENT, Part, Ratio, Table, TableCell, parts
+from jerkbench.report.tables.table_model import ABSENT, Ratio, Table, TableCell, TextPart, parts
 
 ACTIVE = re.compile(r"<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
 """The beginning of a tag, an image or a link in Markdown; a backslash before one of them, or before a cell's end."""
@@ -105,6 +105,12 @@ def markdown_grid(
     return _section(title, [[*map(_inactive, line)] for line in (header, *rows)], notes, level)
 
 
+def plain_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows of texts that are our own as a Markdown table."""
+    lines = [[*map(str, line)] for line in (head, *rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(lines[0]), *lines[1:]))
+
+
 def passive(text: str) -> str:
     """Return Markdown whose tags, images and links are shown as text."""
     return ACTIVE.sub(r"\\\g<0>", text)
@@ -177,7 +183,7 @@ def _line(texts: Sequence[str]) -> str:
     return "    " + " & ".join(texts) + r" \\"
 
 
-def _small(part: Part) -> str:
+def _small(part: TextPart) -> str:
     """Write a part of a cell; what is no plain number stands in braces, so that siunitx leaves it alone."""
     text, style = part
     if style not in ("best", "number", "absent"):

@@ -103,7 +103,7 @@ def test_every_figure_of_rows_draws_a_method_as_the_figures_of_runs_do(cell_rows
 
 def test_none_has_the_full_line_wherever_it_stands():
     palette = Palette.of([("jerk", "mtf"), ("jerk", "none")])
-    assert palette.look(("jerk", "none")).line == "-"
+    assert palette.look(("jerk", "none")).stroke["linestyle"] == "-"
     assert palette.look(("jerk", "mtf")).dash
 
 

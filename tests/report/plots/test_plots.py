@@ -31,7 +31,7 @@ from jerkbench.report.plots.errors_over_time import (
     zoomed_error_figure,
 )
 from jerkbench.report.plots.style import Palette, save_figure
-from jerkbench.report.plots.sweeps import sensitivity_figure, with_sigma
+from jerkbench.report.plots.sweeps import sensitivity_figure, with_noise_sigma
 from jerkbench.report.plots.trajectory import inset_trajectory_figure, trajectory_figure
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.table_model import number
@@ -378,7 +378,7 @@ def test_without_two_scenarios_of_every_method_there_is_no_profile_and_that_is_s
 
 def test_the_sensitivity_is_the_mean_over_sigma(cell_rows):
     rows = swept(cell_rows)
-    assert sorted(set(with_sigma(rows)["sigma_a"])) == [0.1, 0.2, 0.5]
+    assert sorted(set(with_noise_sigma(rows)["sigma_a"])) == [0.1, 0.2, 0.5]
     (axes,) = sensitivity_figure(rows, "position_rmse_m").axes
     (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
     np.testing.assert_allclose(line.get_xdata(), [0.1, 0.2, 0.5])

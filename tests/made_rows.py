@@ -1,0 +1,53 @@
+"""Rows of an audit whose numbers are made, not run: so many methods, tunings and drives as a test needs."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+
+from jerkbench.audit.protocol import read_protocol
+from jerkbench.audit.stored import JUDGED, AuditRows
+from jerkbench.plugins import create
+
+SMALL = dataclasses.replace(
+    read_protocol("small"), tunings=4, tune_drives=5, judged_drives=160, apart_tunings=4, apart_drives=40
+)
+LOST = 0.02
+"""The share of lost runs."""
+
+
+def made_rows(protocol=SMALL, seed=0, ratio=None):
+    """Rows with a log ratio for each (filter, adaptation), and luck of drives, tunings and runs."""
+    rng, ratio = np.random.default_rng(seed), ratio or {}
+    dataset = create("dataset", dict(protocol.laws))
+    uses = [(seed, r) for r in range(protocol.tunings) for seed in protocol.seeds_to_tune_on(r)]
+    uses += [(seed, JUDGED) for seed in protocol.seeds_to_judge_on]
+    level = dict(zip([seed for seed, _ in uses], rng.normal(-3.0, 0.8, len(uses)), strict=True))
+    drives = pd.DataFrame([{"seed": s, "tuning": r, "level": level[s], **dataset.columns(s)} for s, r in uses])
+    tuned, judged = [], []
+    for method in [*protocol.competing, *protocol.beside]:
+        mean, luck = ratio.get(tuple(method), 0.0), dict(zip(level, rng.normal(0.0, 0.3, len(level)), strict=True))
+        for tuning in protocol.tunings_of(method):
+            for trial in range(max(protocol.searches(method))):
+                loss = -3.0 + mean + rng.normal(0.0, 0.2)
+                head = {"filter": method.filter, "adaptation": method.adaptation, "tuning": tuning, "trial": trial}
+                tuned.append({**head, "drives": protocol.tune_drives, "lost": 0, "loss": loss})
+            own = [(tried, mean + rng.normal(0.0, 0.05)) for tried in protocol.searches(method)]
+            for tried, value in [(1, mean + 0.4), *own] if tuning == 0 else own:
+                best = min((row["loss"], row["trial"]) for row in tuned[-max(protocol.searches(method)) :][:tried])
+                for drive in protocol.judges(method):
+                    error = level[drive] + luck[drive] + value + rng.normal(0.0, 0.1)
+                    lost = rng.random() < LOST
+                    judged.append(
+                        {
+                            "filter": method.filter,
+                            "adaptation": method.adaptation,
+                            "tuning": tuning,
+                            "tried": tried,
+                            "trial": 0 if tried == 1 else best[1],
+                            "seed": drive,
+                            "status": "diverged" if lost else "ok",
+                            "log_error": np.nan if lost else error,
+                        }
+                    )
+    return AuditRows(protocol, drives, pd.DataFrame(tuned), pd.DataFrame(judged), pd.DataFrame())
