@@ -27,7 +27,6 @@ from jerkbench.io.frames import (
     in_enu,
     origin_of,
 )
-from jerkbench.io.reference_sigma import with_sigma
 from jerkbench.io.sanitiser import possible_imu, repeat_notes, steady_rows
 from jerkbench.io.table import (
     CHOICES,
@@ -37,6 +36,7 @@ from jerkbench.io.table import (
     TimedColumns,
     require_columns,
     require_origin,
+    with_sigma,
 )
 from jerkbench.io.table_values import AttitudeMap, CovarianceMap, covariances_of, read_attitude
 from jerkbench.plugins import register

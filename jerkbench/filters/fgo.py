@@ -8,8 +8,7 @@ from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.filters.eskf15 import InertialFilter
-from jerkbench.inertial.factor_graph import Graph, Options
-from jerkbench.inertial.graph_solution import batch, estimate_of, fixed_lag
+from jerkbench.inertial.factor_graph import Graph, Options, batch, estimate_of, fixed_lag
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.smoother import forward_states
 from jerkbench.parameters import DefaultOrigin, Provenance, Range

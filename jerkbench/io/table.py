@@ -4,6 +4,7 @@ In this order: what each parameter may be, and the checks; where a stream is (`S
 (`TableStream`); how the files are cut and what their clock is (`TimedColumns`), which reads a source into a stream.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -21,6 +22,7 @@ from jerkbench.io.rtklib import PosSolution, read_pos_files
 from jerkbench.io.rtklib_fixes import accepted_fixes, steady_fixes
 from jerkbench.io.sanitiser import HIGHEST_M
 from jerkbench.io.text import TextFormat, cut_note
+from jerkbench.recording import Reference
 
 EPOCHS = ("gps", "none", "unix")
 COVARIANCE_FRAMES = ("enu", "ned", "ecef")
@@ -286,3 +288,27 @@ class TimedColumns:
                 return dates_ns + round(self.gpst_minus_utc_s * 1e9) - self._zero_gpst_ns(source)
             return times_ns(columns, source.time, source.unit or self.time_unit, self.time_week)
         return np.concatenate([read_datetimes_ns(path) for path in self.files(self.time_file, "time_file")])
+
+
+# How good the reference is: its own sigma, and the epochs at which it is too bad to count.
+
+
+def with_sigma(reference: Reference, sigma_m: FloatArray | None, worst_m: float) -> tuple[Reference, tuple[str, ...]]:
+    """Return the reference with its sigma (k, 3), and what a reader of a table has to know of it.
+
+    Args:
+        reference: with its k stamps.
+        sigma_m: one standard deviation of east, north and up; None: not known.
+        worst_m: errors do not count where sqrt(sum of sigma^2) is larger, or is no number; 0: they count everywhere.
+    """
+    if sigma_m is None:
+        return reference, ()
+    size_m = np.sqrt((sigma_m**2).sum(axis=1))
+    good = np.isfinite(size_m) & ((size_m <= worst_m) if worst_m else True)
+    reference = dataclasses.replace(reference, sigma_m=sigma_m, scored=reference.scored & good)
+    floor_m = float(np.sqrt(np.mean(size_m[good] ** 2))) if good.any() else float("nan")
+    known = f"The reference is known to {floor_m:.3g} m (3-D, one sigma)"
+    notes = [f"{known}: a perfect estimate has that RMSE, and smaller differences get no verdict."]
+    if not good.all():
+        notes.append(f"{int((~good).sum())} of {len(good)} epochs of the reference are too bad: they do not count.")
+    return reference, tuple(notes)

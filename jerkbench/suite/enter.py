@@ -12,8 +12,7 @@ from jerkbench.files import cache_folder
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, write_entry
-from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite
-from jerkbench.suite.recordings import require_recordings
+from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite, require_recordings
 from jerkbench.suite.scoring import entry_scoring
 
 

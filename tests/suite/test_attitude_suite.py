@@ -20,8 +20,7 @@ from jerkbench.suite.attitude_scores import attitude_log_ratios, attitude_score
 from jerkbench.suite.board import Board, html
 from jerkbench.suite.campaign import half_settings
 from jerkbench.suite.entry import MANIFEST, read_entry
-from jerkbench.suite.protocol import FROZEN, read_suite
-from jerkbench.suite.recordings import data_digests, require_recordings
+from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
 from jerkbench.suite.scoring import BoardValue, entry_scoring
 from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 

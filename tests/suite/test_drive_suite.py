@@ -15,8 +15,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
 from jerkbench.suite.entry import MANIFEST, read_entry
-from jerkbench.suite.protocol import FROZEN, read_suite
-from jerkbench.suite.recordings import data_digests, require_recordings
+from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
 from jerkbench.suite.scores import drive_log_ratios, drive_page, drive_score, members
 from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 

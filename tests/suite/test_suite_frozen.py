@@ -9,8 +9,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
 from jerkbench.suite.campaign import half_settings
-from jerkbench.suite.protocol import FROZEN, read_suite
-from jerkbench.suite.recordings import data_digests, require_recordings
+from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
 
 DIGESTS = {"v1": "1d88f1baae4c", "tiny": "c8613f7239bd"}
 

@@ -10,11 +10,10 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.tuning.evaluate import Evaluator, RunPlace
-from jerkbench.tuning.excerpts import ended_at, scored_from
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.search import Budget, score, search
 from jerkbench.tuning.space import space_of
-from jerkbench.tuning.splits import Seeds, by_families, by_recordings, by_seeds, by_time
+from jerkbench.tuning.splits import Seeds, by_families, by_recordings, by_seeds, by_time, ended_at, scored_from
 from made_jobs import with_scenario
 
 SINGLE = {"dataset": "field", "attitude": None, "filter": "baseline", "adaptation": "none", "engine": "compiled"}
