@@ -3,25 +3,234 @@
 From Python: timelines in, an estimate with its trajectory or sums out. The compiled loop is in `mixing`.
 """
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, FloatCube, FloatMatrix, FloatStack
 from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.compilation.vectors import WIDE, aligned_zeros, chosen
+from jerkbench.compilation.views import Lanes, View, lane, room, row, runs_in, taken
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import run_type
-from jerkbench.kinematic.loop import APART, runs_of
+from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps, run_type
+from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
+from jerkbench.kinematic.loop import APART, all_lost, expect, finish, keep, move_by, runs_of, seen_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
+from jerkbench.kinematic.predict import mark_axes, mirror
 from jerkbench.kinematic.runs import run_alone, run_packs
-from jerkbench.linear.mixing import Mixing, run_mixture
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
+
+# Arguments of the loop besides those of its filters; WIDTH is the number of runs side by side.
+
+
+class Mixing(NamedTuple):
+    """The filters that are mixed, and how; an axis L is WIDTH, or 1 where the runs have the same.
+
+    Attributes:
+        A: (COUNT, k, N N, L) of one axis, for each length of a step.
+        b: (COUNT, k, N, L) likewise.
+        Q: (COUNT, k, N N, L) likewise.
+        triangular: whether every A is upper triangular with ones on its diagonal.
+        x0: (COUNT, 3 N, WIDTH) mixed states at the start.
+        P0: (COUNT, 9 N N, WIDTH) their covariances.
+        transitions: (COUNT COUNT, WIDTH) Pi, row by row.
+        weights: (COUNT, WIDTH) c, changed in place.
+        mu: (COUNT, WIDTH) room for the probabilities.
+        filters: (COUNT, LENGTH WIDTH) the arrays in which the filters live.
+    """
+
+    A: FloatStack
+    b: FloatStack
+    Q: FloatStack
+    triangular: bool
+    x0: FloatCube
+    P0: FloatCube
+    transitions: FloatMatrix
+    weights: FloatMatrix
+    mu: FloatMatrix
+    filters: FloatMatrix
+
+
+def combine(mixing: Mixing, into: Lanes) -> None:
+    """Put mean and covariance of position and velocity of the mixture into the run ``into``."""
+    weights, apart = row(mixing.weights, 0, into, "count"), room(into, "count 6")
+    for s in range(6):  # sum_j c_j x_j
+        mean = weights[0] * runs_in(mixing.filters[0], RUN).x[s]
+        for j in range(1, into.count):
+            mean += weights[j] * runs_in(mixing.filters[j], RUN).x[s]
+        into.x[s] = mean
+        for j in range(into.count):
+            apart[j, s] = runs_in(mixing.filters[j], RUN).x[s] - mean
+    for s in range(6):  # sum_j c_j (P_j + (x_j - x) (x_j - x)')
+        for t in range(s + 1):
+            total = weights[0] * (runs_in(mixing.filters[0], RUN).P[s, t] + apart[0, s] * apart[0, t])
+            for j in range(1, into.count):
+                total += weights[j] * (runs_in(mixing.filters[j], RUN).P[s, t] + apart[j, s] * apart[j, t])
+            into.P[s, t] = total
+
+
+def log_likelihood(run: Lanes, distance: float, mu: FloatArray, j: int) -> None:
+    """Put log N(y; 0, S) of filter ``j`` into ``mu``, but for what all filters have in common.
+
+    ``distance`` is y' S^-1 y; the run has the reciprocals of D of S = L D L'.
+    """
+    row(mu, j, run, "1")[0] = distance
+    for k in range(run.width):
+        alone = lane(run, k)
+        position = alone.over_D[0] * alone.over_D[1] * alone.over_D[2]
+        velocity = alone.over_D[3] * alone.over_D[4] * alone.over_D[5]
+        mu[j, k] = 0.5 * (math.log(position) + math.log(velocity) - mu[j, k])
+
+
+def weigh(mixing: Mixing) -> None:
+    """Log likelihoods in mu become probabilities; the largest is taken out first, so that none underflows alone."""
+    mu, weights = mixing.mu, mixing.weights
+    for k in range(mu.shape[1]):
+        largest, total = mu[0, k], 0.0
+        for j in range(1, len(mu)):
+            largest = max(largest, mu[j, k])
+        for j in range(len(mu)):
+            mu[j, k] = weights[j, k] * math.exp(mu[j, k] - largest)
+            total += mu[j, k]
+        for j in range(len(mu)):
+            mu[j, k] /= total
+
+
+def mix(mixing: Mixing, run: Lanes, rows: float) -> None:
+    """Mix the states by mu and Pi in the runs that have used one of their ``rows``; the others stay as they are."""
+    mu, weights = row(mixing.mu, 0, run, "count"), row(mixing.weights, 0, run, "count")
+    transitions = row(mixing.transitions, 0, run, "count count")
+    joint, mean = room(run, "count count"), room(run, "count s")
+    for j in range(run.count):
+        total = transitions[0, j] * mu[0]
+        for i in range(1, run.count):
+            total += transitions[i, j] * mu[i]
+        weights[j] = chosen(rows, 0.0, total, weights[j])
+        for i in range(run.count):
+            same = 1.0 if i == j else 0.0
+            joint[i, j] = chosen(rows, 0.0, transitions[i, j] * mu[i] / total, same)
+    for s in range(run.s):
+        for j in range(run.count):
+            mean[j, s] = joint[0, j] * runs_in(mixing.filters[0], RUN).x[s]
+            for i in range(1, run.count):
+                mean[j, s] += joint[i, j] * runs_in(mixing.filters[i], RUN).x[s]
+    _mix_covariances(mixing, run, joint, mean)
+    for j in range(run.count):
+        for s in range(run.s):
+            runs_in(mixing.filters[j], RUN).x[s] = mean[j, s]
+
+
+def _mix_covariances(mixing: Mixing, run: Lanes, joint: View, mean: View) -> None:
+    """The states are still those before the mixture."""
+    mixed = room(run, "count")
+    for s in range(run.s):
+        for t in range(s + 1):
+            for j in range(run.count):
+                total = run.zero
+                for i in range(run.count):
+                    own = runs_in(mixing.filters[i], RUN)
+                    spread = (own.x[s] - mean[j, s]) * (own.x[t] - mean[j, t])
+                    total += joint[i, j] * (own.P[s, t] + spread)
+                mixed[j] = total
+            for j in range(run.count):
+                runs_in(mixing.filters[j], RUN).P[s, t] = mixed[j]
+
+
+# The loop of mixed filters: the steps of a timeline, one after the other.
+
+
+def run_mixture(
+    steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: Kept, exchange: Exchange
+) -> tuple[int, int]:
+    """Run all steps, or up to where the last run is lost; arguments as those of `jerkbench.kinematic.loop.run_steps`.
+
+    The array of ``kept`` holds the combined state, and the sums.
+
+    Returns:
+        How many stamps of the reference were visited, and how many updates there were.
+    """
+    combined = runs_in(kept.w, RUN)
+    begin_mixture(mixing, combined)
+    reached = updates = 0
+    states = mixing.x0.shape[1]
+    for k in range(len(steps.model)):
+        for j in range(combined.count):
+            models = mixing.A[j], mixing.b[j], mixing.Q[j]
+            move_by(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
+        if steps.update[k] >= 0:
+            update_mixture(combined, steps, score, mixing, rules, kept, exchange, steps.update[k], updates, states)
+            updates += 1
+            if all_lost(combined, k):
+                return reached, updates
+        if steps.reference[k] >= 0:
+            combine(mixing, combined)
+            keep(combined, score, kept, steps.reference[k], reached)
+            reached += 1
+    return reached, updates
+
+
+def begin_mixture(mixing: Mixing, combined: Lanes) -> None:
+    """Put the states at the start into the arrays of the filters, which are zero."""
+    for j in range(combined.count):
+        run = runs_in(mixing.filters[j], RUN)
+        x0, P0 = row(mixing.x0, j, run, "s"), row(mixing.P0, j, run, "s s")
+        for s in range(run.s):
+            run.x[s] = x0[s]
+            for t in range(run.s):
+                run.P[s, t] = P0[s, t]
+        mirror(run)
+        mark_axes(run)
+    combined.ended = combined.ended - 1.0
+
+
+def update_mixture(
+    combined: Lanes,
+    steps: Steps,
+    score: Score,
+    mixing: Mixing,
+    rules: Rules,
+    kept: Kept,
+    exchange: Exchange,
+    which: int,
+    place: int,
+    states: int,
+) -> None:
+    """Adapt R by the combined prediction, update and weigh all filters, mix them."""
+    seen = seen_of(combined, kept, place)
+    kept.which[place] = which
+    combine(mixing, combined)
+    nis = expect(combined, steps, rules, exchange, seen, which)
+    rows = combined.used[0]
+    for r in range(1, 6):
+        rows += combined.used[r]
+    for j in range(combined.count):
+        correct_filter(combined, runs_in(mixing.filters[j], RUN), steps, mixing, j, which, states)
+    weigh(mixing)
+    mix(mixing, combined, rows)
+    for j in range(combined.count):
+        mirror(runs_in(mixing.filters[j], RUN))
+    finish(combined, seen, score, which, nis)
+
+
+def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j: int, which: int, states: int) -> None:
+    """Update filter ``j`` with the rows and the R of the mixture, and put its log likelihood into mu."""
+    z = taken(steps.z, which, run, "6")
+    for r in range(6):
+        for c in range(6):
+            run.R[r, c] = combined.R[r, c]
+        run.used[r] = combined.used[r]
+        run.y[r] = chosen(run.used[r], 0.0, z[r] - run.x[r], 0.0)
+    log_likelihood(run, mahalanobis(run), mixing.mu, j)
+    correct(run, states)
+    check_definite(run)
+    combined.lost += run.lost
+
 
 OWN = ("run_mixture", "begin_mixture", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
 """Kernels that stand alone: one body of all of them takes long to compile."""
