@@ -22,15 +22,17 @@ BLOCK = re.compile(r"(?<=<!-- audit -->\n).*?(?=<!-- /audit -->)", flags=re.DOTA
 def front() -> str:
     """Return the block as Markdown."""
     told = json.loads((AUDIT / "answer.json").read_text(encoding="utf-8"))
+    models = ", ".join(told["filters"])
     head = (
-        "An adaptation changes R, Q or the covariance while the filter runs. We tuned"
-        f" {told['methods']} methods ({told['adaptations']} adaptations\non {len(told['filters'])} motion models) and"
-        f" the plain filters with the same effort, {told['tunings']} times. We judged them on\n{told['drives']} other"
-        f" simulated drives, {100 * told['faulty']:.0f} % of them with a fault:\n"
+        f"An adaptation changes R, Q or the covariance while the filter runs. We tuned {told['methods']} methods,"
+        f" {told['adaptations']} adaptations\non the models {models}, and the plain filters with the same effort, in"
+        f" {told['tunings']}\nindependent searches. We judged them on {told['drives']} other simulated drives,"
+        f" {100 * told['faulty']:.0f} % of them with a fault:\n"
     )
     sentences = "".join(f"{number}. {sentence}\n" for number, sentence in enumerate(told["sentences"], 1))
     words = "Error of each adaptation under each kind of fault, relative to the plain filter of its model"
-    figure = f'<img src="experiments/audit/answer.png" alt="{words}" width="780">'
+    figure = f'<img src="experiments/audit/answer.png" alt="{words}" width="780">\n\n'
+    figure += "A row is an adaptation, averaged over the models. Bold: shown to be better or worse. Grey: within 10 %."
     more = "[The audit](experiments/audit/README.md) says what to take when, what it costs, and how sure it is."
     return f"{head}\n{sentences}\n{_journeys()}\n\n{figure}\n\n{more}\n{_suite()}\n"
 
