@@ -30,8 +30,9 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
     )
     third = (
         f"**Picking the leader of each tuning gives {interval(said.pick)}** of the error of the best plain filter,"
-        f" which tries as many settings as all of them together. {leading} methods lead in {answer.rows.protocol.tunings}"
-        " tunings, so this is not the ratio of one method. Half of the methods are more than 3 % worse than their plain filter on"
+        " which tries as many settings as all of them together."
+        f" {leading} methods lead in {answer.rows.protocol.tunings} tunings, so this is not the ratio of one method."
+        " Half of the methods are more than 3 % worse than their plain filter on"
         f" {percent(methods['worse_3'].median())} of the drives or more."
     )
     price_text = f"Without a fault, {price['better']} are better and {price['worse']} worse."
