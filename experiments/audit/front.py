@@ -24,17 +24,18 @@ def front() -> str:
     told = json.loads((AUDIT / "answer.json").read_text(encoding="utf-8"))
     models = ", ".join(told["filters"])
     head = (
-        f"An adaptation changes R, Q or the covariance while the filter runs. We tuned {told['methods']} methods,"
-        f" {told['adaptations']} adaptations\non the models {models}, and the plain filters with the same effort, in"
-        f" {told['tunings']}\nindependent searches. We judged them on {told['drives']} other simulated drives,"
-        f" {100 * told['faulty']:.0f} % of them with a fault:\n"
+        f"An adaptation changes R, Q or the covariance while the filter runs. We combined {told['adaptations']}"
+        f" adaptations\nwith {len(told['filters'])} models ({models}). These {told['methods']} methods and the plain"
+        f" filters were tuned\nwith the same effort, in {told['tunings']} independent searches. We judged them on"
+        f" {told['drives']} other simulated drives,\n{100 * told['faulty']:.0f} % of them with a fault:\n"
     )
     sentences = "".join(f"{number}. {sentence}\n" for number, sentence in enumerate(told["sentences"], 1))
     words = "Error of each adaptation under each kind of fault, relative to the plain filter of its model"
     figure = f'<img src="experiments/audit/answer.png" alt="{words}" width="780">\n\n'
-    figure += "A row is an adaptation, averaged over the models. Bold: shown to be better or worse. Grey: within 10 %."
+    figure += "A row is an adaptation, averaged over the models. Bold: shown to be better, worse or equal. Grey band:"
+    figure += "\nwithin 10 %. A drive may have several faults, and counts under each.\n"
     more = "[The audit](experiments/audit/README.md) says what to take when, what it costs, and how sure it is."
-    return f"{head}\n{sentences}\n{_journeys()}\n\n{figure}\n\n{more}\n{_suite()}\n"
+    return f"{head}\n{sentences}\n{_journeys()}\n\n{figure}{more}\n{_suite()}\n"
 
 
 FOUND = re.compile(r"- \*\*(?:J-)?(\w+)\*\*: (\S+ \[.*?\]) of .*? of (\d+) ")
@@ -48,12 +49,11 @@ def _journeys() -> str:
     on_rides = " and ".join(f"{ratio} ({name}, {n} journeys)" for name, ratio, n in rides)
     on_cars = " and ".join(f"{ratio} with `{name}`" for name, ratio, _ in cars)
     return (
-        "**On real recordings it is not shown to help**. On [real journeys](experiments/journeys/README.md),"
+        "**On real recordings it is not shown to help, or does harm**. On [journeys](experiments/journeys/README.md),"
         "\nthe average "
         f"adaptation has {on_rides} of the error.\n"
-        f"On [real cars](experiments/vehicles/README.md) with the errors of {cars[0][2]} receivers, it has {on_cars}.\n"
-        "So tune the plain filter first. If you expect isolated outliers, try a robust R: `student_t_r`, `huber_r` or"
-        "\n`ssmkf_r`."
+        f"On [cars](experiments/vehicles/README.md) with the errors of {cars[0][2]} real receivers, it has {on_cars}.\n"
+        "So tune the plain filter first. For isolated outliers, try a robust R: `student_t_r`, `huber_r` or `ssmkf_r`."
     )
 
 

@@ -29,11 +29,10 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
         " worse."
     )
     third = (
-        f"**Picking the leader of each tuning gives {interval(said.pick)}** of the error of the best plain filter,"
-        " which tries as many settings as all of them together."
-        f" {leading} methods lead in {answer.rows.protocol.tunings} tunings, so this is not the ratio of one method."
-        " Half of the methods are more than 3 % worse than their plain filter on"
-        f" {percent(methods['worse_3'].median())} of the drives or more."
+        f"**Taking whichever published method leads in tuning gives {interval(said.pick)}** of the error of the best plain"
+        " filter, which tries as many settings as all of them together. The leader changes:"
+        f" {leading} different ones in {answer.rows.protocol.tunings} tunings. The median method is more than 3 % worse"
+        f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
     )
     price_text = f"Without a fault, {price['better']} are better and {price['worse']} worse."
     return [first, f"{_where(answer)} {price_text}", third]
@@ -51,7 +50,7 @@ def _where(answer: AuditAnswer) -> str:
     harm = max((kind for kind in shown if kind not in (most, NO_FAULT)), key=lambda kind: shown[kind]["worse"])
     name, other = most.replace("_", " "), str(harm).replace("_", " ")
     return (
-        f"**The gain is that under {name}**. Without the {share} of drives that have {name}, the average has"
+        f"**Most of the gain comes from {name}**. Without the {share} of drives that have {name}, the average has"
         f" {interval(said.average)}, with {own['better']} methods better and {own['worse']} worse. With {name},"
         f" {shown[most]['better']} of {n} are better and {shown[most]['worse']} worse; with {other},"
         f" {shown[harm]['better']} and {shown[harm]['worse']}."
