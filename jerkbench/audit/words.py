@@ -29,8 +29,8 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
         " worse."
     )
     third = (
-        f"**Taking whichever published method leads in tuning gives {interval(said.pick)}** of the error of the best plain"
-        " filter, which tries as many settings as all of them together. The leader changes:"
+        f"**Taking whichever published method leads in tuning gives {interval(said.pick)}** of the error of the best"
+        " plain filter, which tries as many settings as all of them together. The leader changes:"
         f" {leading} different ones in {answer.rows.protocol.tunings} tunings. The median method is more than 3 % worse"
         f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
     )
