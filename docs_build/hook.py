@@ -1,9 +1,9 @@
-"""Pages and figures of the documentation that are made when it is built: one for each plugin, preset and metric."""
+"""Pages and figures that are made when the site is built: of each plugin, preset, metric, study and board."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from links import copied, with_copies
+from links import copied, studies, with_links_inside
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -16,7 +16,7 @@ METRICS = "metrics.md"
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made, and the sources that pages link to."""
     pages, nav = plugin_pages()
-    made = {**pages, METRICS: metrics_page(), **copied(config["docs_dir"])}
+    made = {**pages, METRICS: metrics_page(), **studies(), **copied(config["docs_dir"])}
     for path, content in made.items():
         files.append(File.generated(config, path, content=content))
     _extend(config["nav"], nav)
@@ -24,8 +24,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Turn links that lead out of docs/ into links to the copies."""
-    return with_copies(markdown, page.file.src_uri)
+    """Turn links that lead out of docs/ into links within the site."""
+    return with_links_inside(markdown, page.file.src_uri)
 
 
 def _extend(nav: list[Any], kinds: Mapping[str, list[str]]) -> None:
