@@ -149,7 +149,7 @@ def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
     )
     verb = "leads" if len(leaders) == 1 else "lead"
     where = f" in {most} of {len(tested)} scenarios" if len(tested) > 1 else ""
-    title = f"Of {methods} methods {_named(leaders)} {verb}{where}"
+    title = f"Of {methods} methods, {_named(leaders)} {verb}{where}"
     duel = next((duel for duel in duels(tested) if {duel.ours, duel.theirs} == {leaders[0], reference}), None)
     undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
     sentences = [f"No difference between methods was shown on {_named(undecided)}."] if undecided else []

@@ -58,7 +58,7 @@ def test_of_two_methods_in_one_scenario_it_says_by_how_much(study):
 def test_of_several_methods_it_names_the_leader_and_by_how_much_it_beats_the_baseline(study):
     told = said(study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "baseline": (2.0, 2.0, 1.0)}))
     begin, times = told.title.split(" and is up to ")
-    assert begin == "Of 3 methods gauss leads in 2 of 3 scenarios"
+    assert begin == "Of 3 methods, gauss leads in 2 of 3 scenarios"
     assert times.endswith(" times better than baseline")
     assert float(times.split()[0]) == pytest.approx(4.0, rel=0.03)
     against, basis = told.sentences
@@ -74,9 +74,9 @@ def test_where_nothing_differs_in_a_scenario_it_says_so(study):
 
 def test_of_leaders_that_tie_the_one_with_the_lowest_error_comes_first(study):
     told = said(study({"none": (1.0, 1.0), "far": (0.1, 0.9), "near": (0.9, 0.2)}, scenes=SCENES[:2]))
-    assert told.title.startswith("Of 3 methods far and near lead in 1 of 2 scenarios; far is up to ")
+    assert told.title.startswith("Of 3 methods, far and near lead in 1 of 2 scenarios; far is up to ")
     told = said(study({"none": (1.0, 1.0), "far": (0.2, 0.9), "near": (0.9, 0.1)}, scenes=SCENES[:2]))
-    assert told.title.startswith("Of 3 methods near and far lead in 1 of 2 scenarios; near is up to ")
+    assert told.title.startswith("Of 3 methods, near and far lead in 1 of 2 scenarios; near is up to ")
 
 
 def test_few_seeds_show_nothing_and_it_says_so(study):
