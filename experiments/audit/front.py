@@ -5,6 +5,7 @@ python experiments/audit/front.py README.md  puts it between <!-- audit --> and 
                                              pictures along from results/audit-full, where they are
 """
 
+import csv
 import json
 import re
 import shutil
@@ -49,11 +50,13 @@ def _journeys() -> str:
     on_rides = " and ".join(f"{ratio} ({name}, {n} journeys)" for name, ratio, n in rides)
     on_cars = " and ".join(f"{ratio} with `{name}`" for name, ratio, _ in cars)
     return (
-        "**On real recordings it is not shown to help, or does harm**. On [journeys](experiments/journeys/README.md),"
-        "\nthe average "
-        f"adaptation has {on_rides} of the error.\n"
-        f"On [cars](experiments/vehicles/README.md) with the errors of {cars[0][2]} real receivers, it has {on_cars}.\n"
-        "So tune the plain filter first. For isolated outliers, try a robust R: `student_t_r`, `huber_r` or `ssmkf_r`."
+        "**With the errors of real receivers it is not shown to help**. On"
+        " [real journeys](experiments/journeys/README.md)\nthe average adaptation has "
+        f"{on_rides} of the error.\nOver the motion of real cars with {cars[0][2]} recorded"
+        f" [traces of GNSS errors](experiments/vehicles/README.md), it has {on_cars}.\n"
+        "Most methods change little there, and a few ruin some drives. So compare models first, which brings as much.\n"
+        "For isolated outliers, try a robust R: `student_t_r`, `huber_r` or `ssmkf_r`. Look whether it"
+        " [locks out](experiments/replayed/README.md)."
     )
 
 
@@ -63,11 +66,16 @@ def _suite() -> str:
     entries = sorted((m["score"]["ratio"], m["entry"], m["score"]) for m in manifests)
     better = [own for own in entries if own[2]["verdict"] == "better"]
     plain = sum(name.endswith("+ none") for _, name, _ in better)
-    told = [f"{name} {ratio:.2f} [{score['low']:.2f}, {score['high']:.2f}]" for ratio, name, score in better]
+    with (AUDIT / "methods.csv").open(encoding="utf-8") as file:
+        ours = {f"{row['filter']} + {row['adaptation']}" for row in csv.DictReader(file) if row["is"] == "own"}
+    told = [
+        f"{name}{' (our own variant)' * (name in ours)} {ratio:.2f} [{score['low']:.2f}, {score['high']:.2f}]"
+        for ratio, name, score in better
+    ]
     return (
         "The suite `jerkbench-v2` is a fixed test set with a [leaderboard](results/suite-v2/board.md). Of its"
         f" {len(entries)} entries,\n{len(told)} beat the tuned baseline, {plain} of them without adaptation."
-        f" The first two are {' and '.join(told[:2])}."
+        f" The first two are {' and '.join(told[:2])}. Each has one tuning, whose luck is not in the interval."
     )
 
 

@@ -149,7 +149,12 @@ def main() -> None:
     if results == RESULTS:
         of_page = parts(rows)
         PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), of_page), encoding="utf-8")
-        left_out.answer(RESULTS, "Real cars with the errors of 13 real receivers", "vehicles", of_page["average"])
+        left_out.answer(
+            RESULTS,
+            "The motion of real cars with 13 recorded traces of GNSS errors, semi-real",
+            "vehicles",
+            of_page["average"],
+        )
 
 
 if __name__ == "__main__":

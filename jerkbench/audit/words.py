@@ -22,16 +22,17 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
     best, price = counts(said.best_plain), counts_of(methods["no_fault_verdict"])
     n, leading = len(methods), len(set(leaders(answer.rows)))
     first = (
-        f"**{theirs['better']} of {len(taken)} published or simplified adaptive filters beat the plain filter of their"
-        f" model, tuned alike; {theirs['worse']} are worse**. Of the {len(as_published)} that are as published,"
+        f"**{theirs['better']} of {len(taken)} adaptive filters beat the plain filter of their model, tuned alike;"
+        f" {theirs['worse']} are worse**. These are {taken['adaptation'].nunique()} adaptations, published or"
+        f" simplified, on {taken['filter'].nunique()} models. Of the {len(as_published)} that are as published,"
         f" {exact['better']} are better and {exact['worse']} worse. The average has {interval(said.average)} of the"
         f" error. Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']}"
         " worse."
     )
     third = (
-        f"**Taking whichever published method leads in tuning gives {interval(said.pick)}** of the error of the best"
-        " plain filter, which tries as many settings as all of them together. The leader changes:"
-        f" {leading} different ones in {answer.rows.protocol.tunings} tunings. The median method is more than 3 % worse"
+        f"**Taking whichever of these leads in tuning gives {interval(said.pick)}** of the error of a plain filter that"
+        " was chosen from as many settings. The leader changes:"
+        f" {leading} different ones in {answer.rows.protocol.tunings} tunings. A typical method is more than 3 % worse"
         f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
     )
     price_text = f"Without a fault, {price['better']} are better and {price['worse']} worse."
