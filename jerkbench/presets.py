@@ -29,7 +29,7 @@ def take_folders(words: Sequence[str]) -> list[str]:
     """Take each ``--config-dir DIR`` out of a command line: its presets count from here on, and no earlier ones.
 
     Raises:
-        PluginError: there is no such folder, or no word behind the last --config-dir.
+        PluginError: there is no such folder, no word behind the last --config-dir, or two presets of one name.
     """
     _of_user.clear()
     others, remaining = [], iter(words)
@@ -44,7 +44,19 @@ def take_folders(words: Sequence[str]) -> list[str]:
                 f"There is no folder '{folder}'; --config-dir names one with presets (dataset/mine.yaml)."
             )
         _of_user.append(Path(folder).expanduser().resolve())
+    _require_no_doubles()
     return others
+
+
+def _require_no_doubles() -> None:
+    """Check that no two of the user's folders have a preset of one name: the first would silently stand for both."""
+    found: dict[Path, Path] = {}
+    for folder in dict.fromkeys(_of_user):
+        for path in sorted(folder.glob("*/*.yaml")):
+            name = path.relative_to(folder)
+            other = found.setdefault(name, path)
+            if other.read_bytes() != path.read_bytes():
+                raise PluginError(f"{other} and {path} are different presets of one name; rename one of them.")
 
 
 def folder_words() -> list[str]:

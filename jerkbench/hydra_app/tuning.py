@@ -231,14 +231,17 @@ def _names(jobs: Sequence[Job]) -> list[str]:
 
 
 def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[str]) -> str:
-    """The command that runs what was tuned: its presets, on the data sets and under the faults of the tuning."""
+    """The command that runs what was tuned: its presets, where it was tuned, on seeds that the tuning has not used."""
     chosen = preset_words(tuning, typed="experiment" in map(owner, words.shared))
     tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
     covered = {part for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
     several = ["-m"] if len(words.scenarios) > 1 else []
     folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
-    return shlex.join(["jerkbench", "run", *several, *folders, *words.shared, *kept, *chosen])
+    cases = [case for part in (tuning.cases.tune, tuning.cases.choose, tuning.cases.test) for case in part]
+    unseen = [f"first_seed={max(case.draws[-1] for case in cases) + 1}"] if cases[0].scenario.seeded else []
+    shared = [word for word in words.shared if not (unseen and word.startswith("first_seed="))]
+    return shlex.join(["jerkbench", "run", *several, *folders, *shared, *kept, *chosen, *unseen])
 
 
 def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.cluster import Workers
@@ -35,13 +35,13 @@ class Trials:
         settings: n of them.
         runs: (n, r) loss of each of its runs.
         case: (r,) which case each of them is of.
-        lost: (n,) how many of its runs were lost.
+        lost: (n, r) whether the run was lost.
     """
 
     settings: tuple[Setting, ...]
     runs: FloatArray
     case: IntArray
-    lost: FloatArray
+    lost: BoolArray
 
     @property
     def losses(self) -> FloatArray:
@@ -113,7 +113,7 @@ class Evaluator:
         worths = [self._worth(rows, case) for rows, case in zip(self.rows(settings, cases), cases, strict=True)]
         numbers = np.repeat(np.arange(len(cases)), [len(case.draws) for case in cases])
         losses, lost = zip(*worths, strict=True)
-        return Trials(tuple(settings), np.hstack(losses), numbers, np.sum(lost, axis=0, dtype=np.float64))
+        return Trials(tuple(settings), np.hstack(losses), numbers, np.hstack(lost))
 
     def rows(self, settings: Sequence[Setting], cases: Sequence[Job]) -> list[list[list[Row]]]:
         """Return for each case the rows of each setting, and last those of the plain filter."""
@@ -138,13 +138,13 @@ class Evaluator:
         for job in (*(self.space.applied(case, setting) for setting in settings), plain_job(case)):
             yield dataclasses.replace(job, scoring=scoring)
 
-    def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, list[int]]:
-        """Return (n, draws) the loss of each run, and how many runs of each setting were lost."""
+    def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, BoolArray]:
+        """Return (n, draws) the loss of each run, and whether it was lost."""
         *tried, plain = rows
         self._require_value(plain, case)
         level = self.objective.level(plain, case.scoring.divergence_limit_m)
         losses = np.array([self.objective.losses(own, level) for own in tried])
-        return losses, [sum(row["status"] != "ok" for row in own) for own in tried]
+        return losses, np.array([[row["status"] != "ok" for row in own] for own in tried])
 
     def _require_value(self, rows: Sequence[Row], case: Job) -> None:
         """Check that runs that came to their end have a value, or every setting would count as lost."""
@@ -185,7 +185,7 @@ def trial_table(trials: Trials, names: Sequence[str], scenarios: Sequence[str]) 
     columns: dict[str, Any] = {"trial": range(len(trials))}
     columns |= {name: values[:, k] for k, name in enumerate(names)}
     columns |= {f"loss: {scenario}": trials.losses[:, k] for k, scenario in enumerate(scenarios)}
-    return pd.DataFrame({**columns, "loss": trials.means, "lost_runs": trials.lost})
+    return pd.DataFrame({**columns, "loss": trials.means, "lost_runs": trials.lost.sum(axis=1)})
 
 
 LACKING = {

@@ -22,8 +22,8 @@ def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
     """
     if not typed:
         return [f"experiment={_name(tuning)}"]
-    spec, setting = tuning.job.spec, tuning.setting
-    parts = [f"{part}={spec[part]['name']}_tuned" for part in TUNED_PARTS if tuning.space.of_part(part, setting)]
+    setting = tuning.setting
+    parts = [f"{part}={_name(tuning)}" for part in TUNED_PARTS if tuning.space.of_part(part, setting)]
     return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
 
 
@@ -39,10 +39,11 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
     for part in TUNED_PARTS:
         plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
         if values or part != "attitude":
-            chosen[part] = f"{plugin}_tuned" if values else plugin
+            chosen[part] = _name(tuning) if values else plugin
         if values:
             kept = {**_given(spec[part]), **values}
-            write_text(folder / part / f"{plugin}_tuned.yaml", _text(remarks, {"defaults": [plugin, "_self_"], **kept}))
+            text = _text(remarks, {"defaults": [plugin, "_self_"], **kept})
+            write_text(folder / part / f"{_name(tuning)}.yaml", text)
     told = tuning.space.of_part("r_scale", tuning.setting)
     defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]
     whole = {"defaults": [*defaults, "_self_"], **({"r_scale": told} if told else {})}

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.inputs import shared_inputs
@@ -68,6 +70,8 @@ class TuningScore(NamedTuple):
         lost_before: lost runs of the first.
         lost: lost runs of the second.
         runs: of either.
+        of_seeds: (n,) the second, for each seed that all cases share: the exponential of its mean loss, infinite where
+            it lost a run; empty where they share none.
     """
 
     before: FloatArray
@@ -75,6 +79,7 @@ class TuningScore(NamedTuple):
     lost_before: int
     lost: int
     runs: int
+    of_seeds: FloatArray
 
 
 def search(
@@ -107,8 +112,11 @@ def search(
 def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Job]) -> TuningScore:
     """Return what the setting before the search and ``setting`` are worth on cases that the search has not seen."""
     both = evaluator.trials([evaluator.space.start, setting], cases)
-    lost_before, lost = (int(count) for count in both.lost)
-    return TuningScore(both.losses[0], both.losses[1], lost_before, lost, sum(len(case.draws) for case in cases))
+    lost_before, lost = (int(count) for count in both.lost.sum(axis=1))
+    shared = all(case.scenario.seeded and case.draws == cases[0].draws for case in cases)
+    losses, gone = (runs[1].reshape(len(cases), -1) if shared else np.empty((1, 0)) for runs in (both.runs, both.lost))
+    of_seeds = np.where(gone.any(axis=0), np.inf, np.exp(losses.mean(axis=0)))
+    return TuningScore(both.losses[0], both.losses[1], lost_before, lost, both.lost.shape[1], of_seeds)
 
 
 def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:

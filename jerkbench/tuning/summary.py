@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from jerkbench.evaluation.statistics.judgement import judged
+from jerkbench.evaluation.statistics.over_seeds import log_ratios
 from jerkbench.tuning.curves import budget_curve, knob_intervals
 from jerkbench.tuning.search import Tuning, equal_budgets
 
@@ -27,7 +29,21 @@ def tunings_table(tunings: Sequence[Tuning]) -> str:
         for tuning in tunings
     ]
     head = f"{'on runs that were not seen':<32} {'before':>10} {'tuned':>10} {'lost':>4}"
-    return "\n".join([head, *lines, "", equal_budgets({tuning.name: tuning.outcome for tuning in tunings})])
+    equal = equal_budgets({tuning.name: tuning.outcome for tuning in tunings})
+    return "\n".join([head, *lines, "", *_against_the_first(tunings), equal])
+
+
+def _against_the_first(tunings: Sequence[Tuning]) -> list[str]:
+    """Compare each tuned method with the first one, seed by seed over all scenarios, as one family of comparisons."""
+    first, *others = tunings
+    if not (others and first.effort.objective.relative and len(first.score.of_seeds)):
+        return []
+    said = judged([log_ratios(other.score.of_seeds, first.score.of_seeds) for other in others])
+    lines = [
+        f"{other.name:<32} {own.ratio:>10.3f} [{own.low:.3f}, {own.high:.3f}] {own.verdict}; {own.losses}"
+        for other, own in zip(others, said, strict=True)
+    ]
+    return [f"as a ratio to {first.name}, both tuned; 95 %, all at once; a seed is lost if a scenario is:", *lines, ""]
 
 
 def record(tuning: Tuning) -> Mapping[str, Any]:

@@ -1,11 +1,14 @@
 """`jerkbench tune` as a person types it: what it says, what it writes, what it refuses."""
 
 import json
+import re
 import shlex
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from scipy import stats
 
 from commands import jerkbench, verb
 from jerkbench.results.store import Store
@@ -59,7 +62,7 @@ def test_a_run_takes_the_preset_with_the_tuned_values(tuned):
     assert done.returncode == 0, done.stderr
     (stored,), _ = Store(folder / "results/taken").read()
     cell = stored.metadata
-    assert (cell["labels"]["filter"], cell["labels"]["adaptation"]) == ("baseline_tuned", "chi2_tuned")
+    assert (cell["labels"]["filter"], cell["labels"]["adaptation"]) == ("baseline_chi2_tuned", "baseline_chi2_tuned")
     assert cell["spec"]["filter"]["accel_mps2"] == pytest.approx(setting["filter.accel_mps2"])
     assert cell["spec"]["adaptation"]["longest"] == setting["adaptation.longest"]
     assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
@@ -75,6 +78,7 @@ def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tune
     place = folder / "results/adhoc/tune/baseline-chi2"
     setting = json.loads((place / "tuning.json").read_text())["setting"]
     command = printed((place / "tuning.md").read_text())
+    assert command[-1] == "first_seed=4"  # 0 to 3 are of the tuning
 
     done = jerkbench(*command, "seeds=1", "study=printed", "figures=false", cwd=folder)
 
@@ -188,3 +192,38 @@ def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path, cluster):
     assert done.returncode == 0, done.stderr
     own, here = (folder / "results/adhoc/tune/baseline-chi2/trials.csv" for folder in (tmp_path, tuned[0]))
     pd.testing.assert_frame_equal(pd.read_csv(own), pd.read_csv(here), rtol=1e-12)
+
+
+def test_the_tuned_methods_are_compared_seed_by_seed(tmp_path):
+    """The ratio is that of ordinary runs of the two presets, over both scenarios and all seeds to test on."""
+    scenarios = ["disturbance=none,outliers", "dataset.duration_s=12"]
+    words = ["filter=baseline", "adaptation=none,chi2", *scenarios, "tune_seeds=1", "choose_seeds=1", "test_seeds=6"]
+    out = verb("tune", "-m", *words, "finalists=2", "trials=4", "figures=false", "workers=1", cwd=tmp_path).stdout
+    presets = [f"results/adhoc/tune/baseline-{name}/conf" for name in ("none", "chi2")]
+    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    experiments = "experiment=baseline_none_tuned,baseline_chi2_tuned"
+    verb("run", "-m", *folders, experiments, *scenarios, "first_seed=2", "seeds=6", "study=both", cwd=tmp_path)
+
+    rows = pd.read_csv(tmp_path / "results/both/rows.csv").assign(log=lambda own: np.log(own["position_rmse_m"]))
+    means = rows.pivot_table(index="seed", columns="adaptation", values="log")
+    d = means["baseline_chi2_tuned"] - means["none"]
+    (line,) = (line for line in out.splitlines() if line.startswith("baseline-chi2") and "[" in line)
+    ratio, low, high = (float(number) for number in re.findall(r"\d+\.\d+", line)[:3])
+    assert ratio == pytest.approx(np.exp(d.mean()), abs=6e-4)
+    half = stats.t.ppf(0.975, 5) * d.std(ddof=1) / np.sqrt(6)
+    assert low <= np.exp(d.mean() - half) + 1e-3  # Student's, which is too narrow where errors are skewed
+    assert high >= np.exp(d.mean() + half) - 1e-3
+    assert line.endswith("; 0 of 6 lost (up to 39 %)")
+
+
+def test_presets_of_one_name_in_two_folders_are_refused(tmp_path):
+    """Else the first would silently stand for both, and a method be compared with itself."""
+    for folder, accel_mps2 in (("a", 0.1), ("b", 0.2)):
+        (tmp_path / folder / "filter").mkdir(parents=True)
+        text = f"defaults: [baseline, _self_]\naccel_mps2: {accel_mps2}\n"
+        (tmp_path / folder / "filter/mine.yaml").write_text(text)
+
+    done = verb("run", "--config-dir", "a", "--config-dir", "b", "filter=mine", cwd=tmp_path)
+
+    assert done.returncode != 0
+    assert "different presets of one name; rename one of them." in done.stderr
