@@ -66,7 +66,7 @@ class Trials:
 def joined_trials(parts: Sequence[Trials]) -> Trials:
     """Return several as one."""
     settings = tuple(setting for part in parts for setting in part.settings)
-    runs, lost = (np.concatenate(arrays) for arrays in ([p.runs for p in parts], [p.lost for p in parts]))
+    runs, lost = np.concatenate([part.runs for part in parts]), np.concatenate([part.lost for part in parts])
     return Trials(settings, runs, parts[0].case, lost)
 
 
