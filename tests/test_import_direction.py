@@ -41,7 +41,6 @@ ORDER = [
     ["jobs"],
     ["results"],
     ["tuning"],
-    ["campaigns"],
     ["audit", "suite", "hydra_app", "catalogue", "api", "fetching", "authoring"],
     ["verbs"],
     ["cli"],

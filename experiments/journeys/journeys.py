@@ -20,12 +20,10 @@ import yaml
 from left_out import Method, Taken
 
 from jerkbench.arrays import FloatArray
-from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import FaultScenario
-from jerkbench.campaigns.site import RunRules, Site
 from jerkbench.files import filled
 from jerkbench.jobs.job import Protocol
 from jerkbench.presets import config_folder
+from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site
 
 PROTOCOL, PAGE = (Path(__file__).with_name(name) for name in ("protocol.yaml", "README.md"))
 RESULTS = Path(__file__).parents[2] / "results" / "journeys"

@@ -19,16 +19,14 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.protocol import FaultScenario
-from jerkbench.campaigns.ratios import ratio_word
-from jerkbench.campaigns.site import RunRules, Site, Try
 from jerkbench.evaluation.statistics.families import sign_p
 from jerkbench.evaluation.statistics.intervals import median_intervals, quantiles_of_rows
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.names import choose
 from jerkbench.jobs.progress import Progress
+from jerkbench.suite.scores import ratio_word
+from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
 
 SETTINGS, EACH, TUNINGS = 48, 24, 16
 

@@ -15,15 +15,14 @@ import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.audit.answer import FEWEST, NO_FAULT, kinds_of
-from jerkbench.audit.losses import cubes
+from jerkbench.audit.page import FOLDER
 from jerkbench.audit.protocol import AuditMethod
-from jerkbench.audit.stored import AuditRows, read_rows
-from jerkbench.audit.study import FOLDER
-from jerkbench.campaigns.protocol import FaultScenario
+from jerkbench.audit.stored import AuditRows, cubes, read_rows
 from jerkbench.evaluation.statistics.drives_and_tunings import crossed_intervals
 from jerkbench.evaluation.statistics.intervals import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
 from jerkbench.results.study import load_study
+from jerkbench.tuning.entrant import FaultScenario
 
 CLAIMED = AuditMethod("jerk", "mtf")
 NAIVE, BASELINE = AuditMethod("baseline_untuned", "none"), AuditMethod("baseline", "none")

@@ -18,11 +18,11 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from jerkbench.campaigns.entrant import tried_settings
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.words import composed
 from jerkbench.jobs.job import Job
-from jerkbench.tuning.evaluate import Evaluator, RunPlace
+from jerkbench.tuning.entrant import Site, tried_settings
+from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Seeds, by_time
@@ -69,7 +69,7 @@ def runs(drive: str, method: Sequence[str], folder: Path, trials: int, place: Pa
     except PluginError:  # it has nothing to tune
         space = Space(())
     settings = tried_settings(trials, space) if space.knobs else ((),)
-    evaluator = Evaluator(space, objective_of("rmse"), 2, RunPlace(place))
+    evaluator = Evaluator(space, objective_of("rmse"), 2, Site(place))
     cases = by_time([job], Seeds(1, 0, 1))
     for half, (case,) in zip(HALVES, (cases.tune, cases.test), strict=True):
         (several,) = evaluator.rows(settings, [case])

@@ -20,14 +20,12 @@ import yaml
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import FaultScenario
-from jerkbench.campaigns.site import RunRules, Site
 from jerkbench.files import filled
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import choose
 from jerkbench.presets import config_folder
 from jerkbench.traces import Trace, trace_of, write_trace
+from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "journeys"))

@@ -1,22 +1,22 @@
 """The campaign of an audit: every setting on the drives to tune on, then the best of each tuning on unseen drives."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
 
-from jerkbench.audit.pieces import Piece, RunLedger, Trial, drive_blocks, method_and_space, run_piece
 from jerkbench.audit.protocol import AuditMethod, AuditProtocol
-from jerkbench.campaigns.entrant import tried_settings
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.cluster import Workers
-from jerkbench.jobs.dispatch import Order, outcomes
-from jerkbench.jobs.identity import Identity, identity_of
 from jerkbench.jobs.progress import Progress
+from jerkbench.tuning.entrant import FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
+from jerkbench.tuning.space import Setting, Space
 
 METHOD = ["filter", "adaptation"]
+ERROR = "position_rmse_m"
+"""The column that counts."""
+RULES = RunRules(("position_rmse",), numbers=(ERROR,))
 
 
 @dataclass(frozen=True)
@@ -25,87 +25,72 @@ class Campaign:
 
     Attributes:
         protocol: what is compared.
-        ledger: where runs are kept.
-        workers: who runs them.
+        site: where its runs are stored, and who runs them.
     """
 
     protocol: AuditProtocol
-    ledger: RunLedger
-    workers: Workers
+    site: Site
 
-    def run(self, methods: Sequence[AuditMethod], title: str) -> None:
-        """Tune ``methods`` and judge them, as far as it is not done yet.
+    def on_tuning(self, methods: Sequence[AuditMethod]) -> pd.DataFrame:
+        """Run every setting of ``methods`` on the drives of its tuning; returns the runs.
 
         Raises:
             JerkbenchError: a plain filter was lost, or a run cannot be made.
             OSError: nothing can be stored.
         """
-        self._run(self._to_tune(methods), f"{title}, settings tried")
-        found = picks(self.protocol, tuning_losses(self.on_tuning()))
-        self._run(self._to_judge(methods, found), f"{title}, judged unseen")
+        tries = [
+            self._try(tuning, method, trial, self.protocol.seeds_to_tune_on(tuning))
+            for tuning in range(self.protocol.tunings)
+            for method in methods
+            if tuning in self.protocol.tunings_of(method)
+            for trial in range(max(self.protocol.searches(method)))
+        ]
+        return self._run(tries, "Audit, settings tried")
 
-    def on_tuning(self) -> pd.DataFrame:
-        """Return the runs on the drives of all tunings, with their losses."""
-        first, last = self.protocol.seeds_to_tune_on(0)[0], self.protocol.seeds_to_judge_on[0]
-        return with_losses(self.protocol, self.ledger.runs(range(first, last)))
+    def judged(self, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> pd.DataFrame:
+        """Run the defaults of ``methods``, and what each search has ``picked``, on unseen drives; returns the runs."""
+        found = picked[["tuning", *METHOD, "trial"]].itertuples(index=False, name=None)
+        wanted = {(tuning if trial else 0, *names, trial) for tuning, *names, trial in found}  # the defaults run once
+        wanted |= {(0, *method, 0) for method in methods}
+        methods_of = ((tuning, AuditMethod(*names), trial) for tuning, *names, trial in sorted(wanted))
+        tries = [self._try(r, method, trial, self.protocol.judges(method)) for r, method, trial in methods_of]
+        return self._run(tries, "Audit, judged unseen")
 
-    def judged(self) -> pd.DataFrame:
-        """Return the runs on unseen drives, with their losses."""
-        return with_losses(self.protocol, self.ledger.runs(self.protocol.seeds_to_judge_on))
+    def _try(self, tuning: int, method: AuditMethod, trial: int, seeds: range) -> Try:
+        setting = settings_of(self.protocol, method, tuning)[trial]
+        return Try(tuning, drives_of(self.protocol.dataset), method.entrant, setting, trial, seeds)
 
-    def _to_tune(self, methods: Sequence[AuditMethod]) -> Iterator[list[Piece]]:
-        """All methods on one block of drives, block after block: the drives of a block are made once."""
-        for tuning in range(self.protocol.tunings):
-            seeds = self.protocol.seeds_to_tune_on(tuning)
-            own = {m: trials_of(self.protocol, m, tuning) for m in methods if tuning in self.protocol.tunings_of(m)}
-            for block in drive_blocks(seeds):
-                yield [Piece(self.protocol.dataset, method, trials, block) for method, trials in own.items()]
-
-    def _to_judge(self, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> Iterator[list[Piece]]:
-        of_method = dict(iter(picked.groupby(METHOD, observed=True)))
-        own = {method: self._trials(method, of_method[method]) for method in methods}
-        for block in drive_blocks(self.protocol.seeds_to_judge_on):
-            wanted = {method: [seed for seed in block if seed in self.protocol.judges(method)] for method in methods}
-            yield [
-                Piece(self.protocol.dataset, method, own[method], range(seeds[0], seeds[-1] + 1))
-                for method, seeds in wanted.items()
-                if seeds
-            ]
-
-    def _trials(self, method: AuditMethod, picked: pd.DataFrame) -> tuple[Trial, ...]:
-        """The defaults, and what each search of a method has found."""
-        wanted = {(0, 0), *zip(picked["tuning"], picked["trial"], strict=True)}
-        tried = {tuning: trials_of(self.protocol, method, tuning) for tuning in self.protocol.tunings_of(method)}
-        return tuple(tried[tuning][trial] for tuning, trial in sorted(wanted))
-
-    def _run(self, groups: Iterable[list[Piece]], title: str) -> None:
-        planned = list(groups)
-        done = self.ledger.keys({piece.seeds[0] for pieces in planned for piece in pieces})
-        left = [own for pieces in planned if (own := [piece for piece in pieces if piece.key not in done])]
-        count, missing = sum(map(len, planned)), sum(map(len, left))
-        order = Order(work=run_piece, groups=left, identity=cache(partial(self._identity, left)))
-        lent = self.workers.lent(missing) if missing else None
-        with Progress(count, count - missing, doing=title, unit="pieces") as bar:
-            try:
-                for _, runs in outcomes(order, lent):
-                    if isinstance(runs, Exception):
-                        raise runs
-                    self.ledger.add(runs)
-                    bar.advance()
-            finally:
-                self.ledger.flush()
-
-    def _identity(self, groups: Sequence[Sequence[Piece]]) -> Identity:
-        methods = {piece.method for pieces in groups for piece in pieces}
-        return identity_of(method_and_space(self.protocol.dataset, method)[0] for method in methods)
+    def _run(self, tries: Sequence[Try], title: str) -> pd.DataFrame:
+        """Run what is not stored; returns `METHOD`, tuning, trial, seed, status, log_error, lost, level and loss."""
+        with Progress(len(tries), doing=title, unit="settings") as bar:
+            rows = self.site.rows(tries, RULES, bar)
+        with np.errstate(divide="ignore"):
+            rows["log_error"] = np.log(rows.pop(ERROR)).astype(np.float32)
+        failed = rows["status"] == "failed"
+        rows["status"] = rows["status"].mask(failed, "failed: " + rows["reason"])
+        types = {**dict.fromkeys([*METHOD, "status"], "category"), "scenario": np.int8, "trial": np.int16}
+        runs = rows.drop(columns=["reason", "seconds"]).astype(types).rename(columns={"scenario": "tuning"})
+        return with_losses(self.protocol, runs)
 
 
-def trials_of(protocol: AuditProtocol, method: AuditMethod, tuning: int) -> tuple[Trial, ...]:
+def drives_of(dataset: str) -> FaultScenario:
+    """Return the scenario of the drives of a preset, which bring their own faults."""
+    return FaultScenario("mixture", {"name": dataset}, "any", "any", "both", {"name": "none"})
+
+
+@lru_cache(maxsize=1024)
+def space_of_method(dataset: str, method: AuditMethod) -> Space:
+    """Return the knobs of a method."""
+    return knobs_of(method.entrant.job(drives_of(dataset)))
+
+
+def settings_of(protocol: AuditProtocol, method: AuditMethod, tuning: int) -> tuple[Setting, ...]:
     """Return the settings that a tuning tries of a method, its defaults first; a longer search begins as a shorter."""
-    _, space = method_and_space(protocol.dataset, method)
-    scramble = protocol.seeds_to_tune_on(tuning)[0]
-    settings = tried_settings(max(protocol.searches(method)), space, scramble)
-    return tuple(Trial(tuning, number, setting) for number, setting in enumerate(settings))
+    space, scramble = space_of_method(protocol.dataset, method), protocol.seeds_to_tune_on(tuning)[0]
+    return _settings(max(protocol.searches(method)), space, scramble)
+
+
+_settings = lru_cache(maxsize=8192)(tried_settings)
 
 
 def with_losses(protocol: AuditProtocol, runs: pd.DataFrame) -> pd.DataFrame:

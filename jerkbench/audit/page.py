@@ -13,15 +13,36 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from jerkbench import plugins
-from jerkbench.audit.answer import NO_FAULT, AuditAnswer, kinds_of, told_truth
-from jerkbench.audit.words import EQUAL, counts, counts_of, interval, percent, three_sentences
-from jerkbench.evaluation.statistics.drives_and_tunings import Statement
+from jerkbench.audit.answer import (
+    EQUAL,
+    NO_FAULT,
+    AuditAnswer,
+    answered,
+    changed_verdicts,
+    compared_text,
+    counts,
+    counts_of,
+    interval,
+    kinds_of,
+    percent,
+    three_sentences,
+    told_truth,
+)
+from jerkbench.audit.campaign import Campaign
+from jerkbench.audit.protocol import AuditProtocol
+from jerkbench.audit.stored import collected, losses_of, read_rows, write_protocol
+from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.statistics.drives_and_tunings import Statement, statements
 from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.files import write_text
+from jerkbench.jobs.cluster import Cluster, Workers
+from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.notices import notify
 from jerkbench.parameters import provenance_of
 from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, save_figure
 from jerkbench.report.tables.writers import plain_table
+from jerkbench.tuning.entrant import Site
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -306,3 +327,64 @@ def _ratios(table: pd.DataFrame, prefix: str) -> list[str]:
 def _shares(table: pd.DataFrame, name: str) -> list[str]:
     columns = [100 * table[name + end] for end in ("", "_low", "_high")]
     return [f"{share:.0f} % [{low:.0f} %, {high:.0f} %]" for share, low, high in zip(*columns, strict=True)]
+
+
+# The folder of an audit: its protocol before anything runs, then its rows, then what they say.
+
+FOLDER = "audit-"
+"""The name of a folder begins with it; the scale follows."""
+
+MANIFEST = "manifest.json"
+CHANGED = "+changes"
+"""The end of a commit with changes."""
+
+
+def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> AuditAnswer:
+    """Run what is not stored in ``folder`` yet, and write the rows and the page.
+
+    Args:
+        protocol: what is compared.
+        folder: of the audit.
+        cluster: what runs it.
+        workers: number of processes, where the cluster starts them.
+
+    Raises:
+        JerkbenchError: the folder has another protocol's results, or a run cannot be made.
+        OSError: nothing can be written.
+    """
+    made = {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()}
+    if git_commit().endswith(CHANGED):
+        notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
+    write_protocol(protocol, folder)
+    with Workers(cluster, workers) as own:
+        collected(Campaign(protocol, Site(folder / "runs", own))).write(folder)
+    write_text(folder / MANIFEST, json.dumps(made, indent=1) + "\n")
+    return judged_audit(folder)
+
+
+def judged_audit(folder: Path) -> AuditAnswer:
+    """Judge the rows in ``folder``, whatever version computed them, and write the page.
+
+    Raises:
+        JerkbenchError: there are none.
+    """
+    answer = answered(read_rows(folder))
+    write_page(answer, folder, json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["git_commit"])
+    return answer
+
+
+def compare_audits(folder: Path, other: Path) -> str:
+    """Compare two audits of the same methods, and put what they do not share on the page of the first.
+
+    Raises:
+        JerkbenchError: one is not there, or they are of other methods.
+    """
+    rows = [read_rows(each) for each in (folder, other)]
+    methods = [each.protocol.methods for each in rows]
+    if methods[0] != methods[1]:
+        raise JerkbenchError(f"{folder} and {other} compare other methods; give two audits of the same.")
+    first, second = (statements(losses_of(each)) for each in rows)
+    changed = changed_verdicts(first, second, methods[0])
+    text = compared_text(changed, 2 * len(methods[0]), first, second)
+    write_text(folder / SECOND, text)
+    return text

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.jobs.job import Job, Protocol
-from jerkbench.jobs.names import job_of_parts, refusal
 from jerkbench.presets import preset
+from jerkbench.tuning.entrant import Entrant
 
 PUBLISHED = ("published", "simplified")
 """Kinds of adaptations that H1 averages and H2 picks from."""
@@ -32,6 +31,11 @@ class AuditMethod(NamedTuple):
     def name(self) -> str:
         """What tables call it."""
         return f"{self.filter} + {self.adaptation}"
+
+    @property
+    def entrant(self) -> Entrant:
+        """The method at its defaults."""
+        return Entrant.named(self.filter, self.adaptation)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,8 +125,8 @@ class AuditProtocol:
     def beside(self) -> list[AuditMethod]:
         """The estimators that are shown apart, with the adaptations that they take."""
         own = [AuditMethod(name, self.plain) for name in self.apart]
-        adapted = [AuditMethod(name, rule) for name in self.apart_with_adaptations for rule in self.compared]
-        return [*own, *(method for method in adapted if not refusal(audit_job(self.dataset, method)))]
+        taken = {name: plugins.create("filter", {"name": name}).adaptations for name in self.apart_with_adaptations}
+        return [*own, *(AuditMethod(name, rule) for name in taken for rule in self.compared if rule in taken[name])]
 
     def searches(self, method: AuditMethod) -> tuple[int, ...]:
         """How many settings each search of a method tries; the shorter one is the begin of the longer."""
@@ -135,22 +139,6 @@ class AuditProtocol:
     def judges(self, method: AuditMethod) -> range:
         """The drives that a method is judged on."""
         return self.seeds_to_judge_on[: None if method.filter in self.filters else self.apart_drives]
-
-
-def audit_job(dataset: str, method: AuditMethod) -> Job:
-    """Return a method at its defaults on the drives of a preset.
-
-    Raises:
-        PluginError: it cannot be made.
-    """
-    single = {
-        "dataset": {"name": dataset},
-        "attitude": None,
-        "filter": {"name": method.filter},
-        "adaptation": {"name": method.adaptation},
-        "engine": "compiled",
-    }
-    return job_of_parts(single, [], None, Protocol(seeds=1), ["position_rmse"])
 
 
 def read_protocol(scale: str) -> AuditProtocol:

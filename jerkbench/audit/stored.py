@@ -1,21 +1,24 @@
-"""What an audit leaves: a few files of rows from which every number of its page follows."""
+"""What an audit leaves: a few files of rows from which every number of its page follows, and these rows as arrays."""
 
 import dataclasses
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from jerkbench import plugins
-from jerkbench.audit.campaign import METHOD, Campaign, picks, trials_of, tuning_losses
-from jerkbench.audit.pieces import method_and_space, write_rows
-from jerkbench.audit.protocol import AuditMethod, AuditProtocol, audit_protocol
+from jerkbench.arrays import FloatArray
+from jerkbench.audit.campaign import METHOD, Campaign, picks, settings_of, space_of_method, tuning_losses
+from jerkbench.audit.protocol import PUBLISHED, AuditMethod, AuditProtocol, audit_protocol
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import write_text
+from jerkbench.evaluation.statistics.drives_and_tunings import Losses, log_losses
+from jerkbench.files import write_atomically, write_text
 
 PROTOCOL = "protocol.json"
 JUDGED = -1
@@ -57,10 +60,18 @@ TABLES = tuple(known.name for known in dataclasses.fields(AuditRows) if known.na
 
 
 def collected(campaign: Campaign) -> AuditRows:
-    """Return the rows of a campaign at its end."""
-    protocol, on_tuning, judged = campaign.protocol, campaign.on_tuning(), campaign.judged()
+    """Run what a campaign has not run yet, and return its rows.
+
+    Raises:
+        JerkbenchError: a plain filter was lost, or a run cannot be made.
+        OSError: nothing can be stored.
+    """
+    protocol = campaign.protocol
+    methods = [*protocol.competing, *protocol.beside]
+    on_tuning = campaign.on_tuning(methods)
     settings = tuning_losses(on_tuning)
     picked = picks(protocol, settings)
+    judged = campaign.judged(methods, picked)
     knobs = pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)])
     levels = pd.concat([runs[["seed", "level"]].drop_duplicates("seed") for runs in (on_tuning, judged)])
     return AuditRows(protocol, _drives(protocol, levels), settings, _judged(judged, picked), knobs)
@@ -87,9 +98,11 @@ def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
 
 def _setting(protocol: AuditProtocol, picked: Any) -> Iterator[Mapping[str, object]]:  # noqa: ANN401 - a named tuple
     method = AuditMethod(picked.filter, picked.adaptation)
-    _, space = method_and_space(protocol.dataset, method)
-    trial = trials_of(protocol, method, picked.tuning)[picked.trial]
-    for knob, value in zip(space.names, trial.setting, strict=True):
+    space, setting = (
+        space_of_method(protocol.dataset, method),
+        settings_of(protocol, method, picked.tuning)[picked.trial],
+    )
+    for knob, value in zip(space.names, setting, strict=True):
         yield {**method._asdict(), "tuning": picked.tuning, "tried": picked.tried, "knob": knob, "value": value}
 
 
@@ -127,3 +140,91 @@ def read_rows(folder: Path) -> AuditRows:
     if protocol.digest != digest:
         raise JerkbenchError(f"{folder / PROTOCOL} says digest {digest}, but has {protocol.digest}; it was changed.")
     return AuditRows(protocol, **tables)
+
+
+TEXTS = ("filter", "adaptation", "status")
+
+
+def write_rows(rows: pd.DataFrame, path: Path) -> None:
+    """Write rows as Parquet: each text as a code, the bytes of numbers apart, which compresses."""
+    coded = rows.astype({name: "category" for name in TEXTS if name in rows})
+    table = pa.Table.from_pandas(coded, preserve_index=False)
+    floats = [known.name for known in table.schema if pa.types.is_floating(known.type)]
+    how = {
+        "compression": "zstd",
+        "use_dictionary": [name for name in table.column_names if name not in floats],
+        "column_encoding": dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+    }
+    write_atomically(path, lambda partial: pq.write_table(table, partial, **how))
+
+
+# From the rows to log errors by method, tuning and drive.
+
+
+class Cubes(NamedTuple):
+    """Log errors of some methods.
+
+    Attributes:
+        tuned: (M, R, D) as tuned, on the drives to judge on.
+        on_tuning: (M, R) of what was found, on the drives to tune on.
+    """
+
+    tuned: FloatArray
+    on_tuning: FloatArray
+
+
+def cubes(rows: AuditRows, methods: Sequence[AuditMethod], tried: int = 0, cost: float = 0.0) -> Cubes:
+    """Return the log errors of ``methods``, all of which have as many tunings and drives.
+
+    Args:
+        rows: of the audit.
+        methods: in order.
+        tried: how many settings a search has tried; default: as many as a method may.
+        cost: of a lost run; default: that of the protocol. It changes what is judged, not what the search has found.
+    """
+    protocol, tried = rows.protocol, tried or rows.protocol.trials
+    found = picks(protocol, rows.tuned)
+    return Cubes(
+        _array(_with_losses(rows, tried, cost or protocol.lost_costs), methods, ["tuning", "seed"]),
+        _array(found[found["tried"] == tried], methods, ["tuning"]),
+    )
+
+
+def defaults(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
+    """Return the log errors (M, D) of ``methods`` at their defaults."""
+    return _array(_with_losses(rows, 1, rows.protocol.lost_costs), methods, ["seed"])
+
+
+def losses_of(rows: AuditRows, cost: float = 0.0) -> Losses:
+    """Return the log errors of all that are compared, with a ``cost`` of a lost run as in `cubes`."""
+    protocol = rows.protocol
+    methods, plains = (cubes(rows, own, 0, cost) for own in (protocol.methods, protocol.plains))
+    wide = cubes(rows, protocol.plains, protocol.plain_trials, cost)
+    published = np.array([protocol.adaptations[method.adaptation] in PUBLISHED for method in protocol.methods])
+    model = np.array([protocol.filters.index(method.filter) for method in protocol.methods])
+    of_tuning = methods.on_tuning, plains.on_tuning, wide.on_tuning
+    return Losses(methods.tuned, plains.tuned, wide.tuned, *of_tuning, model, published, published)
+
+
+def lost_shares(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
+    """Return the share of the runs of each of ``methods``, as tuned, that were lost."""
+    own = rows.judged[rows.judged["tried"] == rows.protocol.trials]
+    shares = own["log_error"].isna().groupby([own[name].astype(str) for name in METHOD]).mean()
+    return np.asarray(shares.loc[list(methods)], dtype=np.float64)
+
+
+def _with_losses(rows: AuditRows, tried: int, cost: float) -> pd.DataFrame:
+    own = rows.judged[rows.judged["tried"] == tried]
+    level = own["seed"].map(rows.drives.set_index("seed")["level"]).to_numpy()
+    error = own["log_error"].to_numpy(dtype=np.float64)
+    return own.assign(loss=log_losses(np.exp(error), np.isnan(error), np.exp(level), cost))
+
+
+def _array(table: pd.DataFrame, methods: Sequence[AuditMethod], axes: Sequence[str]) -> FloatArray:
+    """The column ``loss`` of a table as an array: the methods, then the ``axes`` in the order of their values."""
+    name = table["filter"].astype(str) + " + " + table["adaptation"].astype(str)
+    names = [method.name for method in methods]
+    known = table.assign(name=name)[name.isin(names)]
+    wide = known.pivot_table(index=[*axes], columns="name", values="loss", aggfunc="first", dropna=False, observed=True)
+    sizes = [known[axis].nunique() for axis in axes]
+    return np.asarray(wide[names].to_numpy(dtype=np.float64).T.reshape(len(names), *sizes))

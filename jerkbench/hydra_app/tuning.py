@@ -27,7 +27,8 @@ from jerkbench.optional import is_attitude_only
 from jerkbench.presets import user_folders
 from jerkbench.report.choice import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
-from jerkbench.tuning.evaluate import RunPlace, trial_table
+from jerkbench.tuning.entrant import Site
+from jerkbench.tuning.evaluate import trial_table
 from jerkbench.tuning.exports import EXPORTS, TUNED_PARTS, preset_words, write_presets
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.search import Budget, Effort, Tuning, tune
@@ -167,7 +168,7 @@ def tune_all(words: TuneWords) -> None:
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in jobs])
     with workers:
-        tunings = _tuned(names, cases, spaces, effort, RunPlace(folder, workers))
+        tunings = _tuned(names, cases, spaces, effort, Site(folder, workers))
     for tuning, method in zip(tunings, words.methods, strict=True):
         own = folder / tuning.name
         command = _command(tuning, own / "conf", words, method)
@@ -204,7 +205,7 @@ def _effort(options: TuneOptions, threads: int, *, alone: bool) -> Effort:
 
 
 def _tuned(
-    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], effort: Effort, runs: RunPlace
+    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], effort: Effort, runs: Site
 ) -> list[Tuning]:
     count = len(names) * effort.budget.trials * effort.restarts
     with Progress(count, doing="Tuning", unit="settings") as progress:

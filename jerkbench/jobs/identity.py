@@ -12,7 +12,7 @@ from jerkbench.jobs.key import code_digest, versions
 from jerkbench.jobs.sources import plugin_digest
 from jerkbench.plugins import is_own
 
-SENT = ("audit", "campaigns", "jobs", "results", "suite", "tuning")
+SENT = ("audit", "jobs", "results", "suite", "tuning")
 """Rooms whose objects are sent to workers, besides those that compute."""
 
 

@@ -35,7 +35,7 @@ SEEN_COLUMNS = [KEY, "seed", "status"]
 
 RUN_COLUMNS = {
     **{name: name for name in ("seed", "status", "reason")},
-    **{f"{CELL}{name}": name for name in ("code", "versions", "run_s")},
+    f"{CELL}run_s": "run_s",
 }
 """Columns that `Store.rows` has of each run besides its metrics, by their names in a file."""
 
@@ -144,7 +144,7 @@ class Store:
             metrics: the columns that are wanted besides.
 
         Returns:
-            The place of the job (``place``), seed, status, reason, code, versions, run_s [s] and the metrics.
+            The place of the job (``place``), seed, status, reason, run_s [s] and the metrics.
         """
         counts = [len(job.draws) for job in jobs]
         asked = pd.DataFrame(

@@ -15,7 +15,7 @@ from jerkbench.plain import plain
 from jerkbench.report.markup import environment
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scoring import BoardValue, EntryScoring, entry_scoring
+from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring
 from jerkbench.suite.verify import CheckedEntry, verify
 
 Places = Sequence[tuple[int, int, int]]

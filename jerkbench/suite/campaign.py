@@ -1,20 +1,18 @@
 """The campaign of an entrant: settings tried on each half of the faults, the best of each scored on the other half."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.protocol import domain_of
-from jerkbench.campaigns.search import best_trials, losses, mean_losses, seen
-from jerkbench.campaigns.site import RunRules, Site, Try
 from jerkbench.contracts import ReadingFile
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.sources import plugin_digest
-from jerkbench.suite.protocol import SuiteProtocol
+from jerkbench.suite.protocol import BOTH, SuiteProtocol, domain_of
+from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
+from jerkbench.tuning.objectives import LOST
 from jerkbench.tuning.space import Setting
 
 GIVEN = "given"
@@ -72,10 +70,14 @@ class SuiteCampaign:
         return ScoredEntrant(settings, rows.drop(columns="trial"))
 
     def _searched(self, levels: Mapping[int, float]) -> dict[str, Setting]:
-        rows = self.tuned()
-        rows["loss"] = losses(rows, levels, self._protocol.numbers[0], self._protocol.level_of)
-        means = {half: mean_losses(rows, seen(half, self._protocol.scenarios)) for half in self._protocol.searches}
-        return {half: self._tried[best_trials(of, 1)[0]] for half, of in means.items()}
+        """For each search the setting whose mean over scenarios is lowest, where a scenario is a mean over seeds."""
+        rows, found = self.tuned(), {}
+        rows["loss"] = suite_losses(rows, levels, self._protocol)
+        for half in self._protocol.searches:
+            own = rows[rows["scenario"].isin(seen(half, self._protocol.scenarios))]
+            means = own.groupby(["trial", "scenario"])["loss"].mean().groupby("trial").mean()
+            found[half] = self._tried[int(means.sort_values(kind="stable").index[0])]
+        return found
 
     def _run(self, settings: Sequence[tuple[Setting, ...]], seeds: tuple[int, ...], rules: RunRules) -> pd.DataFrame:
         tries = [
@@ -85,6 +87,11 @@ class SuiteCampaign:
         ]
         with Progress(len(tries), doing=self._doing, unit="settings and scenarios") as bar:
             return self._place.rows(tries, rules, bar)
+
+
+def seen(tuned_on: str, scenarios: Iterable[FaultScenario]) -> list[int]:
+    """Return the numbers of the scenarios that a search of ``tuned_on`` looks at."""
+    return [k for k, s in enumerate(scenarios) if s.half in (tuned_on, domain_of(tuned_on) + BOTH)]
 
 
 def half_settings(settings: Mapping[str, Setting], half: str) -> dict[str, Setting]:
@@ -130,3 +137,12 @@ def suite_levels(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[int, float
     if missing := sorted(set(rows[by]) - set(levels.index)):
         raise JerkbenchError(f"In {by} {missing[0]} every run of the plain filter was lost; make its fault milder.")
     return {int(place): float(level) for place, level in levels.items()}
+
+
+def suite_losses(rows: pd.DataFrame, levels: Mapping[int, float], protocol: SuiteProtocol) -> "pd.Series[float]":
+    """Return the loss of each run: log(error / its level), at most log 100, which a lost run counts."""
+    level = rows[protocol.level_of].map(dict(levels)).to_numpy()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log = np.log(rows[protocol.numbers[0]].to_numpy() / level)
+    lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(log)
+    return pd.Series(np.minimum(np.where(lost, LOST, log), LOST), index=rows.index)

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from jerkbench.campaigns.entrant import Entrant, knobs_of
-from jerkbench.campaigns.site import Site
 from jerkbench.files import cache_folder
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.suite.campaign import ENTRY, PLAIN, ScoredEntrant, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.entry import Settings, write_entry
 from jerkbench.suite.protocol import FROZEN, SuiteProtocol, read_suite, require_recordings
-from jerkbench.suite.scoring import entry_scoring
+from jerkbench.suite.scores import entry_scoring, score_as_json
+from jerkbench.tuning.entrant import Entrant, Site, knobs_of
 
 
 def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) -> str:
@@ -37,8 +36,7 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
     levels, plain = scored_plain(protocol, replace(place, folder=plain_folder(protocol)))
     scored = campaign.scored(levels)
     rows = _joined(scored, plain)
-    scoring = entry_scoring(protocol)
-    page = scoring.page(name, rows)
+    page = entry_scoring(protocol).page(name, rows)
     manifest = {
         "entry": name,
         **frozen_part(scale, protocol),
@@ -49,7 +47,7 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
         "plugins": plugins_digest(entrant, protocol),
         "git_commit": git_commit(),
         "versions": versions(),
-        "score": scoring.score(rows),
+        "score": score_as_json(rows, protocol),
     }
     write_entry(place.folder, manifest, rows, _settings(entrant, scored, plain, protocol), page)
     return page

@@ -14,12 +14,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from jerkbench.campaigns.entrant import Entrant
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.plain import is_plain, plain
 from jerkbench.results.replay import program_of
 from jerkbench.suite.protocol import FROZEN, Frozen
+from jerkbench.tuning.entrant import Entrant
 from jerkbench.tuning.space import Setting
 from jerkbench.yaml_files import read_yaml
 

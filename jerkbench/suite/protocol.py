@@ -1,28 +1,68 @@
 """The protocol of a suite, read from conf/suite; refused if it is not what was frozen."""
 
+import dataclasses
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.campaigns.entrant import Entrant
-from jerkbench.campaigns.protocol import BOTH, HALVES, CampaignProtocol, FaultScenario, protocol_of
-from jerkbench.campaigns.site import NUMBERS, RunRules
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.geometry import vertical_in_body
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Protocol
 from jerkbench.presets import preset
 from jerkbench.recording import Recording
+from jerkbench.tuning.entrant import NUMBERS, Entrant, FaultScenario, RunRules
+
+HALVES = ("first", "second")
+"""What is tuned on one is scored on the other."""
+
+BOTH = "both"
+"""Of what is tuned on with each half, and scored with each."""
+
+TEST_FROM = 1_000_000
+"""The seeds to test on begin here, plus a number that only the protocol's digest tells: nobody has tuned on them."""
+
+
+def domain_of(half: str) -> str:
+    """Return what stands before a half, "hand " of "hand first"; empty where there is one domain."""
+    return half.removesuffix(half.rpartition(" ")[2])
+
+
+@dataclass(frozen=True)
+class FaultFamily:
+    """Faults of one kind.
+
+    Attributes:
+        name: of the family.
+        half: "first", "second", or "both" for what is tuned and scored everywhere.
+        disturbance: a disturbance by its name.
+        dataset: parameters of the simulated field that belong to it.
+        severities: parameters by the name of a severity: of the disturbance, or of the data set where that has some.
+    """
+
+    name: str
+    half: str
+    disturbance: str
+    severities: Mapping[str, Mapping[str, Any]]
+    dataset: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the half and that there is a severity."""
+        if self.half not in (*HALVES, BOTH):
+            raise PluginError(f"family {self.name}: " + unknown("half", self.half, [*HALVES, BOTH]))
+        if not self.severities:
+            raise PluginError(f"family {self.name} has no severity; give at least one: severities: {{usual: {{}}}}.")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuiteProtocol(CampaignProtocol):
-    """What a suite states, besides what every campaign does.
+class SuiteProtocol:
+    """What a suite states.
 
     Attributes:
         name: of the suite.
@@ -30,6 +70,13 @@ class SuiteProtocol(CampaignProtocol):
         metrics: what is computed from each run; the first one is tuned for.
         burn_in_s: errors count from this time on [s].
         divergence_limit_m: a larger position error is a lost run [m].
+        duration_s: of each simulated drive [s].
+        fields: data sets by the kind of their GNSS noise.
+        trials: settings that each method may try, the one that it comes with among them.
+        tune_seeds: seeds of a scenario to try settings on.
+        test_seeds: seeds of a scenario to score on.
+        margin: a ratio within 1 + margin is equal.
+        families: the faults.
     """
 
     numbers: ClassVar[tuple[str, ...]] = NUMBERS
@@ -43,6 +90,25 @@ class SuiteProtocol(CampaignProtocol):
     metrics: tuple[str, ...]
     burn_in_s: float
     divergence_limit_m: float
+    duration_s: float
+    fields: Mapping[str, str]
+    trials: int
+    tune_seeds: int
+    test_seeds: int
+    margin: float
+    families: tuple[FaultFamily, ...]
+
+    def __post_init__(self) -> None:
+        """Check that both halves have a family."""
+        for half in HALVES:
+            if half not in {family.half for family in self.families}:
+                raise PluginError(f"The {half} half of the faults has no family; what is tuned needs one to score on.")
+
+    @property
+    def digest(self) -> str:
+        """The first 12 digits of the SHA-256 of all of it."""
+        stated = dataclasses.asdict(self)
+        return hashlib.sha256(json.dumps(stated, sort_keys=True, default=list).encode()).hexdigest()[:12]
 
     @property
     def limits(self) -> Protocol:
@@ -71,6 +137,35 @@ class SuiteProtocol(CampaignProtocol):
     def rules(self, count: int | None = None) -> RunRules:
         """Return how runs are made, with the first ``count`` of the metrics."""
         return RunRules(self.metrics[:count], self.limits, numbers=self.numbers)
+
+    @property
+    def seeds_to_tune_on(self) -> tuple[int, ...]:
+        """The seeds on which every setting is tried."""
+        return tuple(range(self.tune_seeds))
+
+    @property
+    def seeds_to_test_on(self) -> tuple[int, ...]:
+        """The seeds on which the chosen settings are scored; they follow from the digest."""
+        first = TEST_FROM + int(self.digest[:6], 16)
+        return tuple(range(first, first + self.test_seeds))
+
+    @property
+    def scenarios(self) -> tuple[FaultScenario, ...]:
+        """Every family at every severity, on every field, in order."""
+        return tuple(
+            self._scenario(noise, dataset, family, severity)
+            for noise, dataset in self.fields.items()
+            for family in self.families
+            for severity in family.severities
+        )
+
+    def _scenario(self, noise: str, dataset: str, family: FaultFamily, severity: str) -> FaultScenario:
+        """Put the severity's parameters where they belong: into what makes the fault, data set or disturbance."""
+        parameters = dict(family.severities[severity])
+        of_field = {**family.dataset, **parameters} if family.dataset else {}
+        drive = {"name": dataset, "duration_s": self.duration_s, **of_field}
+        disturbance = {"name": family.disturbance, **({} if family.dataset else parameters)}
+        return FaultScenario(noise, drive, family.name, severity, family.half, disturbance)
 
 
 HAND = "hand"
@@ -178,6 +273,29 @@ def read_suite(scale: str) -> SuiteProtocol:
     return protocol
 
 
+def protocol_of(cls: type[SuiteProtocol], stated: Mapping[str, Any], where: str) -> SuiteProtocol:
+    """Return the protocol that a file states.
+
+    Args:
+        cls: its class.
+        stated: the content of the file; with ``only``, names of families, the others are left out.
+        where: the file's name, for sentences.
+
+    Raises:
+        PluginError: it has a parameter that there is not, or does not hold together.
+    """
+    known = {known.name for known in dataclasses.fields(cls)}
+    values: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in stated.items()}
+    only = values.get("only") or tuple(values["families"])
+    for key in values:
+        if key not in (*known, "only"):
+            raise PluginError(f"{where}: " + unknown("parameter", key, known))
+    values["families"] = tuple(
+        FaultFamily(name=name, **own) for name, own in values["families"].items() if name in only
+    )
+    return cls(**{key: value for key, value in values.items() if key in known})
+
+
 # What is frozen of each suite: the digests of its protocol and of its recordings.
 
 
@@ -202,30 +320,9 @@ FROZEN = {
     "v1": Frozen(
         protocol="1d88f1baae4c",
         data=(
-            "90c4b231",
-            "4cc1d53f",
-            "6e2f0306",
-            "cbf76c17",
-            "28256383",
-            "33d4f817",
-            "4a767dcd",
-            "2bea5d71",
-            "259e8eb9",
-            "575a3f23",
-            "67947eb3",
-            "0ea6ad9e",
-            "03dadda7",
-            "7e935b7f",
-            "fc41deb0",
-            "4e4d5848",
-            "87067f89",
-            "64bc12c4",
-            "0a2adf53",
-            "35dd97e3",
-            "8271d941",
-            "98b6e02b",
-            "cb777b18",
-            "ea8f8833",
+            *("90c4b231", "4cc1d53f", "6e2f0306", "cbf76c17", "28256383", "33d4f817", "4a767dcd", "2bea5d71"),
+            *("259e8eb9", "575a3f23", "67947eb3", "0ea6ad9e", "03dadda7", "7e935b7f", "fc41deb0", "4e4d5848"),
+            *("87067f89", "64bc12c4", "0a2adf53", "35dd97e3", "8271d941", "98b6e02b", "cb777b18", "ea8f8833"),
         ),
     ),
     "v2": Frozen("a81d3228b547", ("61fa2d34",), DriveSuite, ("drives",)),
@@ -236,30 +333,9 @@ FROZEN = {
     "attitude-v1": Frozen(
         "5255c08c840d",
         (
-            "5e5c4ecb",
-            "d615a6ac",
-            "8d95027e",
-            "b3a83245",
-            "d57beb6c",
-            "300ce697",
-            "c3da44a5",
-            "c5aed814",
-            "4bd480ed",
-            "48744b21",
-            "bb61e341",
-            "cf51c83c",
-            "1dd900a8",
-            "3eb4018d",
-            "6925cd38",
-            "e394b60c",
-            "7e62796b",
-            "c8734c8c",
-            "a4645342",
-            "fcb8bead",
-            "4d1eff0c",
-            "f7be6479",
-            "fb1a55c1",
-            "21b8c5f5",
+            *("5e5c4ecb", "d615a6ac", "8d95027e", "b3a83245", "d57beb6c", "300ce697", "c3da44a5", "c5aed814"),
+            *("4bd480ed", "48744b21", "bb61e341", "cf51c83c", "1dd900a8", "3eb4018d", "6925cd38", "e394b60c"),
+            *("7e62796b", "c8734c8c", "a4645342", "fcb8bead", "4d1eff0c", "f7be6479", "fb1a55c1", "21b8c5f5"),
             "0648cacc",
         ),
         AttitudeSuite,

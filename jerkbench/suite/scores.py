@@ -1,243 +1,328 @@
 """The score of an entry from its rows: against the plain filter, tuned alike, on what neither has seen; its page.
 
-Over scenarios of faults (v1), and over random drives (v2).
+Of filters that navigate over scenarios of faults (v1) or random drives (v2), by their position; of attitude filters,
+by the tilt.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.campaigns.protocol import HALVES
-from jerkbench.campaigns.ratios import (
-    fastest_step_ns,
-    nominal_of,
-    of_families,
-    of_unseen,
-    ratio_verdict,
-    ratio_word,
-    worst_of,
-)
-from jerkbench.campaigns.search import losses
 from jerkbench.evaluation.statistics.intervals import few_intervals
-from jerkbench.evaluation.statistics.judgement import LEVEL
+from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.evaluation.statistics.ranks import over_scenarios
 from jerkbench.report.tables.writers import passive
-from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels
-from jerkbench.suite.protocol import DriveSuite, SuiteProtocol
+from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels, suite_losses
+from jerkbench.suite.protocol import HAND, AttitudeSuite, DriveSuite, SuiteProtocol
+
+EntryScore = dict[str, Any]
+"""What the rows of an entry show, by name. Ratios are to the tuned plain filter; below 1 is better.
+
+``ratio`` is a geometric mean, ``low`` and ``high`` the ends of its interval, which decides the ``verdict``; ``given``
+is the ratio at the setting that the entry came with, ``lost`` the share of its runs that were lost. ``anees`` is the
+median of its runs, of which 6 is expected (NaN without a covariance). ``step_ns`` is the time of a step [ns], which
+alone depends on the machine.
+"""
 
 
 @dataclass(frozen=True)
-class EntryScore:
-    """What an entry is worth; ratios of the position RMSE to the tuned plain filter, below 1 is better.
+class BoardValue:
+    """One field of the board.
 
     Attributes:
-        ratio: geometric mean over the families of faults.
-        low: lower end of its 95 % interval over families and seeds.
-        high: upper end.
-        verdict: better, equal, worse or undecided, by that interval.
-        given: the ratio at the setting that it came with.
-        worst: name of the scenario where it is worst.
-        worst_ratio: its ratio there.
-        nominal: ratio where nothing is wrong: the price.
-        lost: share of its runs that were lost.
-        anees: median of its runs; 6 is expected. NaN where it has no covariance.
-        step_ns: time a step [ns]; this alone depends on the machine.
+        text: what is shown.
+        sorting: the number to sort by; empty: by the text.
     """
 
-    ratio: float
-    low: float
-    high: float
-    verdict: str
-    given: float
-    worst: str
-    worst_ratio: float
-    nominal: float
-    lost: float
-    anees: float
-    step_ns: float
+    text: str
+    sorting: str = ""
 
 
-def entry_score(rows: pd.DataFrame, protocol: SuiteProtocol) -> EntryScore:
-    """Return the score that the ``rows`` of an entry and of the plain filter show."""
-    d = entry_log_ratios(rows, protocol)
-    by_family = of_families(d, protocol.scenarios)
-    mean = over_scenarios(by_family)
-    worst, worst_ratio = worst_of(d, protocol.scenarios)
-    own = rows[rows["method"] == ENTRY]
-    counted = own[own["tuned_on"] != GIVEN] if (own["tuned_on"] != GIVEN).any() else own
-    return EntryScore(
-        ratio=mean.ratio,
-        low=mean.low,
-        high=mean.high,
-        verdict=str(ratio_verdict(mean.low, mean.high, protocol.margin)),
-        given=float(np.exp(of_families(entry_log_ratios(rows, protocol, as_given=True), protocol.scenarios).mean())),
-        worst=worst,
-        worst_ratio=worst_ratio,
-        nominal=nominal_of(d, protocol.scenarios),
-        lost=float((counted["status"] != "ok").mean()),
-        anees=float(counted["anees"].median()),
-        step_ns=fastest_step_ns(own, protocol.duration_s),
-    )
+def counted(rows: pd.DataFrame, method: str, *, as_given: bool = False) -> pd.DataFrame:
+    """Return the rows of a method that count: those of tuned settings, if there are any."""
+    own = rows[rows["method"] == method]
+    tuned = own[own["tuned_on"] != GIVEN]
+    return own[own["tuned_on"] == GIVEN] if as_given or tuned.empty else tuned
 
 
-def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: bool = False) -> FloatArray:
-    """Return (S, n) log(entry / tuned plain) of each scenario and seed; a lost run counts a hundred times the level.
+def with_loss(rows: pd.DataFrame, protocol: SuiteProtocol) -> pd.DataFrame:
+    """Return the rows of an entry and of the plain filter with their ``loss``."""
+    start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == GIVEN)].assign(trial=0)
+    return rows.assign(loss=suite_losses(rows, suite_levels(start, protocol), protocol))
+
+
+def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: bool = False) -> "pd.Series[float]":
+    """Return log(entry / tuned plain) by scenario and seed; a lost run counts a hundred times the level.
+
+    Where a scenario is scored with what was tuned on each half, it is the mean of both.
 
     Args:
         rows: of both.
         protocol: of the suite.
         as_given: take the entry at the setting that it came with, also where it was tuned.
     """
-    start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == GIVEN)].assign(trial=0)
-    rows = rows.assign(loss=losses(rows, suite_levels(start, protocol)))
-    entry, plain = (_scored(rows[rows["method"] == method], protocol) for method in (ENTRY, PLAIN))
-    return np.asarray((entry[GIVEN] if as_given else entry["tuned"]) - plain["tuned"])
+    known = with_loss(rows, protocol)
+    own = counted(known, ENTRY, as_given=as_given), counted(known, PLAIN)
+    entry, plain = (rows.groupby(["scenario", "seed"])["loss"].mean() for rows in own)
+    return entry - plain
 
 
-def _scored(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[str, FloatArray]:
-    """Return (S, n) losses as given, and tuned on what a scenario is not of; those of `none` are the mean of both."""
-    cube = rows.pivot_table(index="scenario", columns=["tuned_on", "seed"], values="loss").sort_index()
-    given = cube[GIVEN].to_numpy()
-    if set(rows["tuned_on"]) == {GIVEN}:
-        return {GIVEN: given, "tuned": given}
-    halves = [cube[half].to_numpy() for half in HALVES]
-    return {GIVEN: given, "tuned": of_unseen(halves, protocol.scenarios)}
+def is_tuned(rows: pd.DataFrame) -> bool:
+    """Whether the rows have an entry that was tuned."""
+    return bool((rows.loc[rows["method"] == ENTRY, "tuned_on"] != GIVEN).any())
 
 
-EXPLANATION = """\
+IMU_HZ = 100.0
+"""Steps a second of the simulated fields."""
+
+
+def of_runs(rows: pd.DataFrame, protocol: SuiteProtocol) -> EntryScore:
+    """Return what the runs of an entry alone show."""
+    own = counted(rows, ENTRY)
+    fastest_s = float(rows.loc[rows["method"] == ENTRY, "seconds"].min())
+    return {
+        "lost": float((own["status"] != "ok").mean()),
+        "anees": float(own["anees"].median()),
+        "step_ns": fastest_s / (protocol.duration_s * IMU_HZ) * 1e9,
+    }
+
+
+def ratio_verdict(low: float, high: float, margin: float) -> Verdict:
+    """Return what an interval of a ratio shows: equal within the margin, else better, worse or nothing."""
+    if 1 / (1 + margin) <= low and high <= 1 + margin:
+        return Verdict.EQUAL
+    return Verdict.BETTER if high < 1 else Verdict.WORSE if low > 1 else Verdict.UNDECIDED
+
+
+def ratio_word(low: float, high: float, margin: float) -> str:
+    """Return the verdict of an interval of a ratio, as the audit has it: better or worse first, then equal.
+
+    >>> ratio_word(0.92, 0.98, 0.1), ratio_word(0.95, 1.04, 0.1), ratio_word(0.8, 1.2, 0.1)
+    ('better, by less than 10 %', 'equal', 'undecided')
+    """
+    shown, verdict = "better" if high < 1 else "worse" if low > 1 else "", ratio_verdict(low, high, margin)
+    return f"{shown}, by less than {100 * margin:g} %" if shown and verdict is Verdict.EQUAL else shown or str(verdict)
+
+
+def score_line(name: str, score: EntryScore, more: str, how: str) -> str:
+    """Return what came out of the entry ``name``, in one line."""
+    return passive(
+        f"{name}: {score['ratio']:.3f} of the tuned plain filter [{score['low']:.3f}, {score['high']:.3f}],"
+        f" {score['verdict']}; {more}; lost {100 * score['lost']:.1f} %; {how}."
+    )
+
+
+def score_page(lines: Iterable[str], about: str, heads: str, table: Iterable[Iterable[object]]) -> str:
+    """Return a page as Markdown: lines, what they mean, and a table with ``heads``."""
+    rows = [f"| {' | '.join(map(str, row))} |" for row in table]
+    rule = "---".join("|" * heads.count("|"))
+    return "\n".join(["\n\n".join([*lines, about]), heads, rule, *rows, ""])
+
+
+def sorted_by(value: float, text: str) -> BoardValue:
+    """Return a field that is sorted by a number."""
+    return BoardValue(text, f"{value:.9g}")
+
+
+def number_field(value: float, form: str) -> BoardValue:
+    """Return the field of a number."""
+    return sorted_by(value, f"{value:{form}}")
+
+
+def ratio_field(score: EntryScore) -> BoardValue:
+    """Return the field of a ratio and its interval."""
+    return sorted_by(score["ratio"], f"{score['ratio']:.3f} [{score['low']:.3f}, {score['high']:.3f}]")
+
+
+@dataclass(frozen=True)
+class ByPosition:
+    """The position RMSE over scenarios of faults.
+
+    Its score is over families of faults, with a 95 % interval over families and seeds. ``worst`` names the scenario
+    where the entry is worst, with ``worst_ratio``; ``nominal`` is the ratio where nothing is wrong: the price.
+    """
+
+    protocol: SuiteProtocol
+    heads = ("ratio to tuned plain [95 %]", "verdict", "worst scenario", "nothing wrong", "lost [%]", "ns a step")
+
+    @property
+    def about(self) -> str:
+        """What is compared with what."""
+        protocol = self.protocol
+        return (
+            f"{protocol.name} (digest {protocol.digest}): {len(protocol.scenarios)} scenarios, {protocol.test_seeds}"
+            f" seeds each. Ratios of the position RMSE to {' + '.join(protocol.plain.values())}, tuned with the same"
+            f" {protocol.trials} settings on the other half of the faults; below 1 is better. Times are those of the"
+            " machine that made the entry."
+        )
+
+    def ratios(self, rows: pd.DataFrame, *, as_given: bool = False) -> FloatArray:
+        """Return (S, n) the logarithms of ratios of each scenario and seed."""
+        d = entry_log_ratios(rows, self.protocol, as_given=as_given).to_numpy(dtype=np.float64)
+        return np.asarray(d.reshape(len(self.protocol.scenarios), -1))
+
+    def of_families(self, d: FloatArray) -> FloatArray:
+        """Return (F, n) means over the scenarios of each family: severities and fields of one fault are one unit."""
+        names = np.array([scenario.family for scenario in self.protocol.scenarios])
+        return np.array([d[names == family].mean(axis=0) for family in dict.fromkeys(names.tolist())])
+
+    def score(self, rows: pd.DataFrame) -> EntryScore:
+        """Return the score that the rows show."""
+        d, scenarios = self.ratios(rows), self.protocol.scenarios
+        mean, by_scenario = over_scenarios(self.of_families(d)), d.mean(axis=1)
+        worst = int(np.argmax(by_scenario))
+        nominal = np.array([scenario.family == "none" for scenario in scenarios])
+        return {
+            "ratio": mean.ratio,
+            "low": mean.low,
+            "high": mean.high,
+            "verdict": str(ratio_verdict(mean.low, mean.high, self.protocol.margin)),
+            "given": float(np.exp(self.of_families(self.ratios(rows, as_given=True)).mean())),
+            "worst": scenarios[worst].name,
+            "worst_ratio": float(np.exp(by_scenario[worst])),
+            "nominal": float(np.exp(by_scenario[nominal].mean())),
+            **of_runs(rows, self.protocol),
+        }
+
+    def page(self, name: str, rows: pd.DataFrame) -> str:
+        """Return the page of an entry: a line, and the ratio in each scenario."""
+        protocol, score = self.protocol, self.score(rows)
+        more = f"worst {score['worst']} {score['worst_ratio']:.2f}; nothing wrong {score['nominal']:.3f}"
+        how = f"tuned, {protocol.trials} settings" if is_tuned(rows) else "not tuned"
+        lost = (rows[rows["method"] == ENTRY].set_index("scenario")["status"] != "ok").groupby("scenario").sum()
+        ratios = np.exp(self.ratios(rows).mean(axis=1))
+        return score_page(
+            [score_line(f"{name} on {protocol.name}", score, more, how)],
+            ABOUT_POSITION.format(plain=" + ".join(protocol.plain.values())),
+            "| scenario | ratio | lost runs |",
+            ((own.name, f"{ratios[k]:.3f}", lost[k]) for k, own in enumerate(protocol.scenarios)),
+        )
+
+    def costs(self, rows: pd.DataFrame) -> Mapping[str, FloatArray]:
+        """Return what ranks are of, and (S, n) logarithms of ratios that each is found from; the first sorts."""
+        return {"rank (95 %)": self.of_families(self.ratios(rows))}
+
+    def fields(self, rows: pd.DataFrame) -> list[BoardValue]:
+        """Return the fields of an entry on the board."""
+        score = self.score(rows)
+        return [
+            ratio_field(score),
+            BoardValue(score["verdict"]),
+            sorted_by(score["worst_ratio"], f"{score['worst']} {score['worst_ratio']:.2f}"),
+            number_field(score["nominal"], ".3f"),
+            number_field(100 * score["lost"], ".1f"),
+            number_field(score["step_ns"], ".0f"),
+        ]
+
+
+ABOUT_POSITION = """\
 Ratios of the position RMSE to the plain filter ({plain}), tuned with the same budget; below 1 is better. What is tuned
 on one half of the faults is scored on the other, on seeds that no search has seen. A lost run counts a hundred times
 the plain filter's level.
 """
-
-
-def entry_page(name: str, score: EntryScore, rows: pd.DataFrame, protocol: SuiteProtocol) -> str:
-    """Return the page as Markdown."""
-    tuned_on = set(rows.loc[rows["method"] == ENTRY, "tuned_on"])
-    plain = EXPLANATION.format(plain=" + ".join(protocol.plain.values()))
-    return "\n".join(
-        [passive(entry_line(name, score, protocol, tuned=tuned_on != {GIVEN})), "", plain, *_table(rows, protocol)]
-    )
-
-
-def entry_line(name: str, score: EntryScore, protocol: SuiteProtocol, *, tuned: bool) -> str:
-    """Return what came out, in one line."""
-    how = f"tuned, {protocol.trials} settings" if tuned else "not tuned"
-    return (
-        f"{name} on {protocol.name}: {score.ratio:.3f} of the tuned plain filter [{score.low:.3f}, {score.high:.3f}],"
-        f" {score.verdict}; worst {score.worst} {score.worst_ratio:.2f}; nothing wrong {score.nominal:.3f};"
-        f" lost {100 * score.lost:.1f} %; {how}."
-    )
-
-
-def _table(rows: pd.DataFrame, protocol: SuiteProtocol) -> list[str]:
-    ratios = np.exp(entry_log_ratios(rows, protocol).mean(axis=1))
-    lost = rows[rows["method"] == ENTRY].groupby("scenario")["status"].agg(lambda status: (status != "ok").sum())
-    lines = [
-        f"| {scenario.name} | {ratio:.3f} | {lost[number]} |"
-        for number, (scenario, ratio) in enumerate(zip(protocol.scenarios, ratios, strict=True))
-    ]
-    return ["| scenario | ratio | lost runs |", "|---|---|---|", *lines, ""]
-
-
-# The score over random drives.
 
 NOTICEABLE = 1.03
 """A ratio above this counts as worse on a drive."""
 
 
 @dataclass(frozen=True)
-class DriveScore:
-    """What an entry is worth on random drives; ratios of the position RMSE to the tuned plain filter.
+class ByDrives:
+    """The position RMSE over random drives.
 
-    Attributes:
-        n: drives.
-        ratio: geometric mean over them.
-        low: lower end of its interval, which holds for as many entries at once as the suite says.
-        high: upper end.
-        verdict: better, worse, equal within the margin, or undecided, by that interval.
-        given: the ratio at the setting that it came with.
-        nominal: geometric mean over the drives without a fault: the price.
-        worse: share of drives on which it is worse by more than 3 %.
-        worst_kind: kind of fault among whose drives the ratio is largest.
-        worst_ratio: that ratio.
-        lost: share of its runs that were lost.
-        anees: median of its runs; 6 is expected. NaN where it has no covariance.
-        step_ns: time a step [ns]; this alone depends on the machine.
+    Its score is over ``n`` drives; the interval holds for as many entries at once as the suite says. ``nominal`` is the
+    ratio over drives without a fault: the price; ``worse`` the share of drives on which the entry is worse by more than
+    3 %; ``worst_kind`` the kind of fault among whose drives the ratio is largest, which is ``worst_ratio``.
     """
 
-    n: int
-    ratio: float
-    low: float
-    high: float
-    verdict: str
-    given: float
-    nominal: float
-    worse: float
-    worst_kind: str
-    worst_ratio: float
-    lost: float
-    anees: float
-    step_ns: float
+    protocol: DriveSuite
 
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """What stands above the fields on the board."""
+        ratio = f"ratio to tuned plain [95 % for {self.protocol.entries} entries at once]"
+        return "n", ratio, "verdict", "without a fault", "worse by 3 % on [%]", "worst kind", "lost [%]", "ns a step"
 
-def drive_score(rows: pd.DataFrame, protocol: DriveSuite) -> DriveScore:
-    """Return the score that the ``rows`` of an entry and of the plain filter show."""
-    d, given = drive_log_ratios(rows, protocol), drive_log_ratios(rows, protocol, as_given=True)
-    low, high = (float(np.exp(end[0])) for end in few_intervals(d[None], 1 - LEVEL / protocol.entries))
-    own = rows[rows["method"] == ENTRY]
-    counted = own[own["tuned_on"] != GIVEN] if (own["tuned_on"] != GIVEN).any() else own
-    known = members(protocol)
-    kinds = {name: _ratio(d, member) for name, member in known.items() if " " not in name}
-    worst = max(kinds, key=lambda name: kinds[name])
-    return DriveScore(
-        n=len(d),
-        ratio=float(np.exp(d.mean())),
-        low=low,
-        high=high,
-        verdict=ratio_word(low, high, protocol.margin),
-        given=float(np.exp(given.mean())),
-        nominal=_ratio(d, known["0 faults"]) if "0 faults" in known else float("nan"),
-        worse=float((d > np.log(NOTICEABLE)).mean()),
-        worst_kind=worst,
-        worst_ratio=kinds[worst],
-        lost=float((counted["status"] != "ok").mean()),
-        anees=float(counted["anees"].median()),
-        step_ns=fastest_step_ns(own, protocol.duration_s),
-    )
+    @property
+    def about(self) -> str:
+        """What is compared with what."""
+        protocol = self.protocol
+        return (
+            f"{protocol.name} (digest {protocol.digest}): n = {protocol.test_seeds} random drives, each with a field, a"
+            f" speed and up to three faults of its own. Ratios of the position RMSE to"
+            f" {' + '.join(protocol.plain.values())}, tuned with the same {protocol.trials} settings on"
+            f" {protocol.tune_seeds} other drives; below 1 is better. One rule for all verdicts: the interval over"
+            f" drives, at 5 % for {protocol.entries} entries at once; within {100 * protocol.margin:g} % is equal. The"
+            " luck of the one tuning is not in the interval. Times are those of the machine that made the entry."
+        )
 
+    def ratios(self, rows: pd.DataFrame, *, as_given: bool = False) -> FloatArray:
+        """Return (n,) the logarithms of ratios of each drive."""
+        return np.asarray(entry_log_ratios(rows, self.protocol, as_given=as_given).to_numpy(), dtype=np.float64)
 
-def _ratio(d: FloatArray, member: BoolArray) -> float:
-    return float(np.exp(d[member].mean()))
+    def members(self) -> dict[str, BoolArray]:
+        """Return which drives (n,) have "0 faults", "1 fault" ..., and which each kind of fault; those that occur."""
+        dataset = plugins.create("dataset", self.protocol.dataset)
+        drawn = [list(dataset.drawn(seed)[2]) for seed in self.protocol.seeds_to_test_on]
+        named = [[f"{len(kinds)} fault{'s' * (len(kinds) != 1)}", *kinds] for kinds in drawn]
+        names = sorted({name for own in named for name in own})
+        return {name: np.array([name in own for own in named]) for name in names}
 
+    def score(self, rows: pd.DataFrame) -> EntryScore:
+        """Return the score that the rows show."""
+        d, protocol = self.ratios(rows), self.protocol
+        low, high = (float(np.exp(end[0])) for end in few_intervals(d[None], 1 - LEVEL / protocol.entries))
+        of_members = {name: float(np.exp(d[member].mean())) for name, member in self.members().items()}
+        kinds = {name: ratio for name, ratio in of_members.items() if " " not in name}
+        worst = max(kinds, key=lambda name: kinds[name])
+        return {
+            "n": len(d),
+            "ratio": float(np.exp(d.mean())),
+            "low": low,
+            "high": high,
+            "verdict": ratio_word(low, high, protocol.margin),
+            "given": float(np.exp(self.ratios(rows, as_given=True).mean())),
+            "nominal": of_members.get("0 faults", float("nan")),
+            "worse": float((d > np.log(NOTICEABLE)).mean()),
+            "worst_kind": worst,
+            "worst_ratio": kinds[worst],
+            **of_runs(rows, protocol),
+        }
 
-def members(protocol: DriveSuite) -> dict[str, BoolArray]:
-    """Return which drives (n,) have "0 faults", "1 fault" ..., and which have each kind of fault; those that occur."""
-    dataset = plugins.create("dataset", protocol.dataset)
-    drawn = [list(dataset.drawn(seed)[2]) for seed in protocol.seeds_to_test_on]
-    named = [[f"{len(kinds)} fault{'s' * (len(kinds) != 1)}", *kinds] for kinds in drawn]
-    names = sorted({name for own in named for name in own})
-    return {name: np.array([name in own for own in named]) for name in names}
+    def page(self, name: str, rows: pd.DataFrame) -> str:
+        """Return the page of an entry: a line, and the ratio by number and by kind of faults."""
+        protocol, score, d = self.protocol, self.score(rows), self.ratios(rows)
+        more = f"without a fault {score['nominal']:.3f}; worst kind {score['worst_kind']} {score['worst_ratio']:.2f}"
+        how = f"tuned, {protocol.trials} settings" if is_tuned(rows) else "not tuned"
+        plain = " + ".join(protocol.plain.values())
+        return score_page(
+            [score_line(f"{name} on {protocol.name} (n = {score['n']} drives)", score, more, how)],
+            ABOUT_DRIVES.format(plain=plain, tuned=protocol.tune_seeds, n=score["n"], entries=protocol.entries),
+            "| drives with | n | ratio |",
+            ((kind, of.sum(), f"{np.exp(d[of].mean()):.3f}") for kind, of in self.members().items()),
+        )
 
+    def costs(self, rows: pd.DataFrame) -> Mapping[str, FloatArray]:
+        """Return what ranks are of: drives."""
+        return {"rank (95 %)": self.ratios(rows)[:, None]}
 
-def drive_log_ratios(rows: pd.DataFrame, protocol: DriveSuite, *, as_given: bool = False) -> FloatArray:
-    """Return (n,) log(entry / tuned plain) of each drive; a lost run counts a hundred times the drive's level.
-
-    Args:
-        rows: of both.
-        protocol: of the suite.
-        as_given: take the entry at the setting that it came with, also where it was tuned.
-    """
-    start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == GIVEN)].assign(trial=0)
-    levels = suite_levels(start, protocol)
-    known = rows.assign(loss=losses(rows, levels, protocol.numbers[0], protocol.level_of))
-    of = {key: own.sort_values("seed")["loss"].to_numpy() for key, own in known.groupby(["method", "tuned_on"])}
-    (search,) = protocol.searches
-    entry, plain = (of.get((method, search), of[method, GIVEN]) for method in (ENTRY, PLAIN))
-    return np.asarray((of[ENTRY, GIVEN] if as_given else entry) - plain, dtype=np.float64)
+    def fields(self, rows: pd.DataFrame) -> list[BoardValue]:
+        """Return the fields of an entry on the board."""
+        score = self.score(rows)
+        return [
+            BoardValue(f"{score['n']}"),
+            ratio_field(score),
+            BoardValue(score["verdict"]),
+            number_field(score["nominal"], ".3f"),
+            number_field(100 * score["worse"], ".0f"),
+            sorted_by(score["worst_ratio"], f"{score['worst_kind']} {score['worst_ratio']:.2f}"),
+            number_field(100 * score["lost"], ".1f"),
+            number_field(score["step_ns"], ".0f"),
+        ]
 
 
 ABOUT_DRIVES = """\
@@ -247,18 +332,136 @@ times the error of the plain filter at its defaults on that drive. The interval 
 entries at once. The luck of the one tuning is not in it.
 """
 
+LOST_DEG = 180.0
+"""What a lost run counts among the errors: the largest that there is."""
 
-def drive_page(name: str, rows: pd.DataFrame, protocol: DriveSuite) -> str:
-    """Return the page as Markdown: a line, and the ratio by number and by kind of faults."""
-    score, d = drive_score(rows, protocol), drive_log_ratios(rows, protocol)
-    tuned = set(rows.loc[rows["method"] == ENTRY, "tuned_on"]) != {GIVEN}
-    how = f"tuned, {protocol.trials} settings" if tuned else "not tuned"
-    line = (
-        f"{name} on {protocol.name} (n = {score.n} drives): {score.ratio:.3f} of the tuned plain filter"
-        f" [{score.low:.3f}, {score.high:.3f}], {score.verdict}; without a fault {score.nominal:.3f}; worst kind"
-        f" {score.worst_kind} {score.worst_ratio:.2f}; lost {100 * score.lost:.1f} %; {how}."
-    )
-    plain = " + ".join(protocol.plain.values())
-    about = ABOUT_DRIVES.format(plain=plain, tuned=protocol.tune_seeds, n=score.n, entries=protocol.entries)
-    lines = [f"| {kind} | {of.sum()} | {_ratio(d, of):.3f} |" for kind, of in members(protocol).items()]
-    return "\n".join([passive(line), "", about, "| drives with | n | ratio |", "|---|---|---|", *lines, ""])
+
+@dataclass(frozen=True)
+class ByTilt:
+    """The inclination RMSE in each domain.
+
+    Each domain has a score of its own, over ``n`` trials, or drives (a drive has every fault), with a 95 % interval.
+    ``median_deg`` is the median error of its runs [deg], ``worst_deg`` that of its worst run, a lost one counts 180;
+    ``worst`` is the trial or fault of that run.
+    """
+
+    protocol: AttitudeSuite
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """What stands above the fields on the board: the same for each domain."""
+        several = ("ratio to tuned plain [95 %]", "verdict", "median [deg]", "worst [deg]", "lost [%]")
+        return tuple(f"{domain}: {head}" for domain in self.protocol.domains for head in several)
+
+    @property
+    def about(self) -> str:
+        """What is compared with what."""
+        protocol = self.protocol
+        trials = sum(map(len, protocol.hand.values()))
+        counts = {domain: f"n = {trials} trials of BROAD" for domain in [HAND] if trials}
+        counts |= dict.fromkeys(protocol.fields, f"n = {protocol.test_seeds} simulated drives")
+        domains = ", ".join(f"{domain} ({count})" for domain, count in counts.items())
+        return (
+            f"{protocol.name} (digest {protocol.digest}). Tuned and scored apart: {domains}. Ratios of the inclination"
+            f" RMSE to {protocol.plain_entrant.name}, tuned with the same {protocol.trials} settings on the other half;"
+            " below 1 is better."
+        )
+
+    def ratios(self, rows: pd.DataFrame, domain: str, *, as_given: bool = False) -> FloatArray:
+        """Return (n,) logarithms of ratios of each trial of a hand, or of each drive as the mean over its faults."""
+        here = self._of_domain(rows, domain)
+        d = entry_log_ratios(here, self.protocol, as_given=as_given)
+        return np.asarray((d if domain == HAND else d.groupby("seed").mean()).to_numpy(), dtype=np.float64)
+
+    def _of_domain(self, rows: pd.DataFrame, domain: str) -> pd.DataFrame:
+        """The rows of a domain, with the logarithm of their error [deg]."""
+        here = rows[[self.protocol.scenarios[k].noise == domain for k in rows["scenario"]]]
+        return here.assign(log_deg=np.log(here[self.protocol.numbers[0]].where(here["status"] == "ok", LOST_DEG)))
+
+    def scores(self, rows: pd.DataFrame) -> dict[str, EntryScore]:
+        """Return the score in each domain."""
+        return {domain: self._score(rows, domain) for domain in self.protocol.domains}
+
+    def _score(self, rows: pd.DataFrame, domain: str) -> EntryScore:
+        d = self.ratios(rows, domain)
+        (low,), (high,) = (np.exp(end) for end in few_intervals(d[None], 0.95))
+        own = counted(self._of_domain(rows, domain), ENTRY)
+        deg = np.exp(own.groupby(["scenario", "seed"])["log_deg"].mean())
+        return {
+            "n": len(d),
+            "ratio": float(np.exp(d.mean())),
+            "low": float(low),
+            "high": float(high),
+            "verdict": str(ratio_verdict(low, high, self.protocol.margin)),
+            "given": float(np.exp(self.ratios(rows, domain, as_given=True).mean())),
+            "median_deg": float(deg.median()),
+            "worst_deg": float(deg.max()),
+            "worst": self.protocol.scenarios[deg.idxmax()[0]].fault,
+            "lost": float((own["status"] != "ok").mean()),
+        }
+
+    def score(self, rows: pd.DataFrame) -> EntryScore:
+        """Return the scores of all domains, with the domain before each name."""
+        return {f"{domain} {key}": v for domain, own in self.scores(rows).items() for key, v in own.items()}
+
+    def page(self, name: str, rows: pd.DataFrame) -> str:
+        """Return the page of an entry: a line for each domain, and the errors in each scenario."""
+        protocol = self.protocol
+        how = f"tuned, {protocol.trials} settings a half" if is_tuned(rows) else "not tuned"
+        lines = []
+        for domain, own in self.scores(rows).items():
+            more = f"median {own['median_deg']:.2f} deg, worst {own['worst_deg']:.2f} deg ({own['worst']})"
+            lines.append(score_line(f"{name} on {protocol.name}, {domain} (n = {own['n']})", own, more, how))
+        about = ABOUT_TILT.format(plain=protocol.plain_entrant.name)
+        heads = "| domain | trial or fault | error [deg] | plain [deg] | lost runs |"
+        return score_page(lines, about, heads, [row for domain in protocol.domains for row in self._rows(rows, domain)])
+
+    def _rows(self, rows: pd.DataFrame, domain: str) -> Iterable[tuple[object, ...]]:
+        """Domain, trial or fault, error of the entry and of the plain filter [deg], lost runs."""
+        known = self._of_domain(rows, domain)
+        entry, plain = (counted(known, method).groupby("scenario") for method in (ENTRY, PLAIN))
+        deg, plain_deg = (np.exp(of["log_deg"].mean()) for of in (entry, plain))
+        lost = entry["status"].agg(lambda status: (status != "ok").sum())
+        for k in deg.index:
+            yield domain, self.protocol.scenarios[k].fault, f"{deg[k]:.3f}", f"{plain_deg[k]:.3f}", lost[k]
+
+    def costs(self, rows: pd.DataFrame) -> Mapping[str, FloatArray]:
+        """Return what ranks are of: trials, and drives."""
+        return {f"{domain}: rank (95 %)": self.ratios(rows, domain)[:, None] for domain in self.protocol.domains}
+
+    def fields(self, rows: pd.DataFrame) -> list[BoardValue]:
+        """Return the fields of an entry on the board."""
+        return [
+            field
+            for own in self.scores(rows).values()
+            for field in (
+                ratio_field(own),
+                BoardValue(own["verdict"]),
+                number_field(own["median_deg"], ".2f"),
+                sorted_by(own["worst_deg"], f"{own['worst_deg']:.2f} ({own['worst']})"),
+                number_field(100 * own["lost"], ".1f"),
+            )
+        ]
+
+
+ABOUT_TILT = """\
+Errors of the inclination, the angle between the estimated and the true vertical; no heading is needed. Ratios are to
+the plain filter ({plain}), tuned with the same budget; below 1 is better. What is tuned on one half of a domain is
+scored on its other half. A lost run counts 180 deg, and a hundred times the plain filter's level.
+"""
+
+EntryScoring = ByPosition | ByDrives | ByTilt
+"""How the entries of a suite are scored and shown."""
+
+
+def entry_scoring(protocol: SuiteProtocol) -> EntryScoring:
+    """Return how the entries of a suite are scored."""
+    if isinstance(protocol, DriveSuite):
+        return ByDrives(protocol)
+    return ByTilt(protocol) if isinstance(protocol, AttitudeSuite) else ByPosition(protocol)
+
+
+def score_as_json(rows: pd.DataFrame, protocol: SuiteProtocol) -> EntryScore:
+    """Return the score that the rows show, as JSON has it: what has no value is None."""
+    score = entry_scoring(protocol).score(rows)
+    return {key: None if isinstance(value, float) and np.isnan(value) else value for key, value in score.items()}

@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from jerkbench.campaigns.entrant import Entrant, knobs_of, tried_settings
-from jerkbench.campaigns.site import Site, Try
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.key import data_fingerprint
 from jerkbench.jobs.preflight import require_inputs
@@ -21,7 +19,8 @@ from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins
 from jerkbench.suite.enter import frozen_part
 from jerkbench.suite.entry import PAGE, Entry, file_hashes
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scoring import entry_scoring
+from jerkbench.suite.scores import entry_scoring, score_as_json
+from jerkbench.tuning.entrant import Entrant, Site, Try, knobs_of, tried_settings
 from jerkbench.tuning.space import Setting
 
 TOLERANCE = 1e-9
@@ -70,12 +69,12 @@ def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
 
 def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each number of the score, and for the page, that the rows do not show."""
-    scoring, stated = entry_scoring(protocol), entry.manifest["score"]
-    for key, own in scoring.score(entry.rows).items():
+    stated = entry.manifest["score"]
+    for key, own in score_as_json(entry.rows, protocol).items():
         if not same(own, stated.get(key)):
             yield f"The manifest says {key} = {stated.get(key)}, the rows show {own}."
     page = (entry.folder / PAGE).read_text(encoding="utf-8", errors="replace")
-    if page != scoring.page(entry.name, entry.rows):
+    if page != entry_scoring(protocol).page(entry.name, entry.rows):
         yield "entry.md does not say what the rows show."
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,14 @@ from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.plan import MOST_TASKS, Plan, joined_jobs
+from jerkbench.jobs.plan import MOST_TASKS
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
-from jerkbench.jobs.run import run_missing
 from jerkbench.optional import is_attitude_only
 from jerkbench.recording import Recording
-from jerkbench.results.store import Store
 from jerkbench.timeline import RScale
+from jerkbench.tuning.entrant import Site
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.space import Setting, Space
 
@@ -70,29 +67,10 @@ def joined_trials(parts: Sequence[Trials]) -> Trials:
     return Trials(settings, runs, parts[0].case, lost)
 
 
-@dataclass(frozen=True)
-class RunPlace:
-    """Where runs are done and stored.
-
-    Attributes:
-        folder: of what is stored.
-        workers: who does them; None: this process.
-    """
-
-    folder: Path
-    workers: Workers | None = None
-
-
 class Evaluator:
     """Runs settings over cases; a run that is stored already is not done again."""
 
-    def __init__(
-        self,
-        space: Space,
-        objective: Objective,
-        threads: int,
-        runs: RunPlace,
-    ) -> None:
+    def __init__(self, space: Space, objective: Objective, threads: int, runs: Site) -> None:
         """Evaluate settings of ``space`` by ``objective``.
 
         Args:
@@ -118,17 +96,8 @@ class Evaluator:
     def rows(self, settings: Sequence[Setting], cases: Sequence[Job]) -> list[list[list[Row]]]:
         """Return for each case the rows of each setting, and last those of the plain filter."""
         jobs = [job for case in cases for job in self._jobs(settings, case)]
-        store, quiet = Store(self._runs.folder), Progress(0)
-        run_missing(
-            Plan(joined_jobs(jobs)),
-            store,
-            self._runs.workers,
-            strict=True,
-            progress=quiet,
-            threads=self._threads,
-            least=MOST_TASKS,
-        )
-        rows = store.rows(jobs, [self.objective.column])
+        how = {"strict": True, "progress": Progress(0), "threads": self._threads, "least": MOST_TASKS}
+        rows = self._runs.rows_of(jobs, [self.objective.column], **how)
         each: Iterator[Any] = (own.to_dict("records") for _, own in rows.groupby("place", sort=False))
         return [[next(each) for _ in range(len(settings) + 1)] for _ in cases]
 

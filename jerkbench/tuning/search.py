@@ -10,7 +10,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
-from jerkbench.tuning.evaluate import Evaluator, RunPlace, Trials, joined_trials, require_scorable
+from jerkbench.tuning.entrant import Site
+from jerkbench.tuning.evaluate import Evaluator, Trials, joined_trials, require_scorable
 from jerkbench.tuning.objectives import Objective
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space
@@ -232,7 +233,7 @@ class Tuning:
 
 
 def tune(
-    name: str, cases: Cases, space: Space, effort: Effort, runs: RunPlace, advance: Callable[[int], object] = int
+    name: str, cases: Cases, space: Space, effort: Effort, runs: Site, advance: Callable[[int], object] = int
 ) -> Tuning:
     """Tune one method; what is stored is not run again.
 

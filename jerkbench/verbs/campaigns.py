@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
 
 if TYPE_CHECKING:
-    from jerkbench.campaigns.entrant import Entrant
+    from jerkbench.tuning.entrant import Entrant
 
 TUNE = """\
 KEY=VALUE are those of `jerkbench run`. Several values of dataset, disturbance and attitude, separated by commas, are
@@ -99,10 +99,10 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
+    from jerkbench.audit.answer import reweighted_text, three_sentences
+    from jerkbench.audit.page import FOLDER, compare_audits, judged_audit, run_audit
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.stored import read_rows
-    from jerkbench.audit.study import FOLDER, compare_audits, judged_audit, run_audit
-    from jerkbench.audit.words import reweighted_text, three_sentences
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import processors
 
@@ -170,10 +170,10 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
-    from jerkbench.campaigns.site import Site
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import Workers, processors
     from jerkbench.suite.enter import enter
+    from jerkbench.tuning.entrant import Site
 
     entrant = (_attitude_entrant if chosen.scale.startswith(ATTITUDES) else _entrant)(chosen.words)
     name = chosen.name or entrant.name
@@ -188,7 +188,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 
 
 def _entrant(words: Sequence[str]) -> "Entrant":
-    from jerkbench.campaigns.entrant import Entrant
+    from jerkbench.tuning.entrant import Entrant
 
     spec = _spec(words, ENTRANT_GROUPS, "filter=jerk adaptation=mtf adaptation.window=3")
     return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
@@ -197,9 +197,9 @@ def _entrant(words: Sequence[str]) -> "Entrant":
 def _attitude_entrant(words: Sequence[str]) -> "Entrant":
     """An attitude filter, or a program: of that the attitude of the data set is never asked."""
     from jerkbench import plugins
-    from jerkbench.campaigns.entrant import Entrant
     from jerkbench.errors import PluginError
     from jerkbench.optional import is_attitude_only
+    from jerkbench.tuning.entrant import Entrant
 
     given = words if any(word.startswith("filter=") for word in words) else ["filter=attitude_only", *words]
     spec = _spec(given, ("filter", "attitude"), "attitude=vqf attitude.tau_acc_s=5")

@@ -8,10 +8,18 @@ import pandas as pd
 import pytest
 from recomputed import recomputed
 
-from jerkbench.audit.answer import NO_FAULT, answered, changed_verdicts, kinds_of, pays_from, reweighted
-from jerkbench.audit.losses import losses_of
+from jerkbench.audit.answer import (
+    NO_FAULT,
+    answered,
+    changed_verdicts,
+    compared_text,
+    kinds_of,
+    pays_from,
+    reweighted,
+    reweighted_text,
+)
 from jerkbench.audit.page import write_page
-from jerkbench.audit.words import compared_text, reweighted_text
+from jerkbench.audit.stored import losses_of
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.statistics.drives_and_tunings import statements
 from made_rows import SMALL, made_rows

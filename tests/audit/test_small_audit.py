@@ -12,9 +12,9 @@ from test_audit_answer import same_as_in_pandas
 
 from commands import PATIENCE_S, environment
 from jerkbench.audit.answer import answered
+from jerkbench.audit.page import run_audit
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.stored import read_rows
-from jerkbench.audit.study import run_audit
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.cluster import LOCAL
 

@@ -13,15 +13,13 @@ import pytest
 import yaml
 
 from commands import verb
-from jerkbench.campaigns.search import seen
 from jerkbench.errors import RecordingError
 from jerkbench.io.files import VARIABLE
-from jerkbench.suite.attitude_scores import attitude_log_ratios, attitude_score
 from jerkbench.suite.board import Board, html
-from jerkbench.suite.campaign import half_settings
+from jerkbench.suite.campaign import half_settings, seen
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
-from jerkbench.suite.scoring import BoardValue, entry_scoring
+from jerkbench.suite.scores import BoardValue, ByTilt, entry_scoring
 from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 DIGESTS = {"attitude-v1": "5255c08c840d", "attitude-tiny": "6dc25bed7045"}
@@ -83,23 +81,23 @@ def test_domains_are_tuned_and_scored_apart_and_no_trial_is_scored_on_its_own_ha
 
 def test_each_domain_has_the_ratio_of_what_was_tuned_on_the_other_half():
     """Ten trials of each half; of a drive two faults with each setting, and `none` with the mean of both."""
-    score = attitude_score(rows(), PROTOCOL)
+    score = ByTilt(PROTOCOL).scores(rows())
 
-    assert score["hand"].n == 20
-    assert score["hand"].ratio == pytest.approx(np.sqrt(0.5 * 0.8), rel=1e-12)
-    assert score["drive"].n == PROTOCOL.test_seeds
-    assert score["drive"].ratio == pytest.approx(1.0, rel=1e-12)
-    assert [score[domain].given for domain in ("hand", "drive")] == pytest.approx([3.0, 3.0], rel=1e-12)
-    ratios = attitude_log_ratios(rows(), PROTOCOL, "hand")
+    assert score["hand"]["n"] == 20
+    assert score["hand"]["ratio"] == pytest.approx(np.sqrt(0.5 * 0.8), rel=1e-12)
+    assert score["drive"]["n"] == PROTOCOL.test_seeds
+    assert score["drive"]["ratio"] == pytest.approx(1.0, rel=1e-12)
+    assert [score[domain]["given"] for domain in ("hand", "drive")] == pytest.approx([3.0, 3.0], rel=1e-12)
+    ratios = ByTilt(PROTOCOL).ratios(rows(), "hand")
     np.testing.assert_allclose(ratios, np.log([0.8] * 10 + [0.5] * 10), rtol=1e-12)  # the first half comes first
 
 
 def test_a_lost_run_counts_a_half_turn_and_a_hundred_times_what_the_plain_filter_has_as_it_comes():
-    score = attitude_score(rows(lost={("entry", 3, "hand second")}), PROTOCOL)["hand"]
+    score = ByTilt(PROTOCOL).scores(rows(lost={("entry", 3, "hand second")}))["hand"]
 
-    assert (score.worst_deg, score.worst) == (pytest.approx(180.0), PROTOCOL.scenarios[3].fault)
-    assert score.lost == pytest.approx(1 / 20)
-    assert score.ratio == pytest.approx((0.5**10 * 0.8**9 * 200.0) ** (1 / 20), rel=1e-9)
+    assert (score["worst_deg"], score["worst"]) == (pytest.approx(180.0), PROTOCOL.scenarios[3].fault)
+    assert score["lost"] == pytest.approx(1 / 20)
+    assert score["ratio"] == pytest.approx((0.5**10 * 0.8**9 * 200.0) ** (1 / 20), rel=1e-9)
 
 
 def test_the_board_says_each_domain_and_what_it_ranks_by():

@@ -9,7 +9,7 @@ import pytest
 from commands import verb
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import read_suite
-from jerkbench.suite.scores import entry_score
+from jerkbench.suite.scores import ByPosition
 from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 FOLDER = Path(__file__).parents[2] / "results" / "suite-v1"
@@ -31,12 +31,13 @@ def test_the_board_shows_every_entry_with_its_score():
     shown = re.findall(
         r"^\| \d+ \(\d+ to \d+\) \| (.*?) \| ([\d.]+) \[([\d.]+), ([\d.]+)\] \|", board, flags=re.MULTILINE
     )
-    scores = {(entry := read_entry(folder)).name: entry_score(entry.rows, protocol) for folder in ENTRIES}
+    scores = {(entry := read_entry(folder)).name: ByPosition(protocol).score(entry.rows) for folder in ENTRIES}
 
     assert {name: (low, ratio, high) for name, ratio, low, high in shown} == {
-        name: tuple(f"{value:.3f}" for value in (score.low, score.ratio, score.high)) for name, score in scores.items()
+        name: tuple(f"{value:.3f}" for value in (score["low"], score["ratio"], score["high"]))
+        for name, score in scores.items()
     }
-    assert [float(ratio) for _, ratio, _, _ in shown] == sorted(round(score.ratio, 3) for score in scores.values())
+    assert [float(ratio) for _, ratio, _, _ in shown] == sorted(round(score["ratio"], 3) for score in scores.values())
     assert board.count("| yes, 2 rows |") == len(ENTRIES) == 8
 
 

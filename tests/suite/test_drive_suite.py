@@ -16,11 +16,12 @@ from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
-from jerkbench.suite.scores import drive_log_ratios, drive_page, drive_score, members
+from jerkbench.suite.scores import ByDrives
 from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 DIGESTS = {"v2": "a81d3228b547", "v2-tiny": "172079cf7a5a"}
 TINY = read_suite("v2-tiny")
+SCORING = ByDrives(TINY)
 DRAWN = plugins.create("dataset", preset("dataset", "mixture"))
 
 
@@ -79,49 +80,49 @@ FACTORS = {("plain", "given"): 2.0, ("plain", "drives"): 1.0, ("entry", "given")
 def test_the_ratio_is_that_of_the_tuned_settings_and_its_interval_is_at_the_level_of_many_entries():
     rng = np.random.default_rng(4)
     factor = np.exp(rng.normal(-0.4, 0.3, 12)).tolist()
-    score = drive_score(rows({**FACTORS, ("entry", "drives"): factor}), TINY)
+    score = SCORING.score(rows({**FACTORS, ("entry", "drives"): factor}))
     d = np.log(factor)
     student = stats.t.interval(1 - 0.05 / 20, 11, d.mean(), stats.sem(d))
 
-    assert (score.n, score.lost, score.anees) == (12, 0.0, 6.0)
-    assert score.ratio == pytest.approx(np.exp(d.mean()), rel=1e-12)
-    assert score.low <= np.exp(student[0]) * (1 + 1e-12)
-    assert score.high >= np.exp(student[1]) * (1 - 1e-12)
-    assert score.given == pytest.approx(3.0, rel=1e-12)
-    assert score.worse == np.mean(d > np.log(1.03))
-    assert score.step_ns == pytest.approx(1000.0)
+    assert (score["n"], score["lost"], score["anees"]) == (12, 0.0, 6.0)
+    assert score["ratio"] == pytest.approx(np.exp(d.mean()), rel=1e-12)
+    assert score["low"] <= np.exp(student[0]) * (1 + 1e-12)
+    assert score["high"] >= np.exp(student[1]) * (1 - 1e-12)
+    assert score["given"] == pytest.approx(3.0, rel=1e-12)
+    assert score["worse"] == np.mean(d > np.log(1.03))
+    assert score["step_ns"] == pytest.approx(1000.0)
 
 
 def test_a_lost_run_counts_a_hundred_times_what_the_plain_filter_has_as_it_comes_on_that_drive():
-    d = drive_log_ratios(rows(FACTORS, lost={("entry", "drives", 7)}), TINY)
+    d = SCORING.ratios(rows(FACTORS, lost={("entry", "drives", 7)}))
     np.testing.assert_allclose(np.exp(d), [0.5] * 7 + [200.0] + [0.5] * 4)
 
 
 def test_kinds_of_faults_are_those_that_the_drives_drew():
-    known = members(TINY)
+    known = SCORING.members()
     for k, seed in enumerate(TINY.seeds_to_test_on):
         kinds = DRAWN.drawn(seed)[2]
         assert {name for name, of in known.items() if of[k] and " " not in name} == set(kinds)
     assert sum(of.sum() for name, of in known.items() if " fault" in name) == 12
     worst = max((name for name in known if " " not in name), key=lambda name: known[name].mean())
     factor = [2.0 if member else 0.5 for member in known[worst]]
-    score = drive_score(rows({**FACTORS, ("entry", "drives"): factor}), TINY)
-    assert score.worst_ratio == pytest.approx(2.0)
-    assert score.nominal == pytest.approx(np.exp(np.log(factor)[known["0 faults"]].mean()))
+    score = SCORING.score(rows({**FACTORS, ("entry", "drives"): factor}))
+    assert score["worst_ratio"] == pytest.approx(2.0)
+    assert score["nominal"] == pytest.approx(np.exp(np.log(factor)[known["0 faults"]].mean()))
 
 
 def test_one_that_was_not_tuned_is_scored_as_it_came():
     untuned = {key: own for key, own in FACTORS.items() if key != ("entry", "drives")}
     made = rows(untuned)
-    assert drive_score(made, TINY).ratio == pytest.approx(3.0)
-    assert "not tuned." in drive_page("mine", made, TINY)
-    assert "tuned, 4 settings." in drive_page("mine", rows(FACTORS), TINY)
+    assert SCORING.score(made)["ratio"] == pytest.approx(3.0)
+    assert "not tuned." in SCORING.page("mine", made)
+    assert "tuned, 4 settings." in SCORING.page("mine", rows(FACTORS))
 
 
 @pytest.mark.parametrize(("factor", "word"), [(0.5, "better"), (0.95, "better, by less than 10 %"), (1.3, "worse")])
 def test_the_verdict_is_that_of_the_interval(factor, word):
     near = [factor * (1 + 0.001 * sign) for sign, _ in product((1, -1), range(6))]
-    assert drive_score(rows({**FACTORS, ("entry", "drives"): near}), TINY).verdict == word
+    assert SCORING.score(rows({**FACTORS, ("entry", "drives"): near}))["verdict"] == word
 
 
 # Our own entries.
@@ -143,9 +144,9 @@ def test_the_board_shows_every_entry_with_its_score():
     protocol, board = read_suite("v2"), (FOLDER / "board.md").read_text(encoding="utf-8")
     line = r"^\| \d+ \(\d+ to \d+\) \| (.*?) \| 240 \| ([\d.]+) \[([\d.]+), ([\d.]+)\] \| (.*?) \|"
     shown = {name: rest for name, *rest in re.findall(line, board, flags=re.MULTILINE)}
-    scores = {(entry := read_entry(folder)).name: drive_score(entry.rows, protocol) for folder in ENTRIES}
+    scores = {(entry := read_entry(folder)).name: ByDrives(protocol).score(entry.rows) for folder in ENTRIES}
     wanted = {
-        name: [*(f"{value:.3f}" for value in (score.ratio, score.low, score.high)), score.verdict]
+        name: [*(f"{value:.3f}" for value in (score["ratio"], score["low"], score["high"])), score["verdict"]]
         for name, score in scores.items()
     }
     assert shown == wanted

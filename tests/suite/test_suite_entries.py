@@ -14,7 +14,7 @@ from jerkbench.compilation.module_cache import COMPILED
 from jerkbench.files import cache_folder
 from jerkbench.suite.entry import HASHED
 from jerkbench.suite.protocol import read_suite
-from jerkbench.suite.scores import entry_page, entry_score
+from jerkbench.suite.scores import ByPosition
 
 TINY = ["--scale", "tiny", "--workers", "1"]
 ALL = ["--rows", "500"]
@@ -47,9 +47,9 @@ def smoothed(entry, **changed):
     protocol, rows = read_suite("tiny"), pd.read_parquet(entry / "rows.parquet")
     manifest = json.loads((entry / "manifest.json").read_text()) | changed
     if len(rows.groupby("scenario")) == len(protocol.scenarios):
-        score = entry_score(rows, protocol)
-        manifest["score"] = vars(score)
-        (entry / "entry.md").write_text(entry_page(manifest["entry"], score, rows, protocol))
+        scoring = ByPosition(protocol)
+        manifest["score"] = scoring.score(rows)
+        (entry / "entry.md").write_text(scoring.page(manifest["entry"], rows))
     manifest["files"] = {name: hashlib.sha256((entry / name).read_bytes()).hexdigest() for name in HASHED}
     (entry / "manifest.json").write_text(json.dumps(manifest))
 

@@ -6,9 +6,10 @@ import pytest
 
 from jerkbench.suite.campaign import half_settings
 from jerkbench.suite.protocol import read_suite
-from jerkbench.suite.scores import entry_score
+from jerkbench.suite.scores import ByPosition
 
 PROTOCOL = read_suite("tiny")
+SCORING = ByPosition(PROTOCOL)
 FACTORS = {"plain": {"given": 2.0, "first": 1.0, "second": 1.0}, "entry": {"given": 3.0, "first": 0.5, "second": 0.8}}
 """Error of each setting over the tuned plain filter's."""
 
@@ -30,29 +31,29 @@ def rows(lost=()):
 
 def test_each_scenario_is_scored_with_what_was_tuned_on_the_other_half():
     """outliers (first) with .8 of second, wheel_slip (second) with .5 of first, none with the mean of both logs."""
-    score = entry_score(rows(), PROTOCOL)
+    score = SCORING.score(rows())
 
-    assert score.ratio == pytest.approx((0.8 * 0.5 * np.sqrt(0.4)) ** (1 / 3), rel=1e-12)
-    assert score.nominal == pytest.approx(np.sqrt(0.4), rel=1e-12)
-    assert score.worst.endswith(", outliers")
-    assert score.worst_ratio == pytest.approx(0.8, rel=1e-12)
-    assert score.given == pytest.approx(3.0, rel=1e-12)
-    assert score.step_ns == pytest.approx(0.006 / 4000 * 1e9)
-    assert (score.lost, score.anees) == (0.0, 6.0)
+    assert score["ratio"] == pytest.approx((0.8 * 0.5 * np.sqrt(0.4)) ** (1 / 3), rel=1e-12)
+    assert score["nominal"] == pytest.approx(np.sqrt(0.4), rel=1e-12)
+    assert score["worst"].endswith(", outliers")
+    assert score["worst_ratio"] == pytest.approx(0.8, rel=1e-12)
+    assert score["given"] == pytest.approx(3.0, rel=1e-12)
+    assert score["step_ns"] == pytest.approx(0.006 / 4000 * 1e9)
+    assert (score["lost"], score["anees"]) == (0.0, 6.0)
 
 
 def test_a_lost_run_counts_a_hundred_times_what_the_plain_filter_has_as_it_comes():
-    score = entry_score(rows(lost={("entry", 2, "first")}), PROTOCOL)
+    score = SCORING.score(rows(lost={("entry", 2, "first")}))
 
-    assert score.worst == "white, wheel_slip"
-    assert score.worst_ratio == pytest.approx(200.0, rel=1e-9)
-    assert score.lost == pytest.approx(1 / 8)
+    assert score["worst"] == "white, wheel_slip"
+    assert score["worst_ratio"] == pytest.approx(200.0, rel=1e-9)
+    assert score["lost"] == pytest.approx(1 / 8)
 
 
 def test_one_that_was_not_tuned_is_scored_as_it_came():
     made = rows()
     untuned = made[(made["method"] == "plain") | (made["tuned_on"] == "given")]
 
-    score = entry_score(untuned, PROTOCOL)
+    score = SCORING.score(untuned)
 
-    assert (score.ratio, score.given) == (pytest.approx(3.0, rel=1e-12), pytest.approx(3.0, rel=1e-12))
+    assert (score["ratio"], score["given"]) == (pytest.approx(3.0, rel=1e-12), pytest.approx(3.0, rel=1e-12))

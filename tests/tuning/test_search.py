@@ -13,7 +13,8 @@ from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.timeline import RScale
 from jerkbench.tuning.curves import budget_curve, knob_intervals
-from jerkbench.tuning.evaluate import Evaluator, RunPlace
+from jerkbench.tuning.entrant import Site
+from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.objectives import LOST, objective_of
 from jerkbench.tuning.search import Budget, Effort, equal_budgets, score, search, tune
 from jerkbench.tuning.space import space_of
@@ -37,7 +38,7 @@ def evaluator_of(tmp_path):
 
     def made(cell, objective="rmse", chosen=(), folder=None):
         place = folder or tmp_path / str(next(numbers))
-        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, RunPlace(place))
+        return Evaluator(space_of(cell, chosen), objective_of(objective), 1, Site(place))
 
     return made
 
@@ -207,7 +208,7 @@ def test_another_restart_is_another_scramble(tmp_path):
     cases = by_seeds([cell], Seeds(1, 0, 2))
     effort = Effort(objective_of("rmse"), Budget(4), restarts=3)
 
-    tuning = tune("baseline-none", cases, space_of(cell), effort, RunPlace(tmp_path))
+    tuning = tune("baseline-none", cases, space_of(cell), effort, Site(tmp_path))
 
     assert len({restart.setting for restart in tuning.restarts} | {tuning.setting}) == 3
     assert tuning.setting == tuning.restarts[0].setting

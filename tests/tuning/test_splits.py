@@ -9,7 +9,8 @@ from linear_gaussian import Level, LinearGaussian
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
-from jerkbench.tuning.evaluate import Evaluator, RunPlace
+from jerkbench.tuning.entrant import Site
+from jerkbench.tuning.evaluate import Evaluator
 from jerkbench.tuning.objectives import objective_of
 from jerkbench.tuning.search import Budget, score, search
 from jerkbench.tuning.space import space_of
@@ -54,7 +55,7 @@ class Drive:
 def test_by_time_nothing_after_the_share_is_read_while_tuning(tmp_path):
     trials = []
     for name, cell in {"whole": drive(), "spoilt": drive(spoilt_after_s=6.0)}.items():
-        evaluator = Evaluator(space_of(cell), objective_of("rmse"), 1, RunPlace(tmp_path / name))
+        evaluator = Evaluator(space_of(cell), objective_of("rmse"), 1, Site(tmp_path / name))
         found = search(evaluator, by_time([cell], FEW), Budget(3))
         trials.append((found, score(evaluator, found.setting, by_time([cell], FEW).test)))
 

@@ -1,0 +1,265 @@
+"""A method as a campaign runs it: its job on a scenario, what may be tuned of it, and where its settings are run."""
+
+import dataclasses
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from jerkbench.errors import PluginError
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.job import Job, Protocol
+from jerkbench.jobs.names import job_of_parts, refusal
+from jerkbench.jobs.plan import Plan, joined_jobs, sharing_scenarios
+from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.run import run_missing
+from jerkbench.optional import is_attitude_only
+from jerkbench.parameters import ranges_of
+from jerkbench.results.store import Store
+from jerkbench.tuning.samplers import sampler_of
+from jerkbench.tuning.space import Setting, Space, space_of
+
+ERROR = "position_rmse"
+"""The metric that is tuned for."""
+
+LIMITS = Protocol()
+
+
+@dataclass(frozen=True)
+class FaultScenario:
+    """A fault on a field.
+
+    Attributes:
+        noise: kind of the field's GNSS noise.
+        dataset: the field with its parameters.
+        family: of the fault.
+        severity: of the fault.
+        half: "first", "second" or "both"; where domains are tuned apart, with the domain before it: "hand first".
+        disturbance: with its parameters.
+    """
+
+    noise: str
+    dataset: dict[str, Any]
+    family: str
+    severity: str
+    half: str
+    disturbance: dict[str, Any]
+
+    @property
+    def fault(self) -> str:
+        """The fault's name."""
+        return self.family if self.severity == self.family else f"{self.family} {self.severity}"
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"{self.noise}, {self.fault}"
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A filter with an adaptation, or an attitude filter, as it was given.
+
+    Attributes:
+        filter: {"name": ..., parameters}.
+        adaptation: likewise.
+        r_scale: what it is told of the reported R.
+        attitude: the attitude filter, where it is the method; None: that of the data set.
+    """
+
+    filter: Mapping[str, Any]
+    adaptation: Mapping[str, Any]
+    r_scale: Mapping[str, float]
+    attitude: Mapping[str, Any] | None = None
+
+    @classmethod
+    def named(cls, filter: str, adaptation: str, attitude: str = "") -> "Entrant":  # noqa: A002 - as the group is called
+        """Return plugins at their defaults."""
+        return cls({"name": filter}, {"name": adaptation}, {}, {"name": attitude} if attitude else None)
+
+    @property
+    def name(self) -> str:
+        """Its filter and its adaptation, or its attitude filter."""
+        if self.attitude:
+            return str(self.attitude["name"])
+        return f"{self.filter['name']} + {self.adaptation['name']}"
+
+    @property
+    def text(self) -> str:
+        """All of it, the same for the same method."""
+        return json.dumps(self.parts, sort_keys=True)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """What it was given, as plain data."""
+        return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
+
+    def job(
+        self,
+        scenario: FaultScenario,
+        limits: Protocol = LIMITS,
+        metrics: Sequence[str] = (ERROR,),
+    ) -> Job:
+        """Return its job on a scenario; an attitude filter that it has not is that of the data set.
+
+        Raises:
+            PluginError: it cannot be made, or its parts do not fit together.
+        """
+        single = {
+            "dataset": scenario.dataset,
+            "attitude": self.attitude,
+            "filter": self.filter,
+            "adaptation": self.adaptation,
+            "engine": "compiled",
+        }
+        job = job_of_parts(single, [scenario.disturbance], None, limits, metrics, self.r_scale or None)
+        if reason := refusal(job):
+            raise PluginError(f"This method cannot enter: {reason}.")
+        return dataclasses.replace(job, labels=job.labels._replace(dataset=scenario.noise, disturbance=scenario.fault))
+
+
+def knobs_of(job: Job) -> Space:
+    """Return what may be tuned of a method; nothing where no part has a parameter with a range, as of a program."""
+    scenario, method = job.scenario, job.method
+    parts = (scenario.attitude,) if is_attitude_only(method.filter) else (method.filter, method.adaptation)
+    tunable = any(ranges_of(type(part)) for part in parts)
+    return space_of(job) if tunable else Space(())
+
+
+def tried_settings(trials: int, space: Space, restart: int = 0) -> tuple[Setting, ...]:
+    """Return the settings that one search tries: the one before it, then points of a Sobol sequence.
+
+    Two methods with as many knobs try the same shares of their ranges; another ``restart`` is another scramble.
+    """
+    if not space.knobs or trials < 2:
+        return (space.start,)
+    shares = sampler_of("sobol", len(space.knobs), restart).ask(trials - 1)
+    return (space.start, *map(space.setting, shares))
+
+
+# Where settings are run over scenarios: what is stored is not run again.
+
+NUMBERS = ("position_rmse_m", "anees")
+"""What is kept of a run that navigates."""
+
+TOGETHER = 20_000
+"""So many settings are planned at once: their jobs are in memory."""
+
+
+class Try(NamedTuple):
+    """A setting of a method that is run over a scenario.
+
+    Attributes:
+        number: of the scenario.
+        scenario: the scenario.
+        entrant: the method.
+        setting: of its knobs.
+        trial: what its rows are found by.
+        seeds: of its runs.
+    """
+
+    number: int
+    scenario: FaultScenario
+    entrant: Entrant
+    setting: Setting
+    trial: int
+    seeds: Sequence[int]
+
+
+@dataclass(frozen=True)
+class RunRules:
+    """How the runs of a campaign are made and judged.
+
+    Attributes:
+        metrics: what is computed.
+        limits: how each run is judged.
+        numbers: columns that are kept of a run.
+    """
+
+    metrics: tuple[str, ...]
+    limits: Protocol = LIMITS
+    numbers: tuple[str, ...] = NUMBERS
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where settings are run and stored.
+
+    Attributes:
+        folder: of what is stored.
+        workers: who runs them; None: this process.
+    """
+
+    folder: Path
+    workers: Workers | None = None
+
+    def rows(self, tries: Iterable[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:
+        """Run the settings that are not stored yet, and return the rows of all, in their order.
+
+        Args:
+            tries: those of one scenario together, and there those of one method.
+            rules: how they are run.
+            bar: is told of every setting that is done.
+
+        Returns:
+            scenario, filter, adaptation, trial, seed, status, reason, the numbers of the rules, seconds.
+
+        Raises:
+            JerkbenchError: nothing can be stored, or the cluster cannot go on.
+        """
+        parts: list[pd.DataFrame] = []
+        waiting: list[Try] = []
+        for _, of_scenario in groupby(tries, attrgetter("number")):
+            waiting += of_scenario
+            if len(waiting) >= TOGETHER:
+                parts.append(self._rows(waiting, rules, bar))
+                waiting = []
+        if waiting:
+            parts.append(self._rows(waiting, rules, bar))
+        return pd.concat(parts, ignore_index=True)
+
+    def _rows(self, tries: Sequence[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:
+        rows = self.rows_of(_jobs(tries, rules), rules.numbers, progress=bar)
+        return _named(rows, tries, rules.numbers)
+
+    def rows_of(self, jobs: Sequence[Job], numbers: Sequence[str], **how: Any) -> pd.DataFrame:  # noqa: ANN401 - of `run_missing`
+        """Run what is missing of some jobs, and return what `Store.rows` has of all of them.
+
+        Args:
+            jobs: with the seeds that are wanted.
+            numbers: the metrics that are wanted.
+            how: further arguments of `run_missing`.
+
+        Raises:
+            JerkbenchError: nothing can be stored, or the cluster cannot go on.
+        """
+        store = Store(self.folder)
+        run_missing(Plan(joined_jobs(jobs)), store, self.workers, **how)
+        store.compact()
+        return store.rows(jobs, numbers)
+
+
+def _jobs(tries: Sequence[Try], rules: RunRules) -> list[Job]:
+    jobs: list[Job] = []
+    for _, own in groupby(tries, lambda each: (each.number, each.entrant.text)):
+        several = list(own)
+        first = several[0]
+        job = first.entrant.job(first.scenario, rules.limits, rules.metrics)
+        space = knobs_of(job)
+        jobs += [dataclasses.replace(space.applied(job, each.setting), draws=each.seeds) for each in several]
+    return sharing_scenarios(jobs)
+
+
+def _named(rows: pd.DataFrame, tries: Sequence[Try], numbers: tuple[str, ...]) -> pd.DataFrame:
+    """Return the rows of tries with what campaigns find them by."""
+    heads = [(each.number, each.entrant.filter["name"], each.entrant.adaptation["name"], each.trial) for each in tries]
+    head = pd.DataFrame(heads, columns=["scenario", "filter", "adaptation", "trial"])
+    named = head.iloc[rows["place"].to_numpy()].reset_index(drop=True)
+    named[["seed", "status", "reason"]] = rows[["seed", "status", "reason"]]
+    named[list(numbers)] = rows[list(numbers)].astype(float)
+    return named.assign(seconds=rows["run_s"])
