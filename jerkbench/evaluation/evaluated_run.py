@@ -9,8 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts
-from jerkbench.evaluation.navigation_errors import position_error_m
+from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts, position_error_m
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.optional import has_methods
 from jerkbench.recording import Recording

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import position_error_length_m
+from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     MEASURED,
