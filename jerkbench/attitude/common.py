@@ -14,7 +14,6 @@ from jerkbench.attitude.alignment import ALIGNMENTS, start_remarks, tilt_start
 from jerkbench.attitude.yaw import (
     YAW_SOURCES,
     estimate_yaw,
-    require_headings,
     select_headings,
     yaw_remarks,
 )
@@ -128,7 +127,8 @@ class TiltAndYaw(ABC):
         Raises:
             RecordingError: the recording has no such yaw source, or no track to start from.
         """
-        require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        if self.yaw_source not in ("auto", "gyro_only"):
+            select_headings(load(), self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
         if self.alignment == "track":
             tilt_start(load(), None, "track")
 

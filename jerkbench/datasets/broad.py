@@ -191,7 +191,8 @@ class Broad:
 
 def recording_of(name: str, t_s: FloatArray, trial: BroadTrial, *, remove_gyro_bias: bool) -> Recording:
     """Return the recording of a trial: a hand-held IMU beside motion capture, with stamps ``t_s`` (n,)."""
-    rest_s = _first_rest_s(trial)
+    first = int(np.argmax(trial.movement)) if trial.movement.any() else len(trial.movement)
+    rest_s = max(first / trial.rate_hz - STILL_MARGIN_S, 0.0)
     imu = Imu(t_s, trial.accel_mps2, trial.gyro_radps)
     return Recording(
         name=name,
@@ -200,12 +201,6 @@ def recording_of(name: str, t_s: FloatArray, trial: BroadTrial, *, remove_gyro_b
         static_start_s=rest_s,
         notes=NOTES,
     )
-
-
-def _first_rest_s(trial: BroadTrial) -> float:
-    """When the first rest ends: a second before the first movement."""
-    first = int(np.argmax(trial.movement)) if trial.movement.any() else len(trial.movement)
-    return max(first / trial.rate_hz - STILL_MARGIN_S, 0.0)
 
 
 def _reference(t_s: FloatArray, trial: BroadTrial) -> Reference:

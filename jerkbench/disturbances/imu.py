@@ -211,7 +211,9 @@ def _along(velocity: Velocity, reference: Reference) -> FloatArray:
     v = velocity.mps * [1.0, 1.0, 0.0]
     if velocity.frame in ("body", "speed"):
         return np.asarray(np.nan_to_num(v * [1.0, 0.0, 0.0]))
-    yaw = _reference_yaw(velocity.t_s, reference)
+    yaw = np.full(len(v), np.nan)
+    if reference.euler_rad is not None and len(reference.t_s):
+        yaw = reference.euler_rad[nearest_rows(reference.t_s, velocity.t_s), 2]
     h = np.column_stack([np.cos(yaw), np.sin(yaw), 0.0 * yaw])
     level = v[:, :2]
     along = np.einsum("mi,mi->m", h[:, :2], level)[:, None] * h
@@ -219,10 +221,3 @@ def _along(velocity: Velocity, reference: Reference) -> FloatArray:
     offset = np.where(np.isfinite(h[:, :1]), along, own_course)
     complete = np.isfinite(level).all(axis=1, keepdims=True)
     return np.where(complete, offset, 0.0)
-
-
-def _reference_yaw(t_s: FloatArray, reference: Reference) -> FloatArray:
-    """Return the yaw (m,) of the reference at the stamps nearest to ``t_s``, NaN where it knows none."""
-    if reference.euler_rad is None or not len(reference.t_s):
-        return np.full(len(t_s), np.nan)
-    return np.asarray(reference.euler_rad[nearest_rows(reference.t_s, t_s), 2])

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.disturbances.common import Once, Phased, fixes_of, require_values, rows_of
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
@@ -104,7 +104,10 @@ def _kept_velocity(velocity: Velocity, fixes_t_s: FloatArray, kept: BoolArray) -
     for group in np.unique(axes):
         rows = np.flatnonzero(axes == group)
         if _same_rate(velocity.t_s[rows], fixes_t_s):
-            keep[rows] = kept[_epochs(velocity.t_s[rows], fixes_t_s)]
+            epochs = np.arange(len(rows))
+            if len(rows) != len(fixes_t_s):  # a row belongs to the first fix not before it
+                epochs = np.searchsorted(nanoseconds(fixes_t_s), nanoseconds(velocity.t_s[rows]))
+            keep[rows] = kept[np.minimum(epochs, len(fixes_t_s) - 1)]
     return keep
 
 
@@ -113,13 +116,6 @@ def _same_rate(t_s: FloatArray, fixes_t_s: FloatArray) -> bool:
         return True  # too few to tell: withhold with the fixes rather than leak
     interval, fixes = np.median(np.diff(t_s)), np.median(np.diff(fixes_t_s))
     return bool(abs(interval - fixes) <= SAME_RATE * fixes)
-
-
-def _epochs(t_s: FloatArray, fixes_t_s: FloatArray) -> IntArray:
-    """Return the row of the fix that each row of the velocity belongs to."""
-    if len(t_s) == len(fixes_t_s):
-        return np.arange(len(t_s))
-    return np.minimum(np.searchsorted(nanoseconds(fixes_t_s), nanoseconds(t_s)), len(fixes_t_s) - 1)
 
 
 def _reference(reference: Reference, position: Position, withheld: BoolArray) -> Reference:

@@ -58,7 +58,8 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
     velocity = np.array([counted & on_all(moving, axes) for axes in VELOCITY_AXES.values()])
     t_s, complete = rows_at(reference.t_s, index), on_all(located, (0, 1, 2))
     start_s = first_counted_s(reference, index, counted)
-    inside = inside_outages(t_s, recording.outages_s) & complete
+    begin, end = recording.outages_s[:, :1], recording.outages_s[:, 1:]  # at the end itself a fix may already have come
+    inside = (t_s >= begin) & (t_s < end) & complete
     outages = _outages(inside & (t_s >= start_s), t_s, recording)
     return Rows(
         position,
@@ -116,13 +117,6 @@ def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:
     if truth is None:
         return np.zeros((len(index), 3), dtype=bool)
     return np.asarray(np.isfinite(rows_at(truth, index)))
-
-
-def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
-    """Return (j, k) whether time k lies in outage j; at the end itself a fix may already have come."""
-    begin, end = outages_s[:, :1], outages_s[:, 1:]
-    rows: BoolArray = (t_s >= begin) & (t_s < end)
-    return rows
 
 
 def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArray:

@@ -203,7 +203,11 @@ def judged_on_other_seeds(
         p[places, 0], critical[places] = largest.p(studentised(distance, error)), largest.critical(level)
     for k, samples in enumerate(comparisons):
         if not samples.plain and samples.n >= LEAST_SEEDS:
-            p[k] = np.minimum(1.0, 2 * total * np.array([_medians_p(samples), _exact_p(*samples.failed)]))
+            common = middle(
+                np.sort(np.concatenate([samples.a, samples.b]))
+            )  # who has more runs above the common median
+            medians_p = _exact_p(samples.a > common, samples.b > common)
+            p[k] = np.minimum(1.0, 2 * total * np.array([medians_p, _exact_p(*samples.failed)]))
     return [
         judgement_of(_interval(samples, c), (p[k, 0], p[k, 1]), samples, critical=c, margin=margin, level=level)
         for k, (samples, c) in enumerate(zip(comparisons, critical.tolist(), strict=True))
@@ -239,12 +243,6 @@ def _of_each_size(comparisons: Sequence[TwoSamples]) -> dict[tuple[int, int], li
         if samples.plain and samples.n >= LEAST_SEEDS:
             sizes.setdefault((len(samples.a), len(samples.b)), []).append(k)
     return sizes
-
-
-def _medians_p(samples: TwoSamples) -> float:
-    """Return the p of Mood's median test: who has more runs above the common median."""
-    common = middle(np.sort(np.concatenate([samples.a, samples.b])))
-    return _exact_p(samples.a > common, samples.b > common)
 
 
 def _exact_p(a: BoolArray, b: BoolArray) -> float:

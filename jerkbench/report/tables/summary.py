@@ -171,7 +171,8 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
     """
     if not grid.down or {"dataset", "disturbance"} & set(grid.down):  # else scenarios would compete
         return cells
-    places = _places(grid)
+    factors = grid.rows[[*FACTORS]].to_numpy(dtype=str)
+    places = {Combination(*map(str, factors[runs[0]])): place for place, runs in grid.runs.items()}
     fields = [field for field in _fields(cells, grid, places) if len(field) > 1]
     pairs = [list(itertools.combinations(field, 2)) for field in fields]
     if sum(map(len, pairs)) > MOST_PAIRS:
@@ -180,7 +181,8 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
     marked = dict(cells)
     for field, pair in zip(fields, pairs, strict=True):
         leaders = [places[key] for key in leaders_of(field, list(itertools.islice(comparisons, len(pair))))]
-        for place in _whole(leaders, cells) if len(leaders) < len(field) else ():
+        whole = [place for place in leaders if cells[place].complete]  # lost no runs
+        for place in (whole or leaders) if len(leaders) < len(field) else ():
             marked[place] = dataclasses.replace(marked[place], best=True)
     return marked
 
@@ -191,25 +193,11 @@ def _fields(
     """Return the combinations of each row that compete."""
     fields: dict[Values, list[Combination]] = {}
     for key, place in places.items():
-        if _eligible(cells[place]) and is_rival(key, grid.down):
+        cell = cells[place]
+        eligible = cell.replicate == "seed" and not cell.missing and not math.isnan(cell.mean)
+        if eligible and is_rival(key, grid.down):
             fields.setdefault(place[: len(grid.across)], []).append(key)
     return list(fields.values())
-
-
-def _places(grid: Grid) -> dict[Combination, Values]:
-    """Return the place of each combination."""
-    first = {place: runs[0] for place, runs in grid.runs.items()}
-    factors = grid.rows[[*FACTORS]].to_numpy(dtype=str)
-    return {Combination(*map(str, factors[run])): place for place, run in first.items()}
-
-
-def _eligible(cell: TableCell) -> bool:
-    return cell.replicate == "seed" and not cell.missing and not math.isnan(cell.mean)
-
-
-def _whole(leaders: Sequence[Values], cells: Mapping[Values, TableCell]) -> list[Values]:
-    """Return those of the leaders that lost no runs, or all where each did."""
-    return [place for place in leaders if cells[place].complete] or [*leaders]
 
 
 # The three files that every study leaves: table.md, table.csv, table.tex.
@@ -262,7 +250,9 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
                     numbers = cell_columns(grid, metric)
                     file.writelines(_csv_lines(numbers, metric, fixed))
                     if metric in SECTIONS and len(grid.runs) <= MANY_CELLS and numbers.applies:
-                        sections[metric] = markdown(_news(beside_others(numbers, metric), main))
+                        table = beside_others(numbers, metric)
+                        news = tuple(note for note in table.footnotes if note not in main.footnotes)
+                        sections[metric] = markdown(dataclasses.replace(table, footnotes=news))
 
     write_atomically(folder / "table.csv", write_csv)
     ordered = dict.fromkeys([first, *SECTIONS])
@@ -294,8 +284,3 @@ def _csv_lines(numbers: CellColumns, metric: str, fixed: tuple[IntArray, tuple[l
     beginning = (repeat(csv_head(metric, quantity(metric).unit)), labels, of.kind[order].tolist(), mean, low, high)
     end = (counts, missing, words, repeat(NO_RATIO), lower, upper, locked, shares, geometric)
     return map(csv_line, zip(*beginning, *end, strict=False))
-
-
-def _news(table: Table, main: Table) -> Table:
-    """Return ``table`` without the footnotes that stand under the first one already."""
-    return dataclasses.replace(table, footnotes=tuple(n for n in table.footnotes if n not in main.footnotes))
