@@ -234,7 +234,7 @@ def report(
         JerkbenchError: there are no results.
     """
     from jerkbench.jobs.cluster import processors
-    from jerkbench.report.choice import figures_choice
+    from jerkbench.report import figures_choice
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study_figures import Request
     from jerkbench.results.study_report import REPORT, write_report

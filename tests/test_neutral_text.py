@@ -87,7 +87,8 @@ def test_an_option_that_there_is_not_cannot_be_added(tmp_path, word, mode):
 @pytest.mark.parametrize(
     ("words", "printed"),
     [([], "usage: jerkbench"), (["help"], "usage: jerkbench"), (["help", "table"], "usage: jerkbench table"),
-     (["help", "run"], "jerkbench run [-m]"), (["show", "mtf"], "adaptation mtf")],
+     (["help", "run"], "jerkbench run [-m]"), (["show", "mtf"], "adaptation mtf"),
+     (["show", "attitude=vqf"], "attitude vqf")],
 )  # fmt: skip
 def test_help_lists_and_show_finds(tmp_path, words, printed):
     done = verb(*words, cwd=tmp_path)

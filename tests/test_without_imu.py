@@ -14,7 +14,7 @@ from jerkbench.disturbances.imu import ImuBias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
-from jerkbench.filters.constant_velocity import ConstantVelocity
+from jerkbench.filters.kinematic import ConstantVelocity
 from jerkbench.inspection.facts import facts_text
 from jerkbench.jobs.inputs import attitude_of
 from jerkbench.recording import Position, Recording, Reference, Velocity

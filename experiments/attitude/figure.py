@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.audit.attitude.methods import AS_THEY_COME
 from jerkbench.audit.attitude.trials import DOMAINS, all_trials
 from jerkbench.audit.attitude.verdicts import TiltErrors, tuned
-from jerkbench.evaluation.navigation_errors import angle_between
+from jerkbench.evaluation.counted_rows import angle_between
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -1,5 +1,6 @@
 """What every attitude filter shares: its start, and what it ends with: yaw, Omega, gravity compensation."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,6 @@ from jerkbench.attitude.alignment import ALIGNMENTS, start_remarks, tilt_start
 from jerkbench.attitude.yaw import (
     YAW_SOURCES,
     estimate_yaw,
-    require_headings,
     select_headings,
     yaw_remarks,
 )
@@ -127,7 +127,8 @@ class TiltAndYaw(ABC):
         Raises:
             RecordingError: the recording has no such yaw source, or no track to start from.
         """
-        require_headings(load, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
+        if self.yaw_source not in ("auto", "gyro_only"):
+            select_headings(load(), self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
         if self.alignment == "track":
             tilt_start(load(), None, "track")
 
@@ -155,3 +156,21 @@ class TiltAndYaw(ABC):
         for name, available in choices.items():
             if getattr(self, name) not in available:
                 raise PluginError(unknown(f"{name} of attitude {self.name}", getattr(self, name), available))
+
+
+# The unit quaternion w, a, b, c of `madgwick` and `mahony`, which turns the body into ENU.
+
+
+def quaternion_of(x: FloatArray) -> FloatArray:
+    """Return (4,) the rotation whose vertical is x = Omega^T e3 (3,), with yaw 0."""
+    roll, pitch = roll_pitch(x)
+    cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    return np.array([cr * cp, sr * cp, cr * sp, -sr * sp])
+
+
+def set_quaternion(q: FloatArray, w: float, a: float, b: float, c: float, x: FloatArray) -> None:
+    """Put (w, a, b, c), brought to length 1, into q (4,), and its vertical into x (3,); for a compiled loop."""
+    length = math.sqrt(w * w + a * a + b * b + c * c)
+    w, a, b, c = w / length, a / length, b / length, c / length
+    q[0], q[1], q[2], q[3] = w, a, b, c
+    x[0], x[1], x[2] = 2.0 * (a * c - w * b), 2.0 * (w * a + b * c), 1.0 - 2.0 * (a * a + b * b)

@@ -8,8 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatMatrix, FloatVector, require_not_negative
 from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
-from jerkbench.attitude.quaternion import quaternion_of, set_quaternion
+from jerkbench.attitude.common import TiltAndYaw, Verticals, quaternion_of, run_samples, set_quaternion
 from jerkbench.parameters import DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -198,13 +198,15 @@ def filter_drift(courses: Courses, rate: tuple[float, float], walk_rad_per_sqrt_
         if not states:
             states.append((t, *_begun(z, lag, sigma, prior[0], prior[1] ** 2)))
             continue
-        x, P = _predicted(*states[-1], t, walk_rad_per_sqrt_s)
+        since, x, P = states[-1]
+        F = np.array([[1.0, t - since], [0.0, 1.0]])
+        x, P = F @ x, F @ P @ F.T + (t - since) * np.diag([walk_rad_per_sqrt_s**2, YAW_BIAS_WALK**2])
         H = np.array([1.0, -lag])
         innovation, S = float(wrap_angle(z - H @ x)), float(H @ P @ H) + sigma**2
         if innovation**2 <= CONTRADICTION_SIGMAS**2 * S:
             K = P @ H / S
             states.append((t, x + K * innovation, P - np.outer(K, K) * S))
-        elif dropped == k - 1 and _agree(courses, k - 1, k):
+        elif dropped == k - 1 and _agree(courses, k - 1, k):  # two that contradict what was known, and not each other
             states.append((t, *_begun(z, lag, sigma, x[1], P[1, 1])))
         else:
             dropped = k
@@ -231,12 +233,6 @@ def _begun(z: float, lag: float, sigma: float, rate: float, variance: float) -> 
     """State and covariance after one course, z = offset - lag rate."""
     P = np.array([[sigma**2 + lag**2 * variance, lag * variance], [lag * variance, variance]])
     return np.array([z + lag * rate, rate]), P
-
-
-def _predicted(since: float, x: FloatArray, P: FloatArray, t: float, walk: float) -> tuple[FloatArray, FloatArray]:
-    dt = t - since
-    F = np.array([[1.0, dt], [0.0, 1.0]])
-    return F @ x, F @ P @ F.T + dt * np.diag([walk**2, YAW_BIAS_WALK**2])
 
 
 def _agree(courses: Courses, first: int, second: int) -> bool:

@@ -1,7 +1,6 @@
 """The yaw filter: one state, the offset between yaw and the integrated yaw rate; and where its headings come from."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -168,16 +167,6 @@ def required_track(recording: Recording, least_m: float = LEAST_CHORD_M) -> Trac
     return track
 
 
-def require_headings(load: Callable[[], Recording], source: str, min_speed_mps: float, sigma_min_rad: float) -> None:
-    """Check, before anything runs, that a source that was asked for is there; ``load`` gives the recording.
-
-    Raises:
-        RecordingError: it is not.
-    """
-    if source not in ("auto", "gyro_only"):
-        select_headings(load(), source, min_speed_mps, sigma_min_rad)
-
-
 def course_headings(velocity: Velocity, min_speed_mps: float, sigma_min_rad: float) -> Heading:
     """Return the course of each horizontal ENU velocity above the minimal speed.
 
@@ -249,9 +238,5 @@ def yaw_remarks(recording: Recording, source: str, min_speed_mps: float, sigma_m
         return (YAW_UNKNOWN,)
     if not isinstance(selected, Track):
         return ()
-    return (YAW_COARSE,) if is_coarse(selected) else (YAW_TRACKED,)
-
-
-def is_coarse(track: Track) -> bool:
-    """Whether most courses of a track are less sure than one likes them."""
-    return bool(np.median(track.chords.sigma_rad) > FINE_RAD)
+    coarse = np.median(selected.chords.sigma_rad) > FINE_RAD  # most courses are less sure than one likes them
+    return (YAW_COARSE,) if coarse else (YAW_TRACKED,)

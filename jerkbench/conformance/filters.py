@@ -20,7 +20,7 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.sums import scored, sums_from, sums_of
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.plugins import create
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun

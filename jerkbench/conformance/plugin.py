@@ -29,8 +29,8 @@ from jerkbench.contracts import Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.gnss_only import GnssOnly
+from jerkbench.filters.kinematic import Baseline
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of

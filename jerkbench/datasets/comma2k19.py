@@ -216,6 +216,9 @@ class Comma2k19:
         segment = read_comma_segment(self._folder())
         line = _clock(segment)
         position, origin, leaps = self._fixes(segment, line)
+        begin_s = float(
+            (segment.imu_log_s[0] - line[1]) / line[0]
+        )  # of the first IMU sample, after the first fix's UTC
         return Recording(
             name="comma2k19",
             imu=self._imu(segment),
@@ -224,7 +227,8 @@ class Comma2k19:
             velocity=self._wheel(segment) if self.wheel else None,
             heading=self._course(segment, line),
             origin=origin,
-            start_utc=_start_utc(segment, line),
+            start_utc=datetime(1970, 1, 1, tzinfo=UTC)
+            + timedelta(milliseconds=float(segment.gnss[0, 3]), seconds=begin_s),
             notes=(*leaps, *NOTES, *((FITTED,) if self._fitted() else ())),
         )
 
@@ -299,9 +303,3 @@ def _clock(segment: CommaSegment) -> FloatArray:
         raise RecordingError(f"The UTC of fix {back[0] + 1} is not later than that of the fix before; copy it again.")
     line, *_ = np.linalg.lstsq(_utc_s(segment), segment.gnss_log_s, rcond=None)
     return np.asarray(line)
-
-
-def _start_utc(segment: CommaSegment, line: FloatArray) -> datetime:
-    """UTC of the first IMU sample, by the line."""
-    since_s = (segment.imu_log_s[0] - line[1]) / line[0]
-    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=float(segment.gnss[0, 3]), seconds=float(since_s))

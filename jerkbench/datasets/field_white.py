@@ -130,7 +130,9 @@ class FieldWhite(Sensors):
     def __post_init__(self) -> None:
         """Check that every choice exists, the rates fit and every number makes sense."""
         self.check_sensors(self._what)
-        self._check_signs()
+        require_positive(self._what, self, POSITIVE)
+        require_not_negative(self._what, self, NOT_NEGATIVE)
+        require_axes(self._what, self, ("rut_force_mps2",), positive=False)
         require_multiple(self._what, self, "sensor_rate_hz", "imu_rate_hz")
         self.check_length(self._what, self.duration_s)
         self._check_counts()
@@ -198,12 +200,6 @@ class FieldWhite(Sensors):
     @property
     def _what(self) -> str:
         return f"dataset {self.recording_name}"
-
-    def _check_signs(self) -> None:
-        """Check that lengths and sigmas are positive, and strengths not negative."""
-        require_positive(self._what, self, POSITIVE)
-        require_not_negative(self._what, self, NOT_NEGATIVE)
-        require_axes(self._what, self, ("rut_force_mps2",), positive=False)
 
     def _check_counts(self) -> None:
         """Check that what happens within a sample, and how often, can be held in memory."""

@@ -1,12 +1,15 @@
-"""Any ROS bag: a map from topics to what they measure, or a guess that says what it chose."""
+"""ROS bags: any, by a map from topics to what they measure or a guess, and those of a Fixposition Vision-RTK 2."""
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from jerkbench.arrays import require_choices
+from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.io.ros.assembly import BagDataset, Loaded, with_courses
-from jerkbench.io.ros.bag import Bag
+from jerkbench.io.ros.bag import Bag, Topic
 from jerkbench.io.ros.extract import Frames
-from jerkbench.io.ros.roles import TopicPlan, complete_plan
+from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, Role, TopicPlan, complete_plan, is_ecef
 from jerkbench.io.ros.streams import POSE_FRAMES, VELOCITY_FRAMES
 from jerkbench.plugins import register
 
@@ -96,3 +99,138 @@ class RosBag(BagDataset):
             reference_independent=self.reference_independent,
         )
         return plan, frames
+
+
+# The topics of the Fixposition Vision-RTK 2 driver, versions 4 to 8.
+
+ODOMETRIES = ("odometry_ecef", "odometry")
+"""Last part of the topic with the fusion in ECEF: of drivers from 6.2 on, and before."""
+
+IMUS = ("poiimu", "corrimu", "rawimu")
+FUSED_FIX = "navsatfix"
+"""Drivers before 6.1 publish no antenna, only the fusion's own position."""
+
+
+def find_odometry(bag: Bag, namespace: str) -> Topic:
+    """Return the topic with the fusion's solution in ECEF.
+
+    Raises:
+        RecordingError: there is none; says which topics there are.
+    """
+    odometries = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and _fits(t.name, namespace, ODOMETRIES)]
+    odometries.sort(key=lambda topic: ODOMETRIES.index(_last(topic.name)))
+    for topic in odometries:
+        position = bag.read({topic.name: ["position"]})[topic.name]["position"]
+        if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the fusion starts it may write zeros
+            return topic
+    listing = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
+    reason = (
+        f"{odometries[0].name} is not in ECEF"
+        if odometries
+        else f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
+    )
+    raise RecordingError(
+        f"{bag.path} is no Fixposition recording: {reason}. There are: {listing}. Give namespace, or read it with"
+        " dataset=rosbag."
+    )
+
+
+def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> TopicPlan:
+    """Return which topic has which role, with notes about the generation of the driver.
+
+    Raises:
+        RecordingError: odometry, IMU or positions are missing.
+    """
+    odometry = find_odometry(bag, namespace).name
+    space = odometry.rsplit("/", 1)[0]
+    topics: dict[Role, str] = {"imu": _require_topic(bag, space, imu, IMU, "imu")}
+    notes = []
+    if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
+        topics["position"] = f"{space}/{FUSED_FIX}"
+        notes.append(
+            f"The driver published no {space}/{gnss} (older than 6.1): positions are {space}/{FUSED_FIX}, the"
+            " sensor's own fusion, the same as the reference."
+        )
+    else:
+        topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
+    if velocity:
+        topics["velocity"] = odometry
+    if heading:
+        topics["heading"] = odometry
+    topics["reference"] = odometry
+    return TopicPlan(topics, tuple(notes))
+
+
+def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
+    """Return the topic ``space/name``; without one, raise an error that lists the topics of that type."""
+    if _has(bag, f"{space}/{name}"):
+        return f"{space}/{name}"
+    suitable = [t.name for t in bag.topics if t.msgtype == msgtype and t.count]
+    raise RecordingError(
+        f"{bag.path} has no messages in {space}/{name}; of its type it has {', '.join(suitable) or 'no topic'}: give"
+        f" {parameter}, the last part of the topic's name."
+    )
+
+
+def _has(bag: Bag, name: str) -> bool:
+    return any(topic.name == name and topic.count for topic in bag.topics)
+
+
+def _fits(name: str, namespace: str, last: tuple[str, ...]) -> bool:
+    return _last(name) in last and (not namespace or name.startswith(f"/{namespace.strip('/')}/"))
+
+
+def _last(name: str) -> str:
+    return name.rsplit("/", 1)[-1]
+
+
+VELOCITIES = ("none", "odometry")
+HEADINGS = ("none", "odometry")
+
+
+@register("dataset", "fixposition")
+@dataclass(frozen=True)
+class Fixposition(BagDataset):
+    """A recording of a Fixposition Vision-RTK 2 (ROS driver versions 4 to 8).
+
+    The topics are found by their last parts, in whatever namespace::
+
+        odometry_ecef or odometry   the sensor's own fusion, ECEF: the reference, and velocities in the body
+        poiimu                      bias-corrected specific force and angular rate at the point of interest
+        gnss1                       fixes of antenna 1; drivers before 6.1 have navsatfix instead, which is the fusion's
+
+    The fusion uses the same antennas and the same IMU, and cameras: it is **not an independent reference**, and the
+    velocities come from it too. Fixes state their covariance in the order north, east, up. Stamps of drivers 6.1.0 and
+    6.1.1, which never fill in the fixes' stamps, are replaced by the time of recording less its usual delay.
+
+    Source: the driver's public code and documentation (github.com/fixposition/fixposition_driver).
+
+    Attributes:
+        namespace: of the topics, if there are several; empty: found.
+        imu: last part of the IMU's topic: poiimu, corrimu or rawimu.
+        gnss: last part of the fixes' topic: gnss1 or gnss2.
+        velocity: odometry, or none.
+        heading: odometry, or none.
+    """
+
+    earliest_utc: str = "2017-01-01"
+    covariance_order: str = "neu"
+    namespace: str = ""
+    imu: str = "poiimu"
+    gnss: str = "gnss1"
+    velocity: str = "odometry"
+    heading: str = "none"
+
+    def __post_init__(self) -> None:
+        """Check that every choice exists."""
+        self.check_options()
+        for name, available in (("velocity", VELOCITIES), ("heading", HEADINGS)):
+            if getattr(self, name) not in available:
+                raise PluginError(unknown(f"{name} of fixposition", getattr(self, name), available))
+
+    def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+        """Return the topics of the driver, and their frames."""
+        velocity, heading = self.velocity == "odometry", self.heading == "odometry"
+        plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
+        source = f"the sensor's own fusion ({plan.topics['reference']})"
+        return plan, Frames(covariance_order=self.covariance_order, reference="ecef", reference_source=source)

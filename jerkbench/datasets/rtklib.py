@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_choices, require_lengths
+from jerkbench.arrays import require_choices, require_lengths
 from jerkbench.errors import PluginError
 from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, with_common_time
 from jerkbench.io.files import find_file, fingerprint, recording_folder
@@ -33,7 +33,7 @@ from jerkbench.io.rtklib_logs import ImuLog, ImuMap, read_imu_log, read_imu_tabl
 from jerkbench.io.sanitiser import possible_imu, repeat_notes
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
-from jerkbench.recording import Imu, Recording, Reference
+from jerkbench.recording import Recording, Reference
 
 
 @register("dataset", "rtklib")
@@ -148,12 +148,21 @@ class RtklibDrive:
         position, origin = fixes.position(t_s)
         speed_mps = ground_speed(fixes, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
-        imu = possible_imu(str(imu_path), self._in_body(log))
+        turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
+        turn = turn @ axes_matrix(self.imu_axes)
+        imu = imu_in_body(log.t_s, log.accel, log.gyro, (self.accel_unit, self.gyro_unit), turn)
+        imu = possible_imu(str(imu_path), imu)
         imu = calibrated_at_rest(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
-            reference=self._reference(t_s, position.enu_m, speed_mps),
+            reference=Reference(
+                t_s,
+                source="the receiver's own fixes",
+                independent=False,
+                enu_m=position.enu_m,
+                scored=speed_mps >= self.min_speed_mps,
+            ),
             position=position,
             velocity=velocity_of_fixes(fixes, t_s, self.velocity_latency_s),
             origin=origin,
@@ -190,17 +199,3 @@ class RtklibDrive:
         text = TextFormat(self.imu_separator, self.imu_header)
         times = (self.imu_time, self.imu_week, self.imu_time_unit, self.imu_epoch)
         return read_imu_table(path, ImuMap(text, *times, self.imu_accel, self.imu_gyro), self.gpst_minus_utc_s)
-
-    def _in_body(self, log: ImuLog) -> Imu:
-        turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
-        turn = turn @ axes_matrix(self.imu_axes)
-        return imu_in_body(log.t_s, log.accel, log.gyro, (self.accel_unit, self.gyro_unit), turn)
-
-    def _reference(self, t_s: FloatArray, enu_m: FloatArray, speed_mps: FloatArray) -> Reference:
-        return Reference(
-            t_s,
-            source="the receiver's own fixes",
-            independent=False,
-            enu_m=enu_m,
-            scored=speed_mps >= self.min_speed_mps,
-        )

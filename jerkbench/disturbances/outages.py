@@ -18,7 +18,7 @@ from jerkbench.disturbances.common import (
 )
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
-from jerkbench.recording import Heading, Recording
+from jerkbench.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,13 @@ class GnssOutage(OutageWindows):
         """Return the recording without GNSS in the windows."""
         windows, velocity, heading = self.windows_in(recording), recording.velocity, recording.heading
         is_wheel = velocity is not None and velocity.frame == "speed"
+        goes = heading is not None and (heading.source == "course" or (self.heading and heading.source != "odometry"))
         return replace(
             self.announced_in(recording),
             position=without(recording.position, windows),
             velocity=velocity if is_wheel else without(velocity, windows),
-            heading=without(heading, windows) if self._takes(heading) else heading,
+            heading=without(heading, windows) if goes else heading,
         )
-
-    def _takes(self, heading: Heading | None) -> bool:
-        if heading is None or heading.source == "odometry":
-            return False
-        return heading.source == "course" or self.heading
 
 
 @register("disturbance", "position_outage")

@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import AnyStream, Once, own_stream, require_values, rows_of
 from jerkbench.plugins import register
-from jerkbench.recording import Imu, Recording
+from jerkbench.recording import Recording
 
 
 @register("disturbance", "latency")
@@ -84,18 +84,18 @@ class Jitter(Once):
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the stamps of ``seed``."""
+        imu = recording.imu
+        if imu is not None:
+            t_s = jittered(imu.t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))
+            t_s[[0, -1]] = imu.t_s[[0, -1]]
+            imu = replace(imu, t_s=t_s)
         return replace(
             recording,
-            imu=None if recording.imu is None else self._restamped_imu(recording.imu, seed),
+            imu=imu,
             position=self._restamped(recording.position, seed, "position"),
             velocity=self._restamped(recording.velocity, seed, "velocity"),
             heading=self._restamped(recording.heading, seed, "heading"),
         )
-
-    def _restamped_imu(self, imu: Imu, seed: int) -> Imu:
-        t_s = jittered(imu.t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))
-        t_s[[0, -1]] = imu.t_s[[0, -1]]
-        return replace(imu, t_s=t_s)
 
     def _restamped(self, measured: AnyStream | None, seed: int, name: str) -> AnyStream | None:
         if measured is None:

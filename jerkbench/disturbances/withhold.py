@@ -1,11 +1,13 @@
-"""Fixes that the filter does not get: left out, or kept for the reference."""
+"""What the filter gets, and what is scored: fixes left out, or kept for the reference; errors that count in motion."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.disturbances.common import Phased, fixes_of, require_values, rows_of
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.disturbances.common import Once, Phased, fixes_of, require_values, rows_of
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 from jerkbench.timeline import nanoseconds
@@ -102,7 +104,10 @@ def _kept_velocity(velocity: Velocity, fixes_t_s: FloatArray, kept: BoolArray) -
     for group in np.unique(axes):
         rows = np.flatnonzero(axes == group)
         if _same_rate(velocity.t_s[rows], fixes_t_s):
-            keep[rows] = kept[_epochs(velocity.t_s[rows], fixes_t_s)]
+            epochs = np.arange(len(rows))
+            if len(rows) != len(fixes_t_s):  # a row belongs to the first fix not before it
+                epochs = np.searchsorted(nanoseconds(fixes_t_s), nanoseconds(velocity.t_s[rows]))
+            keep[rows] = kept[np.minimum(epochs, len(fixes_t_s) - 1)]
     return keep
 
 
@@ -111,13 +116,6 @@ def _same_rate(t_s: FloatArray, fixes_t_s: FloatArray) -> bool:
         return True  # too few to tell: withhold with the fixes rather than leak
     interval, fixes = np.median(np.diff(t_s)), np.median(np.diff(fixes_t_s))
     return bool(abs(interval - fixes) <= SAME_RATE * fixes)
-
-
-def _epochs(t_s: FloatArray, fixes_t_s: FloatArray) -> IntArray:
-    """Return the row of the fix that each row of the velocity belongs to."""
-    if len(t_s) == len(fixes_t_s):
-        return np.arange(len(t_s))
-    return np.minimum(np.searchsorted(nanoseconds(fixes_t_s), nanoseconds(t_s)), len(fixes_t_s) - 1)
 
 
 def _reference(reference: Reference, position: Position, withheld: BoolArray) -> Reference:
@@ -129,3 +127,87 @@ def _reference(reference: Reference, position: Position, withheld: BoolArray) ->
     if reference.enu_m is not None and same.sum() == len(t_s):
         return rows_of(reference, same, source=SOURCE)
     return Reference(t_s, SOURCE, independent=False, enu_m=position.enu_m[withheld])
+
+
+# Errors that count while the vehicle moves, so many times a second.
+
+HALF_S = 0.5
+"""The speed is the reference's mean over a second."""
+
+SPEED_GAP_S = 1.5
+"""In a longer gap of the reference no speed is known."""
+
+
+@register("disturbance", "score_moving")
+@dataclass(frozen=True)
+class ScoreMoving(Once):
+    """Errors count only where the reference moves, at most once in 1/``rate_hz`` seconds; nothing else changes.
+
+    A recording that stands still for half of its time would mostly say how well a filter stands still, and a reference
+    of 100 Hz would count a hundred times as much as one of 1 Hz. The horizontal speed is that of the reference over a
+    second, |p(t + .5 s) - p(t - .5 s)|/1 s, linear between its stamps; where it has a gap of more than 1.5 s, nothing
+    counts. Of each interval of 1/``rate_hz`` the first stamp that moves counts.
+
+    Attributes:
+        rate_hz: how often errors count.
+        slowest_mps: slower is standing still.
+        fix_s: errors count only where a fix is at most so far away in time; 0: in gaps of the fixes, too.
+    """
+
+    seeded: ClassVar[bool] = False
+
+    rate_hz: float = 1.0
+    slowest_mps: float = 0.5
+    fix_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that the rate is one, and that nothing is negative."""
+        if not 0 < self.rate_hz < np.inf:
+            raise PluginError(f"rate_hz is {self.rate_hz}; it must be positive.")
+        for name in ("slowest_mps", "fix_s"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise PluginError(f"{name} is {getattr(self, name)}; it must be 0 or more.")
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with fewer stamps of its reference scored; ``seed`` changes nothing.
+
+        Raises:
+            RecordingError: its reference has no positions, or it has no fixes where ``fix_s`` asks for them.
+        """
+        reference = recording.reference
+        counts = reference.scored & (horizontal_speed(reference, recording.name) > self.slowest_mps)
+        if self.fix_s:
+            fix_s = fixes_of(recording, "so none is near.").t_s
+            after = np.clip(np.searchsorted(fix_s, reference.t_s), 1, len(fix_s) - 1)
+            away_s = np.minimum(np.abs(fix_s[after] - reference.t_s), np.abs(fix_s[after - 1] - reference.t_s))
+            counts &= away_s <= self.fix_s
+        return replace(recording, reference=replace(reference, scored=self._thinned(reference.t_s, counts)))
+
+    def _thinned(self, t_s: FloatArray, counts: BoolArray) -> BoolArray:
+        """Return (k,) the first stamp of each interval that ``counts``."""
+        places = np.flatnonzero(counts)
+        _, first = np.unique(np.floor(t_s[places] * self.rate_hz + 1e-6), return_index=True)
+        thinned = np.zeros(len(t_s), dtype=np.bool_)
+        thinned[places[first]] = True
+        return thinned
+
+
+def horizontal_speed(reference: Reference, name: str) -> FloatArray:
+    """Return (k,) the horizontal speed over a second at each stamp [m/s]; NaN where it is not known.
+
+    Raises:
+        RecordingError: the reference of the recording ``name`` has no two places.
+    """
+    places = reference.enu_m
+    known = np.isfinite(places).all(axis=1) if places is not None else np.zeros(0, dtype=np.bool_)
+    if places is None or known.sum() < 2:
+        raise RecordingError(f"The reference of {name} has no positions, so that no speed is known.")
+    own_s, own_m = reference.t_s[known], places[known]
+    moved = np.zeros((len(reference.t_s), 2))
+    inside = np.ones(len(reference.t_s), dtype=np.bool_)
+    for sign in (1.0, -1.0):
+        t_s = reference.t_s + sign * HALF_S
+        after = np.clip(np.searchsorted(own_s, t_s), 1, len(own_s) - 1)
+        inside &= (t_s >= own_s[0]) & (t_s <= own_s[-1]) & (own_s[after] - own_s[after - 1] <= SPEED_GAP_S)
+        moved += sign * np.column_stack([np.interp(t_s, own_s, own_m[:, axis]) for axis in (0, 1)])
+    return np.where(inside, np.hypot(*moved.T) / (2.0 * HALF_S), np.nan)

@@ -1,4 +1,4 @@
-"""The stamps of an estimate at which errors count: after the burn-in, and where the reference knows something."""
+"""The stamps of an estimate at which errors count, where the reference knows something; and the errors there."""
 
 from typing import Any, NamedTuple
 
@@ -7,6 +7,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
+from jerkbench.geometry import vertical_in_body, wrap_angle
 from jerkbench.recording import Recording, Reference
 
 POSITION_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_east": (0,), "_north": (1,), "_up": (2,)}
@@ -57,7 +58,8 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
     velocity = np.array([counted & on_all(moving, axes) for axes in VELOCITY_AXES.values()])
     t_s, complete = rows_at(reference.t_s, index), on_all(located, (0, 1, 2))
     start_s = first_counted_s(reference, index, counted)
-    inside = inside_outages(t_s, recording.outages_s) & complete
+    begin, end = recording.outages_s[:, :1], recording.outages_s[:, 1:]  # at the end itself a fix may already have come
+    inside = (t_s >= begin) & (t_s < end) & complete
     outages = _outages(inside & (t_s >= start_s), t_s, recording)
     return Rows(
         position,
@@ -115,13 +117,6 @@ def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:
     if truth is None:
         return np.zeros((len(index), 3), dtype=bool)
     return np.asarray(np.isfinite(rows_at(truth, index)))
-
-
-def inside_outages(t_s: FloatArray, outages_s: FloatArray) -> BoolArray:
-    """Return (j, k) whether time k lies in outage j; at the end itself a fix may already have come."""
-    begin, end = outages_s[:, :1], outages_s[:, 1:]
-    rows: BoolArray = (t_s >= begin) & (t_s < end)
-    return rows
 
 
 def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArray:
@@ -187,3 +182,83 @@ def nothing_counts(recording: Recording, burn_in_s: float) -> str:
         f"{recording.duration_s:.2f} s, and no row of its reference after the burn-in is known, scored and reached; "
         "give a shorter burn-in, or a recording with a reference."
     )
+
+
+# Errors of an estimate at the reference's stamps, and their root mean square: one definition for every metric.
+
+
+def position_error_m(estimate: Estimate, recording: Recording) -> FloatArray:
+    """Return (k, 3) estimate less reference, ENU [m]; NaN where the reference is not known."""
+    return _error(estimate.position_m, recording.reference.enu_m, estimate)
+
+
+def position_error_length_m(estimate: Estimate, recording: Recording) -> FloatArray:
+    """Return (k,) the length of the position error [m]; NaN where it is not known or not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        length: FloatArray = np.sqrt(np.sum(position_error_m(estimate, recording) ** 2, axis=1))
+    return np.where(np.isfinite(length), length, np.nan)
+
+
+def velocity_error_mps(estimate: Estimate, recording: Recording) -> FloatArray:
+    """Return (k, 3) estimate less reference, ENU [m/s]; NaN where the reference is not known."""
+    return _error(estimate.velocity_mps, recording.reference.velocity_mps, estimate)
+
+
+def euler_error_rad(estimate: Estimate, recording: Recording) -> FloatArray:
+    """Return (k, 3) roll, pitch, yaw less reference, each wrapped to (-pi, pi]; NaN where it is not known."""
+    return wrap_angle(_error(estimate.euler_rad, recording.reference.euler_rad, estimate))
+
+
+def inclination_error_rad(estimate: Estimate, recording: Recording) -> FloatArray:
+    """Return (k,) the angle between estimated and true vertical, seen from the body; NaN where it is not known."""
+    truth = recording.reference.euler_rad
+    if truth is None:
+        return np.full(len(estimate.index), np.nan)
+    return angle_between(vertical_in_body(estimate.euler_rad), vertical_in_body(truth[estimate.index]))
+
+
+def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the angle (k,) [rad] between the rows of two (k, 3)."""
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
+
+
+def known(truth: FloatArray | None, estimate: Estimate, axes: tuple[int, ...] = (0, 1, 2)) -> BoolArray:
+    """Return (k,) whether all ``axes`` of the reference are numbers at the estimate's rows."""
+    if truth is None:
+        return np.zeros(len(estimate.index), dtype=bool)
+    return np.asarray(np.isfinite(truth[estimate.index][:, axes]).all(axis=1))
+
+
+def rms_norm(vectors: FloatArray) -> float:
+    """Return sqrt(mean |v|^2) over the rows of (k, m); NaN without rows, infinite where it overflows.
+
+    A NaN is not left out: an estimate that is not a number must not improve its own score.
+    """
+    if len(vectors) == 0:
+        return float("nan")
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
+
+
+def largest_norm(vectors: FloatArray) -> float:
+    """Return max |v| over the rows of (k, m); NaN without rows."""
+    if len(vectors) == 0:
+        return float("nan")
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.max(np.sqrt(np.sum(vectors**2, axis=1))))
+
+
+def rms(square: float, rows: float) -> float:
+    """Return sqrt(square/rows) of a sum of squares over so many rows; NaN without rows."""
+    return float(np.sqrt(mean(square, rows)))
+
+
+def mean(total: float, rows: float) -> float:
+    """Return total/rows; NaN without rows."""
+    return float(total / rows) if rows else float("nan")
+
+
+def _error(value: FloatArray, truth: FloatArray | None, estimate: Estimate) -> FloatArray:
+    if truth is None:
+        return np.full_like(value, np.nan)
+    return value - truth[estimate.index]

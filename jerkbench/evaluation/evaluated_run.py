@@ -5,12 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray
 from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts
-from jerkbench.evaluation.navigation_errors import position_error_m
+from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts, position_error_m
 from jerkbench.evaluation.sums import sums_of
 from jerkbench.optional import has_methods
 from jerkbench.recording import Recording
@@ -48,7 +47,8 @@ def why_stopped(estimate: Estimate) -> str:
 
 def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     t_s = recording.reference.t_s[estimate.index]
-    finite = np.isfinite(_state(estimate)).all(axis=1)
+    state = estimate.position_m if estimate.position_only else np.hstack([estimate.position_m, estimate.velocity_mps])
+    finite = np.isfinite(estimate.euler_rad if estimate.attitude_only else state).all(axis=1)
     if not finite.all():
         return f"The state is not finite at {t_s[np.argmin(finite)]:.2f} s."
     with np.errstate(over="ignore"):
@@ -58,13 +58,6 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
         return ""
     first = int(np.argmax(far))
     return f"The position error is {distance_m[first]:.0f} m at {t_s[first]:.2f} s; the limit is {limit_m:g} m."
-
-
-def _state(estimate: Estimate) -> FloatArray:
-    """What was estimated (k, n): position and velocity, or one of them and the angles alone."""
-    if estimate.attitude_only:
-        return estimate.euler_rad
-    return estimate.position_m if estimate.position_only else np.hstack([estimate.position_m, estimate.velocity_mps])
 
 
 # A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
@@ -159,12 +152,9 @@ def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str,
     for metric, columns in results:
         for column, value in columns.items():
             if column in values:
-                raise PluginError(_taken(column, owners[column], type(metric).__name__))
+                raise PluginError(
+                    f"The metrics {owners[column]} and {type(metric).__name__} both give the column '{column}'; rename"
+                    " it in one of them, or leave one out."
+                )
             values[column], owners[column] = float(value), type(metric).__name__
     return values
-
-
-def _taken(column: str, owner: str, second: str) -> str:
-    return (
-        f"The metrics {owner} and {second} both give the column '{column}'; rename it in one of them, or leave one out."
-    )

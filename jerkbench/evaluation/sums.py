@@ -101,6 +101,7 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     with np.errstate(over="ignore", invalid="ignore"):
+        grown_m, longer_s = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1), np.diff(rows.outages_s, axis=1)[:, 0]
         return Sums(
             position_m2=_over_axes([streamed.position_m2] * len(POSITION_AXES), POSITION_AXES),
             position_rows=numbers.position,
@@ -120,7 +121,7 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
             outage_rows=numbers.outage,
             outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
             outage_driven_m=rows.outages_driven_m,
-            outage_drifts_mps=_drifts_mps(pairs, rows.outages_s),
+            outage_drifts_mps=grown_m / np.where(longer_s > 0, longer_s, np.nan),
             outages=len(recording.outages_s),
             sampled_m=streamed.marked_m[ends:],
             sampled_m2=streamed.marked_m2[ends:],
@@ -152,13 +153,6 @@ def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) 
     return np.array([sum(of[axis] for axis in chosen) for of, chosen in zip(numbers, axes.values(), strict=True)])
 
 
-def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
-    """(j,) |e_last - e_first|/(t_last - t_first) of errors (j, 2, 3) at times (j, 2)."""
-    with np.errstate(all="ignore"):
-        grown = np.linalg.norm(error_m[:, 1] - error_m[:, 0], axis=1)
-        return np.asarray(grown / np.where(t_s[:, 1] > t_s[:, 0], t_s[:, 1] - t_s[:, 0], np.nan))
-
-
 # The scoring of a run that keeps no trajectory: its counted rows and its sums.
 
 
@@ -173,7 +167,8 @@ def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored
     It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
     nothing counts.
     """
-    outline = outline_of(timeline)
+    index = timeline.reference[timeline.reference >= 0]
+    outline = outlined(index, timeline.euler_rad[index])
     counted = counted_rows(outline, recording, burn_in_s)
     rows = counting(outline.index, recording, counted)
     located = known_axes(recording.reference.enu_m, outline.index).all()
@@ -182,14 +177,8 @@ def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored
     return Scored(scoring_of(recording, outline.index, rows), rows, counted, outline)
 
 
-def outline_of(timeline: Timeline) -> Estimate:
-    """Return an estimate without position, velocity and covariance (NaN)."""
-    index = timeline.reference[timeline.reference >= 0]
-    return outlined(index, timeline.euler_rad[index])
-
-
 def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
-    """Return the same for rows ``index`` (k,) of the reference, with the attitude (k, 3) there."""
+    """Return an estimate without position, velocity and covariance (NaN) at rows ``index`` (k,) of the reference."""
     unknown = np.broadcast_to(np.nan, (len(index), 6, 6))
     return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
 

@@ -285,19 +285,13 @@ def _settings(parameters: Eskf15Parameters, recording: Recording) -> InertialSet
 
 def _timeline(recording: Recording, attitude: Attitude) -> Timeline:
     """The events with the velocity as it is measured, and the start with the velocity in ENU."""
-    timeline = build_timeline(_as_measured(recording), attitude)
-    if _velocity_frame(recording) == "enu":
-        return timeline
+    if recording.velocity is None or recording.velocity.frame == "enu":
+        return build_timeline(recording, attitude)
+    as_measured = replace(recording, velocity=replace(recording.velocity, frame="enu"))  # its own attitude turns it
+    timeline = build_timeline(as_measured, attitude)
     turned = build_timeline(recording, attitude)
     return replace(timeline, x0=turned.x0, P0=turned.P0)
 
 
 def _velocity_frame(recording: Recording) -> str:
     return "enu" if recording.velocity is None else recording.velocity.frame
-
-
-def _as_measured(recording: Recording) -> Recording:
-    """The recording with its velocity taken as it is: this filter turns one of the body with its own attitude."""
-    if recording.velocity is None:
-        return recording
-    return replace(recording, velocity=replace(recording.velocity, frame="enu"))

@@ -10,9 +10,6 @@ from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.acceleration import Acceleration
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.bias import Bias
 from jerkbench.filters.common import (
     ACCEL,
     ACCEL_WALK,
@@ -27,8 +24,7 @@ from jerkbench.filters.common import (
     of_r_or_fading,
 )
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
-from jerkbench.filters.constant_velocity import ConstantVelocity
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, ConstantVelocity, Jerk
 from jerkbench.kalman import is_healthy
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register

@@ -43,7 +43,7 @@ from jerkbench.jobs.preflight import first_remarks
 from jerkbench.jobs.progress import Progress, Pulse, duration
 from jerkbench.jobs.run import run_missing
 from jerkbench.presets import config_folder, folder_words
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report import Choice, figures_choice
 from jerkbench.results.manifest import stretches
 from jerkbench.results.run_figures import draw_single
 from jerkbench.results.store import Store

@@ -23,7 +23,7 @@ from jerkbench.optional import preferred_attitude
 from jerkbench.presets import environment_variable
 from jerkbench.removed import refuse_removed
 from jerkbench.renamed import RENAMED, new_name
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report import Choice, figures_choice
 from jerkbench.timeline import RScale
 from jerkbench.yaml_files import require_small
 

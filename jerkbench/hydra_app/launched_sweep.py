@@ -25,7 +25,7 @@ from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.preflight import first_complaints, first_remarks
 from jerkbench.jobs.progress import Pulse, duration
 from jerkbench.jobs.run import run_missing
-from jerkbench.report.choice import figures_choice
+from jerkbench.report import figures_choice
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, concluded, load_study
 

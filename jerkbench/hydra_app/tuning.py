@@ -25,7 +25,7 @@ from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
 from jerkbench.optional import is_attitude_only
 from jerkbench.presets import user_folders
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.entrant import Site
 from jerkbench.tuning.evaluate import trial_table

@@ -25,7 +25,7 @@ COMPUTING = (
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("optional", "random_streams", "renamed", "sums", "tuning/splits"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
-    *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "navigation_errors", "sums")),
+    *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "sums")),
     "evaluation/statistics/correlated_errors",
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""

@@ -1,4 +1,4 @@
-"""Several kinematic filters mixed at each update; `jerkbench.filters._mixture` has the equations.
+"""Several kinematic filters mixed at each update; `jerkbench.filters.imm` has the equations.
 
 From Python: timelines in, an estimate with its trajectory or sums out. The compiled loop is in `mixing`.
 """

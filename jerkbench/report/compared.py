@@ -176,11 +176,6 @@ def print_comparison(comparison: StudyComparison) -> None:
         print_grid(*grid)
 
 
-def comparison_markdown(comparison: StudyComparison) -> str:
-    """Return the comparison as sections of Markdown."""
-    return "\n".join(markdown_grid(*grid) for grid in _grids(comparison))
-
-
 def comparison_json(comparison: StudyComparison) -> str:
     """Return the comparison as JSON; what is no number is null."""
     content = {
@@ -192,16 +187,13 @@ def comparison_json(comparison: StudyComparison) -> str:
     return json.dumps(content, indent=2) + "\n"
 
 
-def comparison_junit(comparison: StudyComparison) -> str:
-    """Return the comparison as a JUnit file: a case for each combination and metric."""
-    title = f"jerkbench compare {', '.join(part.metric for part in comparison.parts)}"
-    return junit(title, [case for part in comparison.parts for case in _cases(part)])
-
-
 WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
-    "md": comparison_markdown,
+    "md": lambda comparison: "\n".join(markdown_grid(*grid) for grid in _grids(comparison)),
     "json": comparison_json,
-    "junit": comparison_junit,
+    "junit": lambda comparison: junit(
+        f"jerkbench compare {', '.join(part.metric for part in comparison.parts)}",
+        [case for part in comparison.parts for case in _cases(part)],  # one for each combination and metric
+    ),
 }
 """Formats that are text."""
 

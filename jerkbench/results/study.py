@@ -179,7 +179,7 @@ def concluded(
 
 def write_study(study: Study) -> "Table":
     """Write rows.csv and the tables; returns the first of these."""
-    from jerkbench.report.tables.study_tables import write_tables
+    from jerkbench.report.tables.summary import write_tables
 
     write_atomically(study.folder / "rows.csv", lambda path: write_rows_csv(study.rows, path))
     return write_tables(study.rows, study.folder, study.notes)

@@ -12,15 +12,15 @@ from jerkbench import plugins
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import position_error_length_m
+from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.files import write_atomically
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, outcomes
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.recording import Recording
+from jerkbench.report import Choice
 from jerkbench.report.analysis.columns import METHOD, SCENARIO_FACTORS, competes
-from jerkbench.report.choice import Choice
 from jerkbench.report.drawings import (
     Drawing,
     Methods,

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from jerkbench.files import write_text
+from jerkbench.report import Choice
 from jerkbench.report.analysis.runs import RULE, VerdictRule
-from jerkbench.report.choice import Choice
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study

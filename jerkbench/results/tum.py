@@ -7,7 +7,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.navigation_errors import known
+from jerkbench.evaluation.counted_rows import known
 from jerkbench.files import write_text
 from jerkbench.recording import Recording
 

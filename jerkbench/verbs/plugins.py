@@ -40,6 +40,8 @@ def show_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.catalogue import kind_of, show_text, shown_json
 
+    if chosen.name is None and "=" in chosen.kind:  # as `run` takes it
+        chosen.kind, _, chosen.name = chosen.kind.partition("=")
     if chosen.name is None:
         chosen.kind, chosen.name = kind_of(chosen.kind), chosen.kind
     if chosen.format == "json":

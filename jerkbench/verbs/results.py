@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.choice import Choice
+from jerkbench.report import Choice
 from jerkbench.verbs.arguments import JUDGING, RUN_PROGRAMS, argument, chosen_method, chosen_rule, count, output, verb
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
     from jerkbench.jobs.cluster import processors
-    from jerkbench.report.choice import Choice
+    from jerkbench.report import Choice
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.results.replay import tell_left_out
     from jerkbench.results.study import load_study

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.optional import empty_memory
 from jerkbench.plugins import create
 

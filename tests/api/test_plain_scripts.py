@@ -21,7 +21,7 @@ REPORT = "print(api.report(study).is_file())"
 FILTER = """
 import jerkbench
 from dataclasses import dataclass
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 
 @jerkbench.register("filter", "mine")
 @dataclass(frozen=True)

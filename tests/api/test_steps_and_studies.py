@@ -14,7 +14,7 @@ from jerkbench import api, plugins
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.disturbances.imu import ImuBias
 from jerkbench.errors import JerkbenchError
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.results.study import Study, load_study
 
 ROOT = Path(__file__).parents[2]

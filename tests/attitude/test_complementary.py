@@ -5,9 +5,9 @@ import pytest
 from moved import RATE_HZ, G, degrees_between, pushed, recording, shaken, turning
 
 from jerkbench.attitude import common
+from jerkbench.attitude.common import quaternion_of
 from jerkbench.attitude.madgwick import Madgwick, run_madgwick
 from jerkbench.attitude.mahony import Mahony, run_mahony
-from jerkbench.attitude.quaternion import quaternion_of
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 

@@ -63,6 +63,16 @@ def test_a_constant_acceleration_is_taken_for_gravity_after_its_time_constant():
     np.testing.assert_allclose(x[-1, 0] / x[-1, 2], 1.0 / G, atol=1e-4)
 
 
+def test_a_constant_acceleration_shows_half_in_the_smoother_when_it_begins():
+    """The same low-pass forwards and backwards has the response 1/(1 + (w/wc)^4): a step of it is a closed form."""
+    tau, off = 1.0, {"rest_bias": False, "motion_bias": False}
+    x, _ = OfflineVqf(tau_acc_s=tau, **off).verticals(pushed([1.0, 0.0, 0.0], 20.0, rest_s=10.0))
+    share = (np.arange(2000) - 999.5) / 100.0 / tau
+    away = np.exp(-np.abs(share)) * np.cos(share) / 2
+    level = np.where(share > 0, 1.0 - away, away)
+    np.testing.assert_allclose(x[:, 0] / x[:, 2], level / G, atol=1e-5)
+
+
 def test_over_a_gap_the_rate_of_its_end_holds():
     """A second is missing in the middle of a turn."""
     drive, truth = turning([0.0, 0.4, 0.0], seconds=10.0)

@@ -10,7 +10,7 @@ import pytest
 
 from jerkbench.compilation.compiled_loop import RUNNING, run_beside
 from jerkbench.engines.compiled_engine import CompiledEngine
-from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.kinematic import Baseline
 from jerkbench.kinematic import loop
 
 

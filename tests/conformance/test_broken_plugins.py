@@ -17,7 +17,7 @@ from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.sums import Streamed
 
 

@@ -15,7 +15,7 @@ from jerkbench.errors import PluginError
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.rows import job_rows
 from made_jobs import with_method

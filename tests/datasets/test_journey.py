@@ -8,7 +8,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.datasets.journey import PLACE, SIGMA, VELOCITY, RealJourney
-from jerkbench.disturbances.score_moving import ScoreMoving
+from jerkbench.disturbances.withhold import ScoreMoving
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.testing import check_plugin
 

@@ -4,9 +4,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jerkbench import plugins
-from jerkbench.datasets.repoimu import ACCEL, ATTITUDE, GYRO, RepoImu
+from jerkbench.datasets.broad import ACCEL, ATTITUDE, GYRO, RepoImu
 from jerkbench.errors import RecordingError
-from jerkbench.evaluation.navigation_errors import angle_between
+from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.geometry import vertical_in_body
 from jerkbench.testing import check_plugin
 

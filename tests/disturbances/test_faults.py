@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.multipath import MultipathAllAxes, MultipathSingleAxis
+from jerkbench.disturbances.imu import WheelSlip
+from jerkbench.disturbances.multipath import MultipathAllAxes, MultipathSingleAxis, RtkFloat
 from jerkbench.disturbances.noise import Coloured, StatedCovariance
 from jerkbench.disturbances.position_errors import FalseFix, LeverArm, Outliers
-from jerkbench.disturbances.rtk_float import RtkFloat
 from jerkbench.disturbances.stamps import Latency
-from jerkbench.disturbances.wheel_slip import WheelSlip
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Reference
 

@@ -5,7 +5,7 @@ from jerkbench import plugins
 from jerkbench.disturbances.outages import OutageSweep, PositionOutage, VelocityOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.metrics.outage import Outage
+from jerkbench.evaluation.metrics.recovery import Outage
 from jerkbench.recording import Reference
 
 

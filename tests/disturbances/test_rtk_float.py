@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.rtk_float import RtkFloat, RtkFloatOverconfident
+from jerkbench.disturbances.multipath import RtkFloat, RtkFloatOverconfident
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.simulation.imu import gauss_markov
 

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.wheel_slip import WheelSlip
+from jerkbench.disturbances.imu import WheelSlip
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Reference, Velocity
 

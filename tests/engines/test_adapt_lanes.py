@@ -13,8 +13,7 @@ from jerkbench.adaptation.variational_bayes import VariationalBayes
 from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
 from jerkbench.compilation.lanes import above, chosen
 from jerkbench.engines.compiled_engine import CompiledEngine
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.optional import asked_in_lanes
 
 

@@ -14,8 +14,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.timeline import step_lengths
 from rough import rough_timeline
 

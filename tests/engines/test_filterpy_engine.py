@@ -11,10 +11,8 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.bias import Bias
 from jerkbench.filters.gnss_only import GnssOnly
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Baseline, Bias, Jerk
 from jerkbench.recording import Position
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest

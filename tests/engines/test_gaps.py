@@ -9,7 +9,7 @@ from exact_filter import ExactRun
 from jerkbench import plugins
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.measurements import Measurements
 from jerkbench.timeline import Timeline
 

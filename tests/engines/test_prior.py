@@ -12,7 +12,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from plain_filter import assert_follows, run_plain, update
 from rough import rough_timeline
 

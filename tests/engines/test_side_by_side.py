@@ -20,8 +20,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.evaluation.sums import can_stream, scored, sums_from, with_updates
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements

@@ -4,8 +4,14 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_rows import POSITION_AXES, VELOCITY_AXES, Rows, counting
-from jerkbench.evaluation.navigation_errors import position_error_m, velocity_error_mps
+from jerkbench.evaluation.counted_rows import (
+    POSITION_AXES,
+    VELOCITY_AXES,
+    Rows,
+    counting,
+    position_error_m,
+    velocity_error_mps,
+)
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
 

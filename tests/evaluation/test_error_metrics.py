@@ -10,8 +10,8 @@ import pytest
 
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.attitude import AttitudeRmse
-from jerkbench.evaluation.metrics.outage import Outage
 from jerkbench.evaluation.metrics.position import PositionRmse, VelocityRmse
+from jerkbench.evaluation.metrics.recovery import Outage
 
 BURN_IN_S = 5.0
 

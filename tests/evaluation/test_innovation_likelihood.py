@@ -11,7 +11,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.consistency import InnovationLikelihood
-from jerkbench.filters.constant_velocity import ConstantVelocity
+from jerkbench.filters.kinematic import ConstantVelocity
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.metrics.outage import OutageAxes
+from jerkbench.evaluation.metrics.recovery import OutageAxes
 
 
 def test_the_axes_are_the_naive_loop(estimate, recording):

@@ -17,9 +17,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.evaluation.metrics.position_bound import Motion, NoiseRows, PositionBound, position_variances
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.bias import Bias
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Baseline, Bias, Jerk
 from jerkbench.jobs.inputs import simulated
 from jerkbench.timeline import build_timeline
 

@@ -6,7 +6,7 @@ from scipy.linalg import solve_discrete_are
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.filters.acceleration import Acceleration
+from jerkbench.filters.kinematic import Acceleration
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 

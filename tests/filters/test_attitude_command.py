@@ -12,8 +12,8 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.madgwick import Madgwick
 from jerkbench.datasets.field import Field
 from jerkbench.errors import RecordingError
-from jerkbench.evaluation.navigation_errors import angle_between
-from jerkbench.filters.attitude_command import AttitudeCommand
+from jerkbench.evaluation.counted_rows import angle_between
+from jerkbench.filters.attitude_only import AttitudeCommand
 from jerkbench.geometry import vertical_in_body
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "any_language"

@@ -9,7 +9,7 @@ from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
-from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.kinematic import Baseline
 from jerkbench.timeline import build_timeline
 
 SIGMA_A_MPS2 = FieldWhite().accel_sigma_mps2

@@ -10,7 +10,7 @@ from jerkbench.conformance.plugin import check_plugin
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import no_attitude
 from jerkbench.filters.constant_turn import ConstantTurn, after_turn, turn_jacobian
-from jerkbench.filters.constant_velocity import ConstantVelocity
+from jerkbench.filters.kinematic import ConstantVelocity
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.timeline import build_timeline
 

@@ -11,10 +11,8 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
-from jerkbench.filters._mixture import combined, log_density, mixed, weighed
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.imm import InteractingMultipleModels
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.imm import InteractingMultipleModels, combined, log_density, mixed, weighed
+from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 

@@ -6,9 +6,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
-from jerkbench.filters.baseline import Baseline
-from jerkbench.filters.bias import Bias
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Baseline, Bias, Jerk
 from jerkbench.timeline import build_timeline
 
 

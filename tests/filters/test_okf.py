@@ -3,7 +3,7 @@ import pytest
 
 from jerkbench import api
 from jerkbench.errors import PluginError
-from jerkbench.filters.baseline import Baseline
+from jerkbench.filters.kinematic import Baseline
 from jerkbench.filters.okf import OptimisedKalmanFilter
 from jerkbench.testing import check_plugin
 

@@ -13,9 +13,8 @@ from jerkbench.datasets.path import DrivenPath
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.disturbances.withhold import Withhold
 from jerkbench.engines.compiled_engine import CompiledEngine
-from jerkbench.filters.baseline import Baseline
 from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.timeline import build_timeline
 
 REAL = Tilt(sigma_accel_mps2=0.5, propagation="exact")

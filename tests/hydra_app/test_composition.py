@@ -8,7 +8,7 @@ from hydra.types import RunMode
 from omegaconf import OmegaConf
 
 from jerkbench import plugins
-from jerkbench.filters.bias import Bias
+from jerkbench.filters.kinematic import Bias
 from jerkbench.hydra_app.composition import compose_jobs
 from jerkbench.hydra_app.configuration import Schema, register_hydra_parts, register_schemas
 from jerkbench.hydra_app.sweep_words import where_chosen

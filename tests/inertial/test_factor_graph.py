@@ -9,8 +9,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.eskf15_rts import Eskf15Smoother
+from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
 from jerkbench.filters.fgo import FactorGraph
 from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.inertial.factor_graph import Graph

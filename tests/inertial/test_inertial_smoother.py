@@ -13,8 +13,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.outages import GnssOutage
-from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.eskf15_rts import Eskf15Smoother
+from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
 from jerkbench.inertial.mechanisation import FLAT, process_noise
 from jerkbench.inertial.smoother import ForwardRun, backward
 from jerkbench.inertial.state import corrected, error_between

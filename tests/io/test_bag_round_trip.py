@@ -8,8 +8,7 @@ import pytest
 import jerkbench
 from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.datasets.fixposition import Fixposition
-from jerkbench.datasets.rosbag import RosBag
+from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import RecordingError
 from jerkbench.io.ros.writing import write_bag

@@ -50,7 +50,7 @@ def test_a_plugin_that_the_worker_does_not_have_is_named(identity):
 
 
 def test_another_version_of_a_plugin_is_refused(identity):
-    other = Foreign("filter jerk", "jerkbench.filters.jerk", "Jerk", "another")
+    other = Foreign("filter jerk", "jerkbench.filters.kinematic", "Jerk", "another")
 
     assert "another version of the filter jerk" in worker_refusal(replace(identity, plugins=(other,)))
 

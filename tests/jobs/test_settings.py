@@ -9,7 +9,7 @@ import pytest
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.imm import InteractingMultipleModels
-from jerkbench.filters.jerk import Jerk
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Protocol

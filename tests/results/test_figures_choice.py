@@ -8,7 +8,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.report.choice import Choice, figures_choice
+from jerkbench.report import Choice, figures_choice
 from jerkbench.report.drawings import by_difference, telling_scenes
 from jerkbench.results.content import Stored
 from jerkbench.results.selection import named_part

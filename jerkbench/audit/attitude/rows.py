@@ -15,7 +15,7 @@ from jerkbench.attitude.common import TiltAndYaw
 from jerkbench.attitude.vqf import OfflineVqf
 from jerkbench.audit.attitude.methods import AS_THEY_COME, TILT_METHODS, TILT_SETTINGS
 from jerkbench.audit.attitude.trials import TiltPiece, TiltTrial
-from jerkbench.evaluation.navigation_errors import angle_between
+from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.files import write_atomically
 from jerkbench.jobs.key import code_digest, versions
 from jerkbench.jobs.progress import Progress

@@ -12,9 +12,8 @@ import pandas as pd
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.alignment import TRACK_S
 from jerkbench.attitude.vqf import SILENCE_S
-from jerkbench.datasets.broad import ENDINGS, Broad
+from jerkbench.datasets.broad import ENDINGS, Broad, RepoImu
 from jerkbench.datasets.field import Field
-from jerkbench.datasets.repoimu import RepoImu
 from jerkbench.geometry import vertical_in_body
 from jerkbench.io.files import fingerprint
 from jerkbench.recording import Imu, Recording, Reference, Velocity

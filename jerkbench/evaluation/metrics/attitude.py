@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import (
+from jerkbench.evaluation.counted_rows import (
     angle_between,
     euler_error_rad,
     inclination_error_rad,

@@ -7,8 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, streaks
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import first_counted_s
-from jerkbench.evaluation.navigation_errors import known, mean, position_error_m
+from jerkbench.evaluation.counted_rows import first_counted_s, known, mean, position_error_m
 from jerkbench.evaluation.statistics.correlated_errors import whiteness_of_rows
 from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register

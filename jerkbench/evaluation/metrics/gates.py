@@ -7,9 +7,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_rows import first_counted_s
+from jerkbench.evaluation.counted_rows import first_counted_s, known, position_error_m
 from jerkbench.evaluation.metrics.recovery import LARGER, median_time_s, step_response
-from jerkbench.evaluation.navigation_errors import known, position_error_m
 from jerkbench.measurements import VARIANCE_FLOOR
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -8,8 +8,15 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import POSITION_AXES, VELOCITY_AXES, driven_m
-from jerkbench.evaluation.navigation_errors import known, position_error_m, rms, rms_norm
+from jerkbench.evaluation.counted_rows import (
+    POSITION_AXES,
+    VELOCITY_AXES,
+    driven_m,
+    known,
+    position_error_m,
+    rms,
+    rms_norm,
+)
 from jerkbench.evaluation.statistics.correlated_errors import block_interval
 from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register

@@ -158,39 +158,30 @@ def _family(scattered: BoolArray, resampled: Callable[[slice], FloatArray], one_
     """Return the distribution over the means that scatter; ``resampled`` gives |t| (k, B) of a part of these.
 
     Args:
-        scattered: (m,) which means do.
+        scattered: (m,) which means do; the scales of the others, which are constant, are 1.
         resampled: |t| of some of those.
         one_seed: (B,) which resamples have one seed only.
     """
-    scales, largest = _of_scattered(int(scattered.sum()), resampled, one_seed)
-    return MaxT(_with_constants(scales, scattered), np.sort(largest))
-
-
-def _with_constants(scales: Scales, scattered: BoolArray) -> Scales:
-    """Return the scales of all means; those of constant rows are 1."""
-    of_constants = {"quantile": 1.0, "slope": 1.0, "flat": 0.0}
-    whole = {name: np.full(len(scattered), value) for name, value in of_constants.items()}
-    for name, values in whole.items():
-        values[scattered] = getattr(scales, name)
-    return Scales(**whole)
-
-
-def _of_scattered(
-    count: int, resampled: Callable[[slice], FloatArray], one_seed: BoolArray
-) -> tuple[Scales, FloatArray]:
-    """Return the scales of the means, and the largest score (B,) of each resample."""
-    parts = [slice(start, start + ROWS_AT_ONCE) for start in range(0, count, ROWS_AT_ONCE)]
+    parts = [slice(start, start + ROWS_AT_ONCE) for start in range(0, int(scattered.sum()), ROWS_AT_ONCE)]
     own = [_scales(resampled(part)) for part in parts]
-    scales = Scales(*(_joined([getattr(part, name) for part in own]) for name in ("quantile", "slope", "flat")))
+    names = ("quantile", "slope", "flat")
+    scales = Scales(*(np.concatenate([np.empty(0), *(getattr(part, name) for part in own)]) for name in names))
     scales = scales.at_least_common()
     largest = np.where(one_seed, np.inf, -np.inf)
     for part in parts:
-        np.maximum(largest, _finite_scores(scales.rows(part), resampled(part)).max(axis=0), out=largest)
-    return scales, largest
-
-
-def _joined(parts: list[FloatArray]) -> FloatArray:
-    return np.concatenate(parts) if parts else np.empty(0)
+        t = resampled(part)
+        scores = scales.rows(part).score(t)
+        finite = np.where(
+            np.isfinite(t), scores, -np.inf
+        )  # one without spread has the score of the largest of the others
+        scores = np.where(np.isfinite(t), scores, finite.max(axis=1, keepdims=True))
+        np.maximum(largest, scores.max(axis=0), out=largest)
+    whole = {
+        name: np.full(len(scattered), of_constant) for name, of_constant in zip(names, (1.0, 1.0, 0.0), strict=True)
+    }
+    for name, values in whole.items():
+        values[scattered] = getattr(scales, name)
+    return MaxT(Scales(**whole), np.sort(largest))
 
 
 def _resampled(d: FloatArray, share: FloatArray) -> FloatArray:
@@ -228,13 +219,6 @@ def _scales(t: FloatArray) -> Scales:
     slope = np.log(tail / quantile[:, None]).sum(axis=1) / count
     share = flat.mean(axis=1)
     return Scales(np.where(share > TAIL, np.inf, quantile), np.maximum(slope, STEEPEST), share)
-
-
-def _finite_scores(scales: Scales, t: FloatArray) -> FloatArray:
-    """Return the scores of resamples; one without spread has that of the largest of the others."""
-    scores = scales.score(t)
-    finite = np.isfinite(t)
-    return np.where(finite, scores, np.where(finite, scores, -np.inf).max(axis=1, keepdims=True))
 
 
 @lru_cache(maxsize=4)

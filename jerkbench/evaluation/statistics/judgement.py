@@ -212,7 +212,10 @@ def intervals_of(comparisons: Sequence[LogRatios], tested: Family) -> FloatArray
         plain = np.array([comparisons[k].plain for k in places.tolist()], dtype=bool)
         if d.shape[1]:
             ends[:, places[plain]] = _of_means(d[plain], tested.critical[places[plain]])
-            ends[:, places[~plain]] = _of_medians(np.sort(d[~plain], axis=1), tested.confidence)
+            ordered = np.sort(d[~plain], axis=1)  # some may be infinite
+            ends[0, places[~plain]] = middles(ordered)
+            if d.shape[1] >= LEAST_SEEDS:
+                ends[1:, places[~plain]] = median_intervals(ordered, tested.confidence, exact=True)
     return ends
 
 
@@ -222,13 +225,6 @@ def _of_means(d: FloatArray, critical: FloatArray) -> tuple[FloatArray, ...]:
     with np.errstate(invalid="ignore"):
         half = np.where(np.isinf(critical), np.inf, critical * standard_errors(d) if d.shape[1] > 1 else np.nan)
     return centre, centre - half, centre + half
-
-
-def _of_medians(ordered: FloatArray, confidence: float) -> tuple[FloatArray, ...]:
-    """Likewise, of values that may be infinite, in ascending order."""
-    if ordered.shape[1] < LEAST_SEEDS:
-        return middles(ordered), *np.full((2, len(ordered)), np.nan)
-    return middles(ordered), *median_intervals(ordered, confidence, exact=True)
 
 
 def middle(ordered: FloatArray) -> float:

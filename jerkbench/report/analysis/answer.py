@@ -111,7 +111,11 @@ def answer(standings: Sequence[Standing]) -> Answer:
         return Answer(_untested(standings))
     methods = {standing.name(rival) for standing in tested for rival in standing.rivals}
     said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
-    return Answer(said.title, (*said.sentences, _basis(tested)))
+    judgements = [pair.judgement for standing in tested for pair in standing.tested]
+    low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
+    seeds = f"{low}" if low == high else f"{low} to {high}"
+    basis = f"Each comparison uses {seeds} seeds; {losses_range(judgements)}."
+    return Answer(said.title, (*said.sentences, basis))
 
 
 def _untested(standings: Sequence[Standing]) -> str:
@@ -250,9 +254,3 @@ def _named(names: Sequence[str]) -> str:
     if len(names) > NAMED:
         return f"{', '.join(names[:NAMED])} and {len(names) - NAMED} more"
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-
-
-def _basis(tested: Sequence[Standing]) -> str:
-    judgements = [pair.judgement for standing in tested for pair in standing.tested]
-    low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
-    return f"Each comparison uses {low if low == high else f'{low} to {high}'} seeds; {losses_range(judgements)}."

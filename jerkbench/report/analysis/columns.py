@@ -201,12 +201,6 @@ def parse_method(text: str) -> tuple[str, ...]:
     return keys
 
 
-def default_method(rows: "pd.DataFrame") -> tuple[str, ...]:
-    """Return what a method is made of where nobody says: `METHOD`, or the attitude where it alone varies."""
-    varying = {key for key in (*METHOD, "attitude") if len(rows[key].unique()) > 1}
-    return ("attitude",) if varying == {"attitude"} else METHOD
-
-
 def layout(
     rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -271,11 +265,6 @@ def competes(values: Mapping[str, str]) -> bool:
     False
     """
     return not any(_name(values.get(factor, "")) in references for factor, references in WHY.items())
-
-
-def attitude_competes(attitude: str) -> bool:
-    """Whether an attitude can be the best of several."""
-    return _name(attitude) != TOLD_ATTITUDE
 
 
 def standing_apart(labels: Mapping[str, set[str]]) -> str:

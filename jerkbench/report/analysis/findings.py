@@ -182,8 +182,10 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
     """
     references = _references(standings)
     told = [_told(standing, references) for standing in standings]
-    if len(told) == 1:
-        return _of_one_scenario(told[0])
+    if len(told) == 1:  # the comparisons' own sentences
+        varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in told[0].rivals}) > 1]
+        ranked = sorted(told[0].comparisons, key=lambda pair: -certain_size(pair.judgement))
+        return [sentence(pair, varying) for pair in ranked]
     return [duel_sentence(duel) for duel in sorted(duels(told), key=lambda duel: -duel.certain_size)]
 
 
@@ -195,13 +197,6 @@ def largest(standings: Sequence[Standing]) -> list[tuple[float, Comparison]]:
     return sorted(((weight, pair) for weight, pair in weighed if weight > 0), key=lambda one: -one[0])
 
 
-def _of_one_scenario(standing: Standing) -> list[str]:
-    """Return the comparisons' own sentences."""
-    varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in standing.rivals}) > 1]
-    ranked = sorted(standing.comparisons, key=lambda pair: -certain_size(pair.judgement))
-    return [sentence(pair, varying) for pair in ranked]
-
-
 def _references(standings: Iterable[Standing]) -> dict[str, str]:
     rivals = {rival for standing in standings for rival in standing.rivals}
     values = {factor: {rival[k] for rival in rivals} for k, factor in enumerate(FACTORS)}
@@ -210,10 +205,10 @@ def _references(standings: Iterable[Standing]) -> dict[str, str]:
 
 def _told(standing: Standing, references: Mapping[str, str]) -> Standing:
     """Return the standing with those comparisons alone that say something about one factor."""
-    return replace(standing, comparisons=tuple(pair for pair in standing.comparisons if _tells(pair, references)))
-
-
-def _tells(pair: Comparison, references: Mapping[str, str]) -> bool:
-    values = zip(FACTORS, pair.subject, pair.baseline, strict=True)
-    differ = [(factor, {ours, theirs}) for factor, ours, theirs in values if ours != theirs]
-    return len(differ) == 1 and all(factor not in references or references[factor] in both for factor, both in differ)
+    telling = []
+    for pair in standing.comparisons:
+        values = zip(FACTORS, pair.subject, pair.baseline, strict=True)
+        differ = [(factor, both) for factor, *both in values if both[0] != both[1]]
+        if len(differ) == 1 and all(references.get(factor, both[0]) in both for factor, both in differ):
+            telling.append(pair)
+    return replace(standing, comparisons=tuple(telling))

@@ -23,11 +23,11 @@ from jerkbench.evaluation.statistics.ranks import (
 )
 from jerkbench.report.analysis.columns import (
     FACTORS,
+    METHOD,
+    TOLD_ATTITUDE,
     Combination,
-    attitude_competes,
     checked,
     competes,
-    default_method,
     quantity,
 )
 from jerkbench.report.analysis.runs import RULE, MethodRuns, VerdictRule, partners, runs_by_combination
@@ -95,7 +95,7 @@ def study_verdicts(
     Args:
         rows: one row a cell and seed.
         metric: the column that is compared.
-        method: factors that make a method; without them `default_method`.
+        method: factors that make a method; without them `METHOD`, or the attitude where it alone varies.
         rule: how to judge.
         most: pairs that are judged.
 
@@ -106,8 +106,9 @@ def study_verdicts(
     groups = runs_by_combination(rows, metric)
     if not quantity(metric).lowest_is_best:
         return StudyVerdicts(groups, groups, {}, [], rule)
-    method = tuple(method or default_method(rows))
-    entered = groups
+    entered, varying = groups, [key for key in FACTORS if len(rows[key].unique()) > 1]
+    only_attitudes = "attitude" in varying and not set(METHOD) & set(varying)
+    method = tuple(method or (("attitude",) if only_attitudes else METHOD))
     fields = _fields(entered, method)
     if "noise" in method and _count(fields) > most:
         rows = at_best_noise(rows, metric)
@@ -123,7 +124,8 @@ def study_verdicts(
 
 def is_rival(combination: Combination, method: Sequence[str]) -> bool:
     """Whether a combination competes with others; an attitude that is told the truth does not with attitudes."""
-    return competes(combination._asdict()) and ("attitude" not in method or attitude_competes(combination.attitude))
+    told = "attitude" in method and combination.attitude.partition("(")[0] == TOLD_ATTITUDE
+    return competes(combination._asdict()) and not told
 
 
 def _standing(
@@ -225,14 +227,11 @@ def _places(field: CommonRuns) -> str:
     ranges = rank_range(field.logs)
     order = np.argsort(ranges.place, kind="stable")[:TOLD]
     places = [f"{field.methods[k]} {ranges.place[k]} ({ranges.low[k]} to {ranges.high[k]})" for k in order]
+    more = f", and {len(field.methods) - TOLD} others" if len(field.methods) > TOLD else ""
     return (
         f"Places over {len(field.scenarios)} scenarios by geometric mean, with their 95 % range over other scenarios "
-        f"of this kind and other seeds (bootstrap): {', '.join(places)}{_more(field)}."
+        f"of this kind and other seeds (bootstrap): {', '.join(places)}{more}."
     )
-
-
-def _more(field: CommonRuns) -> str:
-    return f", and {len(field.methods) - TOLD} others" if len(field.methods) > TOLD else ""
 
 
 def _ratios(field: CommonRuns) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Rows over noise, scenarios and the size of a fault: the best noise, a matrix of costs, crossings."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -150,7 +150,11 @@ def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
     for label, matches in places.items():
         for match in matches:
             sizes.setdefault((_without(label, match), match[1]), set()).add(float(match[2]))
-    chosen = {label: _most(label, matches, sizes) for label, matches in places.items()}
+    chosen: dict[str, re.Match[str] | None] = {}  # the parameter of a label that has the most values, where enough
+    for label, matches in places.items():
+        values = {match: len(sizes[_without(label, match), match[1]]) for match in matches}
+        best = max(values, key=values.__getitem__, default=None)
+        chosen[label] = best if best is not None and values[best] >= LEAST_SIZES else None
     kept = labels.map(lambda label: chosen[label] is not None).to_numpy(dtype=bool)
     swept = rows[kept].copy()
     parameters = [chosen[label] for label in labels[kept]]
@@ -163,14 +167,6 @@ def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
 
 def _without(label: str, match: re.Match[str]) -> str:
     return f"{label[: match.start(2)]}...{label[match.end(2) :]}"
-
-
-def _most(
-    label: str, matches: Sequence[re.Match[str]], sizes: Mapping[tuple[str, str], set[float]]
-) -> re.Match[str] | None:
-    """Return the parameter of a label that has the most values; None where none has enough."""
-    best = max(matches, key=lambda match: len(sizes[_without(label, match), match[1]]), default=None)
-    return best if best is not None and len(sizes[_without(label, best), best[1]]) >= LEAST_SIZES else None
 
 
 def crossings(sizes: FloatArray, costs: Mapping[str, FloatArray]) -> list[Crossing]:

@@ -68,13 +68,15 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
     checks = review(Evidence(rows, list(results.about.values()), metric))
     verdicts = study_verdicts(rows, metric, results.method, results.rule)
     cells = cells_view(rows, results.keys, results.about, metric, verdicts)
+    finished, lost = str(results.provenance.get("finished", ""))[:10], int((rows["status"] != "ok").sum())
+    of_them = " of them" if lost else ""
     return render(
         "page.html",
         name=results.name,
         styles=_assets(STYLES),
         scripts=_assets(SCRIPTS),
-        subtitle=_subtitle(results, quantity(metric).heading),
-        tiles=_tiles(results),
+        subtitle=" · ".join(filter(None, ("jerkbench", quantity(metric).heading, finished))),
+        tiles=[(f"{len(results.about)}", "combinations"), (f"{len(rows)}", f"runs, {lost or 'none'}{of_them} lost")],
         first=first_screen(rows, verdicts, metric, results.about),
         title=quantity(metric).heading,
         objections=[check for check in checks if check.passed is False],
@@ -98,18 +100,6 @@ def _assets(names: Iterable[str]) -> "list[Markup]":
     return [Markup(room.joinpath(name).read_text(encoding="utf-8")) for name in names]  # noqa: S704 - our own files
 
 
-def _subtitle(results: Results, title: str) -> str:
-    finished = str(results.provenance.get("finished", ""))[:10]
-    return " · ".join(part for part in ("jerkbench", title, finished) if part)
-
-
-def _tiles(results: Results) -> list[tuple[str, str]]:
-    """The size of the study, and what was lost."""
-    lost = int((results.rows["status"] != "ok").sum())
-    runs = f"runs, {lost} of them lost" if lost else "runs, none lost"
-    return [(f"{len(results.about)}", "combinations"), (f"{len(results.rows)}", runs)]
-
-
 def _table(results: Results, metric: str, verdicts: StudyVerdicts) -> "Markup":
     from markupsafe import Markup
 
@@ -122,15 +112,11 @@ def _traces(about: Mapping[str, Mapping[str, Any]], stretches: Sequence[Stretch]
     labels = {key: {name: str(value) for name, value in metadata["labels"].items()} for key, metadata in about.items()}
     varying = [name for name in METHOD if len({label[name] for label in labels.values()}) > 1] or ["filter"]
     names = {key: " + ".join(label[name] for name in varying) for key, label in labels.items()}
-    return payload(stretches, _styles(labels), names)
-
-
-def _styles(labels: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, Any]]:
-    """Return colour and dashes of each cell's line, by its key."""
     methods = {key: (label["filter"], label["adaptation"]) for key, label in labels.items()}
     palette = Palette.of(methods.values())
     looks = {key: palette.look(method) for key, method in methods.items()}
-    return {key: {"colour": look.colour, "dash": list(look.dash)} for key, look in looks.items()}
+    styles = {key: {"colour": look.colour, "dash": list(look.dash)} for key, look in looks.items()}
+    return payload(stretches, styles, names)
 
 
 def _plain(value: object) -> str:

@@ -278,15 +278,10 @@ def critical_difference_figure(
     style_axes(axes)
     axes.grid(visible=False, axis="y")
     axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
-    _draw_difference(axes, least)
+    axes.errorbar([1 + least / 2], [-1.0], xerr=least / 2, color=REFERENCE, capsize=3.0, linewidth=1.2)  # to scale
+    axes.text(1.0, -1.25, f"critical difference {least:.1f} (Nemenyi, 5 %)", fontsize="small", va="bottom")
     _draw_cliques(axes, rank_cliques(ranks, least), order)
     return figure
-
-
-def _draw_difference(axes: Axes, least: float) -> None:
-    """Draw the critical difference to scale."""
-    axes.errorbar([1 + least / 2], [-1.0], xerr=least / 2, color=REFERENCE, capsize=3.0, linewidth=1.2)
-    axes.text(1.0, -1.25, f"critical difference {least:.1f} (Nemenyi, 5 %)", fontsize="small", va="bottom")
 
 
 def _draw_cliques(axes: Axes, groups: Sequence[IntArray], order: IntArray) -> None:

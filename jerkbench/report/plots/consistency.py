@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.navigation_errors import euler_error_rad, known, position_error_m, velocity_error_mps
+from jerkbench.evaluation.counted_rows import euler_error_rad, known, position_error_m, velocity_error_mps
 from jerkbench.evaluation.statistics.consistency import chi2_band
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.navigation_errors import (
+from jerkbench.evaluation.counted_rows import (
+    counted_rows,
     inclination_error_rad,
     known,
     position_error_length_m,

@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.navigation_errors import position_error_length_m
+from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     MEASURED,
@@ -76,16 +76,13 @@ def _draw_recording(axes: Axes, recording: Recording) -> None:
     if truth is None:
         return
     if len(recording.outages_s):
-        dark = np.where(_in_outage(recording)[:, None], truth[:, :2], np.nan)
+        t_s, (begin_s, end_s) = recording.reference.t_s[:, None], recording.outages_s.T
+        inside = ((t_s >= begin_s) & (t_s < end_s)).any(axis=1)
+        dark = np.where(inside[:, None], truth[:, :2], np.nan)
         axes.plot(*dark.T, color=OUTAGE, linewidth=7.0, alpha=0.7, solid_capstyle="round", label="outage", zorder=2)
     axes.plot(*truth[:, :2].T, color=REFERENCE, linewidth=1.6, label="reference", zorder=3)
     known = np.flatnonzero(np.isfinite(truth[:, :2]).all(axis=1))
     axes.plot(*truth[known[:1], :2].T, "o", color=REFERENCE, markersize=5, label="start", zorder=5)
-
-
-def _in_outage(recording: Recording) -> BoolArray:
-    t_s = recording.reference.t_s[:, None]
-    return np.asarray(((t_s >= recording.outages_s[:, 0]) & (t_s < recording.outages_s[:, 1])).any(axis=1))
 
 
 def _window(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[FloatArray, FloatArray]:
@@ -127,7 +124,9 @@ def inset_trajectory_figure(
     widest_m = width_m / (2 * ENLARGED)
     middle, worst_m = _place(recording, truth, estimates, widest_m / 2)
     half = min(max(LEAST_M, 5.0 * worst_m), widest_m)
-    middle = np.clip(middle, *_inner(main, half))  # the box stays inside the axes
+    low, high = np.transpose([main.get_xlim(), main.get_ylim()])
+    room = np.array([half, half / 2])  # to each side of the middle, so that the box stays inside the axes
+    middle = np.clip(middle, low + room, high - room)
     above_in = figure.get_figheight()
     figure.set_figheight(above_in + INSET_IN)
     figure.set_layout_engine("constrained")
@@ -149,12 +148,6 @@ def inset_trajectory_figure(
     _draw_scale(inset, 2 * half)
     main.indicate_inset_zoom(inset, edgecolor="black")
     return figure
-
-
-def _inner(axes: Axes, half: float) -> tuple[FloatArray, FloatArray]:
-    """Return the corners (2,), (2,) between which the middle of a box may lie, ``half`` to each side, half that up."""
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    return np.array([left + half, bottom + half / 2]), np.array([right - half, top - half / 2])
 
 
 def _draw_scale(axes: Axes, width_m: float) -> None:

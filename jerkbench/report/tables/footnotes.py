@@ -42,7 +42,9 @@ def with_bounds(table: Table, rows: "pd.DataFrame") -> Table:
     for scenario, bound in bounds.items():
         if scenario in scenarios:
             at = len(scenarios) - scenarios[::-1].index(scenario)
-            lines.insert(at, (_labels_of_bound(table, scenario), (bound,) * len(table.columns)))
+            labels_of = dict(zip(SCENARIO, scenario, strict=True)) | {"filter": LABEL}
+            head = tuple(labels_of.get(key, "") for key in table.row_keys)
+            lines.insert(at, (head, (bound,) * len(table.columns)))
             scenarios.insert(at, scenario)
     labels, cells = zip(*lines, strict=True) if lines else ((), ())
     return dataclasses.replace(table, rows=labels, cells=cells)
@@ -81,11 +83,6 @@ def _scenario(table: Table, row: tuple[str, ...]) -> ToldScenario:
     return tuple(values[key] for key in SCENARIO)
 
 
-def _labels_of_bound(table: Table, scenario: ToldScenario) -> tuple[str, ...]:
-    values = dict(zip(SCENARIO, scenario, strict=True)) | {"filter": LABEL}
-    return tuple(values.get(key, "") for key in table.row_keys)
-
-
 # The sentences under a table: what is the same everywhere, how to read a cell, what went wrong.
 
 REASONS = 3
@@ -111,12 +108,9 @@ def footnotes(table: Table, rows: "pd.DataFrame", notes: Sequence[str], family: 
     """Return the sentences under ``table``: of its tests as ``family`` says, the caller's ``notes`` at the end."""
     cells = [cell for row in table.cells for cell in row if cell is not None]
     limits = (*bound_note(table.metric, rows), *_outages(table, rows))
-    return (*_constants(table), *_reading(table, cells, family), *limits, *_trouble(cells, rows), *notes)
-
-
-def _constants(table: Table) -> Iterator[str]:
-    if table.constants:
-        yield "In every cell: " + ", ".join(f"{key} {value}" for key, value in table.constants) + "."
+    alike = ", ".join(f"{key} {value}" for key, value in table.constants)
+    constants = (f"In every cell: {alike}.",) if alike else ()
+    return (*constants, *_reading(table, cells, family), *limits, *_trouble(cells, rows), *notes)
 
 
 def _reading(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:

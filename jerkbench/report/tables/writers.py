@@ -92,7 +92,10 @@ LOST = "lost"
 def markdown(table: Table, level: int = 2) -> str:
     """Return the table as a section with a heading of ``level``, aligned pipes and its footnotes as a list."""
     rows = [
-        [*map(_inactive, values), *(" ".join(_starred(*part) for part in parts(cell)) for cell in cells)]
+        [
+            *map(_inactive, values),
+            *(" ".join(f"**{text}**" if style == "best" else text for text, style in parts(cell)) for cell in cells),
+        ]
         for values, cells in zip(table.rows, table.cells, strict=True)
     ]
     return _section(table.title, [[*map(_inactive, table.header)], *rows], table.footnotes, level)
@@ -123,10 +126,6 @@ def _section(title: str, lines: Sequence[Sequence[str]], footnotes: Sequence[str
     head, *body = [f"| {' | '.join(line)} |" for line in padded]
     notes = [f"- {_inactive(note)}" for note in footnotes]
     return "\n".join(["#" * level + f" {_inactive(title)}", "", head, rule, *body, *[""] * bool(notes), *notes, ""])
-
-
-def _starred(text: str, style: str) -> str:
-    return f"**{text}**" if style == "best" else text
 
 
 def _inactive(text: str) -> str:

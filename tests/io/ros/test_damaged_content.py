@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bag_maker import Drive
-from jerkbench.datasets.fixposition import Fixposition
+from jerkbench.datasets.rosbag import Fixposition
 from jerkbench.errors import RecordingError
 
 IMU, FIX, ODOMETRY = "/fixposition/poiimu", "/fixposition/gnss1", "/fixposition/odometry_ecef"

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, imu, write_bag
-from jerkbench.datasets.fixposition import Fixposition
-from jerkbench.datasets.rosbag import RosBag
+from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.errors import RecordingError
 from jerkbench.io.ros.files import BagError
 

@@ -7,8 +7,7 @@ import pytest
 
 from bag_maker import Drive
 from jerkbench.conformance.requirements import identical
-from jerkbench.datasets.fixposition import Fixposition
-from jerkbench.datasets.rosbag import RosBag
+from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.io.ros import extract
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from bag_maker import ROS1, ROS2, SPEED_MPS, START_NS, Drive, at, odometry
 from jerkbench import plugins
-from jerkbench.datasets.fixposition import Fixposition
+from jerkbench.datasets.rosbag import Fixposition
 from jerkbench.errors import PluginError, RecordingError
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from bag_maker import ROS1, ROS2, Drive, write_bag
 from commands import verb
-from jerkbench.datasets.fixposition import Fixposition
+from jerkbench.datasets.rosbag import Fixposition
 from jerkbench.io.ros.bag import open_bag
 from jerkbench.io.ros.files import BagError
 from jerkbench.io.ros.salvage import salvage

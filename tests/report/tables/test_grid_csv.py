@@ -5,9 +5,8 @@ import pandas as pd
 import pytest
 
 from jerkbench.report.analysis.columns import metric_columns
-from jerkbench.report.tables import study_tables
-from jerkbench.report.tables.study_tables import write_tables
-from jerkbench.report.tables.summary import main_metric, summarise
+from jerkbench.report.tables import summary
+from jerkbench.report.tables.summary import main_metric, summarise, write_tables
 from jerkbench.report.tables.writers import tidy_csv
 
 LABELS = [
@@ -55,7 +54,7 @@ def test_each_metric_has_the_lines_of_its_own_table(count, replicate, tmp_path):
 def test_of_very_many_cells_the_markdown_has_the_first_table_alone(tmp_path, monkeypatch):
     rows = runs_of(3, "seed", seed=3)
     write_tables(rows, tmp_path / "few")
-    monkeypatch.setattr(study_tables, "MANY_CELLS", len(LABELS) - 1)
+    monkeypatch.setattr(summary, "MANY_CELLS", len(LABELS) - 1)
     write_tables(rows, tmp_path / "many")
 
     few, many = ((tmp_path / name / "table.md").read_text(encoding="utf-8") for name in ("few", "many"))

@@ -10,8 +10,7 @@ import pytest
 
 from jerkbench.report.analysis.columns import quantity
 from jerkbench.report.tables import summary, terminal
-from jerkbench.report.tables.study_tables import write_tables
-from jerkbench.report.tables.summary import summarise
+from jerkbench.report.tables.summary import summarise, write_tables
 from jerkbench.report.tables.table_model import number
 from jerkbench.report.tables.terminal import print_run, print_table
 from jerkbench.report.tables.writers import latex, latex_escaped, markdown, tidy_csv

@@ -1,8 +1,7 @@
 import pytest
 
 from bag_maker import Drive
-from jerkbench.datasets.fixposition import Fixposition
-from jerkbench.datasets.rosbag import RosBag
+from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.errors import RecordingError
 from jerkbench.io.ros import extract
 
