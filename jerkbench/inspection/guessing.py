@@ -38,7 +38,7 @@ from jerkbench.inspection.guesses import (
 )
 from jerkbench.inspection.noise import longest_rest
 from jerkbench.io.clocks import GPST_MINUS_UTC_S
-from jerkbench.io.columns import Columns, read_columns
+from jerkbench.io.columns import LARGEST_NS, Columns, read_columns
 from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS
 from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import track_reader
@@ -228,7 +228,7 @@ def _times(draft: Draft) -> None:
         if table.columns.dates_ns(times[0].column, GPST_MINUS_UTC_S) is not None:
             epochs.setdefault("dates", Guess("epoch", "unix", "measured", "the stamps are dates"))
             continue
-        stamps = table.columns.numbers([times[0].column])[:, 0]
+        stamps = table.columns.numbers([times[0].column], LARGEST_NS)[:, 0]
         unit = guess_time_unit(stamps[np.isfinite(stamps)], times[0].unit)
         common = draft.guesses.get("time_unit", unit)
         if unit.grade == "unsure":

@@ -151,16 +151,16 @@ class Columns:
         """Return the table with ``notes`` beside those that it has."""
         return Columns(self.where, self._table, (*self.notes, *notes))
 
-    def numbers(self, names: Sequence[str]) -> FloatArray:
+    def numbers(self, names: Sequence[str], most: float = LARGEST) -> FloatArray:
         """Return (n, len(names)); an empty cell is NaN.
 
         Raises:
-            RecordingError: there is no such column, or a cell is no number.
+            RecordingError: there is no such column, or a cell is no number, or larger than ``most``.
         """
         columns = [self._numeric(name) for name in names]
         table = np.column_stack(columns).astype(np.float64) if columns else np.empty((len(self), 0))
         for name, column in zip(names, table.T, strict=True):
-            wrong = np.abs(column) > LARGEST
+            wrong = np.abs(column) > most
             if wrong.any():
                 row = int(np.argmax(wrong))
                 raise RecordingError(

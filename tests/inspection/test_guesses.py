@@ -58,6 +58,18 @@ def test_stamps_are_dates_by_their_size_whatever_the_column_is_called(drive, tmp
         assert draft.load().start_utc.year == 2025
 
 
+@pytest.mark.parametrize(("unit", "scale"), [("us", 10**3), ("ns", 10**6)])
+@pytest.mark.parametrize("named", [True, False])
+def test_stamps_of_ros_and_of_autopilots_are_no_measurements_that_are_too_large(drive, tmp_path, unit, scale, named):
+    log = ned_degrees(drive, units=True)
+    stamps = ((log.pop("time_ms") + 1_751_700_000_000).round().astype("int64")) * scale
+    log.insert(0, f"timestamp_{unit}" if named else "timestamp", stamps)
+    draft = guessed(log, tmp_path)
+
+    assert (draft.guesses["time_unit"].value, draft.guesses["epoch"].value) == (unit, "unix")
+    assert draft.load().start_utc.year == 2025
+
+
 def test_a_time_in_a_unit_that_is_none_of_time_is_no_date():
     assert not is_date(np.array([1.7517e9]), "m")
 
