@@ -9,7 +9,7 @@ from jerkbench.jobs.job import metric_names
 from jerkbench.plugins import PACKAGES, _registry
 
 PACKAGE = Path(jerkbench.__file__).parent
-RUNNING = ("jobs/rows", "tuning/excerpts")
+RUNNING = ("jobs/rows", "tuning/splits")
 NO_NUMBERS = {
     *("api", "conformance", "errors", "fetching", "files", "notebook", "notices", "parameters", "places", "plain"),
     *("plugins", "presets"),
