@@ -99,8 +99,9 @@ def lent_by(distributed: Any, cluster: Any, workers: int) -> Iterator[Lent]:  # 
         try:
             yield Lent(executor, slots, lambda: "" if client.status == "running" else gone, elsewhere=True)
         finally:
-            with suppress(CancelledError, OSError, TimeoutError):
-                executor.shutdown(wait=False)
+            if client.status == "running":  # else there is nobody to tell
+                with suppress(CancelledError, OSError, TimeoutError):
+                    executor.shutdown(wait=False)
 
 
 class Slots:

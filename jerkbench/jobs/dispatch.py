@@ -107,7 +107,7 @@ class _Dispatch(Generic[_Task, _Result]):
                 if not finished and (trouble := self.lent.trouble()):
                     raise ClusterError(trouble)
         finally:
-            for future in self.running:
+            for future in self.running if not self.lent.trouble() else ():
                 future.cancel()
 
     def _bundles(self, group: Sequence[_Task]) -> Iterator[_Bundle[_Task]]:
@@ -129,7 +129,13 @@ class _Dispatch(Generic[_Task, _Result]):
                 for task in bundle.tasks:
                     yield from self._failed(task, error)
                 continue
-            self.running[self.lent.executor.submit(run_packed, pack)] = bundle, group
+            try:
+                future = self.lent.executor.submit(run_packed, pack)
+            except Exception as error:
+                if trouble := self.lent.trouble():
+                    raise ClusterError(trouble) from error
+                raise
+            self.running[future] = bundle, group
 
     def _group(self) -> deque[_Bundle[_Task]] | None:
         """Whose turn it is: the group of which a worker has just done some, one that nobody has, or the longest."""
