@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.cluster import ClusterError, Lent
+from jerkbench.jobs.cluster import ClusterError, Lent, Workers
 from jerkbench.jobs.identity import Identity, identity_of, worker_refusal
 from jerkbench.plain import keep_output_plain
 
@@ -74,6 +74,16 @@ def outcomes(order: Order[_Task, _Result], lent: Lent | None) -> Iterator[tuple[
                 result = order.work(task)
                 yield task, result
                 task = order.rest(result)
+
+
+def each_result(
+    work: Callable[[_Task], _Result], tasks: Sequence[_Task], workers: Workers
+) -> Iterator[tuple[_Task, _Result]]:
+    """Yield each task with its result as it is done; whatever is wrong with one of them is raised."""
+    for task, result in outcomes(Order(work, [[task] for task in tasks]), workers.lent(len(tasks))):
+        if isinstance(result, Exception):
+            raise result
+        yield task, result
 
 
 class _Bundle(NamedTuple, Generic[_Task]):

@@ -15,7 +15,7 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.navigation_errors import position_error_length_m
 from jerkbench.files import write_atomically
 from jerkbench.jobs.cluster import Workers
-from jerkbench.jobs.dispatch import Order, outcomes
+from jerkbench.jobs.dispatch import each_result
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.recording import Recording
@@ -162,10 +162,7 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
     done: dict[str, Drawn] = {}
     slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
     with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as processes:
-        order = Order(draw, [[job] for job in slowest_first])
-        for job, result in outcomes(order, processes.lent(len(jobs))):
-            if isinstance(result, Exception):
-                raise result
+        for job, result in each_result(draw, slowest_first, processes):
             done[job.scenario] = result
             progress.advance()
     return Drawn(
