@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -68,7 +69,11 @@ class Campaign:
             rows["log_error"] = np.log(rows.pop(ERROR)).astype(np.float32)
         failed = rows["status"] == "failed"
         rows["status"] = rows["status"].mask(failed, "failed: " + rows["reason"])
-        types = {**dict.fromkeys([*METHOD, "status"], "category"), "scenario": np.int8, "trial": np.int16}
+        types: dict[str, Any] = {
+            **dict.fromkeys([*METHOD, "status"], "category"),
+            "scenario": np.int8,
+            "trial": np.int16,
+        }
         runs = rows.drop(columns=["reason", "seconds"]).astype(types).rename(columns={"scenario": "tuning"})
         return with_losses(self.protocol, runs)
 
