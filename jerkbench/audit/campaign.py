@@ -69,8 +69,7 @@ class Campaign:
             rows["log_error"] = np.log(rows.pop(ERROR)).astype(np.float32)
         failed = rows["status"] == "failed"
         rows["status"] = rows["status"].mask(failed, "failed: " + rows["reason"])
-        types: dict[str, Any] = {
-            **dict.fromkeys([*METHOD, "status"], "category"),
+        types: dict[str, Any] = dict.fromkeys((*METHOD, "status"), "category") | {
             "scenario": np.int8,
             "trial": np.int16,
         }
