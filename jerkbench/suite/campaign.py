@@ -12,7 +12,7 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.sources import plugin_digest
 from jerkbench.suite.protocol import BOTH, SuiteProtocol, domain_of
 from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
-from jerkbench.tuning.objectives import LOST
+from jerkbench.tuning.evaluate import LOST
 from jerkbench.tuning.space import Setting
 
 GIVEN = "given"

@@ -1,14 +1,208 @@
-"""What was tuned as files: presets of ours, and the setting for other programs, each with what does not map."""
+"""What a tuning leaves: its page and curves, presets of ours, settings for other programs with what does not map."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from omegaconf import OmegaConf
 
+from jerkbench.arrays import FloatArray
 from jerkbench.files import write_text
-from jerkbench.tuning.search import Tuning
+from jerkbench.tuning.evaluate import Trials
+from jerkbench.tuning.search import SearchOutcome, Tuning, equal_budgets
+from jerkbench.tuning.space import Space
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def tuning_page(tuning: Tuning) -> str:
+    """Return the page of one tuned method, as Markdown."""
+    return "\n".join([f"# {tuning.name}, tuned", "", *_spent(tuning), "", *_knobs(tuning), "", *_worth(tuning), ""])
+
+
+def tunings_table(tunings: Sequence[Tuning]) -> str:
+    """Return the tuned methods side by side, and whether they were tuned alike.
+
+    Raises:
+        JerkbenchError: they were not.
+    """
+    lines = [
+        f"{tuning.name:<32} {_shown(tuning, tuning.score.before):>10} {_shown(tuning, tuning.score.chosen):>10}"
+        f" {tuning.score.lost:>4} of {tuning.score.runs}"
+        for tuning in tunings
+    ]
+    head = f"{'on runs that were not seen':<32} {'before':>10} {'tuned':>10} {'lost':>4}"
+    return "\n".join([head, *lines, "", equal_budgets({tuning.name: tuning.outcome for tuning in tunings})])
+
+
+def record(tuning: Tuning) -> Mapping[str, Any]:
+    """Return the tuning as plain data."""
+    return {
+        "method": tuning.name,
+        "objective": tuning.effort.objective.name,
+        "sampler": tuning.effort.budget.sampler,
+        "trials": len(tuning.outcome.trials),
+        "split": tuning.cases.split,
+        "setting": dict(zip(tuning.space.names, tuning.setting, strict=True)),
+        "before": dict(zip(tuning.space.names, tuning.space.start, strict=True)),
+        "intervals": dict(zip(tuning.space.names, knob_intervals(tuning.space, tuning.outcome), strict=True)),
+        "unseen": {
+            case.labels.scenario: {"before": float(before), "tuned": float(chosen)}
+            for case, before, chosen in zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)
+        },
+        "lost": tuning.score.lost,
+        "lost_before": tuning.score.lost_before,
+        "runs": tuning.score.runs,
+        "budget_curve": budget_curve(tuning.outcome.trials),
+        "restarts": [float(restart.score.chosen.mean()) for restart in tuning.restarts],
+        "edges": tuning.space.at_edge(tuning.setting),
+    }
+
+
+def warnings(tuning: Tuning) -> list[str]:
+    """Return what a reader has to know before he uses the setting."""
+    sentences = tuning.space.at_edge(tuning.setting)
+    before, chosen = float(tuning.score.before.mean()), float(tuning.score.chosen.mean())
+    if tuning.outcome.place == 0:
+        sentences.append("No setting was better than the one before the search.")
+    elif chosen >= before:
+        sentences.append("On runs that were not seen the tuned setting is no better than the one before the search.")
+    return sentences
+
+
+def _spent(tuning: Tuning) -> Iterator[str]:
+    effort = tuning.effort
+    yield f"Objective: {effort.objective.name}; {effort.objective.meaning}."
+    yield f"Split: {tuning.cases.split}."
+    budget = equal_budgets({tuning.name: tuning.outcome})
+    yield f"{budget} Sampler {effort.budget.sampler}, {len(tuning.space.knobs)} knobs."
+
+
+def _knobs(tuning: Tuning) -> Iterator[str]:
+    yield "| knob | before | tuned | cannot be told apart | range |"
+    yield "|---|---|---|---|---|"
+    columns = zip(tuning.space.knobs, tuning.setting, knob_intervals(tuning.space, tuning.outcome), strict=True)
+    for knob, value, (low, high) in columns:
+        yield f"| {knob.name} | {knob.start:.4g} | {value:.4g} | {low:.3g} to {high:.3g} | {knob.bounds} |"
+
+
+def _worth(tuning: Tuning) -> Iterator[str]:
+    yield "On runs that the search has not seen:"
+    yield ""
+    yield "| scenario | before | tuned |"
+    yield "|---|---|---|"
+    for case, before, chosen in zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True):
+        yield f"| {case.labels.scenario} | {_shown(tuning, before)} | {_shown(tuning, chosen)} |"
+    yield ""
+    yield f"Lost runs: {tuning.score.lost} of {tuning.score.runs} (before: {tuning.score.lost_before})."
+    curve = ", ".join(f"{size}: {_shown(tuning, loss)}" for size, loss in budget_curve(tuning.outcome.trials))
+    yield f"Best of the trials so far, on the runs tuned on: {curve}."
+    if len(tuning.restarts) > 1:
+        losses = np.array([restart.score.chosen.mean() for restart in tuning.restarts])
+        low, high = _shown(tuning, losses.min()), _shown(tuning, losses.max())
+        yield f"{len(losses)} searches, with other scrambles, come to {low} to {high}; that much is luck."
+    yield from warnings(tuning)
+
+
+def _shown(tuning: Tuning, losses: Any) -> str:  # noqa: ANN401 - a number or an array
+    """The mean loss: as a ratio to the plain filter, or as a difference to it."""
+    mean = float(np.mean(losses))
+    return f"{math.exp(mean):.3f}" if tuning.effort.objective.relative else f"{mean:+.3f}"
+
+
+# Curves over the trials of a search: profiles, the budget, settings that cannot be told apart.
+
+LOOKS = (1, 4, 16, 64, 256, 1024)
+"""Budgets at which the curve is read."""
+
+BINS = 8
+"""Parts of a knob's range in its profile; of two knobs in their map as many on each side."""
+
+
+def budget_curve(trials: Trials) -> list[tuple[int, float]]:
+    """Return (trials, loss of the best of them) after 1, 4, 16, ... and all trials; after 1: before the search."""
+    best = np.minimum.accumulate(trials.means)
+    sizes = [*(size for size in LOOKS if size < len(best)), len(best)]
+    return [(size, float(best[size - 1])) for size in sizes]
+
+
+def profile(space: Space, trials: Trials, knob: int) -> tuple[FloatArray, FloatArray]:
+    """Return the middles (b,) of parts of a knob's range, in its unit, and the least loss (b,) of a trial in each.
+
+    NaN where no trial lies.
+    """
+    share = shares(space, trials)[:, knob]
+    part = np.minimum((BINS * share).astype(np.int64), BINS - 1)
+    least = [trials.means[part == k].min(initial=np.inf) for k in range(BINS)]
+    middles = [space.knobs[knob].bounds.value((k + 0.5) / BINS) for k in range(BINS)]
+    return np.array(middles), np.where(np.isfinite(least), least, np.nan)
+
+
+def loss_map(space: Space, trials: Trials, first: int, second: int) -> FloatArray:
+    """Return (b, b) the least loss of a trial in each part of two knobs' ranges: rows by the first; NaN: none."""
+    both = np.minimum((BINS * shares(space, trials)[:, [first, second]]).astype(np.int64), BINS - 1)
+    least = np.full((BINS, BINS), np.inf)
+    np.minimum.at(least, (both[:, 0], both[:, 1]), trials.means)
+    return np.where(np.isfinite(least), least, np.nan)
+
+
+def shares(space: Space, trials: Trials) -> FloatArray:
+    """Return (n, d) how much of the way through each range the values are."""
+    return np.array([[k.share(v) for k, v in zip(space.knobs, setting, strict=True)] for setting in trials.settings])
+
+
+def importance(space: Space, trials: Trials) -> list[int]:
+    """Return the knobs by how much their profile varies, the most first."""
+    profiles = (profile(space, trials, k)[1] for k in range(len(space.knobs)))
+    spread = [np.nan_to_num(np.ptp(least[np.isfinite(least)])) for least in profiles]
+    return [int(k) for k in np.argsort(spread, kind="stable")[::-1]]
+
+
+def indistinct(outcome: SearchOutcome) -> list[int]:
+    """Return the places of the trials that cannot be told from the chosen one.
+
+    Their mean loss over the runs (the same draws: paired) is no larger than by 1.96 standard errors of the difference.
+    """
+    trials = outcome.trials
+    difference = trials.runs - trials.runs[outcome.place]
+    error = difference.std(axis=1, ddof=1) / np.sqrt(difference.shape[1]) if difference.shape[1] > 1 else np.zeros(1)
+    return [int(k) for k in np.flatnonzero(difference.mean(axis=1) <= 1.96 * error)]
+
+
+def knob_intervals(space: Space, outcome: SearchOutcome) -> list[tuple[float, float]]:
+    """Return for each knob the least and the largest value that cannot be told from the chosen one.
+
+    Those of `indistinct` trials, and beyond them half of the distance at which n trials lie in d dimensions, n^(-1/d)
+    of the range: between two trials nothing was tried.
+    """
+    share = shares(space, outcome.trials)
+    near, half = share[indistinct(outcome)], 0.5 * len(share) ** (-1.0 / len(space.knobs))
+    low, high = np.maximum(near.min(axis=0) - half, 0.0), np.minimum(near.max(axis=0) + half, 1.0)
+    return [(k.bounds.value(a), k.bounds.value(b)) for k, a, b in zip(space.knobs, low, high, strict=True)]
+
+
+def tuning_figure(tuning: Tuning) -> "Figure":
+    """Draw the profile of each knob, the map of the two that matter most, and the curve of the budget."""
+    from jerkbench.report.plots.sweeps import Map, Profile, search_figure
+
+    space, trials, drawn = tuning.space, tuning.outcome.trials, None
+    profiles = [
+        Profile(knob.name, values, *profile(space, trials, k), tuning.setting[k], knob.bounds.log)
+        for k, (knob, values) in enumerate(zip(space.knobs, np.array(trials.settings).T, strict=True))
+    ]
+    if len(space.knobs) > 1:
+        first, second = importance(space, trials)[:2]
+        chosen = [space.knobs[k].share(tuning.setting[k]) for k in (first, second)]
+        least = loss_map(space, trials, first, second)
+        drawn = Map(space.names[first], space.names[second], least, (chosen[0], chosen[1]))
+    title = f"{tuning.name}: {tuning.effort.objective.name}, {len(trials)} settings"
+    return search_figure(profiles, trials.means, drawn, budget_curve(trials), title)
+
+
+# Presets of ours.
 
 TUNED_PARTS = ("filter", "adaptation", "attitude")
 
