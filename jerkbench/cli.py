@@ -195,7 +195,7 @@ def _hydra_in_words(words: list[str]) -> Iterator[None]:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from jerkbench.hydra_app.messages import hydra_sentence
+    from jerkbench.hydra_app.typed_words import hydra_sentence
 
     with _files_in_words("Results cannot be written: {error}."):
         try:

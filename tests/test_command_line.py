@@ -348,13 +348,13 @@ def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_sam
 
 
 def test_two_thousand_values_are_planned_without_composing_each(loader_calls, said_in_process, monkeypatch):
-    from jerkbench.hydra_app import launched_sweep
+    from jerkbench.hydra_app import app
 
     def full(*_):
         raise OSError("no room")
 
-    monkeypatch.setattr(launched_sweep, "run_missing", full)
-    monkeypatch.setattr(launched_sweep, "conclude_study", lambda *_: None)
+    monkeypatch.setattr(app, "run_missing", full)
+    monkeypatch.setattr(app, "conclude_study", lambda *_: None)
     code, _, _ = said_in_process("run", "-m", "noise.accel_mps2=range(1,2001)")
 
     assert code == 1

@@ -16,7 +16,7 @@ import pytest
 
 from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.launched_sweep import End, conclude_study
+from jerkbench.hydra_app.app import End, conclude_study
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned

@@ -9,7 +9,7 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import tilt_start
-from jerkbench.audit.attitude.trials import kitti_pieces
+from jerkbench.audit.tilt_trials import kitti_pieces
 from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.recording import Position, Recording
 from jerkbench.report.tables.writers import plain_table

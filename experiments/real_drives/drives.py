@@ -22,8 +22,7 @@ from jerkbench.errors import PluginError
 from jerkbench.hydra_app.words import composed
 from jerkbench.jobs.job import Job
 from jerkbench.tuning.entrant import Site, tried_settings
-from jerkbench.tuning.evaluate import Evaluator
-from jerkbench.tuning.objectives import objective_of
+from jerkbench.tuning.evaluate import Evaluator, objective_of
 from jerkbench.tuning.space import Space, space_of
 from jerkbench.tuning.splits import Seeds, by_time
 

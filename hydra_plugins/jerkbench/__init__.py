@@ -20,7 +20,7 @@ class JerkbenchLauncher(Launcher):
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Run the jobs; the results are in the study's folder."""
-        from jerkbench.hydra_app.launched_sweep import launch
+        from jerkbench.hydra_app.app import launch
 
         return launch(self.hydra_context.config_loader, self.config, job_overrides)
 

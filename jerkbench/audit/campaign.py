@@ -69,8 +69,10 @@ class Campaign:
             rows["log_error"] = np.log(rows.pop(ERROR)).astype(np.float32)
         failed = rows["status"] == "failed"
         rows["status"] = rows["status"].mask(failed, "failed: " + rows["reason"])
-        words: dict[str, Any] = dict.fromkeys([*METHOD, "status"], "category")
-        types = {**words, "scenario": np.int8, "trial": np.int16}
+        types: dict[str, Any] = dict.fromkeys((*METHOD, "status"), "category") | {
+            "scenario": np.int8,
+            "trial": np.int16,
+        }
         runs = rows.drop(columns=["reason", "seconds"]).astype(types).rename(columns={"scenario": "tuning"})
         return with_losses(self.protocol, runs)
 

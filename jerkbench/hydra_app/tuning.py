@@ -28,13 +28,19 @@ from jerkbench.presets import user_folders
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.entrant import Site
-from jerkbench.tuning.evaluate import trial_table
-from jerkbench.tuning.exports import EXPORTS, TUNED_PARTS, preset_words, write_presets
-from jerkbench.tuning.objectives import objective_of
+from jerkbench.tuning.evaluate import objective_of, trial_table
+from jerkbench.tuning.outcome import (
+    EXPORTS,
+    TUNED_PARTS,
+    preset_words,
+    record,
+    tuning_page,
+    tunings_table,
+    write_presets,
+)
 from jerkbench.tuning.search import Budget, Effort, Tuning, tune
 from jerkbench.tuning.space import R_STREAMS, Space, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-from jerkbench.tuning.summary import record, tuning_page, tunings_table
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
 # several values.
@@ -261,7 +267,7 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     print(page)
     if figures:
         from jerkbench.report.plots.style import save_figure
-        from jerkbench.tuning.curves import tuning_figure
+        from jerkbench.tuning.outcome import tuning_figure
 
         save_figure(tuning_figure(tuning), folder / "search.png")
         print(f"Figure: {folder / 'search.png'}\n")

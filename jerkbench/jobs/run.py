@@ -21,8 +21,7 @@ from filelock import FileLock, Timeout
 
 from jerkbench.jobs.blocks import RowStore, Writer
 from jerkbench.jobs.cluster import Workers
-from jerkbench.jobs.dispatch import Order, outcomes
-from jerkbench.jobs.identity import identity_of
+from jerkbench.jobs.dispatch import Order, identity_of, outcomes
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.plan import Plan, grouped, missing
 from jerkbench.jobs.progress import Progress

@@ -28,7 +28,6 @@ from jerkbench.results.content import (
 )
 from jerkbench.results.manifest import read_manifest
 from jerkbench.results.parts import CELL, KEY, PartFiles, table_of
-from jerkbench.results.study_remarks import set_aside
 
 SEEN_COLUMNS = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
@@ -235,3 +234,14 @@ def _stretches(parts: Sequence[tuple[str, int]]) -> Iterator[list[str]]:
         names.append(name)
         rows += count
     yield names
+
+
+def set_aside(names: list[str]) -> str:
+    """Return a sentence about damaged files whose cells run again."""
+    cells = "its cells" if len(names) == 1 else "their cells"
+    return f"{damaged(names)} set aside, {cells} run again: {', '.join(map(plain, names))}."
+
+
+def damaged(keys: list[str]) -> str:
+    """Return the beginning of a sentence about files of cells that are damaged."""
+    return "1 damaged file of cells is" if len(keys) == 1 else f"{len(keys)} damaged files of cells are"

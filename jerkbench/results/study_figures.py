@@ -1,8 +1,12 @@
 """The figures of a study: of each scenario the runs of some methods made once more, drawn in processes side by side."""
 
+import hashlib
+import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +19,12 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.files import write_atomically
 from jerkbench.jobs.cluster import Workers
-from jerkbench.jobs.dispatch import Order, outcomes
+from jerkbench.jobs.dispatch import each_result
 from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.job import Job
+from jerkbench.jobs.labels import bare
 from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.rows import run_seed
 from jerkbench.recording import Recording
 from jerkbench.report import Choice
 from jerkbench.report.analysis.columns import METHOD, SCENARIO_FACTORS, competes
@@ -37,13 +44,13 @@ from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric
 from jerkbench.results.content import Stored
 from jerkbench.results.replay import StoredRow, row_of, runnable
-from jerkbench.results.run_figures import file_stem, with_title
 from jerkbench.results.selection import named_part
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 LIMIT = 20
 """Scenarios whose runs are drawn at most, unless asked otherwise."""
@@ -162,10 +169,7 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
     done: dict[str, Drawn] = {}
     slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
     with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as processes:
-        order = Order(draw, [[job] for job in slowest_first])
-        for job, result in outcomes(order, processes.lent(len(jobs))):
-            if isinstance(result, Exception):
-                raise result
+        for job, result in each_result(draw, slowest_first, processes):
             done[job.scenario] = result
             progress.advance()
     return Drawn(
@@ -371,3 +375,71 @@ def _stretch(job: Picturing, cells: Sequence[Stored]) -> Stretch | None:
     draw = f"{'seed' if first.job.scenario.seeded else 'phase'} {first.draw}"
     step_s = float(edges_s[1] - edges_s[0])
     return Stretch(job.scenario, draw, float(edges_s[0]), step_s, recordings[0].outages_s, errors_m)
+
+
+# The figures of a single run: titles, names of files.
+
+WIDTH = 70
+"""Letters of a line: as many as a figure has room for."""
+LINES = 3
+"""Lines of a title: the figure below it needs its room."""
+LONGEST_NAME = 100
+"""Letters of a file's name before its hash; a file system takes 255 bytes, endings included."""
+
+
+def with_title(recording: Recording, job: Job, draw: int) -> Recording:
+    """Return the recording with a name that says its disturbance too (if any), and its seed or phase."""
+    disturbance = job.labels.disturbance
+    disturbed = () if disturbance == "none" else (disturbance,)
+    drawn = (f"seed {draw}",) if job.scenario.seeded else (f"phase {draw}",) if len(job.draws) > 1 else ()
+    return replace(recording, name=_fitted((recording.name, *disturbed), drawn))
+
+
+def file_stem(labels: Sequence[str]) -> str:
+    """Return a file's name for ``labels``, without its ending: short, and the same for the same labels.
+
+    Parameters are left out of it; a hash of all that the labels say stands for them.
+    """
+    text = "-".join(labels)
+    name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(bare(label) for label in labels))
+    if len(name) <= LONGEST_NAME and "-".join(map(bare, labels)) == text:
+        return name
+    return f"{name[:LONGEST_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:
+    """All of it in lines; where these are too many, without the parameters, and then cut."""
+    for words in (named, [bare(word) for word in named]):
+        lines = textwrap.wrap(", ".join((*words, *drawn)), WIDTH)
+        if len(lines) <= LINES:
+            return "\n".join(lines)
+    tail = ", ".join(("...", *drawn))
+    return "\n".join(textwrap.wrap(", ".join(words)[: LINES * WIDTH // 2] + tail, WIDTH))
+
+
+def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
+    """Draw trajectory and errors of the first seed; returns the files."""
+    recording, estimate = run_seed(job, job.draws[0])
+    return draw_run(job, with_title(recording, job, job.draws[0]), estimate, folder / "figures", pdf=pdf)
+
+
+def draw_run(job: Job, recording: Recording, estimate: Estimate, folder: Path, *, pdf: bool = False) -> list[Path]:
+    """Draw the trajectory and the errors of one run, with the recording's name above; returns the files."""
+    from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure
+    from jerkbench.report.plots.style import save_figure
+    from jerkbench.report.plots.trajectory import trajectory_figure
+
+    labels = job.labels
+    estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
+    name = file_stem(labels)
+    errors = partial(error_figure, burn_in_s=job.scoring.burn_in_s)
+    drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
+    if estimate.attitude_only:
+        drawn = {"inclination": inclination_figure}
+    paths = []
+    for kind, draw in drawn.items():
+        figure = draw(recording, estimates)
+        for ending in ("png", "pdf") if pdf else ("png",):
+            paths.append(folder / f"{name}-{kind}.{ending}")
+            save_figure(figure, paths[-1])
+    return paths

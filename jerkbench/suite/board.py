@@ -16,7 +16,7 @@ from jerkbench.report.markup import environment
 from jerkbench.suite.entry import MANIFEST, Entry, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring
-from jerkbench.suite.verify import CheckedEntry, verify
+from jerkbench.suite.verify import CheckedEntry, missing_mistakes, verify
 
 Places = Sequence[tuple[int, int, int]]
 """A place, and the best and the worst within its range."""
@@ -72,10 +72,9 @@ def write_board(folder: Path, count: int) -> list[Path]:
 
 def board_of(entries: Sequence[Entry], checks: Sequence[CheckedEntry], protocol: SuiteProtocol) -> Board:
     """Return the board; an entry whose rows cannot be scored has no place."""
-    whole = [k for k, entry in enumerate(entries) if _whole(entry, protocol)]
-    remarks = [
-        plain(f"{entry.name}: {text}") for entry, own in zip(entries, checks, strict=True) for text in _said(own)
-    ]
+    whole = [k for k, entry in enumerate(entries) if not missing_mistakes(entry, protocol)]
+    said = ((entry, (*own.mistakes, *own.remarks)) for entry, own in zip(entries, checks, strict=True))
+    remarks = [plain(f"{entry.name}: {text}") for entry, texts in said for text in texts]
     scoring = entry_scoring(protocol)
     places = _places([scoring.costs(entries[k].rows) for k in whole])
     scored = sorted(zip(zip(*places.values(), strict=True), whole, strict=True))
@@ -117,26 +116,11 @@ def html(board: Board) -> str:
     )
 
 
-def _whole(entry: Entry, protocol: SuiteProtocol) -> bool:
-    from jerkbench.suite.verify import missing_mistakes
-
-    return not missing_mistakes(entry, protocol)
-
-
-def _said(checked: CheckedEntry) -> tuple[str, ...]:
-    return (*checked.mistakes, *checked.remarks)
-
-
 def _line(places: Places, entry: Entry, scoring: EntryScoring, own: CheckedEntry) -> list[BoardValue]:
     ranks = [BoardValue(f"{place} ({low} to {high})", f"{place}") for place, low, high in places]
     tuned = BoardValue("yes" if entry.manifest.get("tuned") else "no")
-    return [*ranks, BoardValue(entry.name), *scoring.fields(entry.rows), tuned, BoardValue(_verified(own))]
-
-
-def _verified(checked: CheckedEntry) -> str:
-    if checked.mistakes:
-        return "no: see below"
-    return f"yes, {checked.rerun} rows" if checked.rerun else "its files only"
+    verified = "no: see below" if own.mistakes else f"yes, {own.rerun} rows" if own.rerun else "its files only"
+    return [*ranks, BoardValue(entry.name), *scoring.fields(entry.rows), tuned, BoardValue(verified)]
 
 
 def _escaped(text: str) -> str:

@@ -12,7 +12,7 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.sources import plugin_digest
 from jerkbench.suite.protocol import BOTH, SuiteProtocol, domain_of
 from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
-from jerkbench.tuning.objectives import LOST
+from jerkbench.tuning.evaluate import LOST
 from jerkbench.tuning.space import Setting
 
 GIVEN = "given"
@@ -27,11 +27,11 @@ class ScoredEntrant:
     """An entrant after its campaign.
 
     Attributes:
-        settings: by what they were tuned on: "given", and where it could be tuned each search of the protocol.
+        settings: values by knob, by what they were tuned on: "given", and where it could be tuned each search.
         rows: of the test: tuned_on, scenario, seed, status, reason, metrics, seconds.
     """
 
-    settings: Mapping[str, Setting]
+    settings: Mapping[str, Mapping[str, float]]
     rows: pd.DataFrame
 
 
@@ -67,7 +67,8 @@ class SuiteCampaign:
         names = [list(own) for own in halves]
         where = zip(rows["scenario"], rows["trial"], strict=True)
         rows.insert(0, "tuned_on", [names[scenario][trial] for scenario, trial in where])
-        return ScoredEntrant(settings, rows.drop(columns="trial"))
+        named = {name: dict(zip(self.space.names, own, strict=True)) for name, own in settings.items()}
+        return ScoredEntrant(named, rows.drop(columns="trial"))
 
     def _searched(self, levels: Mapping[int, float]) -> dict[str, Setting]:
         """For each search the setting whose mean over scenarios is lowest, where a scenario is a mean over seeds."""

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.geometry import vertical_in_body
@@ -52,13 +51,6 @@ class FaultFamily:
     severities: Mapping[str, Mapping[str, Any]]
     dataset: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        """Check the half and that there is a severity."""
-        if self.half not in (*HALVES, BOTH):
-            raise PluginError(f"family {self.name}: " + unknown("half", self.half, [*HALVES, BOTH]))
-        if not self.severities:
-            raise PluginError(f"family {self.name} has no severity; give at least one: severities: {{usual: {{}}}}.")
-
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteProtocol:
@@ -97,12 +89,6 @@ class SuiteProtocol:
     test_seeds: int
     margin: float
     families: tuple[FaultFamily, ...]
-
-    def __post_init__(self) -> None:
-        """Check that both halves have a family."""
-        for half in HALVES:
-            if half not in {family.half for family in self.families}:
-                raise PluginError(f"The {half} half of the faults has no family; what is tuned needs one to score on.")
 
     @property
     def digest(self) -> str:
@@ -230,10 +216,6 @@ class DriveSuite(SuiteProtocol):
     dataset: Mapping[str, Any]
     entries: int
 
-    def __post_init__(self) -> None:
-        """Check that the laws can be drawn from; there are no halves."""
-        plugins.create("dataset", self.dataset)
-
     @property
     def searches(self) -> tuple[str, ...]:
         """The one set of drives to tune on."""
@@ -264,36 +246,20 @@ def read_suite(scale: str) -> SuiteProtocol:
     if FROZEN[scale].kind is DriveSuite:  # the laws are part of the digest
         where = f"{where}, with conf/dataset/{stated['dataset']}.yaml,"
         stated["dataset"] = preset("dataset", stated["dataset"])
-    protocol = protocol_of(FROZEN[scale].kind, stated, where)
+    known = {known.name for known in dataclasses.fields(FROZEN[scale].kind)}
+    for key in stated:
+        if key not in (*known, "only"):
+            raise PluginError(f"{where}: " + unknown("parameter", key, known))
+    values: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in stated.items()}
+    only = values.pop("only", ()) or tuple(stated["families"])
+    families = (FaultFamily(name=name, **own) for name, own in stated["families"].items() if name in only)
+    protocol = FROZEN[scale].kind(**{**values, "families": tuple(families)})
     if protocol.digest != FROZEN[scale].protocol:
         raise PluginError(
             f"{where} is not {protocol.name} any more: its digest is {protocol.digest}, the frozen one"
             f" {FROZEN[scale].protocol}. Take the change back; whatever differs is a new suite, in a file of its own."
         )
     return protocol
-
-
-def protocol_of(cls: type[SuiteProtocol], stated: Mapping[str, Any], where: str) -> SuiteProtocol:
-    """Return the protocol that a file states.
-
-    Args:
-        cls: its class.
-        stated: the content of the file; with ``only``, names of families, the others are left out.
-        where: the file's name, for sentences.
-
-    Raises:
-        PluginError: it has a parameter that there is not, or does not hold together.
-    """
-    known = {known.name for known in dataclasses.fields(cls)}
-    values: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in stated.items()}
-    only = values.get("only") or tuple(values["families"])
-    for key in values:
-        if key not in (*known, "only"):
-            raise PluginError(f"{where}: " + unknown("parameter", key, known))
-    values["families"] = tuple(
-        FaultFamily(name=name, **own) for name, own in values["families"].items() if name in only
-    )
-    return cls(**{key: value for key, value in values.items() if key in known})
 
 
 # What is frozen of each suite: the digests of its protocol and of its recordings.
@@ -391,24 +357,27 @@ def arrays_digest(arrays: Iterator[FloatArray]) -> str:
     return sha.hexdigest()[:8]
 
 
+TILT_STREAMS = {"inertial": ("t_s", "accel_mps2", "gyro_radps")}
+STREAMS = {
+    "imu": ("t_s", "accel_mps2", "gyro_radps"),
+    "position": ("t_s", "enu_m", "covariance_m2"),
+    "velocity": ("t_s", "mps"),
+    "heading": ("t_s", "yaw_rad"),
+    "reference": ("enu_m", "velocity_mps"),
+}
+"""The arrays of a recording that are hashed, by stream."""
+
+
 def _of_tilt(recording: Recording) -> Iterator[FloatArray]:
     """What an attitude filter sees, the true vertical, and where it counts."""
-    imu, reference = recording.inertial, recording.reference
-    yield from (imu.t_s, imu.accel_mps2, imu.gyro_radps, reference.scored.astype(np.float64))
-    if reference.euler_rad is not None:
-        yield vertical_in_body(np.nan_to_num(reference.euler_rad))
+    yield from _arrays(recording, TILT_STREAMS)
+    yield recording.reference.scored.astype(np.float64)
+    if recording.reference.euler_rad is not None:
+        yield vertical_in_body(np.nan_to_num(recording.reference.euler_rad))
 
 
-def _arrays(recording: Recording) -> Iterator[FloatArray]:
-    imu, position, velocity, heading = recording.imu, recording.position, recording.velocity, recording.heading
-    if imu is not None:
-        yield from (imu.t_s, imu.accel_mps2, imu.gyro_radps)
-    if position is not None:
-        yield from (position.t_s, position.enu_m, position.covariance_m2)
-    if velocity is not None:
-        yield from (velocity.t_s, velocity.mps)
-    if heading is not None:
-        yield from (heading.t_s, heading.yaw_rad)
-    for truth in (recording.reference.enu_m, recording.reference.velocity_mps):
-        if truth is not None:
-            yield truth
+def _arrays(recording: Recording, streams: Mapping[str, tuple[str, ...]] = STREAMS) -> Iterator[FloatArray]:
+    for name, fields in streams.items():
+        stream = getattr(recording, name)
+        arrays = (getattr(stream, field) for field in fields) if stream is not None else ()
+        yield from (array for array in arrays if array is not None)

@@ -3,11 +3,11 @@
 import math
 import random
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -143,9 +143,8 @@ def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtoco
         _require_data(entrant, protocol)
         wrong = list(_settings_mistakes(entry, method, entrant, protocol))
     except JerkbenchError as error:
-        return CheckedEntry(
-            (), (f"The rows of {entrant.name} cannot be computed here, and are not checked: {error}",), 0
-        )
+        sentence = f"The rows of {entrant.name} cannot be computed here, and are not checked: {error}"
+        return CheckedEntry((), (sentence,), 0)
     if wrong:
         return CheckedEntry(tuple(wrong), (), 0)
     remarks: tuple[str, ...] = ()
@@ -188,27 +187,15 @@ def _row_mistakes(
         return
     stored = sample.sort_values(["scenario", "tuned_on"]).to_dict("records")
     scenarios = protocol.scenarios
+    settings = (entry.setting(method, own["tuned_on"]) for own in stored)
     tries = [
-        Try(
-            own["scenario"],
-            scenarios[own["scenario"]],
-            entrant,
-            entry.setting(method, own["tuned_on"]),
-            k,
-            [own["seed"]],
-        )
-        for k, own in enumerate(stored)
+        Try(own["scenario"], scenarios[own["scenario"]], entrant, setting, k, [own["seed"]])
+        for k, (own, setting) in enumerate(zip(stored, settings, strict=True))
     ]
     with TemporaryDirectory(prefix="jerkbench-") as folder:
         again = Site(Path(folder)).rows(tries, protocol.rules(), Progress(0)).to_dict("records")
     for before, own in zip(stored, again, strict=True):
-        if wrong := _difference(before, own, ("status", *protocol.numbers)):
+        differing = (key for key in ("status", *protocol.numbers) if not same(before[key], own[key]))
+        if (key := next(differing, None)) is not None:
             where = f"{scenarios[int(before['scenario'])].name}, seed {before['seed']}, {before['tuned_on']}"
-            yield f"The {method} in {where}: {wrong}."
-
-
-def _difference(stored: Mapping[Any, Any], own: Mapping[Any, Any], keys: Iterable[str]) -> str:
-    for key in keys:
-        if not same(stored[key], own[key]):
-            return f"{key} is stored as {stored[key]}, and comes out as {own[key]}"
-    return ""
+            yield f"The {method} in {where}: {key} is stored as {before[key]}, and comes out as {own[key]}."

@@ -11,8 +11,7 @@ from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.tuning.entrant import Site
-from jerkbench.tuning.evaluate import Evaluator, Trials, joined_trials, require_scorable
-from jerkbench.tuning.objectives import Objective
+from jerkbench.tuning.evaluate import Evaluator, Objective, Trials, joined_trials, require_scorable
 from jerkbench.tuning.samplers import sampler_of
 from jerkbench.tuning.space import Setting, Space
 from jerkbench.tuning.splits import Cases

@@ -1,6 +1,6 @@
 """The verbs but `run`."""
 
-from jerkbench.verbs import campaigns, compare, completing, inspecting, plugins, recordings, results, rows
+from jerkbench.verbs import campaigns, completing, inspecting, plugins, recordings, results, rows
 from jerkbench.verbs.arguments import group
 
 SUITE = group(
@@ -24,7 +24,7 @@ DATA = group(
 
 VERBS = (
     *(plugins.list_verb, plugins.show_verb, DATA),
-    *(results.table_verb, results.figures_verb, results.report_verb, compare.compare_verb, rows.score_verb),
+    *(results.table_verb, results.figures_verb, results.report_verb, results.compare_verb, rows.score_verb),
     *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
     *(rows.rerun_verb, rows.export_verb, results.pack_verb),
     *(plugins.new_verb, plugins.check_verb, results.cite_verb, completing.completion_verb),

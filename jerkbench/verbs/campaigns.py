@@ -149,7 +149,7 @@ entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
 
 
 def _audit_attitude(chosen: argparse.Namespace, folder: Path, workers: int) -> None:
-    from jerkbench.audit.attitude.study import run_attitude_audit
+    from jerkbench.audit.tilt_study import run_attitude_audit
     from jerkbench.io.files import fetched_folder
 
     print(run_attitude_audit(chosen.data or fetched_folder(""), folder, workers, chosen.settings))

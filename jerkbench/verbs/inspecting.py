@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from jerkbench.errors import JerkbenchError, RecordingError, unknown
 from jerkbench.verbs.arguments import argument, output, require_new, verb
-from jerkbench.verbs.source import SOURCE_WORDS, dataset_of
+from jerkbench.verbs.recordings import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
     from jerkbench.contracts import Dataset

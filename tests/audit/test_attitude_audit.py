@@ -7,20 +7,20 @@ import pandas as pd
 import pytest
 
 from jerkbench.attitude.mekf import Mekf
-from jerkbench.audit.attitude import rows as rows_module
-from jerkbench.audit.attitude.methods import AS_THEY_COME, TILT_METHODS, TILT_SETTINGS
-from jerkbench.audit.attitude.rows import audit_rows, error_deg
-from jerkbench.audit.attitude.study import attitude_answer, attitude_audit_page
-from jerkbench.audit.attitude.trials import all_trials, kitti_pieces
-from jerkbench.audit.attitude.verdicts import (
+from jerkbench.audit import tilt_trials as rows_module
+from jerkbench.audit.tilt_methods import AS_THEY_COME, TILT_METHODS, TILT_SETTINGS
+from jerkbench.audit.tilt_study import (
     TRIED_EACH,
     TUNINGS,
+    attitude_answer,
+    attitude_audit_page,
     holm,
     losses_left_out,
     settings_left_out,
     tilt_verdicts,
     tried,
 )
+from jerkbench.audit.tilt_trials import all_trials, audit_rows, error_deg, kitti_pieces
 
 KEPT = Path(__file__).parents[2] / "experiments" / "attitude" / "errors.parquet"
 

@@ -12,7 +12,7 @@ from commands import verb
 from jerkbench import fetching
 from jerkbench.errors import RecordingError
 from jerkbench.fetching import PublicFile, PublicRecording, fetch, public_recording, public_recordings
-from jerkbench.verbs.source import dataset_of
+from jerkbench.verbs.recordings import dataset_of
 
 CONTENT = bytes(range(256)) * 2000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()

@@ -8,7 +8,7 @@ import pandas as pd
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.recording import Imu, Position, Recording, Reference
-from jerkbench.verbs.source import dataset_of
+from jerkbench.verbs.recordings import dataset_of
 
 LOADED = {
     "drive": ("rtklib_drive_0708", None),

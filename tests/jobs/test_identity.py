@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from jerkbench.jobs.cluster import ClusterError
-from jerkbench.jobs.dispatch import Parcel, run_packed
-from jerkbench.jobs.identity import Foreign, identity_of, worker_refusal
+from jerkbench.jobs.dispatch import Foreign, Parcel, identity_of, run_packed, worker_refusal
 from jerkbench.jobs.job import Protocol, build
 
 SPEC = {

@@ -10,8 +10,7 @@ from commands import jerkbench, verb
 from jerkbench.errors import RecordingError
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
-from jerkbench.tuning.evaluate import require_scorable
-from jerkbench.tuning.objectives import objective_of
+from jerkbench.tuning.evaluate import objective_of, require_scorable
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_seeds
 

@@ -12,10 +12,9 @@ from jerkbench.jobs import run as loop
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.timeline import RScale
-from jerkbench.tuning.curves import budget_curve, knob_intervals
 from jerkbench.tuning.entrant import Site
-from jerkbench.tuning.evaluate import Evaluator
-from jerkbench.tuning.objectives import LOST, objective_of
+from jerkbench.tuning.evaluate import LOST, Evaluator, objective_of
+from jerkbench.tuning.outcome import budget_curve, knob_intervals
 from jerkbench.tuning.search import Budget, Effort, equal_budgets, score, search, tune
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_seeds

@@ -10,8 +10,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.tuning.entrant import Site
-from jerkbench.tuning.evaluate import Evaluator
-from jerkbench.tuning.objectives import objective_of
+from jerkbench.tuning.evaluate import Evaluator, objective_of
 from jerkbench.tuning.search import Budget, score, search
 from jerkbench.tuning.space import space_of
 from jerkbench.tuning.splits import Seeds, by_families, by_recordings, by_seeds, by_time, ended_at, scored_from

@@ -1,8 +1,13 @@
-"""The trials of the audit, domain by domain, cut where samples are missing: gyro, accelerometer, the true vertical."""
+"""The trials of the audit of attitude filters, domain by domain, and the rows of every method on them.
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+Recordings are cut where samples are missing: gyro, accelerometer, the true vertical.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,11 +16,19 @@ import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.alignment import TRACK_S
-from jerkbench.attitude.vqf import SILENCE_S
+from jerkbench.attitude.common import TiltAndYaw
+from jerkbench.attitude.vqf import SILENCE_S, OfflineVqf
+from jerkbench.audit.tilt_methods import AS_THEY_COME, TILT_METHODS, TILT_SETTINGS
 from jerkbench.datasets.broad import ENDINGS, Broad, RepoImu
 from jerkbench.datasets.field import Field
+from jerkbench.evaluation.counted_rows import angle_between
+from jerkbench.files import write_atomically
 from jerkbench.geometry import vertical_in_body
 from jerkbench.io.files import fingerprint
+from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.dispatch import each_result
+from jerkbench.jobs.key import code_digest, versions
+from jerkbench.jobs.progress import Progress
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 
 DOMAINS = {
@@ -133,3 +146,68 @@ def with_noise(t_s: FloatArray, mps: FloatArray, seed: int) -> Velocity:
     at = np.arange(0, len(t_s), VELOCITY_EVERY)
     noise = VELOCITY_SIGMA_MPS * np.random.default_rng(seed).normal(size=(len(at), 3))
     return Velocity(t_s[at], mps[at] + noise, np.tile(VELOCITY_SIGMA_MPS**2 * np.eye(3), (len(at), 1, 1)))
+
+
+# Every setting of every method on every trial: the rows of the audit, kept trial by trial.
+
+COMPUTED_BY = ("audit/tilt_methods", "audit/tilt_trials")
+"""Modules that the rows depend on, besides those of every run."""
+
+TILT_COLUMNS = ("domain", "trial", "method", "setting", "inclination_rmse_deg")
+"""Of the rows; the setting -1 is the method as it comes."""
+
+
+def error_deg(plugin: TiltAndYaw, pieces: Sequence[TiltPiece]) -> float:
+    """Return the RMSE of the inclination over all pieces that count [deg]."""
+    squares, count = 0.0, 0
+    for recording, truth, counted in pieces:
+        x, _ = plugin.verticals(recording)
+        squares += float((angle_between(x[counted], truth[counted]) ** 2).sum())
+        count += int(counted.sum())
+    return float(np.degrees(np.sqrt(squares / count)))
+
+
+def trial_rows(trial: TiltTrial, count: int = TILT_SETTINGS) -> pd.DataFrame:
+    """Return the rows of a trial: each method as it comes, and at the first ``count`` of its settings."""
+    rows = [(trial.domain, trial.name, *row) for row in _of_methods(trial, count)]
+    return pd.DataFrame(rows, columns=TILT_COLUMNS).astype({"inclination_rmse_deg": "float32", "setting": "int16"})
+
+
+def _of_methods(trial: TiltTrial, count: int) -> Iterator[tuple[str, int, float]]:
+    pieces = trial.pieces()
+    rate_hz = 1.0 / pieces[0][0].inertial.nominal_interval_s
+    for name, plugin in AS_THEY_COME.items():
+        fixed = not trial.alignment or isinstance(plugin, OfflineVqf)  # a smoother finds its start itself
+        yield name, -1, error_deg(plugin if fixed else replace(plugin, alignment=trial.alignment), pieces)
+    for name, method in TILT_METHODS.items():
+        for number, setting in enumerate(method.settings()[:count]):
+            yield name, number, error_deg(method.plugin(setting, rate_hz, trial.alignment), pieces)
+
+
+def audit_rows(trials: Sequence[TiltTrial], folder: Path, workers: int, count: int = TILT_SETTINGS) -> pd.DataFrame:
+    """Return the rows of all trials; those that are in ``folder`` already, of this code and these data, are taken.
+
+    Raises:
+        JerkbenchError: a trial is damaged, or a package is not installed.
+    """
+    paths = {_part_path(trial, folder, count): trial for trial in trials}
+    left = {path: trial for path, trial in paths.items() if not path.is_file()}
+    bar = Progress(len(paths), len(paths) - len(left), doing="Attitude filters", unit="trials")
+    with bar, Workers(count=workers) as own:
+        for _ in each_result(partial(_keep, count=count), list(left.items()), own):
+            bar.advance()
+    return pd.concat([pd.read_parquet(path) for path in paths], ignore_index=True)
+
+
+def _keep(left: tuple[Path, TiltTrial], count: int) -> None:
+    """Run a trial, and store its rows."""
+    path, trial = left
+    rows = trial_rows(trial, count)
+    write_atomically(path, lambda partial: rows.to_parquet(partial, index=False))
+
+
+def _part_path(trial: TiltTrial, folder: Path, count: int) -> Path:
+    """The file of a trial's rows: its name tells code, libraries and data apart."""
+    parts = [code_digest(*COMPUTED_BY), *versions().values(), version("vqf"), trial.fingerprint, str(count)]
+    digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+    return folder / f"{trial.domain}-{trial.name.replace(' ', '-')}-{digest}.parquet"

@@ -1,4 +1,4 @@
-"""The methods, and the settings that each may be tuned to: as many for each, from the ranges alone.
+"""The attitude filters of an audit, and the settings that each may be tuned to: as many each, from the ranges alone.
 
 Every number is drawn from the range of its plugin (`jerkbench show`), on its scale; every switch is drawn as well: the
 estimate of the gyro's bias, and how a vehicle in motion starts. Noise is a density and a window is a time, so that a
