@@ -238,5 +238,9 @@ def yaw_remarks(recording: Recording, source: str, min_speed_mps: float, sigma_m
         return (YAW_UNKNOWN,)
     if not isinstance(selected, Track):
         return ()
-    coarse = np.median(selected.chords.sigma_rad) > FINE_RAD  # most courses are less sure than one likes them
-    return (YAW_COARSE,) if coarse else (YAW_TRACKED,)
+    return (YAW_COARSE,) if is_coarse(selected) else (YAW_TRACKED,)
+
+
+def is_coarse(track: Track) -> bool:
+    """Whether most courses of a track are less sure than one likes them."""
+    return bool(np.median(track.chords.sigma_rad) > FINE_RAD)
