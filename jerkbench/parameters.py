@@ -80,6 +80,10 @@ class Limit:
     words: str
 
 
+PLUGIN_TITLES: dict[type, str] = {}
+"""What an error's sentence begins with: kind and name of a plugin, as it was registered."""
+
+
 class Limited:
     """A plugin that checks its parameters against the limits beside their types."""
 
@@ -93,7 +97,11 @@ class Limited:
             value = getattr(self, name)
             for limit in notes:
                 if isinstance(limit, Limit) and value is not None and not limit.fits(value):
-                    raise PluginError(f"{name} is {value}; {limit.words}")
+                    raise PluginError(f"{PLUGIN_TITLES.get(type(self), '')}{name} is {value}; {limit.words}")
+
+
+NOT_NEGATIVE = Limit(lambda value: 0 <= value < math.inf, "it must be zero or positive, and finite.")
+ABOVE_ZERO = Limit(lambda value: 0 < value < math.inf, "it must be a positive number.")
 
 
 SWITCH = Range(0.0, 1.0, source="off or on")
