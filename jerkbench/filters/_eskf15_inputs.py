@@ -81,6 +81,8 @@ class Eskf15Parameters(Limited):
 
     title: ClassVar[str]
     invariant: ClassVar[bool]
+    not_taken: ClassVar[tuple[str, ...]] = ()
+    """Parameters of `eskf15` that a filter made of its parts has no use for."""
 
     angle_random_walk_deg_per_sqrt_h: Annotated[
         float,
@@ -144,6 +146,11 @@ class Eskf15Parameters(Limited):
             raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES))
         if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
             raise PluginError(f"{self.title}: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
+        for name in self.not_taken:
+            if value := getattr(self, name):
+                raise PluginError(
+                    f"{self.title}.{name} is {value}; the filter {self.title} has none, set it to 0 or false."
+                )
 
     def sensor_noise(self) -> SensorNoise:
         """Return the process noise in SI units."""
