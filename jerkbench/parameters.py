@@ -8,9 +8,11 @@ A field that one would tune says within which bounds, and on which scale::
 import dataclasses
 import math
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
+
+from jerkbench.errors import PluginError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +65,43 @@ class Range:
         """Say the bounds and the scale."""
         scale = ", logarithmic" if self.log else ", logarithmic in 1 - x" if self.toward_one else ""
         return f"{self.low:g} to {self.high:g}{scale}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """What a parameter may be.
+
+    Attributes:
+        fits: whether it may have a value; null is not asked about.
+        words: what it must be: the end of the error's sentence.
+    """
+
+    fits: Callable[[Any], object]
+    words: str
+
+
+PLUGIN_TITLES: dict[type, str] = {}
+"""What an error's sentence begins with: kind and name of a plugin, as it was registered."""
+
+
+class Limited:
+    """A plugin that checks its parameters against the limits beside their types."""
+
+    def __post_init__(self) -> None:
+        """Check them.
+
+        Raises:
+            PluginError: one is not within its limit.
+        """
+        for name, notes in _notes(type(self)).items():
+            value = getattr(self, name)
+            for limit in notes:
+                if isinstance(limit, Limit) and value is not None and not limit.fits(value):
+                    raise PluginError(f"{PLUGIN_TITLES.get(type(self), '')}{name} is {value}; {limit.words}")
+
+
+NOT_NEGATIVE = Limit(lambda value: 0 <= value < math.inf, "it must be zero or positive, and finite.")
+ABOVE_ZERO = Limit(lambda value: 0 < value < math.inf, "it must be a positive number.")
 
 
 SWITCH = Range(0.0, 1.0, source="off or on")

@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from jerkbench.errors import PluginError, unknown
+from jerkbench.parameters import PLUGIN_TITLES
 from jerkbench.renamed import new_name
 
 PACKAGES = {
@@ -181,6 +182,7 @@ def _add(kind: str, name: str, cls: type) -> None:
             f"{kind} {name} is already {owner.__module__}.{owner.__qualname__}; choose another name than that."
         )
     _registry[kind][name] = cls
+    PLUGIN_TITLES[cls] = f"{kind} {name}: "
 
 
 def _of_kind(kind: str) -> dict[str, type]:

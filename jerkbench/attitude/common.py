@@ -5,11 +5,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, require_not_negative, require_positive
+from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.attitude.alignment import ALIGNMENTS, start_remarks, tilt_start
 from jerkbench.attitude.yaw import (
     YAW_SOURCES,
@@ -22,6 +22,7 @@ from jerkbench.compilation.module_cache import can_compile
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler, roll_pitch
+from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, Limited
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 
 # Gravity compensation: specific force of the body -> acceleration in ENU.
@@ -82,7 +83,7 @@ Verticals = tuple[FloatArray, BoolArray | None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TiltAndYaw(ABC):
+class TiltAndYaw(Limited, ABC):
     """An attitude filter that finds the tilt its own way. The start, yaw and compensation are the same for all.
 
     Start, as ``alignment`` says, with x = Omega^T e3, the vertical of ENU seen from the body::
@@ -107,15 +108,14 @@ class TiltAndYaw(ABC):
     alignment: str = "rest"
     compensation: str = "midpoint"
     yaw_source: str = "auto"
-    yaw_walk_rad_per_sqrt_s: float = 2e-4
-    course_min_speed_mps: float = 0.5
-    course_sigma_min_rad: float = 0.0087
+    yaw_walk_rad_per_sqrt_s: Annotated[float, NOT_NEGATIVE] = 2e-4
+    course_min_speed_mps: Annotated[float, ABOVE_ZERO] = 0.5
+    course_sigma_min_rad: Annotated[float, ABOVE_ZERO] = 0.0087
 
     def __post_init__(self) -> None:
         """Check that every choice exists and every number makes sense."""
+        super().__post_init__()
         self._check_choices({"alignment": ALIGNMENTS, "compensation": COMPENSATIONS, "yaw_source": YAW_SOURCES})
-        require_positive(f"attitude {self.name}", self, ("course_min_speed_mps", "course_sigma_min_rad"))
-        require_not_negative(f"attitude {self.name}", self, ("yaw_walk_rad_per_sqrt_s",))
 
     @abstractmethod
     def verticals(self, recording: Recording) -> Verticals:

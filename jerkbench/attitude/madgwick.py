@@ -6,10 +6,10 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatMatrix, FloatVector, require_not_negative
+from jerkbench.arrays import FloatMatrix, FloatVector
 from jerkbench.attitude.alignment import tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, quaternion_of, run_samples, set_quaternion
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -42,14 +42,10 @@ class Madgwick(TiltAndYaw):
 
     gain_per_s: Annotated[
         float,
+        NOT_NEGATIVE,
         Range(1e-5, 1.0, log=True, source="ours: from hardly any correction to thirty times the default"),
         DefaultOrigin("literature: the paper's .033 for gyro and accelerometer"),
     ] = 0.033
-
-    def __post_init__(self) -> None:
-        """Check the choices and the gain."""
-        super().__post_init__()
-        require_not_negative("attitude madgwick", self, ("gain_per_s",))
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""

@@ -6,10 +6,10 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatMatrix, FloatVector, require_not_negative
+from jerkbench.arrays import FloatMatrix, FloatVector
 from jerkbench.attitude.alignment import tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, quaternion_of, run_samples, set_quaternion
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -41,19 +41,16 @@ class Mahony(TiltAndYaw):
 
     proportional_per_s: Annotated[
         float,
+        NOT_NEGATIVE,
         Range(1e-4, 3.0, log=True, source="ours: time constants from a third of a second to three hours"),
         DefaultOrigin("literature: the paper's 1"),
     ] = 1.0
     integral_per_s2: Annotated[
         float,
+        NOT_NEGATIVE,
         Range(1e-6, 0.3, log=True, source="ours: from a bias that is found in an hour to the paper's"),
         DefaultOrigin("literature: the paper's .3"),
     ] = 0.3
-
-    def __post_init__(self) -> None:
-        """Check the choices and the gains."""
-        super().__post_init__()
-        require_not_negative("attitude mahony", self, ("proportional_per_s", "integral_per_s2"))
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""

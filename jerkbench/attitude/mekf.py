@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative, require_positive
+from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector
 from jerkbench.attitude.alignment import TiltStart, tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
 from jerkbench.attitude.gravity_update import (
@@ -17,9 +17,8 @@ from jerkbench.attitude.gravity_update import (
     see_gravity,
     updating,
 )
-from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler, roll_pitch
-from jerkbench.parameters import SWITCH, DefaultOrigin, Range
+from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, SWITCH, DefaultOrigin, Limit, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
@@ -72,36 +71,43 @@ class Mekf(TiltAndYaw):
     adapt: str = "none"
     gyro_density: Annotated[
         float,
+        NOT_NEGATIVE,
         Range(1e-4, 1e-2, log=True, source="ours: from a tactical gyro to one that errs with the motion"),
         MEMS_HAND,
     ] = 1e-3
     accel_density: Annotated[
         float,
+        ABOVE_ZERO,
         Range(0.01, 30.0, log=True, source="ours: from quiet ground to hardly any trust in the accelerometer"),
         MEMS_HAND,
     ] = 0.1
     window_s: Annotated[
-        float, Range(0.01, 3.0, log=True, source="ours: from one sample at 100 Hz to a turn of a car"), MEMS_HAND
+        float,
+        ABOVE_ZERO,
+        Range(0.01, 3.0, log=True, source="ours: from one sample at 100 Hz to a turn of a car"),
+        MEMS_HAND,
     ] = 0.01
     external_memory: Annotated[
-        float, Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen"), MEMS_HAND
+        float,
+        Limit(lambda memory: 0 < memory < 1, "it must be between 0 and 1."),
+        Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen"),
+        MEMS_HAND,
     ] = 0.3
     bias: Annotated[bool, SWITCH, DefaultOrigin("ours: MEMS gyros have one")] = True
     bias_density: Annotated[
         float,
+        NOT_NEGATIVE,
         Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion"),
         MEMS_HAND,
     ] = 1e-5
-    initial_bias_radps: Annotated[float, DefaultOrigin("a data sheet's turn-on bias of a consumer MEMS gyro")] = 0.005
+    initial_bias_radps: Annotated[
+        float, NOT_NEGATIVE, DefaultOrigin("a data sheet's turn-on bias of a consumer MEMS gyro")
+    ] = 0.005
 
     def __post_init__(self) -> None:
-        """Check that every choice exists and every number makes sense."""
+        """Check that every choice exists and every number is within its limit."""
         super().__post_init__()
         self._check_choices({"adapt": ADAPTATIONS})
-        require_positive("attitude mekf", self, ("accel_density", "window_s"))
-        require_not_negative("attitude mekf", self, ("gyro_density", "bias_density", "initial_bias_radps"))
-        if not 0 < self.external_memory < 1:
-            raise PluginError(f"attitude mekf: external_memory is {self.external_memory}; it must be between 0 and 1.")
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, and whether an external acceleration was seen."""

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector, require_not_negative, require_positive
+from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector
 from jerkbench.attitude.alignment import TiltStart, tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
 from jerkbench.attitude.gravity_update import (
@@ -19,6 +19,7 @@ from jerkbench.attitude.gravity_update import (
     updating,
 )
 from jerkbench.errors import PluginError
+from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, Limit
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
@@ -81,19 +82,20 @@ class Tilt(TiltAndYaw):
     name: ClassVar[str] = "tilt"
 
     adapt: str = "mtf"
-    sigma_gyro_radps: float = 0.0017
-    sigma_accel_mps2: float | None = None
-    external_memory: float = 0.0
-    window: int = 1
+    sigma_gyro_radps: Annotated[float, NOT_NEGATIVE] = 0.0017
+    sigma_accel_mps2: Annotated[float | None, ABOVE_ZERO] = None
+    external_memory: Annotated[float, Limit(lambda memory: 0 <= memory <= 1, "it must be from 0 to 1.")] = 0.0
+    window: Annotated[int, Limit(lambda samples: samples >= 1, "it must be at least 1.")] = 1
     normalise: bool = True
     propagation: str = "first_order"
-    initial_tilt_variance: float | None = None
+    initial_tilt_variance: Annotated[float | None, ABOVE_ZERO] = None
 
     def __post_init__(self) -> None:
         """Check that every choice exists and every number makes sense."""
         super().__post_init__()
         self._check_choices({"adapt": ADAPTATIONS, "propagation": PROPAGATIONS})
-        self._check_numbers()
+        if self.adapt == "lee" and self.external_memory == 0:
+            raise PluginError("attitude tilt: adapt lee with external_memory 0 never adapts; set external_memory.")
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, and whether it triggered."""
@@ -119,17 +121,6 @@ class Tilt(TiltAndYaw):
             self.propagation == "exact",
             gravity_update(3, self.window, self.external_memory, self.adapt),
         )
-
-    def _check_numbers(self) -> None:
-        may_be_null = "sigma_accel_mps2", "initial_tilt_variance"
-        require_positive("attitude tilt", self, [name for name in may_be_null if getattr(self, name) is not None])
-        require_not_negative("attitude tilt", self, ("sigma_gyro_radps",))
-        if not 0 <= self.external_memory <= 1:
-            raise PluginError(f"attitude tilt: external_memory is {self.external_memory}; it must be from 0 to 1.")
-        if self.window < 1:
-            raise PluginError(f"attitude tilt: window is {self.window}; it must be at least 1.")
-        if self.adapt == "lee" and self.external_memory == 0:
-            raise PluginError("attitude tilt: adapt lee with external_memory 0 never adapts; set external_memory.")
 
 
 class TiltState(NamedTuple):

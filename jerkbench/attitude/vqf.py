@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_positive
+from jerkbench.arrays import FloatArray
 from jerkbench.attitude.alignment import tilt_start
 from jerkbench.attitude.common import TiltAndYaw, Verticals
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.parameters import SWITCH, DefaultOrigin, Range
+from jerkbench.parameters import ABOVE_ZERO, SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 
@@ -60,18 +60,19 @@ class Vqf(TiltAndYaw):
 
     alignment: str = field(default="gravity", kw_only=True)
     tau_acc_s: Annotated[
-        float, Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"), OF_PACKAGE
+        float,
+        ABOVE_ZERO,
+        Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"),
+        OF_PACKAGE,
     ] = 3.0
     rest_bias: Annotated[bool, SWITCH, OF_PACKAGE] = True
     motion_bias: Annotated[bool, SWITCH, OF_PACKAGE] = True
     bias_forgetting_s: Annotated[
-        float, Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"), OF_PACKAGE
+        float,
+        ABOVE_ZERO,
+        Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"),
+        OF_PACKAGE,
     ] = 100.0
-
-    def __post_init__(self) -> None:
-        """Check the choices and the times."""
-        super().__post_init__()
-        require_positive(f"attitude {self.name}", self, ("tau_acc_s", "bias_forgetting_s"))
 
     def require(self, load: Callable[[], Recording]) -> None:
         """Check, before a sweep begins, that the package is installed and the recording has what was asked to be used.

@@ -9,7 +9,7 @@ import numpy as np
 from jerkbench.arrays import require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.io.columns import read_columns
-from jerkbench.io.files import find_file, fingerprint
+from jerkbench.io.files import FromFiles, find_file
 from jerkbench.io.rtklib_logs import read_epochs
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
@@ -27,7 +27,7 @@ NOTES = (
 
 @register("dataset", "beijing_car")
 @dataclass(frozen=True)
-class BeijingCar:
+class BeijingCar(FromFiles):
     """A car, 1156 s, 8.8 km: fixes, velocities and sigmas of a receiver, 10 Hz, and RTK as the reference; no IMU.
 
     ``Data.txt`` holds places in the plane (ENU, m) of both receivers, row by row. Row i belongs to the i-th `$PSAT,FVI`
@@ -41,8 +41,6 @@ class BeijingCar:
         velocity_sigma_mps: one standard deviation of the velocity, of which the receiver states none.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
     without_imu: ClassVar[bool] = True
 
     folder: str = ""
@@ -58,7 +56,7 @@ class BeijingCar:
         Raises:
             RecordingError: a file is missing or damaged, or the two are not of the same rows.
         """
-        table, log = self._paths()
+        table, log = self.paths()
         columns, epochs = read_columns((table,), TextFormat(separator="")), read_epochs(log)
         if len(columns) != len(epochs.sigma_m):
             raise RecordingError(
@@ -82,10 +80,7 @@ class BeijingCar:
             notes=(*columns.notes, *NOTES),
         )
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of both files."""
-        return fingerprint(self._paths())
-
-    def _paths(self) -> tuple[Path, Path]:
+    def paths(self) -> tuple[Path, Path]:
+        """Return the files that are read."""
         folder = Path(self.folder).expanduser()
         return find_file(folder, TABLE, ".txt", "folder"), find_file(folder, LOG, ".dat", "folder")

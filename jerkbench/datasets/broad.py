@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import best_rotation, dcm_from_euler, euler_from_quaternion, roll_pitch
-from jerkbench.io.files import fingerprint, named_folder, recording_folder
+from jerkbench.io.files import FromFiles, named_folder, recording_folder
 from jerkbench.io.frames import without_gyro_bias
 from jerkbench.io.text import require_content, require_possible
 from jerkbench.plugins import register
@@ -130,7 +130,7 @@ NOTES = (
 
 @register("dataset", "broad")
 @dataclass(frozen=True)
-class Broad:
+class Broad(FromFiles):
     """A trial of BROAD: tilt alone, a hand-held IMU against optical motion capture.
 
     The IMU lies still for half a minute, is then moved by hand, and lies still again; 285.7 Hz. The filter
@@ -150,8 +150,6 @@ class Broad:
         remove_gyro_bias: subtract the gyro's mean over the first rest.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
     attitude_only: ClassVar[bool] = True
 
     folder: str = ""
@@ -165,23 +163,20 @@ class Broad:
             RecordingError: the file is missing or damaged, or it does not begin with a rest and the gyro's bias is
                 asked for.
         """
-        path = self._path()
+        (path,) = self.paths()
         trial = read_broad_trial(path)
         t_s = np.arange(len(trial.movement)) / trial.rate_hz
         return recording_of(path.stem, t_s, trial, remove_gyro_bias=self.remove_gyro_bias)
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the trial's file."""
-        return fingerprint((self._path(),))
-
-    def _path(self) -> Path:
+    def paths(self) -> tuple[Path, ...]:
+        """Return the file of the trial."""
         folder = recording_folder(self.folder, "broad")
         if not folder.is_dir():
             raise RecordingError(f"There is no folder {folder}; give the one that the trials were copied to.")
         trials = sorted(path for path in folder.iterdir() if path.suffix in ENDINGS and path.is_file())
         named = [path for path in trials if path.name.startswith(f"{self.trial:02d}_")]
         if len(named) == 1:
-            return named[0]
+            return (named[0],)
         names = ", ".join(path.name for path in (named or trials)) or "no .hdf5 or .mat file"
         raise RecordingError(
             f"{folder} has {len(named)} files of trial {self.trial} (a name that begins with '{self.trial:02d}_');"
@@ -230,7 +225,7 @@ ACCEL, GYRO, ATTITUDE = ["ax", "ay", "az"], ["gx", "gy", "gz"], ["qw", "qx", "qy
 
 @register("dataset", "repoimu")
 @dataclass(frozen=True)
-class RepoImu:
+class RepoImu(FromFiles):
     """A trial of RepoIMU's TStick: tilt alone, a stick in a hand against optical motion capture, 100 Hz.
 
     The stick lies still for two to four seconds and is then swung by hand for a minute and a half. As published, the
@@ -259,8 +254,6 @@ class RepoImu:
         align_reference: turn the reference by T and B, and score it where it is sound; otherwise as published.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
     attitude_only: ClassVar[bool] = True
 
     folder: str = ""
@@ -275,7 +268,7 @@ class RepoImu:
         Raises:
             RecordingError: the file is missing or damaged, or lacks a column.
         """
-        path = self._path()
+        (path,) = self.paths()
         require_content(path)
         try:
             table = pd.read_parquet(path, columns=["t_s", *ACCEL, *GYRO, *ATTITUDE, "movement"]).astype(float)
@@ -289,12 +282,9 @@ class RepoImu:
             trial = aligned(trial, without_bias)
         return recording_of(path.stem, t_s, trial, remove_gyro_bias=self.remove_gyro_bias)
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the trial's file."""
-        return fingerprint((self._path(),))
-
-    def _path(self) -> Path:
-        return named_folder(self.folder) / f"TStick_Test{self.test:02d}_Trial{self.trial}.parquet"
+    def paths(self) -> tuple[Path, ...]:
+        """Return the file of the trial."""
+        return (named_folder(self.folder) / f"TStick_Test{self.test:02d}_Trial{self.trial}.parquet",)
 
 
 def aligned(trial: BroadTrial, imu: Imu) -> BroadTrial:

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from tokenize import TokenError
-from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, geodetic_to_enu, wrap_angle
-from jerkbench.io.files import fingerprint, recording_folder
+from jerkbench.io.files import FromFiles, recording_folder
 from jerkbench.io.frames import axes_to_judge, body_from_sensor
 from jerkbench.io.sanitiser import steady_rows
 from jerkbench.io.text import LARGEST, require_content, require_possible
@@ -149,7 +148,7 @@ NOTES = (
 
 @register("dataset", "comma2k19")
 @dataclass(frozen=True)
-class Comma2k19:
+class Comma2k19(FromFiles):
     """A minute of comma2k19: a car at 8 to 20 m/s, its reference apart from the fixes; with its wheel speed.
 
     The defaults are those of ``Example_1`` of github.com/commaai/comma2k19 (MIT). Time 0 is the first IMU sample. The
@@ -184,9 +183,6 @@ class Comma2k19:
             it.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
-
     folder: str = ""
     mounting_yaw_deg: float = -0.81
     mounting_pitch_deg: float = -3.81
@@ -213,7 +209,7 @@ class Comma2k19:
         Raises:
             RecordingError: a file is missing or damaged.
         """
-        segment = read_comma_segment(self._folder())
+        segment = read_comma_segment(recording_folder(self.folder, "comma2k19"))
         line = _clock(segment)
         position, origin, leaps = self._fixes(segment, line)
         begin_s = float(
@@ -232,12 +228,9 @@ class Comma2k19:
             notes=(*leaps, *NOTES, *((FITTED,) if self._fitted() else ())),
         )
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the files that are read."""
-        return fingerprint(segment_files(self._folder()))
-
-    def _folder(self) -> Path:
-        return recording_folder(self.folder, "comma2k19")
+    def paths(self) -> tuple[Path, ...]:
+        """Return the files that are read."""
+        return segment_files(recording_folder(self.folder, "comma2k19"))
 
     def _fitted(self) -> bool:
         own = type(self)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.io.files import find_file, fingerprint, named_folder
+from jerkbench.io.files import FromFiles, find_file, named_folder
 from jerkbench.io.text import require_content
 from jerkbench.plugins import register
 from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
@@ -24,7 +24,7 @@ UNSTATED_M = {"UWB": 0.3, "Pixel": 5.0, "xiaomi": 5.0, "": 3.0}
 
 @register("dataset", "journey")
 @dataclass(frozen=True)
-class RealJourney:
+class RealJourney(FromFiles):
     """A real journey: fixes, where known with velocities and sigmas, and a better reference; no IMU.
 
     The folder has three files:
@@ -47,8 +47,6 @@ class RealJourney:
         clock_shift_s: added to the stamps of fixes and velocities; null: that of meta.json, or 0.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
     without_imu: ClassVar[bool] = True
 
     folder: str = ""
@@ -69,7 +67,7 @@ class RealJourney:
         Raises:
             RecordingError: a file is missing or damaged, or lacks a column.
         """
-        fixes, reference, meta = self._paths()
+        fixes, reference, meta = self.paths()
         about, rows, truth = _meta(meta), _rows(fixes), _rows(reference)
         shift_s = float(about.get("clock_shift_s", 0.0)) if self.clock_shift_s is None else self.clock_shift_s
         zero_s = rows["t_s"].iloc[0]
@@ -92,11 +90,8 @@ class RealJourney:
             notes=("There is no IMU: attitude, tilt and yaw do not apply.", *notes),
         )
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the three files."""
-        return fingerprint(self._paths())
-
-    def _paths(self) -> tuple[Path, ...]:
+    def paths(self) -> tuple[Path, ...]:
+        """Return the files that are read."""
         folder = named_folder(self.folder)
         return tuple(find_file(folder, name, Path(name).suffix, "folder") for name in (FIXES, REFERENCE, META))
 

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import require_choices, require_lengths
 from jerkbench.errors import PluginError
 from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, with_common_time
-from jerkbench.io.files import find_file, fingerprint, recording_folder
+from jerkbench.io.files import FromFiles, find_file, recording_folder
 from jerkbench.io.frames import (
     axes_matrix,
     body_from_sensor,
@@ -38,7 +37,7 @@ from jerkbench.recording import Recording, Reference
 
 @register("dataset", "rtklib")
 @dataclass(frozen=True)
-class RtklibDrive:
+class RtklibDrive(FromFiles):
     """A real drive from an RTKLIB solution (any .pos) and an IMU's log.
 
     The log is ax, ay, az, gx, gy, gz, ms without header, whose clock its time tag (.tag) sets; or, with ``imu_time``,
@@ -95,9 +94,6 @@ class RtklibDrive:
         min_speed_mps: errors count only where the receiver's own speed over ground is not below; 0: everywhere.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
-
     folder: str = ""
     position_file: str = ""
     imu_file: str = ""
@@ -139,7 +135,7 @@ class RtklibDrive:
         Raises:
             RecordingError: a file is missing or damaged, no fix is accepted, or there is no rest to calibrate in.
         """
-        pos_path, imu_path = self._paths()[:2]
+        pos_path, imu_path = self.paths()[:2]
         solution = read_rtklib_pos(pos_path, self.gpst_minus_utc_s)
         fixes, leaps = steady_fixes(accepted_fixes(solution, self.accepted_quality, pos_path))
         log = self._log()
@@ -179,11 +175,7 @@ class RtklibDrive:
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the files."""
-        return fingerprint(self._paths())
-
-    def _paths(self) -> tuple[Path, ...]:
+    def paths(self) -> tuple[Path, ...]:
         """The solution, the IMU log, and its time tag where there is one."""
         folder = recording_folder(self.folder, "rtklib_drive_0708")
         pos = find_file(folder, self.position_file, ".pos", "position_file")
@@ -193,7 +185,7 @@ class RtklibDrive:
         return pos, imu, find_file(folder, self.tag_file or f"{imu.name}.tag", ".tag", "tag_file")
 
     def _log(self) -> ImuLog:
-        _, path, *tag = self._paths()
+        _, path, *tag = self.paths()
         if tag:
             return read_imu_log(path, tag[0])
         text = TextFormat(self.imu_separator, self.imu_header)

@@ -5,7 +5,8 @@ The plugin: its parameters, and `load`, a stream at a time. Each stream is read 
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import enu_axes
 from jerkbench.io.clocks import with_common_time, with_own_outages
 from jerkbench.io.columns import Columns
-from jerkbench.io.files import fingerprint, named_folder
+from jerkbench.io.files import FromFiles, named_folder
 from jerkbench.io.frames import (
     LOCAL_FRAMES,
     axes_in_enu,
@@ -65,7 +66,7 @@ class Fixes:
 
 @register("dataset", "table")
 @dataclass(frozen=True)
-class Tables(TimedColumns):
+class Tables(FromFiles, TimedColumns):
     """Any recording in tables (CSV, text, Parquet, .mat), with a map from columns to fields.
 
     A column is a name of the header or a number from 1. A file is a name, or a pattern (``data/*.txt``): all files
@@ -154,9 +155,6 @@ class Tables(TimedColumns):
         outage_s: a gap between fixes that is longer is an outage, which the outage metrics score against the reference;
             0: none is.
     """
-
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
 
     imu_file: str = "imu.csv"
     imu_time: str = "t"
@@ -259,10 +257,10 @@ class Tables(TimedColumns):
         recording = with_common_time(recording, "check the columns of times and their unit")
         return with_own_outages(recording, self.outage_s)
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the files."""
+    def paths(self) -> tuple[Path, ...]:
+        """Return the files that are read."""
         names = (self.imu_file, self.position_file, self.velocity_file, self.reference_file, self.time_file)
-        return fingerprint(tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder")))
+        return tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder"))
 
     def _require_one_origin(self) -> None:
         """Raise a PluginError where fixes and reference are about two origins: one is local, the other is not."""

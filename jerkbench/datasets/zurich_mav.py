@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.io.columns import Columns, read_columns
-from jerkbench.io.files import find_file, fingerprint
+from jerkbench.io.files import FromFiles, find_file
 from jerkbench.io.frames import axes_matrix, imu_in_body
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
@@ -34,7 +33,7 @@ NOTES = (
 
 @register("dataset", "zurich_mav")
 @dataclass(frozen=True)
-class ZurichMav:
+class ZurichMav(FromFiles):
     """A quadrotor between houses, 720 s: fixes 1 Hz, IMU 10 Hz with gaps up to 1.1 s; truth from photogrammetry.
 
     Row k of the truth is of image k (1, 31, 61, ...); the fix in the same row is not of the same time. On the clock of
@@ -55,9 +54,6 @@ class ZurichMav:
         gyro_bias_radps: subtracted from the gyro, in its own axes.
     """
 
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
-
     folder: str = ""
     position_sigma_m: float = 10.0
     gyro_bias_radps: tuple[float, ...] = (-0.015, -0.027, 0.029)
@@ -74,7 +70,7 @@ class ZurichMav:
         Raises:
             RecordingError: a file is missing or damaged.
         """
-        truth, *sensors = (read_columns((path,), TextFormat()) for path in self._paths())
+        truth, *sensors = (read_columns((path,), TextFormat()) for path in self.paths())
         imu, start_s = self._imu(*sensors)
         image = truth.numbers(("imgid",))[:, 0]
         places, fixes = truth.numbers(("x_gt", "y_gt", "z_gt")), truth.numbers(("x_gps", "y_gps", "z_gps"))
@@ -94,10 +90,6 @@ class ZurichMav:
             notes=(*truth.notes, *NOTES),
         )
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the three files."""
-        return fingerprint(self._paths())
-
     def _imu(self, accel: Columns, gyro: Columns) -> tuple[Imu, float]:
         """The samples at the accelerometer's stamps, and the first of these on the IMU's clock [s]."""
         t_s, force = _sensor(accel)
@@ -105,7 +97,8 @@ class ZurichMav:
         rate = rate[nearest_rows(gyro_s, t_s)] - self.gyro_bias_radps
         return imu_in_body(t_s - t_s[0], force, rate, ("m/s2", "rad/s"), axes_matrix(FRD)), float(t_s[0])
 
-    def _paths(self) -> tuple[Path, ...]:
+    def paths(self) -> tuple[Path, ...]:
+        """Return the files that are read."""
         folder = Path(self.folder).expanduser()
         return tuple(find_file(folder, name, ".csv", "folder") for name in (TRUTH, ACCEL, GYRO))
 

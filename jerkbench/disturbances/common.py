@@ -1,19 +1,25 @@
 """What several disturbances share: checks, draws, rows, windows, added errors, scaled noise; and no disturbance."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.parameters import Limit, Limited
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream
 from jerkbench.recording import Heading, Position, Recording, Reference, Velocity
 
+FROM_0_TO_1 = Limit(lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
+OFFSET = Limit(lambda size: 0 <= size < np.inf, "give 0 m or more, or null.")
+DEVIATION = Limit(lambda sigma: 0 <= sigma < np.inf, "a standard deviation must be 0 or more.")
+CORRELATION_TIME = Limit(lambda time: 0 < time < np.inf, "a correlation time must be positive.")
 
-class Once:
+
+class Once(Limited):
     """A disturbance without phases: its seeds differ by what is drawn, or not at all."""
 
     seeded: ClassVar[bool] = False
@@ -23,7 +29,7 @@ class Once:
         return 1
 
 
-class Phased:
+class Phased(Limited):
     """A disturbance whose replicates are phases of one recording: seed s has the phase s mod n, unless one is fixed."""
 
     seeded: ClassVar[bool] = False
@@ -32,8 +38,9 @@ class Phased:
 
     phase: int | None
 
-    def require_phase(self) -> None:
-        """Raise a PluginError unless the fixed phase is one of them."""
+    def __post_init__(self) -> None:
+        """Check that the fixed phase is one of them."""
+        super().__post_init__()
         count = getattr(self, self.cycle)
         if self.phase is not None and not 0 <= self.phase < count:
             raise PluginError(f"phase is {self.phase}; it must lie between 0 and {self.cycle} - 1 = {count - 1}.")
@@ -58,14 +65,6 @@ class NoDisturbance(Once):
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return ``recording`` itself."""
         return recording
-
-
-def require_values(plugin: object, names: Iterable[str], fits: Callable[[Any], Any], words: str) -> None:
-    """Raise a PluginError with ``words`` unless the parameters ``names`` are null, or ``fits`` holds of them."""
-    for name in names:
-        value = getattr(plugin, name)
-        if value is not None and not fits(value):
-            raise PluginError(f"{name} is {value}; {words}")
 
 
 def require_measured(recording: Recording, consequence: str) -> None:
@@ -132,14 +131,14 @@ class RegularWindows(Once):
     """What the windows are windows of."""
 
     windows_s: WindowTimes = ((40.0, 50.0), (102.0, 112.0))
-    count: int = 0
+    count: Annotated[int, Limit(lambda count: count >= 0, "give 0 (windows_s as given) or more.")] = 0
     length_s: float = 10.0
     first_s: float = 60.0
     every_s: float = 40.0
 
     def __post_init__(self) -> None:
         """Check that each window ends after it begins, and that regular ones do not overlap."""
-        require_values(self, ("count",), lambda count: count >= 0, "give 0 (windows_s as given) or more.")
+        super().__post_init__()
         if self.count > 1 and not self.every_s >= self.length_s:
             raise PluginError(f"every_s is {self.every_s}; it must not be below length_s = {self.length_s}.")
         for window in self._windows():

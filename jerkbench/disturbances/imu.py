@@ -1,26 +1,26 @@
 """Faults of the vehicle's own sensors: bias, vibration and missing samples of the IMU, wheels that slip."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.disturbances.common import (
+    DEVIATION,
+    FROM_0_TO_1,
     Once,
     RegularWindows,
     WindowTimes,
     displaced,
     in_any,
     own_stream,
-    require_values,
 )
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 from jerkbench.simulation.motion import harmonics
-
-SIGMAS_OF_IMU = ("accel_mps2", "gyro_radps")
 
 
 @register("disturbance", "imu_bias")
@@ -44,13 +44,9 @@ class ImuBias(Once):
 
     seeded: ClassVar[bool] = True
 
-    accel_mps2: float = 0.08
-    gyro_radps: float = 0.002
+    accel_mps2: Annotated[float, DEVIATION] = 0.08
+    gyro_radps: Annotated[float, DEVIATION] = 0.002
     stream: str = ""
-
-    def __post_init__(self) -> None:
-        """Check that no sigma is negative."""
-        require_values(self, SIGMAS_OF_IMU, lambda sigma: sigma >= 0, "a standard deviation must be 0 or more.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the biases of ``seed`` added to its IMU."""
@@ -87,16 +83,15 @@ class ImuVibration(Once):
 
     seeded: ClassVar[bool] = True
 
-    accel_mps2: float = 1.0
-    gyro_radps: float = 0.01
+    accel_mps2: Annotated[float, DEVIATION] = 1.0
+    gyro_radps: Annotated[float, DEVIATION] = 0.01
     lowest_hz: float = 8.0
     highest_hz: float = 35.0
     stream: str = ""
 
     def __post_init__(self) -> None:
         """Check sigmas and band."""
-        finite = "a standard deviation must be 0 or more."
-        require_values(self, SIGMAS_OF_IMU, lambda sigma: 0 <= sigma < np.inf, finite)
+        super().__post_init__()
         if not 0 <= self.lowest_hz < self.highest_hz < np.inf:
             raise PluginError(f"{self.lowest_hz} to {self.highest_hz} Hz is no band; give 0 <= lowest < highest.")
 
@@ -133,14 +128,9 @@ class Dropout(Once):
 
     seeded: ClassVar[bool] = True
 
-    probability: float = 0.01
-    longest: int = 5
+    probability: Annotated[float, FROM_0_TO_1] = 0.01
+    longest: Annotated[int, Limit(lambda count: count >= 1, "a gap takes 1 sample or more.")] = 5
     stream: str = ""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_values(self, ("probability",), lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
-        require_values(self, ("longest",), lambda count: count >= 1, "a gap takes 1 sample or more.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording without the samples that ``seed`` drops."""
@@ -179,12 +169,7 @@ class WheelSlip(RegularWindows):
     fault: ClassVar[str] = "wheel slip"
 
     windows_s: WindowTimes = ((20.0, 24.0), (60.0, 66.0), (115.0, 120.0))
-    slip: float = 0.3
-
-    def __post_init__(self) -> None:
-        """Check windows and slip."""
-        super().__post_init__()
-        require_values(self, ("slip",), np.isfinite, "give a finite number, 0.3 for 30 % too fast.")
+    slip: Annotated[float, Limit(np.isfinite, "give a finite number, 0.3 for 30 % too fast.")] = 0.3
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with slip in the windows.

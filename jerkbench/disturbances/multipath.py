@@ -2,12 +2,14 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
+    CORRELATION_TIME,
+    OFFSET,
     Once,
     RegularWindows,
     WindowTimes,
@@ -16,13 +18,15 @@ from jerkbench.disturbances.common import (
     in_any,
     in_each,
     own_stream,
-    require_values,
     with_errors,
 )
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.simulation.imu import gauss_markov
+
+LASTING = Limit(lambda time: 0 < time < np.inf, "a burst must be longer than 0 s, or null.")
 
 
 @dataclass(frozen=True)
@@ -49,28 +53,25 @@ class Bursts(Once):
     seeded: ClassVar[bool] = True
     stream_name: ClassVar[str]
 
-    bursts: int = 10
+    bursts: Annotated[int, Limit(lambda count: count >= 0, "give 0 or more.")] = 10
     shortest_s: float = 2.0
     longest_s: float = 6.0
     smallest_m: float = 0.5
     largest_m: float = 2.0
     start_s: float = 10.0
-    size_m: float | None = None
-    length_s: float | None = None
+    size_m: Annotated[float | None, OFFSET] = None
+    length_s: Annotated[float | None, LASTING] = None
     stream: str = ""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require_values(self, ("bursts",), lambda count: count >= 0, "give 0 or more.")
+        super().__post_init__()
         if not 0 < self.shortest_s <= self.longest_s:
             raise PluginError(
                 f"A burst of {self.shortest_s} to {self.longest_s} s is none; give 0 < shortest <= longest."
             )
         if not 0 <= self.smallest_m <= self.largest_m:
             raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
-
-        require_values(self, ("size_m",), lambda size: 0 <= size < np.inf, "give 0 m or more, or null.")
-        require_values(self, ("length_s",), lambda time: 0 < time < np.inf, "a burst must be longer than 0 s, or null.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the bursts of ``seed``.
@@ -173,17 +174,15 @@ class RtkFloat(RegularWindows):
 
     windows_s: WindowTimes = ((30.0, 60.0), (95.0, 120.0))
     sigma_m: tuple[float, ...] = (0.25, 0.25, 0.5)
-    factor: float = 1.0
-    time_s: float = 15.0
+    factor: Annotated[float, Limit(lambda k: 0 <= k < np.inf, "give 0 or more.")] = 1.0
+    time_s: Annotated[float, CORRELATION_TIME] = 15.0
     stream: str = ""
 
     def __post_init__(self) -> None:
         """Check windows, sigmas and the time."""
         super().__post_init__()
-        require_values(self, ("factor",), lambda k: 0 <= k < np.inf, "give 0 or more.")
         if len(self.sigma_m) != 3 or not all(sigma >= 0 for sigma in self.sigma_m):
             raise PluginError(f"sigma_m is {self.sigma_m}; give three, 0 or more: east, north, up.")
-        require_values(self, ("time_s",), lambda time: time > 0, "a correlation time must be positive.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the float solutions of ``seed``.

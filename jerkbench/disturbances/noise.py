@@ -1,28 +1,35 @@
 """Measurement noise that is not what the covariance says: larger, heavy-tailed, correlated, or stated otherwise."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
+    CORRELATION_TIME,
+    FROM_0_TO_1,
     FixesOrVelocity,
     Once,
     changed,
     own_stream,
     reported_covariance,
     require_measured,
-    require_values,
     roots_of,
     true_covariance,
     values_of,
     with_errors,
     with_scaled_noise,
 )
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.simulation.imu import gauss_markov
+
+FINITE = Limit(lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
+ADDED = Limit(lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
+BELOW_1 = Limit(lambda share: 0 <= share < 1, "a share must be from 0 to below 1.")
+STATED = Limit(lambda k: 0 < k < np.inf, "a standard deviation must stay positive.")
 
 
 @register("disturbance", "noise_step")
@@ -42,14 +49,9 @@ class NoiseStep(Once):
 
     seeded: ClassVar[bool] = True
 
-    times_s: tuple[float, ...] = (50.0, 100.0)
-    factor: float = 2.0
+    times_s: Annotated[tuple[float, ...], FINITE] = (50.0, 100.0)
+    factor: Annotated[float, ADDED] = 2.0
     stream: str = ""
-
-    def __post_init__(self) -> None:
-        """Check times and factor."""
-        require_values(self, ("times_s",), lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
-        require_values(self, ("factor",), lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the noise of ``seed``.
@@ -84,14 +86,9 @@ class NoiseSine(Once):
 
     seeded: ClassVar[bool] = True
 
-    largest: float = 5.0
-    period_s: float = 60.0
+    largest: Annotated[float, ADDED] = 5.0
+    period_s: Annotated[float, Limit(lambda time: 0 < time < np.inf, "give a positive number.")] = 60.0
     stream: str = ""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_values(self, ("largest",), lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
-        require_values(self, ("period_s",), lambda time: 0 < time < np.inf, "give a positive number.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the noise of ``seed``.
@@ -128,14 +125,9 @@ class HeavyTailed(Once):
 
     seeded: ClassVar[bool] = True
 
-    probability: float = 0.1
-    factor: float = 10.0
+    probability: Annotated[float, FROM_0_TO_1] = 0.1
+    factor: Annotated[float, ADDED] = 10.0
     stream: str = ""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_values(self, ("probability",), lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
-        require_values(self, ("factor",), lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the contamination of ``seed``.
@@ -173,18 +165,12 @@ class Coloured(Once):
 
     seeded: ClassVar[bool] = True
 
-    position_share: float = 0.8
-    position_time_s: float = 10.0
-    velocity_share: float = 0.0
-    velocity_time_s: float = 2.0
+    position_share: Annotated[float, BELOW_1] = 0.8
+    position_time_s: Annotated[float, CORRELATION_TIME] = 10.0
+    velocity_share: Annotated[float, BELOW_1] = 0.0
+    velocity_time_s: Annotated[float, CORRELATION_TIME] = 2.0
     reported: bool = True
     stream: str = ""
-
-    def __post_init__(self) -> None:
-        """Check shares and times."""
-        shares, times = ("position_share", "velocity_share"), ("position_time_s", "velocity_time_s")
-        require_values(self, shares, lambda share: 0 <= share < 1, "a share must be from 0 to below 1.")
-        require_values(self, times, lambda time: 0 < time < np.inf, "a correlation time must be positive.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the slow errors of ``seed``.
@@ -223,13 +209,8 @@ class StatedCovariance(Once):
         velocity_factor: k of velocity.
     """
 
-    position_factor: float = 0.2
-    velocity_factor: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Check that the factors are positive."""
-        names = ("position_factor", "velocity_factor")
-        require_values(self, names, lambda k: 0 < k < np.inf, "a standard deviation must stay positive.")
+    position_factor: Annotated[float, STATED] = 0.2
+    velocity_factor: Annotated[float, STATED] = 1.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with other reported covariances.

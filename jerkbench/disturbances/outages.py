@@ -1,22 +1,14 @@
 """Outages: of GNSS, of positions or velocities alone, of several lengths in turn, and with false fixes after them."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import (
-    Phased,
-    RegularWindows,
-    displaced,
-    fixes_of,
-    in_each,
-    own_stream,
-    require_values,
-    without,
-)
+from jerkbench.disturbances.common import Phased, RegularWindows, displaced, fixes_of, in_each, own_stream, without
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -139,16 +131,15 @@ class OutageSweep(Phased):
     length_s: float = 10.0
     first_s: float = 20.0
     every_s: float = 60.0
-    phases: int = 6
+    phases: Annotated[int, Limit(lambda phases: phases >= 1, "give 1 or more.")] = 6
     phase: int | None = None
     heading: bool = False
 
     def __post_init__(self) -> None:
         """Check that the outages do not overlap, and that phase and phases fit."""
+        super().__post_init__()
         if not 0 < self.length_s < self.every_s:
             raise PluginError(f"length_s is {self.length_s}; it must lie between 0 and every_s = {self.every_s}.")
-        require_values(self, ("phases",), lambda phases: phases >= 1, "give 1 or more.")
-        self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the outages of one phase.

@@ -2,12 +2,14 @@
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.disturbances.common import (
+    FROM_0_TO_1,
+    OFFSET,
     Once,
     RegularWindows,
     WindowTimes,
@@ -15,10 +17,10 @@ from jerkbench.disturbances.common import (
     fixes_of,
     in_each,
     own_stream,
-    require_values,
 )
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -43,19 +45,18 @@ class Outliers(Once):
 
     seeded: ClassVar[bool] = True
 
-    probability: float = 0.02
+    probability: Annotated[float, FROM_0_TO_1] = 0.02
     smallest_m: float = 5.0
     largest_m: float = 20.0
-    size_m: float | None = None
+    size_m: Annotated[float | None, OFFSET] = None
     start_s: float = 10.0
     stream: str = ""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require_values(self, ("probability",), lambda p: 0 <= p <= 1, "it must be from 0 to 1.")
+        super().__post_init__()
         if not 0 <= self.smallest_m <= self.largest_m < np.inf:
             raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
-        require_values(self, ("size_m",), lambda size: 0 <= size < np.inf, "give 0 m or more, or null.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the outliers of ``seed``.
@@ -105,15 +106,15 @@ class SpikeSweep(Once):
 
     smallest_m: float = 1.0
     largest_m: float = 200.0
-    every_s: float = 10.0
+    every_s: Annotated[float, Limit(lambda time: time > 0, "give more than 0 s.")] = 10.0
     first_s: float = 20.0
     stream: str = ""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
+        super().__post_init__()
         if not 0 < self.smallest_m <= self.largest_m < np.inf:
             raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 < smallest <= largest.")
-        require_values(self, ("every_s",), lambda time: time > 0, "give more than 0 s.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the spikes of ``seed``.
@@ -150,7 +151,7 @@ class FalseFix(RegularWindows):
     fault: ClassVar[str] = "false fix"
 
     windows_s: WindowTimes = ((30.0, 40.0), (70.0, 80.0), (110.0, 120.0))
-    offset_m: float = 1.0
+    offset_m: Annotated[float, Limit(lambda length: 0 <= length < np.inf, "a length must be 0 m or more.")] = 1.0
     stream: str = ""
 
     def __post_init__(self) -> None:
@@ -159,7 +160,6 @@ class FalseFix(RegularWindows):
         for window, later in pairwise(sorted(self._windows())):
             if window[1] > later[0]:
                 raise PluginError(f"The windows {window} and {later} overlap; give each false fix a window of its own.")
-        require_values(self, ("offset_m",), lambda length: 0 <= length < np.inf, "a length must be 0 m or more.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the false fixes of ``seed``.
@@ -171,6 +171,9 @@ class FalseFix(RegularWindows):
         direction = own_stream(seed, "false_fix", self.stream).standard_normal((len(self.windows), 3))
         offsets = self.offset_m * direction / np.linalg.norm(direction, axis=1, keepdims=True)
         return replace(recording, position=displaced(position, in_each(position.t_s, self.windows) @ offsets))
+
+
+LENGTH = Limit(np.isfinite, "give a finite length, in metres.")
 
 
 @register("disturbance", "lever_arm")
@@ -191,13 +194,9 @@ class LeverArm(Once):
         up_m: l, upwards.
     """
 
-    forward_m: float = 0.1
-    left_m: float = 0.05
-    up_m: float = 0.1
-
-    def __post_init__(self) -> None:
-        """Check that the arm is finite."""
-        require_values(self, ("forward_m", "left_m", "up_m"), np.isfinite, "give a finite length, in metres.")
+    forward_m: Annotated[float, LENGTH] = 0.1
+    left_m: Annotated[float, LENGTH] = 0.05
+    up_m: Annotated[float, LENGTH] = 0.1
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the antenna moved.

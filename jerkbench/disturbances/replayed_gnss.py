@@ -1,21 +1,14 @@
 """Errors of a real receiver, laid over the fixes of any recording."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
-from jerkbench.disturbances.common import (
-    Once,
-    fixes_of,
-    own_stream,
-    reported_covariance,
-    require_values,
-    rows_of,
-    true_covariance,
-)
+from jerkbench.disturbances.common import Once, fixes_of, own_stream, reported_covariance, rows_of, true_covariance
 from jerkbench.io.files import fingerprint
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.timeline import nanoseconds
@@ -75,18 +68,16 @@ class ReplayedGnss(Once):
     seeded: ClassVar[bool] = True
 
     trace: str = "tokyo_1105"
-    scale: float = 1.0
-    start_s: float | None = None
+    scale: Annotated[float, Limit(lambda s: 0 < s < np.inf, "it must be positive.")] = 1.0
+    start_s: Annotated[float | None, Limit(np.isfinite, "give a time in the trace, or null.")] = None
     rotate: bool = True
-    moment_s: float = 10.0
+    moment_s: Annotated[float, Limit(lambda s: 0 < s < np.inf, "a window must be longer than 0 s.")] = 10.0
     stream: str = ""
 
     def __post_init__(self) -> None:
         """Check that the trace exists, and the numbers."""
         trace_path(self.trace)
-        require_values(self, ("scale",), lambda s: 0 < s < np.inf, "it must be positive.")
-        require_values(self, ("moment_s",), lambda s: 0 < s < np.inf, "a window must be longer than 0 s.")
-        require_values(self, ("start_s",), np.isfinite, "give a time in the trace, or null.")
+        super().__post_init__()
 
     def fingerprint(self) -> str:
         """Return the SHA-256 of the trace's file; empty for those of this package, whose code answers for them."""

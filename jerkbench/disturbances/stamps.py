@@ -1,14 +1,17 @@
 """Errors of the stamps: later than the time at which the values were true, or off at random."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import AnyStream, Once, own_stream, require_values, rows_of
+from jerkbench.disturbances.common import DEVIATION, AnyStream, Once, own_stream, rows_of
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
+
+LATE = Limit(lambda late: 0 <= late < np.inf, "a latency must be 0 s or more.")
 
 
 @register("disturbance", "latency")
@@ -25,14 +28,9 @@ class Latency(Once):
         heading_s: d of the heading.
     """
 
-    position_s: float = 0.1
-    velocity_s: float = 0.0
-    heading_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check that no latency is negative."""
-        names = ("position_s", "velocity_s", "heading_s")
-        require_values(self, names, lambda late: 0 <= late < np.inf, "a latency must be 0 s or more.")
+    position_s: Annotated[float, LATE] = 0.1
+    velocity_s: Annotated[float, LATE] = 0.0
+    heading_s: Annotated[float, LATE] = 0.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with later stamps."""
@@ -73,14 +71,9 @@ class Jitter(Once):
 
     seeded: ClassVar[bool] = True
 
-    imu_s: float = 0.001
-    measurement_s: float = 0.01
+    imu_s: Annotated[float, DEVIATION] = 0.001
+    measurement_s: Annotated[float, DEVIATION] = 0.01
     stream: str = ""
-
-    def __post_init__(self) -> None:
-        """Check that no sigma is negative."""
-        names = ("imu_s", "measurement_s")
-        require_values(self, names, lambda s: 0 <= s < np.inf, "a standard deviation must be 0 or more.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the stamps of ``seed``."""

@@ -1,13 +1,14 @@
 """What the filter gets, and what is scored: fixes left out, or kept for the reference; errors that count in motion."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.disturbances.common import Once, Phased, fixes_of, require_values, rows_of
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.disturbances.common import Once, Phased, fixes_of, rows_of
+from jerkbench.errors import RecordingError
+from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 from jerkbench.timeline import nanoseconds
@@ -26,13 +27,8 @@ class DecimatePosition(Phased):
         phase: the same one for all seeds, below ``every``; None: seed mod every.
     """
 
-    every: int = 4
+    every: Annotated[int, Limit(lambda n: n >= 1, "give 1 (all fixes) or more.")] = 4
     phase: int | None = None
-
-    def __post_init__(self) -> None:
-        """Check that phase and every fit."""
-        require_values(self, ("every",), lambda n: n >= 1, "give 1 (all fixes) or more.")
-        self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the fixes of one phase."""
@@ -70,14 +66,9 @@ class Withhold(Phased):
         velocity: whether the velocity of a withheld epoch is withheld too.
     """
 
-    every: int = 4
+    every: Annotated[int, Limit(lambda n: n >= 2, "give 2 or more, or nothing is withheld.")] = 4
     phase: int | None = None
     velocity: bool = True
-
-    def __post_init__(self) -> None:
-        """Check that phase and every fit."""
-        require_values(self, ("every",), lambda n: n >= 2, "give 2 or more, or nothing is withheld.")
-        self.require_phase()
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with one phase of its GNSS epochs, and the others as reference.
@@ -134,6 +125,8 @@ def _reference(reference: Reference, position: Position, withheld: BoolArray) ->
 HALF_S = 0.5
 """The speed is the reference's mean over a second."""
 
+NOT_BELOW_0 = Limit(lambda value: 0 <= value < np.inf, "it must be 0 or more.")
+
 SPEED_GAP_S = 1.5
 """In a longer gap of the reference no speed is known."""
 
@@ -154,19 +147,9 @@ class ScoreMoving(Once):
         fix_s: errors count only where a fix is at most so far away in time; 0: in gaps of the fixes, too.
     """
 
-    seeded: ClassVar[bool] = False
-
-    rate_hz: float = 1.0
-    slowest_mps: float = 0.5
-    fix_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check that the rate is one, and that nothing is negative."""
-        if not 0 < self.rate_hz < np.inf:
-            raise PluginError(f"rate_hz is {self.rate_hz}; it must be positive.")
-        for name in ("slowest_mps", "fix_s"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise PluginError(f"{name} is {getattr(self, name)}; it must be 0 or more.")
+    rate_hz: Annotated[float, Limit(lambda rate: 0 < rate < np.inf, "it must be positive.")] = 1.0
+    slowest_mps: Annotated[float, NOT_BELOW_0] = 0.5
+    fix_s: Annotated[float, NOT_BELOW_0] = 0.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with fewer stamps of its reference scored; ``seed`` changes nothing.

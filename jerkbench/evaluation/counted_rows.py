@@ -229,6 +229,12 @@ def known(truth: FloatArray | None, estimate: Estimate, axes: tuple[int, ...] = 
     return np.asarray(np.isfinite(truth[estimate.index][:, axes]).all(axis=1))
 
 
+def counted_errors(estimate: Estimate, recording: Recording, counted: BoolArray) -> tuple[BoolArray, FloatArray]:
+    """Return which rows (k,) are ``counted`` and have a reference of the position, and the errors (j, 3) there."""
+    rows = counted & known(recording.reference.enu_m, estimate)
+    return rows, position_error_m(estimate, recording)[rows]
+
+
 def rms_norm(vectors: FloatArray) -> float:
     """Return sqrt(mean |v|^2) over the rows of (k, m); NaN without rows, infinite where it overflows.
 

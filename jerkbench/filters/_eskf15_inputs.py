@@ -1,12 +1,13 @@
 """The parameters of the inertial filters, and what they need of a recording before the first step."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, Same, require_not_negative
+from jerkbench.arrays import FloatArray, Same
 from jerkbench.attitude.yaw import estimate_yaw, required_track
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
@@ -14,7 +15,7 @@ from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.mechanisation import SensorNoise, earth_at
 from jerkbench.inertial.run_inputs import Constraints, Events, InertialSettings, Journey, merge_events, still_samples
 from jerkbench.inertial.state import NavigationState
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Limit, Limited, Range
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, build_timeline
 
@@ -26,23 +27,18 @@ MG = 1e-3 * GRAVITY_MPS2
 
 GRADES = "ours: from a tactical sensor to a phone's on a vibrating vehicle"
 
-INSTABILITIES = ("gyro_instability_deg_per_h", "accel_instability_mg")
-SIGMAS = (
-    *("angle_random_walk_deg_per_sqrt_h", "velocity_random_walk_mps_per_sqrt_h", *INSTABILITIES),
-    *("gyro_turn_on_deg_per_h", "accel_turn_on_mg", "initial_yaw_sigma_rad"),
-    *("zero_velocity_sigma_mps", "nonholonomic_sigma_mps", "wheel_scale_sigma"),
-)
-POSITIVE = (
-    *(name for name in SIGMAS if name not in INSTABILITIES),
-    *("gyro_correlation_s", "accel_correlation_s", "track_least_m"),
-    *("constraint_interval_s", "still_window_s", "still_accel_mps2", "still_gyro_radps", "still_below_mps"),
-)
+OF_FIELD = DefaultOrigin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz")
+INDUSTRIAL = DefaultOrigin("ours, of the order of an industrial MEMS module")
+
+POSITIVE_SIGMA = Limit(lambda value: 0 < value < math.inf, "it must be positive.")
+MORE_THAN_0 = Limit(lambda value: value > 0, "it must be positive.")
+MAY_BE_OFF = Limit(lambda value: 0 <= value < math.inf, "it must be 0 (constant) or more.")
+OF_THREE = Limit(lambda arm: len(arm) == 3, "give three: forward, left, up.")
 DEFORMATION = ("gyro_scale_ppm", "accel_scale_ppm", "misalignment_mrad")
-ARMS = ("antenna_m", "nonholonomic_point_m", "reference_point_m")
 
 
 @dataclass(frozen=True)
-class Eskf15Parameters:
+class Eskf15Parameters(Limited):
     """The parameters of `eskf15`, and of the filters that are made of its parts.
 
     Attributes:
@@ -85,79 +81,76 @@ class Eskf15Parameters:
 
     title: ClassVar[str]
     invariant: ClassVar[bool]
+    not_taken: ClassVar[tuple[str, ...]] = ()
+    """Parameters of `eskf15` that a filter made of its parts has no use for."""
 
     angle_random_walk_deg_per_sqrt_h: Annotated[
         float,
+        POSITIVE_SIGMA,
         Range(0.01, 60.0, log=True, source=GRADES),
-        DefaultOrigin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
+        OF_FIELD,
     ] = 0.6
     velocity_random_walk_mps_per_sqrt_h: Annotated[
         float,
+        POSITIVE_SIGMA,
         Range(0.005, 20.0, log=True, source=GRADES),
-        DefaultOrigin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz"),
+        OF_FIELD,
     ] = 0.12
     gyro_instability_deg_per_h: Annotated[
         float,
+        MAY_BE_OFF,
         Range(0.1, 500.0, log=True, source=GRADES),
-        DefaultOrigin("ours, of the order of an industrial MEMS module"),
+        INDUSTRIAL,
     ] = 5.0
-    gyro_correlation_s: Annotated[float, DefaultOrigin("ours: long against an outage")] = 1000.0
-    accel_instability_mg: Annotated[
-        float,
-        Range(0.005, 10.0, log=True, source=GRADES),
-        DefaultOrigin("ours, of the order of an industrial MEMS module"),
-    ] = 0.1
-    accel_correlation_s: Annotated[float, DefaultOrigin("ours: long against an outage")] = 1000.0
-    gyro_turn_on_deg_per_h: Annotated[float, DefaultOrigin("ours, of the order of an industrial MEMS module")] = 500.0
-    accel_turn_on_mg: Annotated[float, DefaultOrigin("ours, of the order of an industrial MEMS module")] = 10.0
-    gyro_scale_ppm: Annotated[float, DefaultOrigin("off: 18 states fewer")] = 0.0
-    accel_scale_ppm: Annotated[float, DefaultOrigin("off")] = 0.0
-    misalignment_mrad: Annotated[float, DefaultOrigin("off")] = 0.0
+    gyro_correlation_s: Annotated[float, MORE_THAN_0, DefaultOrigin("ours: long against an outage")] = 1000.0
+    accel_instability_mg: Annotated[float, MAY_BE_OFF, Range(0.005, 10.0, log=True, source=GRADES), INDUSTRIAL] = 0.1
+    accel_correlation_s: Annotated[float, MORE_THAN_0, DefaultOrigin("ours: long against an outage")] = 1000.0
+    gyro_turn_on_deg_per_h: Annotated[float, POSITIVE_SIGMA, INDUSTRIAL] = 500.0
+    accel_turn_on_mg: Annotated[float, POSITIVE_SIGMA, INDUSTRIAL] = 10.0
+    gyro_scale_ppm: Annotated[float, MAY_BE_OFF, DefaultOrigin("off: 18 states fewer")] = 0.0
+    accel_scale_ppm: Annotated[float, MAY_BE_OFF, DefaultOrigin("off")] = 0.0
+    misalignment_mrad: Annotated[float, MAY_BE_OFF, DefaultOrigin("off")] = 0.0
     gyro_bias_from_rest: bool = True
     yaw_source: str = "attitude"
-    initial_yaw_sigma_rad: Annotated[float, DefaultOrigin("ours: 3 degrees")] = 0.05
-    track_least_m: float = 1.0
-    position_sigma_m: float | None = None
-    antenna_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    initial_yaw_sigma_rad: Annotated[float, POSITIVE_SIGMA, DefaultOrigin("ours: 3 degrees")] = 0.05
+    track_least_m: Annotated[float, MORE_THAN_0] = 1.0
+    position_sigma_m: Annotated[float | None, POSITIVE_SIGMA] = None
+    antenna_m: Annotated[tuple[float, ...], OF_THREE] = (0.0, 0.0, 0.0)
     use_velocity: bool = True
     use_heading: bool = True
     wheel_scale: bool = False
-    wheel_scale_sigma: Annotated[float, DefaultOrigin("ours: 2 %, tyres")] = 0.02
+    wheel_scale_sigma: Annotated[float, POSITIVE_SIGMA, DefaultOrigin("ours: 2 %, tyres")] = 0.02
     zero_velocity: bool = False
-    zero_velocity_sigma_mps: Annotated[float, DefaultOrigin("ours")] = 0.02
-    still_window_s: float = 1.0
-    still_accel_mps2: float = 0.1
-    still_gyro_radps: float = 0.01
-    still_below_mps: float = 0.3
+    zero_velocity_sigma_mps: Annotated[float, POSITIVE_SIGMA, DefaultOrigin("ours")] = 0.02
+    still_window_s: Annotated[float, MORE_THAN_0] = 1.0
+    still_accel_mps2: Annotated[float, MORE_THAN_0] = 0.1
+    still_gyro_radps: Annotated[float, MORE_THAN_0] = 0.01
+    still_below_mps: Annotated[float, MORE_THAN_0] = 0.3
     nonholonomic: bool = False
     nonholonomic_sigma_mps: Annotated[
         float,
+        POSITIVE_SIGMA,
         Range(0.02, 2.0, log=True, source="ours: from a car on rails to a tractor on a slope"),
         DefaultOrigin("ours"),
     ] = 0.2
-    nonholonomic_point_m: tuple[float, ...] = (0.0, 0.0, 0.0)
-    constraint_interval_s: float = 0.1
-    reference_point_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    nonholonomic_point_m: Annotated[tuple[float, ...], OF_THREE] = (0.0, 0.0, 0.0)
+    constraint_interval_s: Annotated[float, MORE_THAN_0] = 0.1
+    reference_point_m: Annotated[tuple[float, ...], OF_THREE] = (0.0, 0.0, 0.0)
     earth_rotation: bool = False
     earth_curvature: bool = False
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Check the limits and the source of the yaw, and that the sigmas of a deformation are given together."""
+        super().__post_init__()
         if self.yaw_source not in INERTIAL_YAW_SOURCES:
             raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES))
-        optional = ("position_sigma_m",) if self.position_sigma_m is not None else ()
-        for name in (*POSITIVE, *optional):
-            if not getattr(self, name) > 0:
-                raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; it must be positive.")
-        for name in (*INSTABILITIES, *DEFORMATION):
-            if not getattr(self, name) >= 0:
-                raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; it must be 0 (constant) or more.")
-        require_not_negative(f"filter {self.title}", self, (*SIGMAS, *DEFORMATION, *optional))
         if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
             raise PluginError(f"{self.title}: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
-        for name in ARMS:
-            if len(getattr(self, name)) != 3:
-                raise PluginError(f"{self.title}.{name} is {getattr(self, name)}; give three: forward, left, up.")
+        for name in self.not_taken:
+            if value := getattr(self, name):
+                raise PluginError(
+                    f"{self.title}.{name} is {value}; the filter {self.title} has none, set it to 0 or false."
+                )
 
     def sensor_noise(self) -> SensorNoise:
         """Return the process noise in SI units."""

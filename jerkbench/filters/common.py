@@ -12,7 +12,7 @@ from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading,
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.kalman import squared_distance, updated
 from jerkbench.optional import clocked, empty_memory, wants_truth
-from jerkbench.parameters import DefaultOrigin, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Range
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Recorder, Timeline, kept_timeline
@@ -68,7 +68,7 @@ Models = tuple[FloatArray, FloatArray, FloatArray]
 """A (k, n, n), b (k, n), Q (k, n, n)."""
 
 
-class AxisModels:
+class AxisModels(Limited):
     """A filter that writes its model down for all lengths; that of one length is one of them."""
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:

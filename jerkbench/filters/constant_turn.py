@@ -5,17 +5,16 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_not_negative
+from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, of_r_alone
 from jerkbench.kalman import is_healthy
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
 
-NOISES = ("velocity_walk_mps_per_sqrt_s", "turn_walk_radps_per_sqrt_s", "initial_turn_radps")
 TURN_WALK = Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot")
 STRAIGHT_RAD = 1e-4
 """Below such an angle a step is taken by the first terms of its series."""
@@ -23,7 +22,7 @@ STRAIGHT_RAD = 1e-4
 
 @register("filter", "constant_turn")
 @dataclass(frozen=True)
-class ConstantTurn:
+class ConstantTurn(Limited):
     """Seven states [p, v, w]: horizontally a turn at the rate w, upwards a constant velocity; the IMU is not used.
 
     With s = sin(w dt), c = cos(w dt), a = s/w, b = (1 - c)/w, one step is::
@@ -51,18 +50,16 @@ class ConstantTurn:
     velocity_walk_mps_per_sqrt_s: Annotated[
         float,
         VELOCITY_WALK,
+        NOT_NEGATIVE,
         DefaultOrigin("the source's rule: a car that changes its velocity by 1 m/s within a second"),
     ] = 1.0
     turn_walk_radps_per_sqrt_s: Annotated[
         float,
         TURN_WALK,
+        NOT_NEGATIVE,
         DefaultOrigin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
     ] = 0.05
-    initial_turn_radps: Annotated[float, START] = 0.1
-
-    def __post_init__(self) -> None:
-        """Check that every noise is a number, and not negative."""
-        require_not_negative("filter constant_turn", self, NOISES)
+    initial_turn_radps: Annotated[float, START, NOT_NEGATIVE] = 0.1
 
     @property
     def adaptations(self) -> tuple[str, ...]:

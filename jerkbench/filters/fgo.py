@@ -11,12 +11,14 @@ from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.inertial.factor_graph import Graph, Options, batch, estimate_of, fixed_lag
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.smoother import forward_states
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import ABOVE_ZERO, DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
 LOSSES = ("none", "huber", "cauchy", "switchable")
 NOT_TAKEN = (*DEFORMATION, "wheel_scale", "zero_velocity", "nonholonomic", "earth_rotation", "earth_curvature")
+LAG = Limit(lambda lag: lag >= 0, "give 0 (all) or more.")
+ONCE = Limit(lambda count: count >= 1, "give 1 or more.")
 
 
 @register("filter", "fgo")
@@ -67,31 +69,23 @@ class FactorGraph(InertialFilter):
     )
 
     title: ClassVar[str] = "fgo"
+    not_taken: ClassVar[tuple[str, ...]] = NOT_TAKEN
 
     loss: str = "none"
     loss_scale: Annotated[
         float,
+        ABOVE_ZERO,
         Range(0.5, 20.0, log=True, source="ours: from half of a three-axis residual's mean to where none is left"),
         DefaultOrigin("literature: Huber's 95 % efficiency for one axis, GTSAM's default"),
     ] = 1.345
-    lag_s: Annotated[float, DefaultOrigin("off: the whole drive")] = 0.0
-    iterations: Annotated[int, DefaultOrigin("GTSAM's default")] = 100
+    lag_s: Annotated[float, LAG, DefaultOrigin("off: the whole drive")] = 0.0
+    iterations: Annotated[int, ONCE, DefaultOrigin("GTSAM's default")] = 100
 
     def __post_init__(self) -> None:
         """Check the ranges, and that nothing is asked for that it has not."""
         super().__post_init__()
         if self.loss not in LOSSES:
             raise PluginError(unknown("loss of filter fgo", self.loss, LOSSES))
-        if not self.loss_scale > 0.0 or not self.lag_s >= 0.0 or self.iterations < 1:
-            raise PluginError(
-                f"fgo.loss_scale is {self.loss_scale}, lag_s {self.lag_s}, iterations {self.iterations}; give a scale"
-                " above 0, a lag of 0 (all) or more, and an iteration at least."
-            )
-        for name in NOT_TAKEN:
-            if getattr(self, name):
-                raise PluginError(
-                    f"fgo.{name} is {getattr(self, name)}; the filter fgo has none, set it to 0 or false."
-                )
         if any(self.reference_point_m) or (any(self.antenna_m) and self.use_velocity):
             raise PluginError("fgo takes antenna_m with use_velocity=false only, and gives out the IMU's place.")
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray, require_not_negative
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
@@ -25,7 +25,7 @@ from jerkbench.filters.common import (
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
 from jerkbench.kalman import is_healthy, squared_distance, updated
 from jerkbench.optional import clocked, empty_memory, wants_truth
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Limited, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
@@ -34,16 +34,14 @@ if TYPE_CHECKING:
     from jerkbench.linear.mixture import Mixed  # what it imports takes half a second
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
-NOISES = (
-    *("first_accel_mps2", "second_accel_mps2", "jerk_mps3_per_sqrt_s", "initial_jerk_mps3"),
-    *("bias_mps2_per_sqrt_s", "initial_bias_mps2"),
-    *("first_walk_mps2_per_sqrt_s", "second_walk_mps2_per_sqrt_s", "initial_accel_mps2"),
-)
+BETWEEN_0_AND_1 = Limit(lambda p: 0 < p < 1, "it must lie between 0 and 1.")
+LASTING = DefaultOrigin("ours: a model lasts 20 updates")
+OF_ITSELF = DefaultOrigin("that of the filter by itself")
 
 
 @register("filter", "imm")
 @dataclass(frozen=True)
-class InteractingMultipleModels(OverTimelines):
+class InteractingMultipleModels(Limited, OverTimelines):
     """Two kinematic filters side by side, mixed at each update by how well each explains the measurements.
 
     With mode probabilities mu and transition probabilities Pi, one cycle, which is an update and the steps to it::
@@ -92,23 +90,24 @@ class InteractingMultipleModels(OverTimelines):
 
     first: str = "baseline"
     second: str = "jerk"
-    first_stays: Annotated[float, STAYS, DefaultOrigin("ours: a model lasts 20 updates")] = 0.95
-    second_stays: Annotated[float, STAYS, DefaultOrigin("ours: a model lasts 20 updates")] = 0.95
-    first_probability: Annotated[float, DefaultOrigin("ours: neither model is preferred")] = 0.5
-    first_accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.2
-    second_accel_mps2: Annotated[float, ACCEL, DefaultOrigin("that of the filter by itself")] = 0.1
-    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, DefaultOrigin("that of the filter by itself")] = 6.0
-    initial_jerk_mps3: Annotated[float, DefaultOrigin("that of the filter by itself")] = 20.0
-    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, DefaultOrigin("that of the filter by itself")] = 0.03
-    initial_bias_mps2: Annotated[float, DefaultOrigin("that of the filter by itself")] = 0.1
-    first_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, DefaultOrigin("that of the filter by itself")] = 2.0
+    first_stays: Annotated[float, STAYS, LASTING, BETWEEN_0_AND_1] = 0.95
+    second_stays: Annotated[float, STAYS, LASTING, BETWEEN_0_AND_1] = 0.95
+    first_probability: Annotated[float, DefaultOrigin("ours: neither is preferred"), BETWEEN_0_AND_1] = 0.5
+    first_accel_mps2: Annotated[float, ACCEL, OF_ITSELF, NOT_NEGATIVE] = 0.2
+    second_accel_mps2: Annotated[float, ACCEL, OF_ITSELF, NOT_NEGATIVE] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, OF_ITSELF, NOT_NEGATIVE] = 6.0
+    initial_jerk_mps3: Annotated[float, OF_ITSELF, NOT_NEGATIVE] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, OF_ITSELF, NOT_NEGATIVE] = 0.03
+    initial_bias_mps2: Annotated[float, OF_ITSELF, NOT_NEGATIVE] = 0.1
+    first_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, OF_ITSELF, NOT_NEGATIVE] = 2.0
     second_walk_mps2_per_sqrt_s: Annotated[
-        float, ACCEL_WALK, DefaultOrigin("ours: a tenth of the first, for calm driving")
+        float, ACCEL_WALK, DefaultOrigin("ours: a tenth of the first, for calm driving"), NOT_NEGATIVE
     ] = 0.2
-    initial_accel_mps2: Annotated[float, DefaultOrigin("that of the filter by itself")] = 1.0
+    initial_accel_mps2: Annotated[float, OF_ITSELF, NOT_NEGATIVE] = 1.0
 
     def __post_init__(self) -> None:
-        """Check the pair of models, the noises and the probabilities."""
+        """Check the limits and the pair of models."""
+        super().__post_init__()
         for name in (self.first, self.second):
             if name not in MODELS:
                 raise PluginError(unknown("model of filter imm", name, MODELS))
@@ -117,10 +116,6 @@ class InteractingMultipleModels(OverTimelines):
                 f"imm cannot mix {self.first} with {self.second}, whose third states mean different things; pair either"
                 " of them with baseline, or with itself."
             )
-        require_not_negative("filter imm", self, NOISES)
-        for name in ("first_stays", "second_stays", "first_probability"):
-            if not 0 < getattr(self, name) < 1:
-                raise PluginError(f"imm.{name} is {getattr(self, name)}; it must lie between 0 and 1.")
 
     @property
     def adaptations(self) -> tuple[str, ...]:

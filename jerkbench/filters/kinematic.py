@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_not_negative
+from jerkbench.arrays import FloatArray
 from jerkbench.filters.common import (
     ACCEL,
     ACCEL_WALK,
@@ -20,7 +20,7 @@ from jerkbench.filters.common import (
     identities,
     outer,
 )
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 
@@ -48,14 +48,11 @@ class Baseline(AxisModels):
     accel_mps2: Annotated[
         float,
         ACCEL,
+        NOT_NEGATIVE,
         DefaultOrigin(
             "tuned by hand on the simulated field: near the best of the nominal case (0.1), and not lost under a bias"
         ),
     ] = 0.2
-
-    def __post_init__(self) -> None:
-        """Check that every noise is a number, and not negative."""
-        require_not_negative("filter baseline", self, ("accel_mps2",))
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 2, 2), b (k, 2), Q (k, 2, 2) for steps of ``dt`` (k,) seconds."""
@@ -94,13 +91,9 @@ class Bias(AxisModels):
         "simplified", "doi:10.1109/TAC.1969.1099223", "The bias walks, and is a state like the others."
     )
 
-    accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
-    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FIELD] = 0.03
-    initial_bias_mps2: Annotated[float, START] = 0.1
-
-    def __post_init__(self) -> None:
-        """Check that every noise is a number, and not negative."""
-        require_not_negative("filter bias", self, ("accel_mps2", "bias_mps2_per_sqrt_s", "initial_bias_mps2"))
+    accel_mps2: Annotated[float, ACCEL, FIELD, NOT_NEGATIVE] = 0.1
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FIELD, NOT_NEGATIVE] = 0.03
+    initial_bias_mps2: Annotated[float, START, NOT_NEGATIVE] = 0.1
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
@@ -140,13 +133,9 @@ class Jerk(AxisModels):
 
     provenance = Provenance("published", "Candan, Atallah, Servadio and Arabi")
 
-    accel_mps2: Annotated[float, ACCEL, FIELD] = 0.1
-    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FIELD] = 6.0
-    initial_jerk_mps3: Annotated[float, START] = 20.0
-
-    def __post_init__(self) -> None:
-        """Check that every noise is a number, and not negative."""
-        require_not_negative("filter jerk", self, ("accel_mps2", "jerk_mps3_per_sqrt_s", "initial_jerk_mps3"))
+    accel_mps2: Annotated[float, ACCEL, FIELD, NOT_NEGATIVE] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FIELD, NOT_NEGATIVE] = 6.0
+    initial_jerk_mps3: Annotated[float, START, NOT_NEGATIVE] = 20.0
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
@@ -187,12 +176,8 @@ class Acceleration(AxisModels):
 
     uses_imu: ClassVar[bool] = False
 
-    accel_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, WALK] = 2.0
-    initial_accel_mps2: Annotated[float, START] = 1.0
-
-    def __post_init__(self) -> None:
-        """Check that every noise is a number, and not negative."""
-        require_not_negative("filter acceleration", self, ("accel_walk_mps2_per_sqrt_s", "initial_accel_mps2"))
+    accel_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, WALK, NOT_NEGATIVE] = 2.0
+    initial_accel_mps2: Annotated[float, START, NOT_NEGATIVE] = 1.0
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 3, 3), b (k, 3), Q (k, 3, 3) for steps of ``dt`` (k,) seconds."""
@@ -208,7 +193,7 @@ class Acceleration(AxisModels):
 
 @register("filter", "constant_velocity")
 @dataclass(frozen=True)
-class ConstantVelocity:
+class ConstantVelocity(Limited):
     """Six states [p, v]: the acceleration is white noise, and the IMU is not used.
 
     For each axis, without an input (b = 0)::
@@ -233,12 +218,9 @@ class ConstantVelocity:
     velocity_walk_mps_per_sqrt_s: Annotated[
         float,
         VELOCITY_WALK,
+        NOT_NEGATIVE,
         DefaultOrigin("the source's rule: a car that changes its velocity by 1 m/s within a second"),
     ] = 1.0
-
-    def __post_init__(self) -> None:
-        """Check that the noise is a number, and not negative."""
-        require_not_negative("filter constant_velocity", self, ("velocity_walk_mps_per_sqrt_s",))
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (2, 2), b (2,), Q (2, 2) for a step of ``dt`` seconds."""

@@ -5,10 +5,9 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_not_negative
-from jerkbench.errors import PluginError
+from jerkbench.arrays import FloatArray
 from jerkbench.filters.common import AxisModels, Models, identities
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register
 
 AS_BASELINE = DefaultOrigin("that of `baseline` at its default and 100 Hz")
@@ -47,18 +46,20 @@ class OptimisedKalmanFilter(AxisModels):
     )
 
     position_walk_m_per_sqrt_s: Annotated[
-        float, Range(1e-5, 1.0, log=True, source="ours: from nothing to a metre in a second"), AS_BASELINE
+        float, Range(1e-5, 1.0, log=True, source="ours: from nothing to a metre in a second"), AS_BASELINE, NOT_NEGATIVE
     ] = 1e-4
     velocity_walk_mps_per_sqrt_s: Annotated[
-        float, Range(1e-3, 1.0, log=True, source="ours: that of `baseline`, .01 to 10 m/s2 at 100 Hz"), AS_BASELINE
+        float,
+        Range(1e-3, 1.0, log=True, source="ours: that of `baseline`, .01 to 10 m/s2 at 100 Hz"),
+        AS_BASELINE,
+        NOT_NEGATIVE,
     ] = 0.02
-    correlation: Annotated[float, Range(-0.99, 0.99, source="ours: all but singular"), AS_BASELINE] = 0.99
-
-    def __post_init__(self) -> None:
-        """Check that Q is a covariance."""
-        require_not_negative("filter okf", self, ("position_walk_m_per_sqrt_s", "velocity_walk_mps_per_sqrt_s"))
-        if not -1.0 <= self.correlation <= 1.0:
-            raise PluginError(f"filter okf: correlation is {self.correlation}; it must be from -1 to 1.")
+    correlation: Annotated[
+        float,
+        Range(-0.99, 0.99, source="ours: all but singular"),
+        AS_BASELINE,
+        Limit(lambda rho: -1.0 <= rho <= 1.0, "it must be from -1 to 1."),
+    ] = 0.99
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
         """Return A (k, 2, 2), b (k, 2), Q (k, 2, 2) for steps of ``dt`` (k,) seconds."""

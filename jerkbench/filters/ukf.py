@@ -4,16 +4,18 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.contracts import Adaptation
-from jerkbench.errors import PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.inertial.unscented import UnscentedRun
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
 LITERATURE = "literature: Wan and van der Merwe 2000 for a Gaussian prior"
+
+
+MINUS_STATES = Limit(lambda kappa: kappa > -15.0, "it must be above -15, minus the number of states.")
 
 
 @register("filter", "ukf")
@@ -53,27 +55,16 @@ class Ukf(InertialFilter):
     provenance = Provenance("simplified", "doi:10.1109/ASSPCC.2000.882463", "Over the error state of `eskf15`.")
 
     title: ClassVar[str] = "ukf"
+    not_taken: ClassVar[tuple[str, ...]] = (*DEFORMATION, "wheel_scale", "earth_rotation", "earth_curvature")
 
     alpha: Annotated[
         float,
+        Limit(lambda alpha: 0.0 < alpha <= 1.0, "it must be above 0 and at most 1."),
         Range(0.01, 1.0, log=True, source="the paper: 1e-4 to 1; below .01 a double has too few digits"),
         DefaultOrigin("ours: within the paper's 1e-4 to 1, with digits to spare"),
     ] = 0.1
     beta: Annotated[float, DefaultOrigin(LITERATURE)] = 2.0
-    kappa: Annotated[float, DefaultOrigin(LITERATURE)] = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges, and that nothing is asked for that it has not."""
-        super().__post_init__()
-        if not 0.0 < self.alpha <= 1.0:
-            raise PluginError(f"ukf.alpha is {self.alpha}; it must be above 0 and at most 1.")
-        if not self.kappa > -15.0:
-            raise PluginError(f"ukf.kappa is {self.kappa}; it must be above -15, minus the number of states.")
-        for name in (*DEFORMATION, "wheel_scale", "earth_rotation", "earth_curvature"):
-            if getattr(self, name):
-                raise PluginError(
-                    f"ukf.{name} is {getattr(self, name)}; the filter ukf has none, set it to 0 or false."
-                )
+    kappa: Annotated[float, DefaultOrigin(LITERATURE), MINUS_STATES] = 0.0
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
         """Return the navigation solution at the reference's stamps."""

@@ -5,6 +5,7 @@ import os
 import time
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 from jerkbench.errors import RecordingError
 from jerkbench.files import user_cache_folder
@@ -34,6 +35,21 @@ def fingerprint(paths: tuple[Path, ...]) -> str:
     """Return the SHA-256 over the bytes of ``paths``, one after the other."""
     digests = [_sha256(path, path.stat()) for path in paths]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+class FromFiles:
+    """A data set that is read from files: another seed changes nothing, and its data are their bytes."""
+
+    seeded: ClassVar[bool] = False
+    default_attitude: ClassVar[str] = "real"
+
+    def paths(self) -> tuple[Path, ...]:
+        """Return the files that are read."""
+        raise NotImplementedError
+
+    def fingerprint(self) -> str:
+        """Return the SHA-256 over the bytes of the files."""
+        return fingerprint(self.paths())
 
 
 def _existing(path: Path, parameter: str) -> Path:

@@ -8,7 +8,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.filters._eskf15_inputs import DEFORMATION, SIGMAS
+from jerkbench.filters._eskf15_inputs import DEFORMATION
 
 NO_NOISES = ("first_stays", "second_stays", "first_probability", "correlation")
 KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velocity", "imm", "jerk", "okf", "rts")
@@ -21,6 +21,11 @@ def noises(name):
     return [f.name for f in dataclasses.fields(cls) if types[f.name] is float and f.name not in NO_NOISES]
 
 
+SIGMAS = (
+    *("angle_random_walk_deg_per_sqrt_h", "velocity_random_walk_mps_per_sqrt_h"),
+    *("gyro_instability_deg_per_h", "accel_instability_mg", "gyro_turn_on_deg_per_h", "accel_turn_on_mg"),
+    *("initial_yaw_sigma_rad", "zero_velocity_sigma_mps", "nonholonomic_sigma_mps", "wheel_scale_sigma"),
+)
 EVERY = [(name, field) for name in KINEMATIC for field in noises(name)]
 EVERY += [("eskf15", field) for field in (*SIGMAS, *DEFORMATION, "position_sigma_m")]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, streaks
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import first_counted_s, known, mean, position_error_m
+from jerkbench.evaluation.counted_rows import counted_errors, first_counted_s, mean
 from jerkbench.evaluation.statistics.correlated_errors import whiteness_of_rows
 from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
@@ -65,11 +65,10 @@ class Coverage:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
-        rows = counted & known(recording.reference.enu_m, estimate)
-        error = np.abs(position_error_m(estimate, recording)[rows])
+        rows, error = counted_errors(estimate, recording, counted)
         with np.errstate(invalid="ignore"):
             sigma = np.sqrt(np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)[:, :3])
-            shares = {k: float(np.mean(error <= k * sigma)) if rows.any() else np.nan for k in SIGMAS}
+            shares = {k: float(np.mean(np.abs(error) <= k * sigma)) if rows.any() else np.nan for k in SIGMAS}
         return {f"coverage_{k}_sigma_percent": 100 * share for k, share in shares.items()}
 
 

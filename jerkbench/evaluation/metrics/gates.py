@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_rows import first_counted_s, known, position_error_m
+from jerkbench.evaluation.counted_rows import counted_errors, first_counted_s
 from jerkbench.evaluation.metrics.recovery import LARGER, median_time_s, step_response
 from jerkbench.measurements import VARIANCE_FLOOR
 from jerkbench.plugins import register
@@ -93,12 +93,6 @@ def _displaced(recording: Recording) -> list[_Displaced]:
     return [_Displaced(a, b - 1, float(size_m[a:b].max())) for a, b in streaks(at_fault).tolist()]
 
 
-def _errors(estimate: Estimate, recording: Recording, counted: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Times (k,) and position errors (k, 3) of the counted rows."""
-    rows = counted & known(recording.reference.enu_m, estimate)
-    return recording.reference.t_s[estimate.index[rows]], position_error_m(estimate, recording)[rows]
-
-
 @register("metric", "gate")
 @dataclass(frozen=True)
 class Gate:
@@ -123,7 +117,8 @@ class Gate:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the four values by column name."""
-        t_s, error = _errors(estimate, recording, counted)
+        rows, error = counted_errors(estimate, recording, counted)
+        t_s = recording.reference.t_s[estimate.index[rows]]
         position = recording.position
         columns = ("spike_taken_m", "spike_refused_m", "spike_step_m", "spike_recovery_s")
         spikes = [d for d in _displaced(recording) if d.first == d.last]
@@ -181,7 +176,8 @@ class Capture:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
-        t_s, error = _errors(estimate, recording, counted)
+        rows, error = counted_errors(estimate, recording, counted)
+        t_s = recording.reference.t_s[estimate.index[rows]]
         position = recording.position
         fix_s = np.empty(0) if position is None else position.t_s
         stretches = [d for d in _displaced(recording) if d.last > d.first]

@@ -1,16 +1,16 @@
 """Errors of position and velocity: root mean square, its accuracy and floor, percentiles, over a distance."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.errors import PluginError
+from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import (
     POSITION_AXES,
     VELOCITY_AXES,
+    counted_errors,
     driven_m,
     known,
     position_error_m,
@@ -19,6 +19,7 @@ from jerkbench.evaluation.counted_rows import (
 )
 from jerkbench.evaluation.statistics.correlated_errors import block_interval
 from jerkbench.evaluation.sums import Summed
+from jerkbench.parameters import Limit, Limited
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -103,7 +104,7 @@ class Percentiles:
 
 @register("metric", "relative_error")
 @dataclass(frozen=True)
-class RelativeError:
+class RelativeError(Limited):
     """Error of the displacement over a fixed distance, relative to it.
 
     With e_i = p_i - p_ref,i at the N counted rows, s_i the distance that the reference has driven up to row i, and j(i)
@@ -122,28 +123,15 @@ class RelativeError:
 
     default: ClassVar[bool] = False
 
-    distance_m: float = 50.0
-
-    def __post_init__(self) -> None:
-        """Check the distance."""
-        if not self.distance_m > 0:
-            raise PluginError(f"metric relative_error: distance_m is {self.distance_m}; it must be more than 0.")
+    distance_m: Annotated[float, Limit(lambda distance: distance > 0, "it must be more than 0.")] = 50.0
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the value by column name."""
-        rows = counted & known(recording.reference.enu_m, estimate)
-        error = position_error_m(estimate, recording)[rows]
-        if len(error) == 0:
-            return {"relative_error_percent": np.nan}
-        begin, end = _stretches(driven_m(recording.reference)[estimate.index[rows]], self.distance_m)
-        return {"relative_error_percent": 100 * rms_norm(error[end] - error[begin]) / self.distance_m}
-
-
-def _stretches(driven_m: FloatArray, distance_m: float) -> tuple[IntArray, IntArray]:
-    """Return the rows at which stretches begin, and those at which they end."""
-    end = np.searchsorted(driven_m, driven_m + distance_m * (1 - 1e-12))
-    begin = np.flatnonzero(end < len(driven_m))
-    return np.asarray(begin, dtype=np.int64), np.asarray(end[begin], dtype=np.int64)
+        rows, error = counted_errors(estimate, recording, counted)
+        driven = driven_m(recording.reference)[estimate.index[rows]]
+        end = np.searchsorted(driven, driven + self.distance_m * (1 - 1e-12))
+        begin = np.flatnonzero(end < len(driven))
+        return {"relative_error_percent": 100 * rms_norm(error[end[begin]] - error[begin]) / self.distance_m}
 
 
 @register("metric", "reference_floor")
@@ -189,9 +177,9 @@ class OneRecording:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
-        rows = counted & known(recording.reference.enu_m, estimate)
+        _, error = counted_errors(estimate, recording, counted)
         with np.errstate(over="ignore", invalid="ignore"):
-            interval = block_interval(np.sum(position_error_m(estimate, recording)[rows] ** 2, axis=1))
+            interval = block_interval(np.sum(error**2, axis=1))
         return {
             "position_rmse_low_m": interval.low,
             "position_rmse_high_m": interval.high,

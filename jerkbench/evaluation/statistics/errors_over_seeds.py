@@ -70,23 +70,18 @@ class Centres:
         return map(Centre, self.kind.tolist(), *ends, quartiles, self.locked.tolist(), self.geometric.tolist())
 
 
-def centre(errors: FloatArray, confidence: float = 0.95) -> Centre:
-    """Return the centre of (n,) errors, infinite for a lost run; NaN (did not apply) is left out.
-
-    The median has an interval by order statistics: lock-outs that were not drawn move it little. The geometric mean has
-    Student's interval on the logarithms, of few runs a wider one (`few_intervals`): errors of an RMSE scatter more like
-    a lognormal than like a normal.
-    """
-    return centres([errors], confidence)[0]
-
-
-def centres(samples: Sequence[FloatArray], confidence: float = 0.95) -> list[Centre]:
-    """Return what `centre` gives for each sample; those of one size are computed together."""
-    return list(centres_of(Samples.of(samples), confidence))
+def centres(samples: Sequence[FloatArray]) -> list[Centre]:
+    """Return what `centres_of` gives for each sample."""
+    return list(centres_of(Samples.of(samples)))
 
 
 def centres_of(samples: Samples, confidence: float = 0.95, least: float | FloatArray = LEAST_SEEDS) -> Centres:
-    """Return what `centre` gives for each sample, with the median from ``least`` values on, of each its own."""
+    """Return the centres of samples of errors, infinite for a lost run; NaN (did not apply) is left out.
+
+    The median has an interval by order statistics: lock-outs that were not drawn move it little. The geometric mean has
+    Student's interval on the logarithms, of few runs a wider one (`few_intervals`): errors of an RMSE scatter more like
+    a lognormal than like a normal. The median stands from ``least`` values on, of each sample its own.
+    """
     made = Centres.of_nothing(len(samples.sizes), MEDIAN)
     for places, errors in samples.without_nan().by_size():
         if errors.shape[1]:

@@ -4,7 +4,7 @@ import dataclasses
 from abc import abstractmethod
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import ClassVar
+from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.clocks import with_common_time, with_own_outages
-from jerkbench.io.files import fingerprint
+from jerkbench.io.files import FromFiles
 from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, calibrated_at_rest, first_rest_s, gravity_notes
 from jerkbench.io.ros.bag import Bag, Messages
 from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
@@ -153,11 +153,8 @@ class Loaded:
     findings: tuple[Finding, ...]
 
 
-class BagDataset(BagOptions):
+class BagDataset(FromFiles, BagOptions):
     """A data set that is read from a ROS bag."""
-
-    seeded: ClassVar[bool] = False
-    default_attitude: ClassVar[str] = "real"
 
     def loaded(self) -> Loaded:
         """Return the drive with the sanitiser's report and the topics."""
@@ -175,9 +172,9 @@ class BagDataset(BagOptions):
         """
         return self.loaded().recording
 
-    def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the bag's files."""
-        return fingerprint(content_files(self.path))
+    def paths(self) -> tuple[Path, ...]:
+        """Return the bag's files."""
+        return content_files(self.path)
 
 
 def load_bag(options: BagOptions, planner: Planner) -> Loaded:
