@@ -1,36 +1,90 @@
 """The figures that pages of docs/ show: `python docs_build/pictures.py` draws them anew into docs/img."""
 
+import shlex
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
-IMAGES = Path(__file__).parents[1] / "docs" / "img"
+ROOT = Path(__file__).parents[1]
+IMAGES = ROOT / "docs" / "img"
 
-STUDY = "results/first"
-"""The study of docs/first_table.md."""
 
-SWEEP = (
-    "run -m filter=gnss_only,baseline,jerk adaptation=none,mtf disturbance=none,multipath_single_axis,gnss_outage"
-    " seeds=10 study=first"
-)
+class Page(NamedTuple):
+    """Commands, one a line, and the figures of theirs that are kept: pattern of the file -> name in docs/img."""
 
-DRAWN = {
-    "bars.png": "multipath_bars.png",
-    "field_multipath_single_axis_field-errors.png": "multipath_errors.png",
+    commands: str
+    drawn: dict[str, str]
+
+
+PAGES = {
+    "first_table": Page(
+        """\
+run -m filter=gnss_only,baseline,jerk adaptation=none,mtf disturbance=none,multipath_single_axis,gnss_outage \
+seeds=10 study=first
+figures results/first --scenarios multipath_single_axis
+""",
+        {
+            "results/first/figures/bars.png": "multipath_bars.png",
+            "results/first/figures/*multipath_single_axis*-errors.png": "multipath_errors.png",
+        },
+    ),
+    "faults": Page(
+        """\
+run -m dataset=field dataset.duration_s=400 disturbance=spike_sweep filter=jerk adaptation=none,chi2,huber_r \
+seeds=4 study=spikes
+run -m dataset=field dataset.duration_s=150 disturbance=false_return disturbance.false_return.offset_m=100 \
+filter=jerk adaptation=none,chi2,huber_r,relaxing_gate seeds=4 study=returns
+figures results/spikes
+figures results/returns
+""",
+        {
+            "results/spikes/figures/*-errors.png": "spikes.png",
+            "results/returns/figures/*-errors.png": "false_return.png",
+            "results/returns/figures/*-three-sigma.png": "silent_error.png",
+        },
+    ),
+    "own_log": Page(
+        """\
+data inspect imu.csv gnss.csv truth.csv --preset my_drive.yaml
+run -m --config-dir . dataset=my_drive dataset.reference_sigma_m=0.02 filter=jerk,eskf15 disturbance=heavy_tailed \
+seeds=3 study=truth
+figures results/truth
+""",
+        {"results/truth/figures/bars.png": "reference_floor.png"},
+    ),
+    "taroz": Page(
+        "data fetch taroz\nsmooth taroz --to gpx --figure smooth.png\n",
+        {"smooth.png": "smooth.png"},
+    ),
+    "pixel4": Page(
+        "data fetch pixel4\nsmooth pixel4 --to gpx --figure fetched.png\n",
+        {"fetched.png": "fetched.png"},
+    ),
+    "tokyo_1105": Page(
+        "data fetch tokyo_1105\ndata receiver tokyo_1105 --figure receiver.png\n",
+        {"receiver.png": "receiver.png"},
+    ),
 }
-"""Figures of the study by their names in docs/img."""
+"""By the page of docs/, or by the recording that is fetched for one."""
 
 
-def main() -> None:
-    """Run the sweep of the first table, and keep some of its figures."""
+def draw(page: Page) -> None:
+    """Type the commands beside the log of docs/own_log.md, and keep the figures."""
+    sys.path.insert(0, str(ROOT / "tests" / "inspection"))
+    from logs import car_log
+
     with tempfile.TemporaryDirectory() as folder:
-        for words in (SWEEP, f"figures {STUDY} --scenarios multipath_single_axis"):
-            command = [sys.executable, "-m", "jerkbench", *words.split()]
+        car_log(Path(folder))
+        for words in page.commands.splitlines():
+            command = [sys.executable, "-m", "jerkbench", *shlex.split(words)]
             subprocess.run(command, cwd=folder, check=True)  # noqa: S603 - our own words
-        for drawn, kept in DRAWN.items():
-            (IMAGES / kept).write_bytes((Path(folder) / STUDY / "figures" / drawn).read_bytes())
+        for pattern, kept in page.drawn.items():
+            (path,) = Path(folder).glob(pattern)
+            (IMAGES / kept).write_bytes(path.read_bytes())
 
 
 if __name__ == "__main__":
-    main()
+    for name in sys.argv[1:] or PAGES:
+        draw(PAGES[name])

@@ -93,7 +93,8 @@ class Limited:
         Raises:
             PluginError: one is not within its limit.
         """
-        for name, notes in _notes(type(self)).items():
+        own: type = type(self)
+        for name, notes in _notes(own).items():
             value = getattr(self, name)
             for limit in notes:
                 if isinstance(limit, Limit) and value is not None and not limit.fits(value):

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import require_choices, require_lengths
-from jerkbench.errors import PluginError
-from jerkbench.io.clocks import GPST_MINUS_UTC_S, utc_of, with_common_time
+from jerkbench.arrays import FloatArray, require_choices, require_lengths
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, utc_of, velocity_when_true, with_common_time
+from jerkbench.io.columns import TIME_UNITS, read_columns, times_ns
 from jerkbench.io.files import FromFiles, find_file, recording_folder
 from jerkbench.io.frames import (
+    ACCEL_UNITS,
+    GYRO_UNITS,
     axes_matrix,
     body_from_sensor,
     calibrated_at_rest,
@@ -17,22 +20,12 @@ from jerkbench.io.frames import (
     gravity_notes,
     imu_in_body,
 )
-from jerkbench.io.rtklib import read_rtklib_pos
-from jerkbench.io.rtklib_fixes import (
-    CHOICES,
-    ENTRIES,
-    accepted_fixes,
-    fitted_notes,
-    ground_speed,
-    solution_notes,
-    steady_fixes,
-    velocity_of_fixes,
-)
-from jerkbench.io.rtklib_logs import ImuLog, ImuMap, read_imu_log, read_imu_table
+from jerkbench.io.rtklib import PosSolution, accepted_fixes, read_rtklib_pos, steady_fixes
+from jerkbench.io.rtklib_logs import LEAST_ROWS, ImuLog, read_imu_log
 from jerkbench.io.sanitiser import possible_imu, repeat_notes
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
-from jerkbench.recording import Recording, Reference
+from jerkbench.recording import Position, Recording, Reference, Velocity
 
 
 @register("dataset", "rtklib")
@@ -123,9 +116,10 @@ class RtklibDrive(FromFiles):
 
     def __post_init__(self) -> None:
         """Check the units and the three axes."""
-        require_choices(self, CHOICES)
+        require_choices(self, {"accel_unit": ACCEL_UNITS, "gyro_unit": GYRO_UNITS})
+        require_choices(self, {"imu_time_unit": TIME_UNITS, "imu_epoch": ("gps", "unix")})
         axes_matrix(self.imu_axes)
-        require_lengths(self, ENTRIES)
+        require_lengths(self, dict.fromkeys(("imu_accel", "imu_gyro", "velocity_latency_s", "imu_axis_signs"), (3,)))
         if any(abs(sign) != 1 for sign in self.imu_axis_signs):
             raise PluginError(f"imu_axis_signs is {self.imu_axis_signs}; give 1 or -1 for each of x, y, z.")
 
@@ -142,7 +136,7 @@ class RtklibDrive(FromFiles):
         zero_ns = log.start_gpst_ns + round(self.imu_shift_s * 1e9)
         t_s = ((fixes.gpst_ns - zero_ns) * 1e-9).astype(np.float64)
         position, origin = fixes.position(t_s)
-        speed_mps = ground_speed(fixes, position)
+        speed_mps = _ground_speed(fixes, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
         turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
         turn = turn @ axes_matrix(self.imu_axes)
@@ -160,7 +154,7 @@ class RtklibDrive(FromFiles):
                 scored=speed_mps >= self.min_speed_mps,
             ),
             position=position,
-            velocity=velocity_of_fixes(fixes, t_s, self.velocity_latency_s),
+            velocity=_velocity_of_fixes(fixes, t_s, self.velocity_latency_s),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
@@ -169,8 +163,10 @@ class RtklibDrive(FromFiles):
                 *repeat_notes(imu),
                 *log.notes,
                 *leaps,
-                *solution_notes(solution),
-                *fitted_notes(self),
+                *solution.notes,
+                *HEIGHTS[solution.ellipsoidal],
+                SAME,
+                *_fitted_notes(self),
             ),
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
@@ -188,6 +184,58 @@ class RtklibDrive(FromFiles):
         _, path, *tag = self.paths()
         if tag:
             return read_imu_log(path, tag[0])
-        text = TextFormat(self.imu_separator, self.imu_header)
-        times = (self.imu_time, self.imu_week, self.imu_time_unit, self.imu_epoch)
-        return read_imu_table(path, ImuMap(text, *times, self.imu_accel, self.imu_gyro), self.gpst_minus_utc_s)
+        table = read_columns((path,), TextFormat(self.imu_separator, self.imu_header))
+        t_ns = times_ns(table, self.imu_time, self.imu_time_unit, self.imu_week)
+        if len(t_ns) < LEAST_ROWS:
+            raise RecordingError(f"{path} has {len(t_ns)} rows; an IMU's log has at least {LEAST_ROWS}.")
+        start_ns = int(t_ns[0]) + (GPS_EPOCH_NS if self.imu_epoch == "gps" else round(self.gpst_minus_utc_s * 1e9))
+        t_s = np.asarray((t_ns - t_ns[0]) * 1e-9)
+        return ImuLog(start_ns, t_s, table.numbers(self.imu_accel), table.numbers(self.imu_gyro))
+
+
+# What the solution says about the motion, and the sentences under a table of it.
+
+
+def _ground_speed(fixes: PosSolution, position: Position) -> FloatArray:
+    """Return the speed over ground (m,): the receiver's, or, where it gives none, from fix to fix."""
+    if fixes.speed_mps is not None:
+        return fixes.speed_mps
+    if len(position.t_s) < 2:
+        return np.zeros(len(position.t_s))
+    return np.asarray(np.hypot(*np.gradient(position.enu_m[:, :2], position.t_s, axis=0).T))
+
+
+def _velocity_of_fixes(fixes: PosSolution, t_s: FloatArray, latency_s: tuple[float, ...]) -> Velocity | None:
+    """Return the velocities of the fixes at ``t_s`` (m,) when they were true; None where the file has none."""
+    if fixes.velocity_enu_mps is None or fixes.velocity_covariance_m2ps2 is None:
+        return None
+    return velocity_when_true(t_s, fixes.velocity_enu_mps, fixes.velocity_covariance_m2ps2, latency_s)
+
+
+SAME = "The receiver's fixes are measurement and reference at once unless they are withheld from the filter."
+
+HEIGHTS = {
+    True: (),
+    False: ("Heights are above mean sea level, not above the ellipsoid, as the solution's header says.",),
+    None: ("The solution's header does not say what heights are above, the ellipsoid or mean sea level.",),
+}
+"""Notes where heights are above the ellipsoid, above mean sea level, or nobody says above what."""
+
+FITTED = {
+    "mounting": ("mounting_yaw_deg", "mounting_pitch_deg"),
+    "time shift": ("imu_shift_s",),
+    "latencies": ("velocity_latency_s",),
+}
+"""What was fitted on the public drive itself, and the parameters whose defaults it is."""
+
+
+def _fitted_notes(drive: object) -> tuple[str, ...]:
+    """Return a note that says which parameters of ``drive`` are the defaults, fitted on the public drive; or none."""
+    own = type(drive)
+    fitted = [subject for subject, names in FITTED.items() if any(getattr(drive, n) == getattr(own, n) for n in names)]
+    if not fitted:
+        return ()
+    listed = " and ".join([", ".join(fitted[:-1]), fitted[-1]] if fitted[1:] else fitted)
+    singular = fitted in (["mounting"], ["time shift"])
+    verbs = "is the default, which was" if singular else "are the defaults, which were"
+    return (f"{listed.capitalize()} {verbs} fitted on the public drive drive_0708: for no other drive.",)

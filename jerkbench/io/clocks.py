@@ -30,6 +30,11 @@ def utc_of(gpst_ns: int, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> datetime
     return UNIX_EPOCH + timedelta(microseconds=round(gpst_ns / 1000)) - timedelta(seconds=gpst_minus_utc_s)
 
 
+def ns_since_1970(moment: datetime) -> int:
+    """Return nanoseconds since 1970 of a UTC."""
+    return (moment - UNIX_EPOCH) // timedelta(microseconds=1) * 1000
+
+
 # A date and a time of day, as text, to nanoseconds.
 
 DATE = re.compile(r"(19|20|21)\d\d-\d\d-\d\d", re.ASCII)

@@ -16,7 +16,9 @@ LOCAL_FRAMES = ("enu", "ned")
 ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
 """Degrees in each unit of latitude and longitude."""
 
-_ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+"""Each is its own inverse."""
 
 
 def in_degrees(places: FloatArray, frame: str, unit: str) -> FloatArray:
@@ -80,12 +82,25 @@ def _between(height_m: FloatArray, otherwise: float) -> FloatArray:
 
 def axes_in_enu(values: FloatArray, frame: str) -> FloatArray:
     """Turn (n, 3) vectors along the axes of a local frame into ENU; an axis that is NaN stays alone."""
-    return values[:, [1, 0, 2]] * [1.0, 1.0, -1.0] if frame == "ned" else values
+    return swapped(ENU_FROM_NED, values) if frame == "ned" else values
+
+
+def swapped(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return M v of vectors (n, 3) where M only swaps and mirrors axes; one that is NaN stays the only one."""
+    axes = np.abs(matrix).argmax(axis=1)
+    mirrored: FloatArray = vectors[:, axes] * matrix[np.arange(3), axes]
+    return mirrored
+
+
+def turned_covariance(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return M C M' of covariances (n, 3, 3), symmetric to the bit."""
+    product = np.asarray(matrix @ covariance @ matrix.T)
+    return 0.5 * (product + product.transpose(0, 2, 1))
 
 
 def enu_from(frame: str) -> FloatArray:
     """Return (3, 3) the turn from the axes of a local frame to ENU."""
-    return _ENU_FROM_NED if frame == "ned" else np.eye(3)
+    return ENU_FROM_NED if frame == "ned" else np.eye(3)
 
 
 # The mounting of an IMU: its own axes and units -> the body's (FLU, m/s2, rad/s).

@@ -13,13 +13,12 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, euler_from_dcm
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, WEEK_NS
-from jerkbench.io.frames import axes_in_enu, enu_from
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
+from jerkbench.io.frames import FLU_FROM_FRD, axes_in_enu, enu_from
 from jerkbench.io.method_input import input_table, write_input
 from jerkbench.io.ros.writing import write_bag
 from jerkbench.recording import Imu, Position, Recording, Reference
 
-FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
 CONFIGURATION = """\
 imupath: "{folder}/imu.txt"
 gnsspath: "{folder}/gnss.txt"
@@ -125,9 +124,8 @@ def _velocity_ned(recording: Recording, t_s: float) -> list[float]:
 def _gps_week(recording: Recording) -> tuple[int, float]:
     """The GPS week of the recording's start, and its second of the week."""
     assert recording.start_utc is not None  # noqa: S101 - asked for above
-    since = recording.start_utc - UNIX_EPOCH
-    gps_ns = (since.days * 86_400_000_000 + since.seconds * 1_000_000 + since.microseconds) * 1000 - GPS_EPOCH_NS
-    week, rest_ns = divmod(gps_ns + round(GPST_MINUS_UTC_S * 1e9), WEEK_NS)
+    gpst_ns = ns_since_1970(recording.start_utc) + round(GPST_MINUS_UTC_S * 1e9)
+    week, rest_ns = divmod(gpst_ns - GPS_EPOCH_NS, WEEK_NS)
     return week, rest_ns * 1e-9
 
 

@@ -12,6 +12,8 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_to_geodetic, geodetic_to_enu
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
+from jerkbench.io.frames import axes_to_judge, turned_covariance
+from jerkbench.io.sanitiser import steady_rows
 from jerkbench.io.text import Line, parse_numbers, read_lines, require_increasing, whole_lines
 from jerkbench.recording import Origin, Position
 
@@ -203,9 +205,9 @@ class PosSolution:
         velocity, covariance = self.velocity_enu_mps, self.velocity_covariance_m2ps2
         return replace(
             self,
-            covariance_m2=_turned(turn, self.covariance_m2),
+            covariance_m2=turned_covariance(turn, self.covariance_m2),
             velocity_enu_mps=None if velocity is None else velocity @ turn.T,
-            velocity_covariance_m2ps2=None if covariance is None else _turned(turn, covariance),
+            velocity_covariance_m2ps2=None if covariance is None else turned_covariance(turn, covariance),
             axes_at=place,
         )
 
@@ -297,10 +299,34 @@ def _covariance(sd: FloatArray, axes: str, turn: FloatArray) -> FloatArray:
     return np.asarray(turn @ matrices[:, order][:, :, order] @ turn.T)
 
 
-def _turned(turn: FloatArray, covariance: FloatArray) -> FloatArray:
-    """T C T' of covariances (m, 3, 3), symmetric to the bit."""
-    product = turn @ covariance @ turn.T
-    return np.asarray(0.5 * (product + product.transpose(0, 2, 1)))
+# Which fixes of a solution are used.
+
+
+def accepted_fixes(fixes: PosSolution, qualities: tuple[float, ...], path: Path) -> PosSolution:
+    """Return the solution with only the fixes whose Q is one of ``qualities``.
+
+    Raises:
+        RecordingError: there is none; says which Q the file ``path`` has.
+    """
+    rows = np.isin(fixes.quality, qualities)
+    if not rows.any():
+        qualities_text = ", ".join(str(q) for q in np.unique(fixes.quality))
+        raise RecordingError(
+            f"{path} has no fix with Q in {qualities}; there is Q {qualities_text}: add it to accepted_quality."
+        )
+    return fixes.select(rows)
+
+
+def steady_fixes(fixes: PosSolution) -> tuple[PosSolution, tuple[str, ...]]:
+    """Return the solution without fixes that leap, and a note that counts them, or none.
+
+    Raises:
+        RecordingError: all of them leap.
+    """
+    t_s = np.asarray((fixes.gpst_ns - fixes.gpst_ns[0]) * 1e-9, dtype=np.float64)
+    places = np.column_stack([fixes.latitude_deg, fixes.longitude_deg, fixes.height_m])
+    steady, notes = steady_rows(t_s, axes_to_judge(places, "geodetic"))
+    return fixes.select(steady), notes
 
 
 # Several .pos files of one drive, one after the other -> one solution.

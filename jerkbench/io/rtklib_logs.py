@@ -8,10 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.io.clocks import GPS_EPOCH_NS
-from jerkbench.io.columns import read_columns, times_ns
 from jerkbench.io.text import (
-    TextFormat,
     cut_note,
     parse_numbers,
     read_bytes,
@@ -87,44 +84,6 @@ class ImuLog:
     accel: FloatArray
     gyro: FloatArray
     notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class ImuMap:
-    """The columns of a table of IMU samples.
-
-    Attributes:
-        text: how text is cut into columns.
-        time: column of the times.
-        week: column of GPS weeks, where the times are those of the week; empty: they are not.
-        unit: of the times: s, ms, us or ns.
-        epoch: what they count from: gps (1980, GPS time) or unix (1970, UTC).
-        accel: three columns of the specific force.
-        gyro: three columns of the angular rate.
-    """
-
-    text: TextFormat
-    time: str
-    week: str
-    unit: str
-    epoch: str
-    accel: tuple[str, ...]
-    gyro: tuple[str, ...]
-
-
-def read_imu_table(path: Path, columns: ImuMap, gpst_minus_utc_s: float) -> ImuLog:
-    """Read any table of IMU samples (CSV, text, Parquet) whose times are absolute.
-
-    Raises:
-        RecordingError: the file is missing or damaged, or a column is not there or has fewer than two rows.
-    """
-    table = read_columns((path,), columns.text)
-    t_ns = times_ns(table, columns.time, columns.unit, columns.week)
-    if len(t_ns) < LEAST_ROWS:
-        raise RecordingError(f"{path} has {len(t_ns)} rows; an IMU's log has at least {LEAST_ROWS}.")
-    start_ns = int(t_ns[0]) + (GPS_EPOCH_NS if columns.epoch == "gps" else round(gpst_minus_utc_s * 1e9))
-    t_s = np.asarray((t_ns - t_ns[0]) * 1e-9)
-    return ImuLog(start_ns, t_s, table.numbers(columns.accel), table.numbers(columns.gyro))
 
 
 def read_imu_log(path: Path, tag_path: Path) -> ImuLog:

@@ -18,8 +18,7 @@ from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_
 from jerkbench.io.columns import TIME_UNITS, Columns, find_tables, read_columns, read_datetimes_ns, times_ns
 from jerkbench.io.files import named_folder
 from jerkbench.io.frames import ACCEL_UNITS, ANGLE_UNITS, FRAMES, GYRO_UNITS
-from jerkbench.io.rtklib import PosSolution, read_pos_files
-from jerkbench.io.rtklib_fixes import accepted_fixes, steady_fixes
+from jerkbench.io.rtklib import PosSolution, accepted_fixes, read_pos_files, steady_fixes
 from jerkbench.io.sanitiser import HIGHEST_M
 from jerkbench.io.text import TextFormat, cut_note
 from jerkbench.recording import Reference

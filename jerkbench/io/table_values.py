@@ -9,7 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
 from jerkbench.io.columns import Columns
-from jerkbench.io.frames import axes_matrix, enu_from
+from jerkbench.io.frames import FLU_FROM_FRD, axes_matrix, enu_from, turned_covariance
 from jerkbench.recording import Origin
 
 _RTKLIB = [0, 3, 5, 3, 1, 4, 5, 4, 2]
@@ -96,11 +96,7 @@ def _in_enu(where: str, matrices: FloatArray, frame: str, origin: Origin | None)
         return np.asarray(matrices[:, [1, 0, 2]][:, :, [1, 0, 2]] * np.outer([1, 1, -1], [1, 1, -1]))
     if origin is None:
         raise RecordingError(f"{where} has axes of ECEF, and where it is on the Earth is not known; give origin.")
-    turned = enu_axes(origin) @ matrices @ enu_axes(origin).T
-    return np.asarray(0.5 * (turned + turned.transpose(0, 2, 1)))
-
-
-_FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+    return turned_covariance(enu_axes(origin), matrices)
 
 
 @dataclass(frozen=True)
@@ -158,5 +154,5 @@ def _turns(attitude: FloatArray) -> FloatArray:
 def _flu_from_body(mapping: AttitudeMap) -> FloatArray:
     """M (3, 3) with f_flu = M f_body."""
     if mapping.body == "frd":
-        return _FLU_FROM_FRD
+        return FLU_FROM_FRD
     return axes_matrix(mapping.imu_axes) if mapping.body == "sensor" else np.eye(3)

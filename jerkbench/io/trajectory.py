@@ -1,7 +1,6 @@
 """An estimated trajectory as it was read, its values at the reference's stamps, and one from a bag's odometry."""
 
 from dataclasses import dataclass
-from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
-from jerkbench.io.clocks import UNIX_EPOCH
+from jerkbench.io.clocks import ns_since_1970
 from jerkbench.io.ros.bag import Bag, Messages, open_bag
 from jerkbench.io.ros.writing import SOMETIME
 from jerkbench.recording import Recording
@@ -172,8 +171,7 @@ def _only_odometry(bag: Bag) -> str:
 
 
 def _seconds(where: str, messages: Messages, recording: Recording) -> FloatArray:
-    since = (recording.start_utc or SOMETIME) - UNIX_EPOCH
-    start_ns = since // timedelta(microseconds=1) * 1000
+    start_ns = ns_since_1970(recording.start_utc or SOMETIME)
     steps = np.diff(messages.stamp_ns)
     if (steps <= 0).any():
         count = int((steps <= 0).sum())

@@ -12,12 +12,13 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_choices, require_lengths, require_not_negative
 from jerkbench.errors import RecordingError
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, WEEK_NS
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
 from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, in_degrees, in_enu
 from jerkbench.io.table_values import AttitudeMap, read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.io.trajectory import BAGS, Trajectory, read_odometry
+from jerkbench.io.writing import POSITIONS, VELOCITIES
 from jerkbench.recording import Recording
 
 # The form of a trajectory's file: which columns are what, in which frame and unit, on which clock.
@@ -138,13 +139,7 @@ def form_of(path: Path, declared: TrajectoryForm) -> TrajectoryForm:
     return replace(own, **KNOWN.get(path.suffix, {}))
 
 
-POSITIONS = {
-    "enu": ("east_m", "north_m", "up_m"),
-    "ned": ("north_m", "east_m", "down_m"),
-    "geodetic": ("latitude_deg", "longitude_deg", "height_m"),
-    "ecef": ("x_m", "y_m", "z_m"),
-}
-VELOCITIES = {"enu": ("east_mps", "north_mps", "up_mps"), "ned": ("north_mps", "east_mps", "down_mps")}
+PLACES = POSITIONS | {"ecef": ("x_m", "y_m", "z_m")}
 ATTITUDE = ("roll_rad", "pitch_rad", "yaw_rad")
 UPPER = [(i, j) for i in range(6) for j in range(i, 6)]
 COVARIANCE = tuple(f"P{i + 1}{j + 1}" for i, j in UPPER)
@@ -201,8 +196,7 @@ def _zero_ns(columns: Columns, form: TrajectoryForm, recording: Recording) -> in
             f"{columns.where} has stamps of a calendar, and nobody knows when {recording.name} began; write seconds"
             " from its start (filter.clock=start)."
         )
-    since = recording.start_utc - UNIX_EPOCH
-    unix_ns = (since.days * 86_400_000_000 + since.seconds * 1_000_000 + since.microseconds) * 1000
+    unix_ns = ns_since_1970(recording.start_utc)
     if not form.time_week:
         return unix_ns
     gps_ns = unix_ns - GPS_EPOCH_NS + round(GPST_MINUS_UTC_S * 1e9)
@@ -215,7 +209,7 @@ def _places(columns: Columns, form: TrajectoryForm, recording: Recording) -> Flo
             f"{columns.where} is in the frame {form.frame}, and {recording.name} has no origin on the Earth; write its"
             " local axes (filter.frame=enu or ned)."
         )
-    values = _finite(columns, form.position or POSITIONS[form.frame], "position")
+    values = _finite(columns, form.position or PLACES[form.frame], "position")
     return in_enu(in_degrees(values, form.frame, form.angle_unit), form.frame, recording.origin)
 
 

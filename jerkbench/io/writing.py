@@ -12,7 +12,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, quaternion_from_dcm
-from jerkbench.io.ros.streams import FROM_NED, swapped
+from jerkbench.io.frames import axes_in_enu, enu_from
 from jerkbench.recording import Imu, Recording
 from jerkbench.timeline import nanoseconds
 
@@ -73,14 +73,14 @@ def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, W
     streams = [] if imu is None else [(imu.t_s, _imu(imu))]
     if position is not None:
         columns = _position("position", position.enu_m, recording, coordinates)
-        turn = _turn("enu" if coordinates == "geodetic" else coordinates)
+        turn = enu_from(coordinates)  # its own inverse
         columns |= _covariance("position", turn @ position.covariance_m2 @ turn.T, "m2")
         streams.append((position.t_s, columns))
     if velocity is not None:
         axes = coordinates if coordinates == "ned" and velocity.frame == "enu" else "enu"
         names = VELOCITIES[axes] if velocity.frame == "enu" else BODY
-        columns = _three("velocity", names, swapped(_turn(axes), velocity.mps))
-        columns |= _covariance("velocity", _turn(axes) @ velocity.covariance_m2ps2 @ _turn(axes).T, "m2ps2")
+        columns = _three("velocity", names, axes_in_enu(velocity.mps, axes))
+        columns |= _covariance("velocity", enu_from(axes) @ velocity.covariance_m2ps2 @ enu_from(axes).T, "m2ps2")
         streams.append((velocity.t_s, columns))
     if heading is not None:
         streams.append((heading.t_s, {"heading_yaw_rad": heading.yaw_rad, "heading_sigma_rad": heading.sigma_rad}))
@@ -101,7 +101,7 @@ def reference_columns(recording: Recording, coordinates: str) -> WrittenColumns:
         columns |= _position("reference", reference.enu_m, recording, coordinates)
     if reference.velocity_mps is not None:
         axes = "ned" if coordinates == "ned" else "enu"
-        columns |= _three("reference", VELOCITIES[axes], swapped(_turn(axes), reference.velocity_mps))
+        columns |= _three("reference", VELOCITIES[axes], axes_in_enu(reference.velocity_mps, axes))
     if reference.euler_rad is not None:
         columns |= _three("reference", ("roll_rad", "pitch_rad", "yaw_rad"), reference.euler_rad)
     return columns
@@ -109,7 +109,7 @@ def reference_columns(recording: Recording, coordinates: str) -> WrittenColumns:
 
 def _position(stream: str, enu_m: FloatArray, recording: Recording, coordinates: str) -> WrittenColumns:
     if coordinates != "geodetic":
-        return _three(stream, POSITIONS[coordinates], swapped(_turn(coordinates), enu_m))
+        return _three(stream, POSITIONS[coordinates], axes_in_enu(enu_m, coordinates))
     if recording.origin is None:
         raise RecordingError(f"{recording.name} has no origin on the Earth; choose --coordinates enu or ned.")
     return _three(stream, POSITIONS[coordinates], enu_to_geodetic(enu_m, recording.origin))
@@ -121,12 +121,6 @@ def _three(stream: str, names: tuple[str, ...], values: FloatArray) -> WrittenCo
 
 def _covariance(stream: str, covariance: FloatArray, unit: str) -> WrittenColumns:
     return {f"{stream}_variance_{i + 1}{j + 1}_{unit}": covariance[:, i, j] for i, j in UPPER}
-
-
-def _turn(coordinates: str) -> FloatArray:
-    """ENU -> the axes of the table."""
-    turn: FloatArray = FROM_NED.T if coordinates == "ned" else np.eye(3)
-    return turn
 
 
 # A trajectory as text: TUM, KML and GPX.

@@ -9,6 +9,7 @@ from jerkbench.evaluation.statistics.ranks import critical_difference
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.columns import FACTORS, METHOD, competes, quantity
 from jerkbench.report.analysis.findings import largest
+from jerkbench.report.analysis.runs import runs_by_combination
 from jerkbench.report.analysis.study_verdicts import common_field, study_verdicts
 from jerkbench.report.analysis.sweeps import (
     at_best_noise,
@@ -136,7 +137,9 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
     means = (
         f"{title}: means with 95 % intervals; pale, 1/5 lost: so many runs were lost, no bar: the median run.{noise}"
     )
-    yield Drawing("bars", means, bars_figure(summarise(best, metric, leaders=False), palette))
+    floors = {runs.floor for runs in runs_by_combination(best, metric).values()}
+    floor = max(floors) if len(set(best["dataset"])) == 1 else 0.0
+    yield Drawing("bars", means, bars_figure(summarise(best, metric, leaders=False), palette, floor))
     yield from _over_scenarios(best, metric, noise, palette)
     yield from _ranked(best, metric, noise, palette)
     if len(with_noise_sigma(rows)["sigma_a"].unique()) > 1:

@@ -8,6 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 import pytest
 
+import pages
 from commands import verb
 from jerkbench import fetching
 from jerkbench.errors import RecordingError
@@ -236,6 +237,9 @@ def test_the_verb_lists_and_finds(tmp_path, monkeypatch):
     done = verb("data", "fetch", cwd=tmp_path)
     assert "broad: a hand-held IMU with motion capture" in done.stdout
     assert "not fetched" in done.stdout
+    shown = [line for line in pages.text("inspect").splitlines() if line.endswith("not fetched")]
+    assert len(shown) == 3
+    assert set(shown) <= set(done.stdout.splitlines())
     done = verb("data", "fetch", "brod", cwd=tmp_path)
     assert (done.returncode, "Did you mean 'broad'" in done.stderr) == (2, True)
 

@@ -1,6 +1,6 @@
 """An open bag: its topics, and the messages of each as arrays; rosbags reads it."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +10,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import unknown
-from jerkbench.io.ros.bulk import Blocks, read_in_bulk
-from jerkbench.io.ros.decode import LAYOUTS, decode, source_of
-from jerkbench.io.ros.files import BagError, bag_errors, bag_files, storage_files, way_out
+from jerkbench.io.ros.decode import LAYOUTS, MessageBlock, decode, source_of
+from jerkbench.io.ros.files import BagError, bag_errors, bag_files, way_out
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -76,6 +75,9 @@ class Messages:
 BLOCK = 8192
 """So many messages of a topic become arrays at once: the serialised ones of a long bag need not be kept."""
 
+Blocks = list[tuple[IntArray, MessageBlock]]
+"""When messages were recorded (n,), and what was read of them, block by block."""
+
 Wanted = Mapping[str, Sequence[str]]
 """Topics, and the fields of each that are read."""
 
@@ -98,9 +100,9 @@ class Topic:
 class Bag:
     """An open bag; `open_bag` makes it."""
 
-    def __init__(self, path: Path, reader: "AnyReader", files: Sequence[Path]) -> None:
-        """Take over an open ``reader`` of ``files``."""
-        self.path, self._reader, self._files = path, reader, files
+    def __init__(self, path: Path, reader: "AnyReader") -> None:
+        """Take over an open ``reader``."""
+        self.path, self._reader = path, reader
         infos = sorted(reader.topics.items())
         self.topics = tuple(Topic(name, info.msgtype or "several types", info.msgcount) for name, info in infos)
 
@@ -127,30 +129,6 @@ class Bag:
         """
         for name in wanted:
             self._check_type(self.topic(name))
-        messages = self._in_bulk(wanted) if most is None else None
-        return messages or self._one_by_one(wanted, most)
-
-    def _in_bulk(self, wanted: Wanted) -> dict[str, Messages] | None:
-        """The quick way, which not every bag is made for; what it returns has as many messages as the index says."""
-        if not wanted or not all(self.topic(name).count for name in wanted):
-            return None
-        types = {name: self.topic(name).msgtype for name in wanted}
-        whole = read_in_bulk(self._connections(wanted), types, wanted)
-        if whole is None:
-            return None
-        messages = {name: self._joined(name, fields, whole[name]) for name, fields in wanted.items()}
-        return messages if all(len(part) == self.topic(name).count for name, part in messages.items()) else None
-
-    def _connections(self, names: Iterable[str]) -> dict[Path, dict[int, str]]:
-        """Each file, and which of its connections have which topic."""
-        files: dict[Path, dict[int, str]] = {file: {} for file in self._files}
-        for connection in self._reader.connections:
-            path = getattr(connection.owner, "path", None)
-            if connection.topic in names and path in files:
-                files[path][connection.id] = connection.topic
-        return files
-
-    def _one_by_one(self, wanted: Wanted, most: int | None) -> dict[str, Messages]:
         waiting: dict[str, list[tuple[int, bytes]]] = {name: [] for name in wanted}
         read: dict[str, Blocks] = {name: [] for name in wanted}
         counts = dict.fromkeys(wanted, 0)
@@ -242,7 +220,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
         reader.open()
     try:
         with bag_errors(path):
-            bag = Bag(path, reader, storage_files(path))
+            bag = Bag(path, reader)
         if not any(topic.count for topic in bag.topics):
             raise BagError(f"{path} holds {len(bag.topics)} topics and no message; record it again.")
         yield bag

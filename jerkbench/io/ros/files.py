@@ -76,15 +76,6 @@ def content_files(path: Path) -> tuple[Path, ...]:
     return tuple(p for p in inside if p.is_file())
 
 
-def storage_files(path: Path) -> tuple[Path, ...]:
-    """Return the files that hold the messages; none where they are compressed as a whole.
-
-    Raises:
-        BagError: as in `bag_files`.
-    """
-    return tuple(file for file in content_files(path) if file.suffix in MAGIC.values())
-
-
 def missing_parts(paths: tuple[Path, ...]) -> list[int]:
     """Return the numbers that are missing between the parts of split bags (name_0.bag, name_1.bag, ...)."""
     numbers = [_number(path)[0] for path in paths]

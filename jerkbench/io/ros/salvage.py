@@ -95,11 +95,6 @@ def inside(chunk: Record) -> Iterator[Record]:
         at = record.end
 
 
-def header_fields(data: memoryview) -> dict[bytes, bytes]:
-    """Return the fields of a connection's data; empty where they are damaged."""
-    return _fields(data) or {}
-
-
 def decompressed(chunk: Record) -> bytes:
     """Return all that can be decompressed, of a chunk that was cut too; nothing where it is damaged."""
     name = chunk.fields.get(b"compression", b"").decode(errors="replace")
@@ -239,7 +234,7 @@ def _copy(chunk: Record, writer: "Writer", connections: "dict[bytes, Connection]
 
 
 def _connect(record: Record, number: bytes, writer: "Writer", connections: "dict[bytes, Connection]") -> None:
-    header = header_fields(record.data)
+    header = _fields(record.data) or {}
     topic, name, definition, md5 = (
         values.get(key, b"").decode(errors="replace")
         for values, key in (

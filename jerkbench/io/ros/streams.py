@@ -16,6 +16,7 @@ from jerkbench.geometry import (
     geodetic_to_enu,
 )
 from jerkbench.io.clocks import velocity_when_true
+from jerkbench.io.frames import ENU_FROM_NED, FLU_FROM_FRD, swapped, turned_covariance
 from jerkbench.io.ros.bag import Messages
 from jerkbench.io.ros.options import BagOptions
 from jerkbench.io.ros.roles import is_ecef
@@ -24,12 +25,6 @@ from jerkbench.recording import Heading, Imu, Origin, Position, Velocity
 
 BagFrame = Literal["geodetic", "ecef", "enu", "ned"]
 POSE_FRAMES = ("auto", "ecef", "enu", "ned")
-FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""East, north, up from north, east, down."""
-FROM_FRD = np.diag([1.0, -1.0, -1.0])
-"""Forward, left, up from forward, right, down: the body of orientations and velocities in NED."""
-FROM_NEU: FloatArray = np.abs(FROM_NED)
-"""East, north, up from north, east, up."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +59,7 @@ def first_place(messages: Messages, frame: BagFrame, origin: tuple[float, ...]) 
     """Return where ENU begins: the given origin, or the first position."""
     if frame in ("enu", "ned"):
         first = messages["position"][0]
-        return Place(None, first if frame == "enu" else FROM_NED @ first)
+        return Place(None, first if frame == "enu" else ENU_FROM_NED @ first)
     if origin:
         return Place(Origin(*origin))
     if frame == "ecef":
@@ -85,7 +80,7 @@ def fixes_in_enu(messages: Messages, frame: BagFrame, place: Place) -> FloatArra
         )
     if place.origin is None:
         position = messages["position"]
-        return np.asarray((position if frame == "enu" else position @ FROM_NED.T) - place.local_m)
+        return np.asarray((position if frame == "enu" else position @ ENU_FROM_NED.T) - place.local_m)
     if frame == "ecef":
         return ecef_to_enu(messages["position"], place.origin)
     lat, lon, height = (messages[name][:, 0] for name in ("latitude", "longitude", "altitude"))
@@ -97,34 +92,21 @@ def axes_to_enu(frame: BagFrame, place: Place, covariance_order: str = "enu") ->
     if frame == "ecef" and place.origin is not None:
         return enu_axes(place.origin)
     if frame == "geodetic" and covariance_order == "neu":
-        return FROM_NEU
-    matrix: FloatArray = FROM_NED if frame == "ned" else np.eye(3)
+        return np.asarray(np.abs(ENU_FROM_NED))
+    matrix: FloatArray = ENU_FROM_NED if frame == "ned" else np.eye(3)
     return matrix
 
 
 def body_axes(frame: BagFrame) -> FloatArray:
     """Return the matrix (3, 3) that turns FLU into the body of orientations in ``frame``: FRD in NED, else FLU."""
-    matrix: FloatArray = FROM_FRD if frame == "ned" else np.eye(3)
+    matrix: FloatArray = FLU_FROM_FRD if frame == "ned" else np.eye(3)
     return matrix
-
-
-def swapped(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return M v of vectors (n, 3) where M only swaps and mirrors axes; one that is NaN stays the only one."""
-    axes = np.abs(matrix).argmax(axis=1)
-    mirrored: FloatArray = vectors[:, axes] * matrix[np.arange(3), axes]
-    return mirrored
-
-
-def rotated_covariance(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
-    """M C M' of covariances (n, 3, 3), symmetric to the bit."""
-    product = np.asarray(matrix @ covariance @ matrix.T)
-    return 0.5 * (product + product.transpose(0, 2, 1))
 
 
 # The parts of a recording from cleaned messages, one role each.
 
 VELOCITY_FRAMES = ("body", "course", "enu", "frd", "ned", "speed")
-FROM = {"ned": FROM_NED, "frd": FROM_FRD}
+FROM = {"ned": ENU_FROM_NED, "frd": FLU_FROM_FRD}
 """The rotation of a velocity into ENU, or into the body's axes."""
 
 WORST_HEADING_RAD = float(np.pi)
@@ -163,7 +145,7 @@ def position_of(
     """Return the fixes in ENU with their covariances."""
     frame = frame_of(messages, stated_frame)
     turn = axes_to_enu(frame, place, covariance_order)
-    covariance = rotated_covariance(turn, messages["position_covariance"].reshape(-1, 3, 3))
+    covariance = turned_covariance(turn, messages["position_covariance"].reshape(-1, 3, 3))
     return Position(seconds(messages.stamp_ns, zero_ns) - latency_s, fixes_in_enu(messages, frame, place), covariance)
 
 
@@ -183,7 +165,7 @@ def velocity_of(
     covariance = messages["velocity_covariance"].reshape(-1, 3, 3)
     t_s, latency_s = seconds(messages.stamp_ns, zero_ns), options.velocity_latency_s
     if frame in FROM:
-        mps, covariance = swapped(FROM[frame], mps), rotated_covariance(FROM[frame], covariance)
+        mps, covariance = swapped(FROM[frame], mps), turned_covariance(FROM[frame], covariance)
     if frame in ("enu", "ned"):
         return velocity_when_true(t_s, mps, covariance, latency_s)
     if len(set(latency_s)) > 1:
@@ -221,7 +203,7 @@ def heading_of(
     frame = frame_of(messages, stated_frame) if "position" in messages.values else "enu"
     covariance = messages["orientation_covariance"]
     turn = axes_to_enu(frame, place)
-    variance = rotated_covariance(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
+    variance = turned_covariance(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
     good = unit_quaternions(messages["orientation"]) & (variance > 0) & (variance < WORST_HEADING_RAD**2)
     ledger.add(label, "a heading without a usable covariance", ~good, messages.bag_ns, DROPPED)
     dcm = turn @ dcm_from_quaternion(messages["orientation"][good]) @ body_axes(frame)

@@ -53,11 +53,12 @@ class Bar(NamedTuple):
     look: MethodStyle
 
 
-def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
+def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0) -> Figure:
     """Draw a panel for each scenario of ``table``, in it a group for each of its rows, and a bar for each column.
 
     The colour is the filter's, the hatch the adaptation's. A combination that was not run has no place. Of one that
-    lost runs the bar is pale and says how many; where the median run was lost there is no bar.
+    lost runs the bar is pale and says how many; where the median run was lost there is no bar. A dashed line is the
+    ``floor`` that the reference's own sigma puts under the metric.
     """
     names = [" / ".join(column) or "mean" for column in table.columns]
     scenes = _scenes(table, names, palette or Palette.of(_methods(table)))
@@ -70,6 +71,9 @@ def bars_figure(table: Table, palette: Palette | None = None) -> Figure:
     for axes, (scene, groups) in zip(panels, scenes.items(), strict=False):
         axes.set_title(literal(scene), fontsize=8)
         _draw_groups(axes, groups)
+        if floor > 0:
+            label = "floor: the reference's own sigma" if axes is panels[0] else None
+            axes.axhline(floor, color="black", linestyle="--", linewidth=0.8, label=label)
     _name_columns(panels[0], names, scenes)
     _scale(panels[0], table)
     for axes in panels[: len(scenes)]:

@@ -253,6 +253,16 @@ def test_bars_are_the_means_with_their_intervals(cell_rows):
     assert [t.get_text() for t in panels[0].get_xticklabels()] == ["baseline", "jerk", "gnss\nonly"]
 
 
+def test_the_floor_of_the_reference_is_a_line_through_each_panel_of_the_position_error_alone(cell_rows):
+    rows = study(cell_rows).assign(reference_floor_m=0.07)
+    (drawn,) = (drawing.figure for drawing in of_rows(rows) if drawing.name == "bars")
+    floors = [line.get_ydata()[0] for axes in drawn.axes for line in axes.get_lines() if line.get_linestyle() == "--"]
+    (plain,) = (drawing.figure for drawing in of_rows(study(cell_rows)) if drawing.name == "bars")
+
+    assert floors == [0.07] * 2
+    assert [line for axes in plain.axes for line in axes.get_lines() if line.get_linestyle() == "--"] == []
+
+
 def test_of_several_noises_the_best_is_shown(cell_rows):
     rows = swept(cell_rows)
     kept = at_best_noise(rows, "position_rmse_m")
