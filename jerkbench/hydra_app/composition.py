@@ -86,6 +86,7 @@ class _Composer:
     def __init__(self, loader: ConfigLoader, sweep: DictConfig) -> None:
         self._loader, self._sweep = loader, sweep
         self._whole, self._choice, self._part = cache(self._of_hydra), cache(self._chosen), cache(self._made)
+        self._alone = cache(_alone)
         sources = [
             source for source in sweep.hydra.runtime.config_sources if source.provider not in ("hydra", "schema")
         ]
@@ -144,7 +145,7 @@ class _Composer:
         if (group, name) in self._of_user:
             return False
         try:
-            alone = _alone(group, name)
+            alone = self._alone(group, name)
         except (PluginError, OmegaConfBaseException):
             return False
         return self._readable and self._of_user.isdisjoint((group, key) for key in (name, alone.get("name"), *alone))
@@ -156,7 +157,7 @@ class _Composer:
             said = whole.plain[key]
             if key == "noise":
                 said = {name: value for name, value in said.items() if value != UNSAID}
-            config = OmegaConf.merge(*({key: _alone(key, name)} for name in _names(choice)), {key: said})
+            config = OmegaConf.merge(*({key: self._alone(key, name)} for name in _names(choice)), {key: said})
         else:
             config = copy.deepcopy(whole.config)
         OmegaConf.set_struct(config, True)  # noqa: FBT003 - OmegaConf's signature

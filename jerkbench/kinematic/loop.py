@@ -248,7 +248,7 @@ def run_steps(
     """
     run = runs_in(kept.w, RUN)
     start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
-    reached = updates = begun = 0
+    reached = updates = begun = 0 * len(steps.model)  # of a literal numba compiles what it is handed to twice
     states = 3 * (2 + len(model.extra))
     how = way_of(model)
     if run.width > 1 and how == TRIANGULAR:
