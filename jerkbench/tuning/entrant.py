@@ -246,12 +246,13 @@ class Site:
 
 def _jobs(tries: Sequence[Try], rules: RunRules) -> list[Job]:
     jobs: list[Job] = []
-    for _, own in groupby(tries, lambda each: (each.number, each.entrant.text)):
-        several = list(own)
-        first = several[0]
-        job = first.entrant.job(first.scenario, rules.limits, rules.metrics)
-        space = knobs_of(job)
-        jobs += [dataclasses.replace(space.applied(job, each.setting), draws=each.seeds) for each in several]
+    made: dict[tuple[int, str], tuple[Job, Space]] = {}
+    for each in tries:
+        if (which := (id(each.scenario), each.entrant.text)) not in made:
+            job = each.entrant.job(each.scenario, rules.limits, rules.metrics)
+            made[which] = job, knobs_of(job)
+        job, space = made[which]
+        jobs.append(dataclasses.replace(space.applied(job, each.setting), draws=each.seeds))
     return sharing_scenarios(jobs)
 
 
