@@ -11,12 +11,13 @@ import pandas as pd
 from jerkbench.audit.protocol import AuditMethod, AuditProtocol
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.progress import Progress
-from jerkbench.tuning.entrant import FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
-from jerkbench.tuning.space import Setting, Space
+from jerkbench.tuning.entrant import RunRules, Site, Try, tried_settings
+from jerkbench.tuning.space import Setting
 
 METHOD = ["filter", "adaptation"]
 ERROR = "position_rmse_m"
 """The column that counts."""
+TYPES: dict[str, Any] = {**dict.fromkeys((*METHOD, "status"), "category"), "tuning": np.int8, "trial": np.int16}
 RULES = RunRules(("position_rmse",), numbers=(ERROR,))
 
 
@@ -40,11 +41,11 @@ class Campaign:
             OSError: nothing can be stored.
         """
         tries = [
-            self._try(tuning, method, trial, self.protocol.seeds_to_tune_on(tuning))
+            Try(tuning, self.protocol.drives, method.entrant, setting, trial, self.protocol.seeds_to_tune_on(tuning))
             for tuning in range(self.protocol.tunings)
             for method in methods
             if tuning in self.protocol.tunings_of(method)
-            for trial in range(max(self.protocol.searches(method)))
+            for trial, setting in enumerate(settings_of(self.protocol, method, tuning))
         ]
         return self._run(tries, "Audit, settings tried")
 
@@ -53,13 +54,12 @@ class Campaign:
         found = picked[["tuning", *METHOD, "trial"]].itertuples(index=False, name=None)
         wanted = {(tuning if trial else 0, *names, trial) for tuning, *names, trial in found}  # the defaults run once
         wanted |= {(0, *method, 0) for method in methods}
-        methods_of = ((tuning, AuditMethod(*names), trial) for tuning, *names, trial in sorted(wanted))
-        tries = [self._try(r, method, trial, self.protocol.judges(method)) for r, method, trial in methods_of]
+        tries = []
+        for tuning, *names, trial in sorted(wanted):
+            method, drives = AuditMethod(*names), self.protocol.drives
+            setting = settings_of(self.protocol, method, tuning)[trial]
+            tries.append(Try(tuning, drives, method.entrant, setting, trial, self.protocol.judges(method)))
         return self._run(tries, "Audit, judged unseen")
-
-    def _try(self, tuning: int, method: AuditMethod, trial: int, seeds: range) -> Try:
-        setting = settings_of(self.protocol, method, tuning)[trial]
-        return Try(tuning, drives_of(self.protocol.dataset), method.entrant, setting, trial, seeds)
 
     def _run(self, tries: Sequence[Try], title: str) -> pd.DataFrame:
         """Run what is not stored; returns `METHOD`, tuning, trial, seed, status, log_error, lost, level and loss."""
@@ -69,29 +69,14 @@ class Campaign:
             rows["log_error"] = np.log(rows.pop(ERROR)).astype(np.float32)
         failed = rows["status"] == "failed"
         rows["status"] = rows["status"].mask(failed, "failed: " + rows["reason"])
-        types: dict[str, Any] = dict.fromkeys((*METHOD, "status"), "category") | {
-            "scenario": np.int8,
-            "trial": np.int16,
-        }
-        runs = rows.drop(columns=["reason", "seconds"]).astype(types).rename(columns={"scenario": "tuning"})
+        runs = rows.drop(columns=["reason", "seconds"]).rename(columns={"scenario": "tuning"}).astype(TYPES)
         return with_losses(self.protocol, runs)
-
-
-def drives_of(dataset: str) -> FaultScenario:
-    """Return the scenario of the drives of a preset, which bring their own faults."""
-    return FaultScenario("mixture", {"name": dataset}, "any", "any", "both", {"name": "none"})
-
-
-@lru_cache(maxsize=1024)
-def space_of_method(dataset: str, method: AuditMethod) -> Space:
-    """Return the knobs of a method."""
-    return knobs_of(method.entrant.job(drives_of(dataset)))
 
 
 def settings_of(protocol: AuditProtocol, method: AuditMethod, tuning: int) -> tuple[Setting, ...]:
     """Return the settings that a tuning tries of a method, its defaults first; a longer search begins as a shorter."""
-    space, scramble = space_of_method(protocol.dataset, method), protocol.seeds_to_tune_on(tuning)[0]
-    return _settings(max(protocol.searches(method)), space, scramble)
+    count, scramble = max(protocol.searches(method)), protocol.seeds_to_tune_on(tuning)[0]
+    return _settings(count, protocol.spaces[method], scramble)
 
 
 _settings = lru_cache(maxsize=8192)(tried_settings)

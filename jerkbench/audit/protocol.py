@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 from jerkbench import plugins
 from jerkbench.errors import PluginError
 from jerkbench.presets import preset
-from jerkbench.tuning.entrant import Entrant
+from jerkbench.tuning.entrant import Entrant, FaultScenario, knobs_of
+from jerkbench.tuning.space import Space
 
 PUBLISHED = ("published", "simplified")
 """Kinds of adaptations that H1 averages and H2 picks from."""
@@ -84,6 +85,16 @@ class AuditProtocol:
         """The first 12 digits of the SHA-256 of all of it, with the laws of the drives."""
         text = json.dumps(dataclasses.asdict(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @cached_property
+    def drives(self) -> FaultScenario:
+        """What all methods navigate: drives that bring their own faults."""
+        return FaultScenario(self.dataset, dict(self.laws), "any", "any", "both", {"name": "none"})
+
+    @cached_property
+    def spaces(self) -> dict[AuditMethod, Space]:
+        """What may be tuned of each method."""
+        return {own: knobs_of(own.entrant.job(self.drives)) for own in (*self.competing, *self.beside)}
 
     # Seeds: each is a drive.
 

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.audit.campaign import METHOD, Campaign, picks, settings_of, space_of_method, tuning_losses
+from jerkbench.audit.campaign import METHOD, Campaign, picks, settings_of, tuning_losses
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod, AuditProtocol, audit_protocol
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.drives_and_tunings import Losses, log_losses
@@ -98,11 +98,8 @@ def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
 
 def _setting(protocol: AuditProtocol, picked: Any) -> Iterator[Mapping[str, object]]:  # noqa: ANN401 - a named tuple
     method = AuditMethod(picked.filter, picked.adaptation)
-    space, setting = (
-        space_of_method(protocol.dataset, method),
-        settings_of(protocol, method, picked.tuning)[picked.trial],
-    )
-    for knob, value in zip(space.names, setting, strict=True):
+    setting = settings_of(protocol, method, picked.tuning)[picked.trial]
+    for knob, value in zip(protocol.spaces[method].names, setting, strict=True):
         yield {**method._asdict(), "tuning": picked.tuning, "tried": picked.tried, "knob": knob, "value": value}
 
 

@@ -5,6 +5,7 @@ import json
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -214,12 +215,9 @@ def _tuned(
     names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], effort: Effort, runs: Site
 ) -> list[Tuning]:
     count = len(names) * effort.budget.trials * effort.restarts
+    methods = zip(names, cases, spaces, strict=True)
     with Progress(count, doing="Tuning", unit="settings") as progress:
-
-        def advance(settings: int) -> None:
-            progress.advance(count=settings)
-
-        methods = zip(names, cases, spaces, strict=True)
+        advance = partial(progress.advance, ())
         return [tune(name, own, space, effort, runs, advance) for name, own, space in methods]
 
 

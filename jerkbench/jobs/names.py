@@ -57,8 +57,9 @@ def job_of_parts(
         PluginError: something is unknown or does not fit together.
     """
     parts = {kind: _or_default(kind, part) for kind, part in single.items() if kind != "attitude"}
-    parts["attitude"] = single["attitude"] or _preferred_attitude(parts["dataset"])
     choice = {kind: choose(kind, part) for kind, part in parts.items()}
+    preferred = preferred_attitude(plugins.get("dataset", choice["dataset"].plain["name"]))
+    choice["attitude"] = choose("attitude", single["attitude"] or preferred or default_names()["attitude"])
     several = [choose("disturbance", part) for part in disturbances or [default_names()["disturbance"]]]
     process = noise_of(noise)
     spec: dict[str, Any] = {kind: part.plain for kind, part in choice.items()}
@@ -135,12 +136,6 @@ def noise_of(part: Part | None) -> ChosenPlugin:
     if name not in preset_names("noise"):
         raise PluginError(unknown("noise", name, preset_names("noise")))
     return _preset("noise", name, parameters)
-
-
-def _preferred_attitude(dataset: Part) -> str:
-    """The attitude filter that the data set names in ``default_attitude``."""
-    cls = plugins.get("dataset", choose("dataset", dataset).plain["name"])
-    return preferred_attitude(cls) or default_names()["attitude"]
 
 
 def _or_default(kind: str, part: Part | None) -> Part:

@@ -87,7 +87,10 @@ def told_apart(
             if varying:
                 remarks.append(_remark(part, label[0], varying))
                 for place in places:
-                    labels[place][part] = with_parameters(label[0], _own(part, known[place][part], varying))
+                    of_cell = (
+                        (n.removeprefix(f"{part}."), texts[known[place][part][n]]) for n, texts in varying.items()
+                    )
+                    labels[place][part] = with_parameters(label[0], list(map("=".join, of_cell)))
     return labels, remarks
 
 
@@ -116,11 +119,6 @@ def _of_one_label(cells: Sequence[Mapping[str, Any]], part: str) -> dict[tuple[s
     for place, cell in enumerate(cells):
         groups.setdefault(tuple(cell["labels"][name] for name in names), []).append(place)
     return groups
-
-
-def _own(part: str, values: ConditionValues, varying: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """The parameters of one cell that differ between cells."""
-    return [f"{name.removeprefix(f'{part}.')}={texts[values[name]]}" for name, texts in varying.items()]
 
 
 def differing_conditions(first: Conditions, second: Conditions, parts: Iterable[str]) -> list[str]:
@@ -216,19 +214,10 @@ def current(content: Content, order: Mapping[str, int], preferred: Collection[st
         order: place of each key in the sweeps; cells that are not in it come last, by their labels.
         preferred: keys that are taken before others.
     """
-    groups = _of_one_name(content, order)
-    places = [max(group, key=lambda place: _rank(content, place, preferred)) for group in groups]
-    return Current(places, len(content.keys) - len(places), content.others)
-
-
-def _of_one_name(content: Content, order: Mapping[str, int]) -> Iterable[list[int]]:
-    names = [tuple(cell["labels"].values()) for cell in content.metadata]
-    ordered = sorted(range(len(names)), key=lambda place: (order.get(content.keys[place], len(order)), names[place]))
+    names, keys = [tuple(cell["labels"].values()) for cell in content.metadata], content.keys
+    rank = [(key in preferred, cell["created"]) for key, cell in zip(keys, content.metadata, strict=True)]
     groups: dict[tuple[str, ...], list[int]] = {}
-    for place in ordered:
+    for place in sorted(range(len(names)), key=lambda place: (order.get(keys[place], len(order)), names[place])):
         groups.setdefault(names[place], []).append(place)
-    return groups.values()
-
-
-def _rank(content: Content, place: int, preferred: Collection[str]) -> tuple[bool, str]:
-    return content.keys[place] in preferred, content.metadata[place]["created"]
+    places = [max(group, key=lambda place: rank[place]) for group in groups.values()]
+    return Current(places, len(keys) - len(places), content.others)

@@ -5,7 +5,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -90,8 +90,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         return {}
     try:
         if path.is_file():  # a pipe would be waited for
-            manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            if _is_manifest(manifest):
+            manifest: Any = json.loads(path.read_text(encoding="utf-8"))
+            if isinstance(manifest, dict) and all(_is_entry(name, value) for name, value in manifest.items()):
                 return manifest
     except FileNotFoundError:
         return {}
@@ -101,12 +101,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return {}
 
 
-def _is_manifest(content: object) -> bool:
-    """Whether the content of the file is a manifest: no hash says whether it was damaged."""
-    return isinstance(content, dict) and all(_is_entry(name, value) for name, value in content.items())
-
-
 def _is_entry(name: str, value: object) -> bool:
+    """Whether an entry is what a manifest has: no hash says whether the file was damaged."""
     if name in LISTS:
         return _are_texts(value)
     if name in MAPPINGS:
@@ -123,20 +119,12 @@ def _are_stretches(value: object) -> bool:
     return all(isinstance(pair, list) and len(pair) == 2 and all(type(n) is int for n in pair) for pair in pairs)
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float)
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
-
-
 LISTS = ("cells", "last", "command")
-MAPPINGS = {
+MAPPINGS: Mapping[str, Callable[[object], bool]] = {
     "seeds": _are_stretches,
     "notes": _are_texts,
     "tags": _are_texts,
-    "levels": _is_number,
-    "versions": _is_text,
+    "levels": lambda value: isinstance(value, int | float),
+    "versions": lambda value: isinstance(value, str),
 }
 """Entries of a manifest that are read again: lists of texts, and mappings with a test of their values."""

@@ -176,9 +176,6 @@ def _repeated(values: Sequence[str | None], counts: Sequence[int]) -> pa.Array:
 
 # The files of a store: listed, loaded, written atomically, replaced.
 
-OLD = re.compile("[0-9a-f]{20}")
-"""The name of a file with one cell, as it was stored before there were parts: its key."""
-
 LISTINGS = 20
 """So often the files are listed again, where some of them have just been joined."""
 
@@ -196,9 +193,7 @@ class PartFiles:
 
     def names(self) -> list[str]:
         """Return the names of all files."""
-        names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
-        _require_parts(self.folder, names)
-        return names
+        return sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
 
     def each(
         self, columns: list[str] | None = None, seen: set[str] | None = None
@@ -254,12 +249,3 @@ class PartFiles:
         for name in names:
             self.path(name).unlink(missing_ok=True)
         return path
-
-
-def _require_parts(folder: Path, names: Sequence[str]) -> None:
-    """Refuse cells in the format of before there were parts."""
-    if old := next(filter(OLD.fullmatch, names), None):
-        raise JerkbenchError(
-            f"{folder / old}.parquet has a format of earlier versions, which is no longer read; run the study's command"
-            " (it stands in manifest.json) again into a new one (study=NAME)."
-        )

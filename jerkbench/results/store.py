@@ -158,12 +158,7 @@ class Store:
 
     def _rows(self, keys: Collection[str], metrics: Sequence[str]) -> pd.DataFrame:
         """The stored runs of ``keys``, each once."""
-        wanted = pa.array(list(keys), pa.string())
-        tables = [
-            table.filter(pc.is_in(table[KEY].cast(pa.string()), wanted))
-            for _, table in self.files.each([KEY, *RUN_COLUMNS, "cell.created", *metrics])
-            if table is not None
-        ]
+        tables, _ = self._tables(list(keys), [KEY, *RUN_COLUMNS, "cell.created", *metrics])
         if not tables:
             return pd.DataFrame(columns=[KEY, *RUN_COLUMNS.values(), *metrics])
         table = concatenated(tables)

@@ -72,9 +72,11 @@ def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: b
     return entry - plain
 
 
-def is_tuned(rows: pd.DataFrame) -> bool:
-    """Whether the rows have an entry that was tuned."""
-    return bool((rows.loc[rows["method"] == ENTRY, "tuned_on"] != GIVEN).any())
+def how_tuned(rows: pd.DataFrame, protocol: SuiteProtocol) -> str:
+    """Say how the entry of some rows was tuned."""
+    half = " a half" if isinstance(protocol, AttitudeSuite) else ""
+    tuned = (rows.loc[rows["method"] == ENTRY, "tuned_on"] != GIVEN).any()
+    return f"tuned, {protocol.trials} settings{half}" if tuned else "not tuned"
 
 
 IMU_HZ = 100.0
@@ -193,11 +195,10 @@ class ByPosition:
         """Return the page of an entry: a line, and the ratio in each scenario."""
         protocol, score = self.protocol, self.score(rows)
         more = f"worst {score['worst']} {score['worst_ratio']:.2f}; nothing wrong {score['nominal']:.3f}"
-        how = f"tuned, {protocol.trials} settings" if is_tuned(rows) else "not tuned"
         lost = (rows[rows["method"] == ENTRY].set_index("scenario")["status"] != "ok").groupby("scenario").sum()
         ratios = np.exp(self.ratios(rows).mean(axis=1))
         return score_page(
-            [score_line(f"{name} on {protocol.name}", score, more, how)],
+            [score_line(f"{name} on {protocol.name}", score, more, how_tuned(rows, protocol))],
             ABOUT_POSITION.format(plain=" + ".join(protocol.plain.values())),
             "| scenario | ratio | lost runs |",
             ((own.name, f"{ratios[k]:.3f}", lost[k]) for k, own in enumerate(protocol.scenarios)),
@@ -297,10 +298,13 @@ class ByDrives:
         """Return the page of an entry: a line, and the ratio by number and by kind of faults."""
         protocol, score, d = self.protocol, self.score(rows), self.ratios(rows)
         more = f"without a fault {score['nominal']:.3f}; worst kind {score['worst_kind']} {score['worst_ratio']:.2f}"
-        how = f"tuned, {protocol.trials} settings" if is_tuned(rows) else "not tuned"
         plain = " + ".join(protocol.plain.values())
         return score_page(
-            [score_line(f"{name} on {protocol.name} (n = {score['n']} drives)", score, more, how)],
+            [
+                score_line(
+                    f"{name} on {protocol.name} (n = {score['n']} drives)", score, more, how_tuned(rows, protocol)
+                )
+            ],
             ABOUT_DRIVES.format(plain=plain, tuned=protocol.tune_seeds, n=score["n"], entries=protocol.entries),
             "| drives with | n | ratio |",
             ((kind, of.sum(), f"{np.exp(d[of].mean()):.3f}") for kind, of in self.members().items()),
@@ -407,8 +411,7 @@ class ByTilt:
     def page(self, name: str, rows: pd.DataFrame) -> str:
         """Return the page of an entry: a line for each domain, and the errors in each scenario."""
         protocol = self.protocol
-        how = f"tuned, {protocol.trials} settings a half" if is_tuned(rows) else "not tuned"
-        lines = []
+        how, lines = how_tuned(rows, protocol), []
         for domain, own in self.scores(rows).items():
             more = f"median {own['median_deg']:.2f} deg, worst {own['worst_deg']:.2f} deg ({own['worst']})"
             lines.append(score_line(f"{name} on {protocol.name}, {domain} (n = {own['n']})", own, more, how))

@@ -238,20 +238,23 @@ class Site:
         Raises:
             JerkbenchError: nothing can be stored, or the cluster cannot go on.
         """
-        store = Store(self.folder)
-        run_missing(Plan(joined_jobs(jobs)), store, self.workers, **how)
+        store, plan = Store(self.folder), Plan(joined_jobs(jobs))
+        if bar := how.get("progress"):
+            bar.advance(count=len(jobs) - len(plan.jobs))  # the same setting twice is run once
+        run_missing(plan, store, self.workers, **how)
         store.compact()
         return store.rows(jobs, numbers)
 
 
 def _jobs(tries: Sequence[Try], rules: RunRules) -> list[Job]:
     jobs: list[Job] = []
-    for _, own in groupby(tries, lambda each: (each.number, each.entrant.text)):
-        several = list(own)
-        first = several[0]
-        job = first.entrant.job(first.scenario, rules.limits, rules.metrics)
-        space = knobs_of(job)
-        jobs += [dataclasses.replace(space.applied(job, each.setting), draws=each.seeds) for each in several]
+    made: dict[tuple[int, str], tuple[Job, Space]] = {}
+    for each in tries:
+        if (which := (id(each.scenario), each.entrant.text)) not in made:
+            job = each.entrant.job(each.scenario, rules.limits, rules.metrics)
+            made[which] = job, knobs_of(job)
+        job, space = made[which]
+        jobs.append(dataclasses.replace(space.applied(job, each.setting), draws=each.seeds))
     return sharing_scenarios(jobs)
 
 

@@ -83,18 +83,9 @@ TILT = "inclination RMSE as a ratio to mekf at its defaults, geometric mean; a l
 NATS = "nats an update by which the measurements are less likely than under the plain filter at its defaults"
 
 OBJECTIVES = {
-    "rmse": Objective("rmse", "position_rmse", "position_rmse_m", relative=True, reference="enu_m", meaning=RATIO),
-    "inclination": Objective(
-        "inclination", "inclination", "inclination_rmse_deg", relative=True, reference="euler_rad", meaning=TILT
-    ),
-    "likelihood": Objective(
-        "likelihood",
-        "innovation_likelihood",
-        "innovation_log_loss",
-        relative=False,
-        reference="",
-        meaning=NATS,
-    ),
+    "rmse": Objective("rmse", "position_rmse", "position_rmse_m", True, "enu_m", RATIO),  # noqa: FBT003 - relative
+    "inclination": Objective("inclination", "inclination", "inclination_rmse_deg", True, "euler_rad", TILT),  # noqa: FBT003 - relative
+    "likelihood": Objective("likelihood", "innovation_likelihood", "innovation_log_loss", False, "", NATS),  # noqa: FBT003
 }
 
 

@@ -12,6 +12,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.judgement import judged
 from jerkbench.evaluation.statistics.over_seeds import log_ratios
 from jerkbench.files import write_text
+from jerkbench.report.tables.writers import plain_table
 from jerkbench.tuning.evaluate import Trials
 from jerkbench.tuning.search import SearchOutcome, Tuning, equal_budgets
 from jerkbench.tuning.space import Space
@@ -98,20 +99,19 @@ def _spent(tuning: Tuning) -> Iterator[str]:
 
 
 def _knobs(tuning: Tuning) -> Iterator[str]:
-    yield "| knob | before | tuned | cannot be told apart | range |"
-    yield "|---|---|---|---|---|"
     columns = zip(tuning.space.knobs, tuning.setting, knob_intervals(tuning.space, tuning.outcome), strict=True)
-    for knob, value, (low, high) in columns:
-        yield f"| {knob.name} | {knob.start:.4g} | {value:.4g} | {low:.3g} to {high:.3g} | {knob.bounds} |"
+    yield plain_table(
+        ("knob", "before", "tuned", "cannot be told apart", "range"),
+        ((k.name, f"{k.start:.4g}", f"{v:.4g}", f"{a:.3g} to {b:.3g}", k.bounds) for k, v, (a, b) in columns),
+    )
 
 
 def _worth(tuning: Tuning) -> Iterator[str]:
     yield "On runs that the search has not seen:"
     yield ""
-    yield "| scenario | before | tuned |"
-    yield "|---|---|---|"
-    for case, before, chosen in zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True):
-        yield f"| {case.labels.scenario} | {_shown(tuning, before)} | {_shown(tuning, chosen)} |"
+    losses = zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)
+    lines = ((case.labels.scenario, *(_shown(tuning, loss) for loss in both)) for case, *both in losses)
+    yield plain_table(("scenario", "before", "tuned"), lines)
     yield ""
     yield f"Lost runs: {tuning.score.lost} of {tuning.score.runs} (before: {tuning.score.lost_before})."
     curve = ", ".join(f"{size}: {_shown(tuning, loss)}" for size, loss in budget_curve(tuning.outcome.trials))

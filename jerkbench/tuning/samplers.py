@@ -1,6 +1,7 @@
 """The samplers: which settings a search tries next, given what the ones before were worth."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -59,11 +60,17 @@ class Optuna:
     Settings are asked for in blocks; within a block it does not learn.
     """
 
-    def __init__(self, dimensions: int, seed: int, make: Callable[[Any, int], Any]) -> None:
-        """Begin with the sampler that ``make`` makes from the module and the seed."""
-        optuna = _optuna()
+    def __init__(self, dimensions: int, seed: int, sampler: str, **options: Any) -> None:  # noqa: ANN401 - Optuna's
+        """Begin with the class ``sampler`` of Optuna and its ``options``."""
+        try:
+            import cmaes  # noqa: F401 - Optuna's CMA-ES asks for it late
+            import optuna
+        except ImportError as error:
+            raise PluginError(
+                f"The samplers tpe and cma_es need {error.name}: pip install 'jerkbench[tune]', or take sampler=sobol."
+            ) from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self._study = optuna.create_study(sampler=make(optuna, seed))
+        self._study = optuna.create_study(sampler=getattr(optuna.samplers, sampler)(seed=seed, **options))
         self._shares = {f"{k}": optuna.distributions.FloatDistribution(0.0, 1.0) for k in range(dimensions)}
         self._asked: list[Any] = []
 
@@ -78,17 +85,11 @@ class Optuna:
             self._study.tell(trial, loss)
 
 
-def _tpe(dimensions: int, seed: int) -> Sampler:
-    return Optuna(dimensions, seed, lambda optuna, seed: optuna.samplers.TPESampler(seed=seed))
-
-
-def _cma_es(dimensions: int, seed: int) -> Sampler:
-    return Optuna(
-        dimensions, seed, lambda optuna, seed: optuna.samplers.CmaEsSampler(seed=seed, warn_independent_sampling=False)
-    )
-
-
-SAMPLERS: dict[str, Callable[[int, int], Sampler]] = {"sobol": Sobol, "tpe": _tpe, "cma_es": _cma_es}
+SAMPLERS: dict[str, Callable[[int, int], Sampler]] = {
+    "sobol": Sobol,
+    "tpe": partial(Optuna, sampler="TPESampler"),
+    "cma_es": partial(Optuna, sampler="CmaEsSampler", warn_independent_sampling=False),
+}
 
 
 def sampler_of(name: str, dimensions: int, seed: int) -> Sampler:
@@ -100,14 +101,3 @@ def sampler_of(name: str, dimensions: int, seed: int) -> Sampler:
     if name not in SAMPLERS:
         raise PluginError(unknown("sampler", name, SAMPLERS))
     return SAMPLERS[name](dimensions, seed)
-
-
-def _optuna() -> Any:  # noqa: ANN401 - a module that may be missing
-    try:
-        import cmaes  # noqa: F401 - Optuna's CMA-ES asks for it late
-        import optuna
-    except ImportError as error:
-        raise PluginError(
-            f"The samplers tpe and cma_es need {error.name}: pip install 'jerkbench[tune]', or take sampler=sobol."
-        ) from error
-    return optuna

@@ -4,6 +4,7 @@ import argparse
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -173,66 +174,64 @@ def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
 
 # What `--help` of a verb ends with.
 
+EXAMPLE_LINES = """\
+jerkbench list adaptation
+jerkbench list metric --format json
+jerkbench show adaptation mtf
+jerkbench show filter jerk --format json
+jerkbench table results/first --baseline adaptation=none
+jerkbench table results/first --metric velocity_rmse_mps --rows disturbance --columns filter --format md
+jerkbench table results/first --findings --all
+jerkbench figures results/first --scenarios none --methods baseline,jerk+mtf
+jerkbench figures results/first --scenarios 0 --pdf --out paper
+jerkbench report results/first --figures none
+jerkbench report results/first --scenarios 1 --out first.html
+jerkbench rerun results/first 1
+jerkbench rerun results/first 12
+jerkbench export results/first 1 --tum trajectories
+jerkbench export results/first 5 --updates updates.csv
+jerkbench pack results/first
+jerkbench pack results/first/cells
+jerkbench cite
+jerkbench cite results/first
+jerkbench new adaptation my_rule
+jerkbench new filter my_model --out packages/my_model
+jerkbench check my_rule
+jerkbench check packages/my_model --format junit
+jerkbench data convert field drive.bag --set duration_s=30
+jerkbench data convert drive.bag drive.csv --coordinates ned
+jerkbench data inspect drive.bag --figure overview.png
+jerkbench data inspect field --set duration_s=30 --seed 1
+jerkbench data receiver drive.bag --figure receiver.png
+jerkbench data receiver field --set duration_s=60 --seed 1
+jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png
+jerkbench smooth field --set duration_s=60 --to kml
+jerkbench data salvage cut.bag whole.bag
+jerkbench data salvage drive.bag.active saved.bag
+jerkbench data fetch
+jerkbench data fetch broad
+jerkbench data trace field errors.parquet --set duration_s=30
+jerkbench data trace field biased.parquet --set duration_s=30 --offset keep
+jerkbench data cache
+jerkbench data cache --clear
+jerkbench completion bash
+jerkbench completion zsh
+jerkbench suite verify results/suite-tiny/jerk-none
+jerkbench suite verify results/suite-tiny/jerk-none --rows 2
+jerkbench suite board results/suite-tiny
+jerkbench suite board results/suite-tiny --rows 1
+"""
+"""The examples of one verb follow each other."""
+
+
+def verb_of(line: str) -> str:
+    """Return the words of the verb of a command: ``data fetch`` of ``jerkbench data fetch broad``."""
+    first, *others = line.split()[1:]
+    return f"{first} {others[0]}" if first in ("data", "suite") else first
+
+
 VERB_EXAMPLES: Mapping[str, Sequence[str]] = {
-    "list": ("jerkbench list adaptation", "jerkbench list metric --format json"),
-    "show": ("jerkbench show adaptation mtf", "jerkbench show filter jerk --format json"),
-    "table": (
-        "jerkbench table results/first --baseline adaptation=none",
-        "jerkbench table results/first --metric velocity_rmse_mps --rows disturbance --columns filter --format md",
-        "jerkbench table results/first --findings --all",
-    ),
-    "figures": (
-        "jerkbench figures results/first --scenarios none --methods baseline,jerk+mtf",
-        "jerkbench figures results/first --scenarios 0 --pdf --out paper",
-    ),
-    "report": (
-        "jerkbench report results/first --figures none",
-        "jerkbench report results/first --scenarios 1 --out first.html",
-    ),
-    "rerun": ("jerkbench rerun results/first 1", "jerkbench rerun results/first 12"),
-    "export": (
-        "jerkbench export results/first 1 --tum trajectories",
-        "jerkbench export results/first 5 --updates updates.csv",
-    ),
-    "pack": ("jerkbench pack results/first", "jerkbench pack results/first/cells"),
-    "cite": ("jerkbench cite", "jerkbench cite results/first"),
-    "new": ("jerkbench new adaptation my_rule", "jerkbench new filter my_model --out packages/my_model"),
-    "check": ("jerkbench check my_rule", "jerkbench check packages/my_model --format junit"),
-    "data convert": (
-        "jerkbench data convert field drive.bag --set duration_s=30",
-        "jerkbench data convert drive.bag drive.csv --coordinates ned",
-    ),
-    "data inspect": (
-        "jerkbench data inspect drive.bag --figure overview.png",
-        "jerkbench data inspect field --set duration_s=30 --seed 1",
-    ),
-    "data receiver": (
-        "jerkbench data receiver drive.bag --figure receiver.png",
-        "jerkbench data receiver field --set duration_s=60 --seed 1",
-    ),
-    "smooth": (
-        "jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png",
-        "jerkbench smooth field --set duration_s=60 --to kml",
-    ),
-    "data salvage": (
-        "jerkbench data salvage cut.bag whole.bag",
-        "jerkbench data salvage drive.bag.active saved.bag",
-    ),
-    "data fetch": ("jerkbench data fetch", "jerkbench data fetch broad"),
-    "data trace": (
-        "jerkbench data trace field errors.parquet --set duration_s=30",
-        "jerkbench data trace field biased.parquet --set duration_s=30 --offset keep",
-    ),
-    "data cache": ("jerkbench data cache", "jerkbench data cache --clear"),
-    "completion": ("jerkbench completion bash", "jerkbench completion zsh"),
-    "suite verify": (
-        "jerkbench suite verify results/suite-tiny/jerk-none",
-        "jerkbench suite verify results/suite-tiny/jerk-none --rows 2",
-    ),
-    "suite board": (
-        "jerkbench suite board results/suite-tiny",
-        "jerkbench suite board results/suite-tiny --rows 1",
-    ),
+    verb: tuple(lines) for verb, lines in groupby(EXAMPLE_LINES.splitlines(), verb_of)
 }
 """By the words of the verb."""
 

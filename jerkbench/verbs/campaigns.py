@@ -106,8 +106,14 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import processors
 
+    workers = chosen.workers or processors()
     if chosen.what:
-        _audit_attitude(chosen, chosen.results / f"{FOLDER}{chosen.what}", chosen.workers or processors())
+        from jerkbench.audit.tilt_study import run_attitude_audit
+        from jerkbench.io.files import fetched_folder
+
+        folder = chosen.results / f"{FOLDER}{chosen.what}"
+        print(run_attitude_audit(chosen.data or fetched_folder(""), folder, workers, chosen.settings))
+        print(f"Written to {folder}.")
         return
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
     if chosen.reweight:
@@ -119,7 +125,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     if chosen.stored:
         answer = judged_audit(folder)
     else:
-        answer = run_audit(protocol, folder, cluster_named(chosen.cluster), chosen.workers or processors())
+        answer = run_audit(protocol, folder, cluster_named(chosen.cluster), workers)
     print("\n".join(three_sentences(answer)))
     print(f"Written to {folder}.")
 
@@ -146,14 +152,6 @@ A method whose parameters have ranges is tuned on 60 random drives and scored on
 is scored as it is given. The plain filter is tuned alike. The same command goes on where it was stopped. Written:
 entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
 """
-
-
-def _audit_attitude(chosen: argparse.Namespace, folder: Path, workers: int) -> None:
-    from jerkbench.audit.tilt_study import run_attitude_audit
-    from jerkbench.io.files import fetched_folder
-
-    print(run_attitude_audit(chosen.data or fetched_folder(""), folder, workers, chosen.settings))
-    print(f"Written to {folder}.")
 
 
 @verb(

@@ -9,6 +9,8 @@ from jerkbench.verbs.arguments import argument, output, require_new, verb
 from jerkbench.verbs.recordings import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from jerkbench.contracts import Dataset
     from jerkbench.inspection.guessing import Draft
     from jerkbench.recording import Recording
@@ -117,7 +119,12 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
     if not isinstance(dataset, BagOptions):
         _describe(dataset.load(chosen.seed), dataset, chosen.figure)
         return
-    _print_topics(dataset.path)
+    from jerkbench.io.ros.bag import open_bag
+    from jerkbench.io.ros.survey import survey
+
+    with open_bag(dataset.path) as bag:
+        for line in survey(bag):
+            print(line)
     try:
         recording = dataset.load(chosen.seed)
     except RecordingError as error:  # the bag can be read: what it lacks is an answer
@@ -139,19 +146,15 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
         print(f"Times are shifted already by {', '.join(shifts_text)}: what is left of the lags is above.")
     if figure is not None:
         from jerkbench.inspection.facts import overview_figure
-        from jerkbench.report.plots.style import save_figure
 
-        save_figure(overview_figure(recording), figure)
-        print(f"Figure: {figure}")
+        _save(overview_figure(recording), figure)
 
 
-def _print_topics(path: Path) -> None:
-    from jerkbench.io.ros.bag import open_bag
-    from jerkbench.io.ros.survey import survey
+def _save(figure: "Figure", path: Path) -> None:
+    from jerkbench.report.plots.style import save_figure
 
-    with open_bag(path) as bag:
-        for line in survey(bag):
-            print(line)
+    save_figure(figure, path)
+    print(f"Figure: {path}")
 
 
 @verb(
@@ -164,7 +167,6 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are too few fixes, or no such kind of figure.
     """
     from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, receiver_figure, table_rows
-    from jerkbench.report.plots.style import save_figure
     from jerkbench.report.tables.terminal import print_grid
 
     _require_figure(chosen.figure)
@@ -176,8 +178,7 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
     title = f"{recording.name}: fixes each {errors.step_s:.3g} s, {compared}"
     print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
     if chosen.figure is not None:
-        save_figure(receiver_figure(recording, errors), chosen.figure)
-        print(f"Figure: {chosen.figure}")
+        _save(receiver_figure(recording, errors), chosen.figure)
 
 
 def _require_figure(path: Path | None) -> None:
@@ -201,7 +202,6 @@ def smooth_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.inspection.guessing import guess_tables
     from jerkbench.inspection.smoothing import smooth_fixes, track_figure, track_lines
     from jerkbench.io.writing import TRAJECTORIES
-    from jerkbench.report.plots.style import save_figure
 
     _require_figure(chosen.figure)
     suffix = f".{chosen.to.rpartition('.')[2]}"
@@ -219,5 +219,4 @@ def smooth_verb(chosen: argparse.Namespace) -> None:
         print(line)
     print(f"Track: {target}")
     if chosen.figure is not None:
-        save_figure(track_figure(track), chosen.figure)
-        print(f"Figure: {chosen.figure}")
+        _save(track_figure(track), chosen.figure)
