@@ -93,11 +93,12 @@ class Limited:
         Raises:
             PluginError: one is not within its limit.
         """
-        for name, notes in _notes(type(self)).items():
+        cls: type = type(self)
+        for name, notes in _notes(cls).items():
             value = getattr(self, name)
             for limit in notes:
                 if isinstance(limit, Limit) and value is not None and not limit.fits(value):
-                    raise PluginError(f"{PLUGIN_TITLES.get(type(self), '')}{name} is {value}; {limit.words}")
+                    raise PluginError(f"{PLUGIN_TITLES.get(cls, '')}{name} is {value}; {limit.words}")
 
 
 NOT_NEGATIVE = Limit(lambda value: 0 <= value < math.inf, "it must be zero or positive, and finite.")

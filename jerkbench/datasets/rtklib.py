@@ -28,7 +28,7 @@ from jerkbench.io.rtklib_fixes import (
     steady_fixes,
     velocity_of_fixes,
 )
-from jerkbench.io.rtklib_logs import ImuLog, ImuMap, read_imu_log, read_imu_table
+from jerkbench.io.rtklib_logs import ImuMap, read_imu_log, read_imu_table
 from jerkbench.io.sanitiser import possible_imu, repeat_notes
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
@@ -135,10 +135,15 @@ class RtklibDrive(FromFiles):
         Raises:
             RecordingError: a file is missing or damaged, no fix is accepted, or there is no rest to calibrate in.
         """
-        pos_path, imu_path = self.paths()[:2]
+        pos_path, imu_path, *tag = self.paths()
         solution = read_rtklib_pos(pos_path, self.gpst_minus_utc_s)
         fixes, leaps = steady_fixes(accepted_fixes(solution, self.accepted_quality, pos_path))
-        log = self._log()
+        if self.imu_time:
+            text = TextFormat(self.imu_separator, self.imu_header)
+            times = (self.imu_time, self.imu_week, self.imu_time_unit, self.imu_epoch)
+            log = read_imu_table(imu_path, ImuMap(text, *times, self.imu_accel, self.imu_gyro), self.gpst_minus_utc_s)
+        else:
+            log = read_imu_log(imu_path, *tag)
         zero_ns = log.start_gpst_ns + round(self.imu_shift_s * 1e9)
         t_s = ((fixes.gpst_ns - zero_ns) * 1e-9).astype(np.float64)
         position, origin = fixes.position(t_s)
@@ -183,11 +188,3 @@ class RtklibDrive(FromFiles):
         if self.imu_time:
             return pos, imu
         return pos, imu, find_file(folder, self.tag_file or f"{imu.name}.tag", ".tag", "tag_file")
-
-    def _log(self) -> ImuLog:
-        _, path, *tag = self.paths()
-        if tag:
-            return read_imu_log(path, tag[0])
-        text = TextFormat(self.imu_separator, self.imu_header)
-        times = (self.imu_time, self.imu_week, self.imu_time_unit, self.imu_epoch)
-        return read_imu_table(path, ImuMap(text, *times, self.imu_accel, self.imu_gyro), self.gpst_minus_utc_s)
