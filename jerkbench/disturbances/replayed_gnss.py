@@ -103,7 +103,8 @@ class ReplayedGnss(Once):
         chosen_s, angle = trace.t_s[random.integers(len(trace.t_s))], random.uniform(-np.pi, np.pi)
         start_s = chosen_s if self.start_s is None else self.start_s
         fixes, rows = _pairs(trace, t_s, float(start_s))
-        W = self.scale * _about_vertical(angle if self.rotate else 0.0)
+        cosine, sine = (np.cos(angle), np.sin(angle)) if self.rotate else (1.0, 0.0)
+        W = self.scale * np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         moment = trace.local_moment_m2(self.moment_s)[rows] + FLOOR_M2 * np.eye(3)
         return Replayed(fixes, trace.error_m[rows] @ W.T, W @ trace.covariance_m2[rows] @ W.T, W @ moment @ W.T)
 
@@ -150,8 +151,3 @@ def _pairs(trace: Trace, t_s: FloatArray, start_s: float) -> tuple[IntArray, Int
     fixes = np.sort(order[first])
     fixes = fixes[distance_s[fixes] <= half + TOLERANCE_S]
     return fixes, rows[fixes]
-
-
-def _about_vertical(angle: float) -> FloatArray:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

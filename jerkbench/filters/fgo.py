@@ -9,7 +9,6 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.inertial.factor_graph import Graph, Options, batch, estimate_of, fixed_lag
-from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.smoother import forward_states
 from jerkbench.parameters import ABOVE_ZERO, DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register
@@ -107,9 +106,6 @@ class FactorGraph(InertialFilter):
                 f"{recording.name}: fgo needs a velocity in ENU, and this one is {journey.settings.velocity_frame};"
                 " set use_velocity=false."
             )
-        return self._solved(journey, adaptation)
-
-    def _solved(self, journey: Journey, adaptation: Adaptation) -> Estimate:
         graph = Graph(journey, Options(self.loss, self.loss_scale, self.lag_s, self.iterations))
         if self.lag_s > 0.0:
             return estimate_of(journey, graph.nodes, list(fixed_lag(graph)))

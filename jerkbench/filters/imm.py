@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
 BETWEEN_0_AND_1 = Limit(lambda p: 0 < p < 1, "it must lie between 0 and 1.")
-LASTING = DefaultOrigin("ours: a model lasts 20 updates")
+TWENTY_UPDATES = DefaultOrigin("ours: a model lasts 20 updates")
 OF_ITSELF = DefaultOrigin("that of the filter by itself")
 
 
@@ -90,8 +90,8 @@ class InteractingMultipleModels(Limited, OverTimelines):
 
     first: str = "baseline"
     second: str = "jerk"
-    first_stays: Annotated[float, STAYS, LASTING, BETWEEN_0_AND_1] = 0.95
-    second_stays: Annotated[float, STAYS, LASTING, BETWEEN_0_AND_1] = 0.95
+    first_stays: Annotated[float, STAYS, TWENTY_UPDATES, BETWEEN_0_AND_1] = 0.95
+    second_stays: Annotated[float, STAYS, TWENTY_UPDATES, BETWEEN_0_AND_1] = 0.95
     first_probability: Annotated[float, DefaultOrigin("ours: neither is preferred"), BETWEEN_0_AND_1] = 0.5
     first_accel_mps2: Annotated[float, ACCEL, OF_ITSELF, NOT_NEGATIVE] = 0.2
     second_accel_mps2: Annotated[float, ACCEL, OF_ITSELF, NOT_NEGATIVE] = 0.1

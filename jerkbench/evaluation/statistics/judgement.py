@@ -211,20 +211,17 @@ def intervals_of(comparisons: Sequence[LogRatios], tested: Family) -> FloatArray
     for places, d in Samples.of([ratios.d for ratios in comparisons]).by_size():
         plain = np.array([comparisons[k].plain for k in places.tolist()], dtype=bool)
         if d.shape[1]:
-            ends[:, places[plain]] = _of_means(d[plain], tested.critical[places[plain]])
+            # of means: without scatter centre and ends are one, if any |t| is enough
+            centre, critical = d[plain].mean(axis=1), tested.critical[places[plain]]
+            with np.errstate(invalid="ignore"):
+                reach = critical * standard_errors(d[plain]) if d.shape[1] > 1 else np.full(len(centre), np.nan)
+                half = np.where(np.isinf(critical), np.inf, reach)
+            ends[:, places[plain]] = centre, centre - half, centre + half
             ordered = np.sort(d[~plain], axis=1)  # some may be infinite
             ends[0, places[~plain]] = middles(ordered)
             if d.shape[1] >= LEAST_SEEDS:
                 ends[1:, places[~plain]] = median_intervals(ordered, tested.confidence, exact=True)
     return ends
-
-
-def _of_means(d: FloatArray, critical: FloatArray) -> tuple[FloatArray, ...]:
-    """Centre and ends, (k,) each, of (k, n) log ratios; without scatter they are one, if any |t| is enough."""
-    centre = d.mean(axis=1)
-    with np.errstate(invalid="ignore"):
-        half = np.where(np.isinf(critical), np.inf, critical * standard_errors(d) if d.shape[1] > 1 else np.nan)
-    return centre, centre - half, centre + half
 
 
 def middle(ordered: FloatArray) -> float:

@@ -100,7 +100,8 @@ def cells_view(
     """
     others = (column for column in COLUMNS if column != metric and column in rows and rows[column].notna().any())
     metrics = [metric, *others]
-    cells = [_by_combination(rows, column) for column in metrics]
+    tables = [summarise(rows, of, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], leaders=False) for of in metrics]
+    cells = [{tuple(labels[factor] for factor in FACTORS): cell for labels, cell in of.placed()} for of in tables]
     baselines = study_baselines(rows, ["adaptation"])
     ratios = {comparison.subject: comparison for of in baselines for comparison in verdicts.against(of)}
     by_key = rows.assign(key=list(keys)).groupby("key", sort=False)
@@ -114,7 +115,10 @@ def cells_view(
         lines = scenarios.setdefault(combination[:2], [])
         labels = tuple(getattr(combination, factor) for factor in factors)
         rule = "group" if len(scenarios) > 1 and not lines else ""
-        lines.append(ScriptLine(key, labels, (*values, _lost(group)), nees_verdict(group), rule))
+        lost = int((group["status"] != "ok").sum())
+        bound = up_to(lost, len(group)) if (group["replicate"] == "seed").all() else ""
+        values.append(CellValue(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True))
+        lines.append(ScriptLine(key, labels, tuple(values), nees_verdict(group), rule))
     against = ("times none",) if ratios else ()
     return Cells(
         constants=", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
@@ -125,12 +129,6 @@ def cells_view(
         explanation=nees_explanation(rows),
         details=details(groups, about, [column for column in metrics if column in rows]),
     )
-
-
-def _by_combination(rows: "pd.DataFrame", metric: str) -> dict[tuple[str, ...], TableCell]:
-    """Return what the tables say of each combination of the six factors."""
-    table = summarise(rows, metric, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], leaders=False)
-    return {tuple(labels[factor] for factor in FACTORS): cell for labels, cell in table.placed()}
 
 
 def _mean(cell: TableCell, *, extra: bool) -> CellValue:
@@ -144,12 +142,6 @@ def _factor(comparison: Comparison | None) -> CellValue:
     if comparison is None or not comparison.ratio_text:
         return CellValue("", extra=True)
     return CellValue(f"{comparison.ratio_text}{comparison.mark}", "", f"{comparison.judgement.ratio:.7g}", extra=True)
-
-
-def _lost(group: "pd.DataFrame") -> CellValue:
-    lost = int((group["status"] != "ok").sum())
-    bound = up_to(lost, len(group)) if (group["replicate"] == "seed").all() else ""
-    return CellValue(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True)
 
 
 HEADING = "NEES says"

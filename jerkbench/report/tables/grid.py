@@ -162,7 +162,8 @@ def cell_columns(grid: Grid, metric: str) -> CellColumns:
     values = grid.samples(grid.rows[metric].to_numpy(dtype=float))
     good = values.only(grid.ok)
     missing = good.count(np.isnan(good.values))
-    if of_positive_errors(grid, metric):
+    # an error of which a geometric mean, or a median with losses at the top, makes sense
+    if quantity(metric).lowest_is_best and not np.less(good.values, 0).any():
         least = np.where(grid.phases, np.inf, LEAST_SEEDS)
         centres = centres_of(Samples(np.where(grid.ok, values.values, np.inf), values.sizes), least=least)
         nothing = np.flatnonzero(missing == good.sizes)
@@ -175,12 +176,6 @@ def cell_columns(grid: Grid, metric: str) -> CellColumns:
     if own.any():
         _put_own_intervals(centres, grid, OWN_INTERVAL[metric], own)
     return CellColumns(grid, centres, missing, own)
-
-
-def of_positive_errors(grid: Grid, metric: str) -> bool:
-    """Whether the metric is an error of which a geometric mean, or a median with losses at the top, makes sense."""
-    good = grid.rows[metric].to_numpy(dtype=float)[grid.status == "ok"]
-    return quantity(metric).lowest_is_best and not bool(np.any(good < 0))
 
 
 def _put_ranges(centres: Centres, good: Samples, phases: BoolArray) -> None:
