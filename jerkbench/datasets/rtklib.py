@@ -120,8 +120,8 @@ class RtklibDrive:
 
     def __post_init__(self) -> None:
         """Check the units and the three axes."""
-        units = {"accel_unit": ACCEL_UNITS, "gyro_unit": GYRO_UNITS, "imu_time_unit": TIME_UNITS}
-        require_choices(self, units | {"imu_epoch": ("gps", "unix")})
+        times = {"imu_time_unit": tuple(TIME_UNITS), "imu_epoch": ("gps", "unix")}
+        require_choices(self, {"accel_unit": tuple(ACCEL_UNITS), "gyro_unit": tuple(GYRO_UNITS), **times})
         axes_matrix(self.imu_axes)
         require_lengths(self, dict.fromkeys(("imu_accel", "imu_gyro", "velocity_latency_s", "imu_axis_signs"), (3,)))
         if any(abs(sign) != 1 for sign in self.imu_axis_signs):

@@ -76,19 +76,22 @@ def fetched_folder(name: str) -> Path:
 FETCHED = "fetched:"
 """Before the name of a fetched recording, in the place of a folder."""
 
+FOLDER = "dataset.folder=FOLDER"
+"""What a message offers beside fetching."""
 
-def named_folder(folder: str) -> Path:
+
+def named_folder(folder: str, otherwise: str = FOLDER) -> Path:
     """Return the path of ``folder``: itself a path, or ``fetched:NAME``.
 
     Raises:
         RecordingError: the recording of that name was not fetched.
     """
     if folder.startswith(FETCHED):
-        return recording_folder("", folder.removeprefix(FETCHED))
+        return recording_folder("", folder.removeprefix(FETCHED), otherwise)
     return Path(folder).expanduser()
 
 
-def recording_folder(folder: str, name: str) -> Path:
+def recording_folder(folder: str, name: str, otherwise: str = FOLDER) -> Path:
     """Return ``folder`` where it is not empty, else that of the fetched recording ``name``.
 
     Raises:
@@ -99,7 +102,6 @@ def recording_folder(folder: str, name: str) -> Path:
     fetched = fetched_folder(name)
     if not fetched.is_dir():
         raise RecordingError(
-            f"No folder was given, and the recording {name} was not fetched: run `jerkbench data fetch {name}`, or give"
-            " dataset.folder=FOLDER."
+            f"The recording {name} was not fetched: run `jerkbench data fetch {name}`, or give {otherwise}."
         )
     return fetched

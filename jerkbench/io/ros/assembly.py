@@ -17,9 +17,9 @@ from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, calibrated_at_rest, fir
 from jerkbench.io.ros.bag import Bag, Messages
 from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
 from jerkbench.io.ros.files import bag_files, content_files, missing_parts
-from jerkbench.io.ros.options import BagOptions
 from jerkbench.io.ros.roles import TopicPlan, by_topic, clean_topics
 from jerkbench.io.ros.streams import (
+    BagOptions,
     Place,
     axes_to_enu,
     body_axes,
