@@ -22,7 +22,9 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
     if not folder.is_dir():
         raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
     if name:
-        return _existing(folder / name, parameter)
+        if not (folder / name).is_file():
+            raise RecordingError(f"There is no file {folder / name}; correct '{parameter}' or copy the file there.")
+        return folder / name
     names = sorted(path.name for path in folder.iterdir() if path.name.endswith(suffix) and path.is_file())
     if len(names) != 1:
         candidates = f"{len(names)} files ({', '.join(names)})" if names else "no file"
@@ -34,12 +36,6 @@ def fingerprint(paths: tuple[Path, ...]) -> str:
     """Return the SHA-256 over the bytes of ``paths``, one after the other."""
     digests = [_sha256(path, path.stat()) for path in paths]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
-
-
-def _existing(path: Path, parameter: str) -> Path:
-    if not path.is_file():
-        raise RecordingError(f"There is no file {path}; correct '{parameter}' or copy the file there.")
-    return path
 
 
 def _sha256(path: Path, stat: os.stat_result) -> str:
