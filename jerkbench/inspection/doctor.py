@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.clocks import LONGEST_GAP_S, all_lags, attitude_rates, clock_offsets
 from jerkbench.inspection.evidence import (
     DEG_PER_RAD,
     LEAST_WINDOWS,
@@ -23,7 +22,7 @@ from jerkbench.inspection.evidence import (
     window_means,
     without_nan_rows,
 )
-from jerkbench.inspection.lags import Lag
+from jerkbench.inspection.lags import LONGEST_GAP_S, Lag, all_lags, attitude_rates, clock_offsets
 from jerkbench.inspection.mounting import (
     EITHER_MIRRORED,
     EXCHANGED,

@@ -10,10 +10,9 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.track import Track
 from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, is_coarse, select_headings
-from jerkbench.inspection.clocks import SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.evidence import moving_speed_mps
-from jerkbench.inspection.lags import LEAST_CORRELATION, WORST_S, Lag
+from jerkbench.inspection.lags import LEAST_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags
 from jerkbench.inspection.noise import SHORTEST_REST_S, RestNoise, longest_rest, rest_noise
 from jerkbench.inspection.sigmas import Sigma, overstated_noise, stated_against_real_sigma, velocity_dependence
 from jerkbench.io.frames import felt_axis

@@ -12,20 +12,12 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
-from jerkbench.inspection.clocks import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
-from jerkbench.inspection.columns import (
-    Name,
-    Triple,
-    common_unit,
-    parse_name,
-    position_columns,
-    sensors_of,
-    sigma_of,
-    velocity_columns,
-)
 from jerkbench.inspection.guesses import (
     Guess,
+    Name,
+    Triple,
     Value,
+    common_unit,
     guess_accel_unit,
     guess_angle_unit,
     guess_forward,
@@ -34,8 +26,14 @@ from jerkbench.inspection.guesses import (
     guess_upright,
     guess_velocity_frame,
     is_date,
+    parse_name,
+    position_columns,
+    sensors_of,
+    sigma_of,
     turns_with_gyro,
+    velocity_columns,
 )
+from jerkbench.inspection.lags import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.noise import longest_rest
 from jerkbench.io.clocks import GPST_MINUS_UTC_S
 from jerkbench.io.columns import LARGEST_NS, Columns, read_columns

@@ -171,11 +171,6 @@ def plane_fit(recording: Recording) -> Fit | None:
     return _best_fit("the track's acceleration", over_lengths(track_windows, recording))
 
 
-def wheel_fit(recording: Recording) -> Fit | None:
-    """Return the best way by what a wheel says; None without an IMU or without a wheel."""
-    return _best_fit("a wheel's acceleration", over_lengths(wheel_windows, recording))
-
-
 def _best_fit(basis: str, lengths: dict[float, Windows]) -> Fit | None:
     fits = []
     for windows in lengths.values():
@@ -196,7 +191,11 @@ def _judged(recording: Recording, imu: Imu) -> Iterator[Diagnosis]:
     Gravity's turning has to show without the gyro's z axis, too: a slalom sways the force. Without a wheel a sensor
     that turns before it goes is in a hand: what the track says of its axes is not sure.
     """
-    fit, wheel, track = plane_fit(recording), wheel_fit(recording), turning_track(recording)
+    fit, wheel, track = (
+        plane_fit(recording),
+        _best_fit("a wheel's acceleration", over_lengths(wheel_windows, recording)),
+        turning_track(recording),
+    )
     gravity, tilting = turning_gravity(imu), turning_gravity(replace(imu, gyro_radps=imu.gyro_radps * [1.0, 1.0, 0.0]))
     mirrored = _opposite(gravity) and tilting is not None and tilting.strength <= -TILTING
     if wheel is None and _leads(recording, track):

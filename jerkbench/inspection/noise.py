@@ -95,11 +95,8 @@ def longest_rest(recording: Recording) -> Rest | None:
     A window of half a second may be a rest where gyro and accelerometer scatter little and the gyro hardly turns.
     Fixes and velocities may contradict: a smooth road is quiet, too.
     """
-    imu = recording.imu
-    stated, edges_s = (
-        stated_rest(recording),
-        np.empty(0) if imu is None else np.arange(imu.t_s[0], imu.t_s[-1], WINDOW_S),
-    )
+    imu, stated = recording.imu, stated_rest(recording)
+    edges_s = np.empty(0) if imu is None else np.arange(imu.t_s[0], imu.t_s[-1], WINDOW_S)
     if imu is None or stated or len(edges_s) < 2:
         return stated
     steps = np.diff(np.concatenate([[False], _quiet(imu, edges_s), [False]]).astype(int))
@@ -131,9 +128,9 @@ def _moves(recording: Recording, rest: Rest) -> bool:
         mps = rest.rows_of(*without_nan_rows(velocity.t_s, velocity.mps[:, : 2 if velocity.frame == "enu" else 1]))
         if len(mps) and np.linalg.norm(np.median(mps, axis=0)) > MOVES_MPS:
             return True
-    places = (
-        np.empty((0, 2)) if position is None else rest.rows_of(*without_nan_rows(position.t_s, position.enu_m[:, :2]))
-    )
+    if position is None:
+        return False
+    places = rest.rows_of(*without_nan_rows(position.t_s, position.enu_m[:, :2]))
     third = max(1, len(places) // 3)
     moved_m = np.linalg.norm(places[-third:].mean(axis=0) - places[:third].mean(axis=0)) if len(places) > 1 else 0.0
     return bool(moved_m > MOVES_MPS * (rest.end_s - rest.begin_s))

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.inspection.sigmas import LONGEST_GAP_S, truth_at
+from jerkbench.inspection.sigmas import FAST_SHARE, LONGEST_GAP_S, second_difference, truth_at
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
 
@@ -19,9 +19,6 @@ LEVELS_M = (0.0, 0.05, 0.5, 5.0, np.inf)
 LEAST_FIXES = 30
 SIGMA_OF_MEDIAN = 1.4826
 """The standard deviation of a normal law over the median of its absolute values."""
-
-SECOND_DIFFERENCE = 1.5
-"""Variance of x_i - (x_i-1 + x_i+1)/2 of white noise with variance 1."""
 
 GROSS = 5.0
 """So many robust sigmas from the median an error is gross; of normal errors one in two million is."""
@@ -113,7 +110,7 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
     if compared.sum() < LEAST_FIXES or not np.nan_to_num(error_m).any():
         error_m, compared = np.full_like(enu_m, np.nan), np.zeros(len(t_s), dtype=np.bool_)
     second_m = np.full_like(enu_m, np.nan)
-    second_m[1:-1] = enu_m[1:-1] - 0.5 * (enu_m[2:] + enu_m[:-2])
+    second_m[1:-1] = second_difference(enu_m)
     declared_m = np.sqrt((sigma_m[:, :2] ** 2).mean(axis=1))
     groups = [("all", np.ones(len(t_s), dtype=np.bool_))]
     for low, high in pairwise(LEVELS_M):
@@ -134,9 +131,9 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
 
 def _axis(level: str, axis: int, sigma_m: FloatArray, second_m: FloatArray, error_m: FloatArray) -> AxisErrors:
     known, inner = np.isfinite(error_m), np.isfinite(second_m)
-    scatter_m = _middle(second_m[inner]) / np.sqrt(SECOND_DIFFERENCE)
+    scatter_m = _middle(second_m[inner]) / np.sqrt(FAST_SHARE)
     bias_m = error_size_m = gross = np.nan
-    factor = _middle(second_m[inner] / sigma_m[inner]) / np.sqrt(SECOND_DIFFERENCE)
+    factor = _middle(second_m[inner] / sigma_m[inner]) / np.sqrt(FAST_SHARE)
     if np.nan_to_num(error_m).any():
         bias_m = float(np.median(error_m[known]))
         centred_m = error_m[known] - bias_m

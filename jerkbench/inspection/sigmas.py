@@ -240,7 +240,7 @@ def _jitter(recording: Recording, *, white: bool = False) -> Iterator[tuple[str,
     """
     for stream, _, _, values, covariance in stated_streams(recording):
         sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[1:-1, :2]
-        fast = _fast(values[:, :2])
+        fast = second_difference(values[:, :2])
         rows = np.isfinite(fast).all(axis=1)
         if rows.sum() < MIDDLE_ROWS:
             continue
@@ -267,7 +267,7 @@ def _felt(imu: Imu, position: Position) -> FloatArray:
     return np.asarray(-0.5 * step_s[:, None] ** 2 * (mean[:, :1] * ahead + mean[:, 1:] * aside), dtype=np.float64)
 
 
-def _fast(x: FloatArray) -> FloatArray:
+def second_difference(x: FloatArray) -> FloatArray:
     """x_i - (x_i-1 + x_i+1)/2, in which a vehicle's motion is small and noise is not."""
     return x[1:-1] - 0.5 * (x[2:] + x[:-2])
 
@@ -300,7 +300,7 @@ def velocity_dependence(recording: Recording) -> list[Dependence]:
         if len(mps) == len(position.t_s) >= MIDDLE_ROWS:
             way_mps = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
             inside = slice(max(SHIFTS), -max(SHIFTS))  # rolled over the ends
-            shifted = [_fast(np.roll(mps, k, axis=0)[1:])[inside] for k in SHIFTS]
-            correlations = [correlation_of(_fast(way_mps)[inside], one) for one in shifted]
+            shifted = [second_difference(np.roll(mps, k, axis=0)[1:])[inside] for k in SHIFTS]
+            correlations = [correlation_of(second_difference(way_mps)[inside], one) for one in shifted]
             dependences.append(Dependence(name, max(correlations)))
     return dependences

@@ -113,16 +113,14 @@ def with_common_time(recording: Recording, way_out: str) -> Recording:
     if recording.imu is None and recording.position is not None:
         clock_s, whose = recording.position.t_s, "positions are"
     for name, stream in streams.items():
-        if stream is not None and len(stream.t_s) and not _meet(stream.t_s, clock_s):
+        if stream is None or not len(stream.t_s):
+            continue
+        if stream.t_s[0] > clock_s[-1] or clock_s[0] > stream.t_s[-1]:
             raise RecordingError(
                 f"{recording.name}: the {name} are from {stream.t_s[0]:.3f} to {stream.t_s[-1]:.3f} s, and the {whose}"
                 f" from {clock_s[0]:.3f} to {clock_s[-1]:.3f} s: they have no time in common; {way_out}."
             )
     return recording
-
-
-def _meet(one_s: FloatArray, other_s: FloatArray) -> bool:
-    return bool(one_s[0] <= other_s[-1] and other_s[0] <= one_s[-1])
 
 
 # The log's own outages.

@@ -23,7 +23,9 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
     if not folder.is_dir():
         raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
     if name:
-        return _existing(folder / name, parameter)
+        if not (folder / name).is_file():
+            raise RecordingError(f"There is no file {folder / name}; correct '{parameter}' or copy the file there.")
+        return folder / name
     names = sorted(path.name for path in folder.iterdir() if path.name.endswith(suffix) and path.is_file())
     if len(names) != 1:
         candidates = f"{len(names)} files ({', '.join(names)})" if names else "no file"
@@ -50,12 +52,6 @@ class FromFiles:
     def fingerprint(self) -> str:
         """Return the SHA-256 over the bytes of the files."""
         return fingerprint(self.paths())
-
-
-def _existing(path: Path, parameter: str) -> Path:
-    if not path.is_file():
-        raise RecordingError(f"There is no file {path}; correct '{parameter}' or copy the file there.")
-    return path
 
 
 def _sha256(path: Path, stat: os.stat_result) -> str:
@@ -92,19 +88,22 @@ def fetched_folder(name: str) -> Path:
 FETCHED = "fetched:"
 """Before the name of a fetched recording, in the place of a folder."""
 
+FOLDER = "dataset.folder=FOLDER"
+"""What a message offers beside fetching."""
 
-def named_folder(folder: str) -> Path:
+
+def named_folder(folder: str, otherwise: str = FOLDER) -> Path:
     """Return the path of ``folder``: itself a path, or ``fetched:NAME``.
 
     Raises:
         RecordingError: the recording of that name was not fetched.
     """
     if folder.startswith(FETCHED):
-        return recording_folder("", folder.removeprefix(FETCHED))
+        return recording_folder("", folder.removeprefix(FETCHED), otherwise)
     return Path(folder).expanduser()
 
 
-def recording_folder(folder: str, name: str) -> Path:
+def recording_folder(folder: str, name: str, otherwise: str = FOLDER) -> Path:
     """Return ``folder`` where it is not empty, else that of the fetched recording ``name``.
 
     Raises:
@@ -115,7 +114,6 @@ def recording_folder(folder: str, name: str) -> Path:
     fetched = fetched_folder(name)
     if not fetched.is_dir():
         raise RecordingError(
-            f"No folder was given, and the recording {name} was not fetched: run `jerkbench data fetch {name}`, or give"
-            " dataset.folder=FOLDER."
+            f"The recording {name} was not fetched: run `jerkbench data fetch {name}`, or give {otherwise}."
         )
     return fetched

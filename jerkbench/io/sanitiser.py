@@ -143,13 +143,8 @@ def ordered(stream: str, messages: Messages, ledger: Ledger) -> Messages:
         messages = _without(stream, messages, ledger, "a stamp that was set back by seconds", backwards & ~late)
         messages = messages.rows(np.argsort(messages.stamp_ns, kind="stable"))
         return _without(stream, messages, ledger, "the stamp of another row", _repeated(messages.stamp_ns))
-    return _without(
-        stream,
-        messages,
-        ledger,
-        "a stamp not newer than an earlier row's",
-        messages.stamp_ns <= _highest_before(messages.stamp_ns),
-    )
+    stale = messages.stamp_ns <= _highest_before(messages.stamp_ns)
+    return _without(stream, messages, ledger, "a stamp not newer than an earlier row's", stale)
 
 
 def report_gaps(stream: str, messages: Messages, ledger: Ledger) -> None:

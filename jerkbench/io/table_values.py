@@ -126,33 +126,16 @@ def read_attitude(columns: Columns, mapping: AttitudeMap) -> FloatArray | None:
     """
     if not mapping.angles:
         return None
-    attitude = columns.numbers(mapping.angles)
-    if len(mapping.angles) == 3 and mapping.unit == "deg":
+    attitude, by_angles = columns.numbers(mapping.angles), len(mapping.angles) == 3
+    if by_angles and mapping.unit == "deg":
         attitude = np.radians(attitude)
-    known = _known_attitude(attitude)
+    known = np.isfinite(attitude).all(axis=1)
+    if not by_angles:
+        known &= np.linalg.norm(np.nan_to_num(attitude), axis=1) > 0  # a quaternion of zeros is none
     euler_rad = np.full((len(attitude), 3), np.nan)
     if known.any():
-        turns = enu_from(mapping.frame) @ _turns(attitude[known]) @ _flu_from_body(mapping).T
-        euler_rad[known] = euler_from_dcm(turns)
+        turns = dcm_from_euler(attitude[known]) if by_angles else dcm_from_quaternion(attitude[known][:, [1, 2, 3, 0]])
+        axes = axes_matrix(mapping.imu_axes) if mapping.body == "sensor" else np.eye(3)
+        flu_from_body = FLU_FROM_FRD if mapping.body == "frd" else axes
+        euler_rad[known] = euler_from_dcm(enu_from(mapping.frame) @ turns @ flu_from_body.T)
     return euler_rad
-
-
-def _known_attitude(attitude: FloatArray) -> BoolArray:
-    """Which rows (n,) are numbers, and no quaternions of zeros."""
-    finite = np.isfinite(attitude).all(axis=1)
-    if attitude.shape[1] == 3:
-        return np.asarray(finite)
-    return np.asarray(finite & (np.linalg.norm(np.nan_to_num(attitude), axis=1) > 0))
-
-
-def _turns(attitude: FloatArray) -> FloatArray:
-    """Turns (n, 3, 3) from the body to the local frame, of three angles or of w, x, y, z."""
-    by_angles = attitude.shape[1] == 3
-    return dcm_from_euler(attitude) if by_angles else dcm_from_quaternion(attitude[:, [1, 2, 3, 0]])
-
-
-def _flu_from_body(mapping: AttitudeMap) -> FloatArray:
-    """M (3, 3) with f_flu = M f_body."""
-    if mapping.body == "frd":
-        return FLU_FROM_FRD
-    return axes_matrix(mapping.imu_axes) if mapping.body == "sensor" else np.eye(3)

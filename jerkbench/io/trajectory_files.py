@@ -133,12 +133,6 @@ class TrajectoryForm:
         return "ned" if self.frame == "geodetic" else self.frame
 
 
-def form_of(path: Path, declared: TrajectoryForm) -> TrajectoryForm:
-    """Return the form of a file: that of its ending, or the one that is ``declared``."""
-    own = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
-    return replace(own, **KNOWN.get(path.suffix, {}))
-
-
 PLACES = POSITIONS | {"ecef": ("x_m", "y_m", "z_m")}
 ATTITUDE = ("roll_rad", "pitch_rad", "yaw_rad")
 UPPER = [(i, j) for i in range(6) for j in range(i, 6)]
@@ -167,7 +161,8 @@ def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) 
         raise RecordingError(f"There is no trajectory {path}; correct its name.")
     if path.suffix in BAGS:
         return read_odometry(path, declared.topic, recording)
-    form = form_of(path, declared)
+    own = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
+    form = replace(own, **KNOWN.get(path.suffix, {}))
     columns = read_columns([path], TextFormat(form.separator, form.header, form.comment))
     if len(columns) == 0:
         raise RecordingError(f"{path} has no estimate in it; write one line for each stamp.")

@@ -109,7 +109,7 @@ SEVERAL_SOURCES = (
 )
 def inspect_verb(chosen: argparse.Namespace) -> None:
     """Print what a recording is made of, and what is wrong with it."""
-    from jerkbench.io.ros.options import BagOptions
+    from jerkbench.io.ros.streams import BagOptions
 
     _require_figure(chosen.figure)
     if _guesses_columns(chosen):

@@ -221,8 +221,7 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
 
 
 def _write_seed(job: "Job", draw: int, folder: Path, chosen: argparse.Namespace) -> list[Path]:
-    from jerkbench.io.method_input import write_reference
-    from jerkbench.io.recording_folder import write_recording
+    from jerkbench.io.recording_folder import write_recording, write_reference
     from jerkbench.jobs.inputs import shared_inputs
 
     inputs = shared_inputs()

@@ -54,7 +54,8 @@ def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
     assert not again.duplicated(["cell.key", "seed"]).any()
     kept = stored.merge(again, on=["cell.key", "seed"], suffixes=("", "_again"))
     assert len(kept) == len(stored) > 0
-    assert (kept["cell.created"].astype(str) == kept["cell.created_again"].astype(str)).all()  # what was done was not run again
+    first, second = kept["cell.created"].astype(str), kept["cell.created_again"].astype(str)
+    assert (first == second).all()  # what was done was not run again
     first, second = read_rows(alone), read_rows(folder)
     for name, table in first.tables.items():
         known = list(table)

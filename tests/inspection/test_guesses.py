@@ -7,8 +7,7 @@ from logs import GAP_S, LATE_S, SIGMA_M, car_log, columns, kitti_like, ned_degre
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
-from jerkbench.inspection.columns import parse_name
-from jerkbench.inspection.guesses import is_date
+from jerkbench.inspection.guesses import is_date, parse_name
 from jerkbench.inspection.guessing import guess_tables
 from jerkbench.recording import Origin
 

@@ -9,10 +9,9 @@ from mistakes import of_imu
 
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.rtklib import RtklibDrive
-from jerkbench.inspection.clocks import late_imu
 from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.facts import findings_text
-from jerkbench.inspection.lags import estimated_lags
+from jerkbench.inspection.lags import estimated_lags, late_imu
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 

@@ -12,8 +12,7 @@ from pymap3d import enu2geodetic
 from commands import verb
 from jerkbench.conformance.samples import small_recording, true_attitude
 from jerkbench.errors import RecordingError
-from jerkbench.io.method_input import input_table
-from jerkbench.io.recording_folder import write_kf_gins, write_pyins
+from jerkbench.io.recording_folder import input_table, write_kf_gins, write_pyins
 
 FRD = np.array([1.0, -1.0, -1.0])
 

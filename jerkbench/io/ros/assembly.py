@@ -3,7 +3,7 @@
 import dataclasses
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +11,15 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
-from jerkbench.io.clocks import with_common_time, with_own_outages
+from jerkbench.io.clocks import UNIX_EPOCH, with_common_time, with_own_outages
 from jerkbench.io.files import FromFiles
 from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, calibrated_at_rest, first_rest_s, gravity_notes
 from jerkbench.io.ros.bag import Bag, Messages
-from jerkbench.io.ros.extract import Frames, Metadata, Planner, choices_of, extract
+from jerkbench.io.ros.extract import Extract, Frames, Metadata, Planner, choices_of, extract
 from jerkbench.io.ros.files import bag_files, content_files, missing_parts
-from jerkbench.io.ros.options import BagOptions
-from jerkbench.io.ros.roles import TopicPlan, by_topic, clean_topics
+from jerkbench.io.ros.roles import TopicPlan, clean_topics
 from jerkbench.io.ros.streams import (
+    BagOptions,
     Place,
     axes_to_enu,
     body_axes,
@@ -34,7 +34,7 @@ from jerkbench.io.ros.streams import (
     velocity_of,
 )
 from jerkbench.io.sanitiser import Finding, Ledger, unit_quaternions
-from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
+from jerkbench.recording import Heading, Position, Recording, Reference, Velocity
 
 # Headings from fix to fix, for a recording that has no other.
 
@@ -83,11 +83,6 @@ def courses(position: Position, over_s: float) -> Heading:
 # The reference of a recording from a bag, and the lever arm, which needs its attitude.
 
 NO_REFERENCE = "none was named in the bag, so that errors are n/a and only the innovations (NIS) can judge"
-
-
-def no_reference(t_s: FloatArray) -> Reference:
-    """Return a reference that knows nothing, at the stamps ``t_s``."""
-    return Reference(t_s, NO_REFERENCE, independent=False)
 
 
 def reference_of(
@@ -196,9 +191,7 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
     parts = missing_parts(bag_files(path))
     notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
-    recording = with_common_time(
-        _assembled(options, plan, extracted.frames, extracted.metadata, clean, ledger), OTHER_CLOCK
-    )
+    recording = with_common_time(_assembled(options, extracted, clean, ledger), OTHER_CLOCK)
     notes += [
         *gravity_notes(recording.inertial.accel_mps2, "imu_axes"),
         *plan.notes,
@@ -208,89 +201,46 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings))
 
 
-def _assembled(
-    options: BagOptions,
-    plan: TopicPlan,
-    frames: Frames,
-    metadata: Metadata | None,
-    clean: dict[str, Messages],
-    ledger: Ledger,
-) -> Recording:
-    samples = clean[plan.topics["imu"]]
+def _assembled(options: BagOptions, extracted: Extract, clean: dict[str, Messages], ledger: Ledger) -> Recording:
+    plan, frames, metadata = extracted.plan, extracted.frames, extracted.metadata
+    roles = {role: clean[topic] for role, topic in plan.topics.items()}
+    samples, fixes, truth = roles["imu"], roles.get("position"), roles.get("reference")
     zero_ns = metadata.start_ns if metadata else int(samples.stamp_ns[0]) + round(options.imu_shift_s * 1e9)
-    imu = imu_of(samples, options, zero_ns)
-    fixes, place = _fixes(options, plan, frames, metadata, clean, ledger)
-    position = None
+    imu, place = imu_of(samples, options, zero_ns), Place(None)
+    origin = options.origin or (metadata.origin if metadata else ())
+    position = velocity = heading = None
     if fixes is not None:
+        fixes = usable_fixes(fixes, plan.label(fixes.topic), frames.position, options, ledger)
+        place = first_place(fixes, frame_of(fixes, frames.position), origin)
         order, latency_s = frames.covariance_order, options.position_latency_s
         position = position_of(fixes, frames.position, order, latency_s, place, zero_ns)
-    velocity = _velocity(options, plan, frames, clean, ledger, zero_ns)
-    reference = _reference(plan, frames, clean, place, zero_ns, imu if position is None else position)
+    elif truth is not None:
+        place = first_place(truth, frame_of(truth, frames.reference), origin)
+    if (twists := roles.get("velocity")) is not None:
+        velocity = velocity_of(twists, plan.label(twists.topic), frames.velocity, options, ledger, zero_ns)
+    reference = Reference(imu.t_s if position is None else position.t_s, NO_REFERENCE, independent=False)
+    if truth is not None:
+        source = frames.reference_source or f"the topic {truth.topic}"
+        independent = frames.reference_independent and len(plan.roles(truth.topic)) == 1
+        reference = reference_of(truth, frames.reference, place, zero_ns, source, independent=independent)
     rest_s = _rest_s(options, metadata, velocity, float(imu.t_s[-1]))
+    if (turned := roles.get("heading")) is not None:
+        frame = frames.position if turned is roles.get("position") else frames.reference
+        heading = heading_of(turned, plan.label(turned.topic), frames.heading, ledger, place, zero_ns, frame)
     recording = Recording(
         name=metadata.name if metadata else options.path.stem,
         imu=calibrated_at_rest(imu, rest_s, gyro=options.remove_gyro_bias, accel=options.scale_accel_to_gravity),
         reference=reference,
         position=None if position is None else at_body(position, reference, options.lever_arm_m),
         velocity=velocity,
-        heading=_heading(plan, frames, clean, ledger, place, zero_ns),
+        heading=heading,
         origin=place.origin,
-        start_utc=datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(zero_ns / 1000)),
+        start_utc=UNIX_EPOCH + timedelta(microseconds=round(zero_ns / 1000)),
         static_start_s=rest_s,
         outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
         notes=_dependence(plan),
     )
     return with_own_outages(recording, options.outage_s)
-
-
-def _fixes(
-    options: BagOptions,
-    plan: TopicPlan,
-    frames: Frames,
-    metadata: Metadata | None,
-    clean: dict[str, Messages],
-    ledger: Ledger,
-) -> tuple[Messages | None, Place]:
-    """The usable positions, and where ENU begins."""
-    messages, origin = by_topic(plan, clean, "position"), options.origin or (metadata.origin if metadata else ())
-    if messages is not None:
-        messages = usable_fixes(messages, plan.label(messages.topic), frames.position, options, ledger)
-        return messages, first_place(messages, frame_of(messages, frames.position), origin)
-    reference = by_topic(plan, clean, "reference")
-    if reference is None:
-        return None, Place(None, np.zeros(3))
-    return None, first_place(reference, frame_of(reference, frames.reference), origin)
-
-
-def _velocity(
-    options: BagOptions, plan: TopicPlan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, zero_ns: int
-) -> Velocity | None:
-    messages = by_topic(plan, clean, "velocity")
-    if messages is None:
-        return None
-    return velocity_of(messages, plan.label(messages.topic), frames.velocity, options, ledger, zero_ns)
-
-
-def _reference(
-    plan: TopicPlan, frames: Frames, clean: dict[str, Messages], place: Place, zero_ns: int, otherwise: Imu | Position
-) -> Reference:
-    messages = by_topic(plan, clean, "reference")
-    if messages is None:
-        return no_reference(otherwise.t_s)
-    source = frames.reference_source or f"the topic {messages.topic}"
-    independent = frames.reference_independent and len(plan.roles(messages.topic)) == 1
-    return reference_of(messages, frames.reference, place, zero_ns, source, independent=independent)
-
-
-def _heading(
-    plan: TopicPlan, frames: Frames, clean: dict[str, Messages], ledger: Ledger, place: Place, zero_ns: int
-) -> Heading | None:
-    messages = by_topic(plan, clean, "heading")
-    if messages is None:
-        return None
-    label, same = plan.label(messages.topic), messages.topic == plan.topics.get("position")
-    frame = frames.position if same else frames.reference
-    return heading_of(messages, label, frames.heading, ledger, place, zero_ns, frame)
 
 
 def _rest_s(options: BagOptions, metadata: Metadata | None, velocity: Velocity | None, end_s: float) -> float:

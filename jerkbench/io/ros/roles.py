@@ -76,7 +76,7 @@ class TopicPlan:
 
     def label(self, topic: str) -> str:
         """Return how the report calls a topic: its roles and its name."""
-        return f"{', '.join(role for role, name in self.topics.items() if name == topic)} ({topic})"
+        return f"{', '.join(self.roles(topic))} ({topic})"
 
     def roles(self, topic: str) -> tuple[Role, ...]:
         """Return the roles of a topic."""
@@ -224,7 +224,12 @@ def clean_topics(
             messages = with_late_enough_stamps(label, messages, ledger, earliest_ns, offset_ns)
         messages = ordered(label, _possible(label, messages, plan, ledger), ledger)
         report_gaps(label, messages, ledger)
-        clean[topic] = _require_two(messages, label, ledger)
+        if len(messages) < 2:
+            findings = " ".join(str(f) for f in ledger.findings if f.stream == label) or "It has no more messages."
+            raise RecordingError(
+                f"{label}: {len(messages)} usable messages are left; at least 2 are needed. {findings}"
+            )
+        clean[topic] = messages
     return clean
 
 
@@ -258,16 +263,3 @@ def _possible_pose(label: str, messages: Messages, ledger: Ledger) -> Messages:
         ledger.add(label, "an ECEF position that is not on Earth", ~inside, messages.bag_ns, DROPPED)
         messages = messages.rows(inside)
     return messages
-
-
-def _require_two(messages: Messages, label: str, ledger: Ledger) -> Messages:
-    if len(messages) >= 2:
-        return messages
-    findings = " ".join(str(f) for f in ledger.findings if f.stream == label) or "It has no more messages."
-    raise RecordingError(f"{label}: {len(messages)} usable messages are left; at least 2 are needed. {findings}")
-
-
-def by_topic(plan: TopicPlan, clean: Mapping[str, Messages], role: Role) -> Messages | None:
-    """Return the messages of a role, or None."""
-    topic = plan.topics.get(role)
-    return None if topic is None else clean[topic]

@@ -108,9 +108,8 @@ def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
     """Yield velocities in the recording's own frame; an axis that was not measured has the variance -1."""
     name = "geometry_msgs/msg/TwistWithCovarianceStamped"
     present = np.isfinite(velocity.mps)
-    for t, mps, covariance, measured in zip(
-        velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True
-    ):
+    rows = zip(velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True)
+    for t, mps, covariance, measured in rows:
         six = np.zeros((6, 6))
         six[:3, :3] = np.where(np.outer(measured, measured), covariance, np.diag(np.where(measured, 0.0, NOT_MEASURED)))
         twist = make.of("geometry_msgs/msg/Twist", make.xyz(np.nan_to_num(mps)), make.xyz(np.zeros(3)))
@@ -123,14 +122,8 @@ def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
     name, zeros = "sensor_msgs/msg/Imu", np.zeros(9)
     for t, yaw, sigma in zip(heading.t_s, heading.yaw_rad, heading.sigma_rad, strict=True):
         turned = make.xyz(np.array([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)]), "Quaternion")
-        body = (
-            turned,
-            np.diag([0.0, 0.0, sigma**2]).ravel(),
-            make.xyz(np.zeros(3)),
-            zeros,
-            make.xyz(np.zeros(3)),
-            zeros,
-        )
+        nothing = make.xyz(np.zeros(3))
+        body = (turned, np.diag([0.0, 0.0, sigma**2]).ravel(), nothing, zeros, nothing, zeros)
         yield t, name, make.of(name, make.header(t, "enu"), *body)
 
 
@@ -158,7 +151,8 @@ def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Ite
     xyzw = quaternion_from_dcm(enu_axes(origin).T @ omega)
     poses = zip(t_s, enu_to_ecef(enu_m, origin), xyzw, strict=True)
     if reference.velocity_mps is None:
-        yield from ((t, "geometry_msgs/msg/PoseStamped", _pose_stamped(make, t, p, q)) for t, p, q in poses)
+        name = "geometry_msgs/msg/PoseStamped"
+        yield from ((t, name, make.of(name, make.header(t, "FP_ECEF"), _pose(make, p, q))) for t, p, q in poses)
         return
     body_mps = np.einsum("nji,nj->ni", omega, reference.velocity_mps[rows])
     for (t, p, q), v in zip(poses, body_mps, strict=True):
@@ -167,10 +161,6 @@ def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Ite
 
 def _pose(make: Maker, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
     return make.of("geometry_msgs/msg/Pose", make.xyz(p, "Point"), make.xyz(q, "Quaternion"))
-
-
-def _pose_stamped(make: Maker, t: float, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
-    return make.of("geometry_msgs/msg/PoseStamped", make.header(t, "FP_ECEF"), _pose(make, p, q))
 
 
 def _odometry(make: Maker, t: float, p: FloatArray, q: FloatArray, v: FloatArray) -> Any:  # noqa: ANN401 - a message
@@ -220,8 +210,7 @@ def write_bag(recording: Recording, path: Path) -> list[str]:
     start = recording.start_utc or SOMETIME
     make = Maker(store, ros1, round(start.timestamp() * 1e6) * 1000)
     streams = _streams(make, recording, recording.origin)
-    write = _write_ros1 if ros1 else _write_ros2
-    write_atomically(path, lambda partial: write(make, streams, partial))
+    write_atomically(path, lambda partial: _write(make, streams, partial))
     return list(_left_out(recording, streams))
 
 
@@ -235,12 +224,8 @@ class _Stream:
 
 
 def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _Stream]:
-    position, velocity, heading, reference = (
-        recording.position,
-        recording.velocity,
-        recording.heading,
-        recording.reference,
-    )
+    position, velocity = recording.position, recording.velocity
+    heading, reference = recording.heading, recording.reference
     streams = {TOPICS["imu"]: _stream(len(recording.inertial.t_s), imu_messages(make, recording.inertial))}
     if position is not None:
         streams[TOPICS["position"]] = _stream(int(whole_fixes(position).sum()), fix_messages(make, position, origin))
@@ -297,32 +282,28 @@ def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Itera
     )
 
 
-def _write_ros1(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
-    from rosbags.rosbag1 import Writer
+def _write(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
+    """Write a ROS 1 bag, or the folder of a ROS 2 bag, of which its one file is kept."""
+    if make.ros1:
+        from rosbags import rosbag1
 
-    with Writer(path) as writer:
-        _fill(make, writer, make.store.serialize_ros1, streams)
+        with rosbag1.Writer(path) as writer:
+            _fill(make, writer, make.store.serialize_ros1, streams)
+        return
+    from rosbags import rosbag2
 
-
-def _write_ros2(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
-    """Write the folder of a ROS 2 bag, and keep its one file."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-
-    plugin = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
+    plugin = rosbag2.StoragePlugin.MCAP if path.suffix == ".mcap" else rosbag2.StoragePlugin.SQLITE3
     with TemporaryDirectory(dir=path.parent) as folder:
-        with Writer(Path(folder) / "bag", version=9, storage_plugin=plugin) as writer:
-            _fill(make, writer, make.store.serialize_cdr, streams)
+        with rosbag2.Writer(Path(folder) / "bag", version=9, storage_plugin=plugin) as two:
+            _fill(make, two, make.store.serialize_cdr, streams)
         (file,) = (Path(folder) / "bag").glob(f"*{path.suffix}")
         shutil.move(file, path)
 
 
 def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, _Stream]) -> None:  # noqa: ANN401 - one of two writers
-    connections = [
-        writer.add_connection(topic, stream.msgtype, typestore=make.store) for topic, stream in streams.items()
-    ]
     bound = [
-        zip(stream.messages, repeat(connection))
-        for stream, connection in zip(streams.values(), connections, strict=True)
+        zip(stream.messages, repeat(writer.add_connection(topic, stream.msgtype, typestore=make.store)))
+        for topic, stream in streams.items()
     ]
     for (t, msgtype, message), connection in heapq.merge(*bound, key=lambda pair: pair[0][0]):
         writer.write(connection, make.stamp_ns(t), serialise(message, msgtype))
