@@ -125,12 +125,14 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
 
     name = str(config.get("name"))
     cls = get(kind, name)
-    known = [f.name for f in dataclasses.fields(cls)]
+    known = _defaults(cls)
     for key in config:
         if key not in (*known, "name"):
-            raise PluginError(unknown(f"parameter of {kind} {name}", str(key), known))
+            raise PluginError(unknown(f"parameter of {kind} {name}", str(key), list(known)))
     try:
-        merged = OmegaConf.merge(_structured(kind, name, cls), dict(config))  # which copies the first
+        given = {key: value for key, value in config.items() if key != "name" and repr(_as_lists(value)) != known[key]}
+        asked = frozenset({*given, *(key for key, default in known.items() if not default)})
+        merged = OmegaConf.merge(_structured(kind, name, cls, asked), given)  # which copies the first
         values = OmegaConf.to_container(merged, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         reason = str(error).splitlines()[0].rstrip(".")
@@ -138,31 +140,59 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
     return cls(**_fitted(f"{kind} {name}", cls, typing.cast("dict[str, Any]", values)))
 
 
+def converted(kind: str, name: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``values`` of fields of a plugin as its schema has them.
+
+    Raises:
+        OmegaConfBaseException: there is no such field, or a value has the wrong type.
+    """
+    from omegaconf import OmegaConf
+
+    merged = OmegaConf.merge(_structured(kind, name, get(kind, name), frozenset(values)), dict(values))
+    plain = typing.cast("dict[str, Any]", OmegaConf.to_container(merged))
+    return {key: plain[key] for key in values}
+
+
 @cache
-def _structured(kind: str, name: str, cls: type) -> Any:  # noqa: ANN401 - a configuration
-    """The schema of a plugin as OmegaConf has it: to make it takes longer than all else of making a plugin."""
+def _defaults(cls: type) -> dict[str, str]:
+    """The text of each field's default, as a configuration has it; empty where there is none."""
+    return {
+        f.name: "" if (value := _default(f)) is dataclasses.MISSING else repr(value) for f in dataclasses.fields(cls)
+    }
+
+
+def _default(f: "dataclasses.Field[Any]") -> Any:  # noqa: ANN401 - a field's value
+    return _as_lists(f.default) if f.default_factory is dataclasses.MISSING else f.default_factory()
+
+
+@cache
+def _structured(kind: str, name: str, cls: type, only: frozenset[str]) -> Any:  # noqa: ANN401 - a configuration
+    """Some fields of a plugin as OmegaConf has them: to make, or copy, all takes longer than to make the plugin."""
     from omegaconf import OmegaConf
 
     del cls  # the name may stand for another one by now
-    return OmegaConf.structured(schema(kind, name))
+    return OmegaConf.structured(schema(kind, name, only))
 
 
-def schema(kind: str, name: str) -> type:
-    """Return the Hydra schema of a plugin: its fields and defaults, with the field ``name`` before them.
+def schema(kind: str, name: str, only: frozenset[str] | None = None) -> type:
+    """Return the Hydra schema of a plugin: its fields (or some) and defaults, with the field ``name`` before them.
 
     A copy, because OmegaConf makes the configuration of a frozen dataclass read-only.
     """
     cls = get(kind, name)
-    hints = {key: _as_list(hint) for key, hint in typing.get_type_hints(cls).items()}
+    hints = {key: _as_list(hint) for key, hint in _hints(cls).items()}
     fields: list[tuple[str, Any, Any]] = [("name", str, name)]
-    for f in dataclasses.fields(cls):
-        if f.default_factory is not dataclasses.MISSING:
-            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=f.default_factory)))
-        elif isinstance(f.default, tuple):
-            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=partial(_as_lists, f.default))))
+    for f in (f for f in dataclasses.fields(cls) if only is None or f.name in only):
+        if f.default_factory is not dataclasses.MISSING or isinstance(f.default, tuple):
+            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=partial(_default, f))))
         else:
             fields.append((f.name, hints[f.name], "???" if f.default is dataclasses.MISSING else f.default))
     return dataclasses.make_dataclass(cls.__name__, fields)
+
+
+@cache
+def _hints(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
 
 
 def _add(kind: str, name: str, cls: type) -> None:
@@ -218,8 +248,7 @@ def _failed(kind: str, entry: EntryPoint, error: Exception) -> str:
 
 def _fitted(plugin: str, cls: type, values: dict[str, Any]) -> dict[str, Any]:
     fitted = {}
-    hints = typing.get_type_hints(cls)
-    for key, hint in ((f.name, hints[f.name]) for f in dataclasses.fields(cls)):
+    for key, hint in ((f.name, _hints(cls)[f.name]) for f in dataclasses.fields(cls)):
         if key in values:
             try:
                 fitted[key] = _fit(values[key], hint)

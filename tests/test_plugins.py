@@ -41,6 +41,13 @@ def test_a_wrong_type_names_the_plugin_and_the_parameter():
         plugins.create("adaptation", {"name": "mtf", "window": "three"})
 
 
+def test_what_equals_the_default_is_still_converted_or_refused():
+    assert Mtf().window == 1
+    assert type(plugins.create("dataset", {"name": "field", "duration_s": 60}).duration_s) is float
+    with pytest.raises(PluginError, match=r"window.*True"):
+        plugins.create("adaptation", {"name": "mtf", "window": True})
+
+
 def test_lists_of_pairs_come_as_tuples_and_a_wrong_one_is_a_sentence():
     outage = plugins.create("disturbance", {"name": "gnss_outage", "windows_s": [[1, 2], [5, 6.5]]})
 

@@ -86,7 +86,7 @@ class _Composer:
     def __init__(self, loader: ConfigLoader, sweep: DictConfig) -> None:
         self._loader, self._sweep = loader, sweep
         self._whole, self._choice, self._part = cache(self._of_hydra), cache(self._chosen), cache(self._made)
-        self._alone = cache(_alone)
+        self._ours, self._config = cache(self._is_ours), cache(self._chosen_config)
         sources = [
             source for source in sweep.hydra.runtime.config_sources if source.provider not in ("hydra", "schema")
         ]
@@ -138,32 +138,43 @@ class _Composer:
             return ""
         choice = choices[0].removeprefix(f"{group}=")
         is_plain = re.fullmatch(NAMES if group == "disturbance" else CHOICE, choice)
-        return choice if is_plain and all(self._is_ours(group, name) for name in _names(choice)) else ""
+        return choice if is_plain and all(self._ours(group, name) for name in _names(choice)) else ""
 
     def _is_ours(self, group: str, name: str) -> bool:
         """Whether a plugin, or a preset, is made of nothing that the user's own folders have."""
         if (group, name) in self._of_user:
             return False
         try:
-            alone = self._alone(group, name)
+            alone = _alone(group, name)
         except (PluginError, OmegaConfBaseException):
             return False
         return self._readable and self._of_user.isdisjoint((group, key) for key in (name, alone.get("name"), *alone))
 
     def _made(self, whole: _Whole, key: str, words: tuple[str, ...]) -> Any:  # noqa: ANN401 - whatever stands under the key
         """Return what stands under a key with ``words``: their choice, or what ``whole`` has, with their values."""
-        config: Any
-        if choice := self._choice(key, words):
+        choice = self._choice(key, words)
+        config, own = self._config(whole, key, choice)
+        parsed = OverridesParser.create().parse_overrides([word for word in words if _is_value(word)])
+        values = {value.key_or_group: value.value() for value in parsed}
+        if choice and key in plugins.KINDS and key != "disturbance" and all(name.count(".") == 1 for name in values):
+            named = {name.partition(".")[2]: value for name, value in values.items()}
+            return own | plugins.converted(key, own["name"], named) if named else own
+        config = copy.deepcopy(config)
+        for name, value in values.items():
+            OmegaConf.update(config, name, value, merge=True)
+        return _plain(config)[key]
+
+    def _chosen_config(self, whole: _Whole, key: str, choice: str) -> tuple[DictConfig, Any]:
+        """Return what ``whole`` is with the choice, before any value, and what stands under the key then."""
+        config = whole.config
+        if choice:
             said = whole.plain[key]
             if key == "noise":
                 said = {name: value for name, value in said.items() if value != UNSAID}
-            config = OmegaConf.merge(*({key: self._alone(key, name)} for name in _names(choice)), {key: said})
-        else:
-            config = copy.deepcopy(whole.config)
+            merged = OmegaConf.merge(*({key: _alone(key, name)} for name in _names(choice)), {key: said})
+            config = cast("DictConfig", merged)
         OmegaConf.set_struct(config, True)  # noqa: FBT003 - OmegaConf's signature
-        for value in OverridesParser.create().parse_overrides([word for word in words if _is_value(word)]):
-            OmegaConf.update(config, value.key_or_group, value.value(), merge=True)
-        return _plain(config)[key]
+        return config, _plain(config).get(key)
 
 
 def _names(choice: str) -> list[str]:

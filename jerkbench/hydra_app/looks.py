@@ -2,9 +2,10 @@
 
 import dataclasses
 import re
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import compress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -118,7 +119,8 @@ def forecast(plan: Plan, store: Store, workers: int) -> Iterator[str]:
 def _time(plan: Plan, left: Mapping[str, int], store: Store, workers: int) -> str:
     beside = store.folder.parents[1].glob("*/cells")
     stored = [cell for cells in sorted(beside) if cells.is_dir() for cell in Store(cells.parent).read()[0]]
-    seconds = float(sum(_run_s(job, stored) * left[job.key] for job in plan.jobs if left[job.key]))
+    times_s = _run_times_s(stored)
+    seconds = float(sum(_run_s(job, times_s) * left[job.key] for job in plan.jobs if left[job.key]))
     if not np.isfinite(seconds):
         return "How long it takes is not known: no cell of the same data set is stored here yet."
     time, measured = duration(max(seconds / workers, 1.0)), _count(len(stored), "stored cell")
@@ -129,14 +131,25 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
-def _run_s(job: Job, known: Sequence[Stored]) -> float:
-    """The time of a run of a cell [s]: the median over what is most like it; NaN where nothing is."""
-    for kinds in (("dataset", "filter", "adaptation"), ("dataset", "filter"), ("dataset",)):
-        alike = [
-            cell.metadata["seconds"] / max(len(cell.rows), 1)
-            for cell in known
-            if all(cell.metadata["spec"][kind]["name"] == job.spec[kind]["name"] for kind in kinds)
-        ]
-        if alike:
-            return float(np.median(alike))
-    return float("nan")
+ALIKE = ("dataset", "filter", "adaptation")
+"""What decides on the time of a run, the most important first."""
+
+
+def _names(spec: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The names of all of `ALIKE`, of all but the last, and so on."""
+    names = tuple(spec[kind]["name"] for kind in ALIKE)
+    return [names[:count] for count in range(len(names), 0, -1)]
+
+
+def _run_times_s(known: Sequence[Stored]) -> dict[tuple[str, ...], float]:
+    """The median time of a run of the cells with the same names [s]."""
+    times_s = defaultdict(list)
+    for cell in known:
+        for names in _names(cell.metadata["spec"]):
+            times_s[names].append(cell.metadata["seconds"] / max(len(cell.rows), 1))
+    return {names: float(np.median(own)) for names, own in times_s.items()}
+
+
+def _run_s(job: Job, times_s: Mapping[tuple[str, ...], float]) -> float:
+    """The time of a run of a cell [s], as what is most like it took; NaN where nothing is."""
+    return next((times_s[names] for names in _names(job.spec) if names in times_s), np.nan)
