@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,25 @@ class Measurements:
     def above_floor(self) -> bool:
         """Whether no variance that is reported was raised to the floor."""
         return bool((np.einsum("nii->ni", self.R) > VARIANCE_FLOOR).all())
+
+    @cached_property
+    def apart(self) -> bool:
+        """Whether no covariance that is reported is one of two axes."""
+        return axes_apart(self.R)
+
+
+ACROSS = np.nonzero((np.arange(6)[:, None] - np.arange(6)) % 3)
+"""Rows and columns of the elements of a covariance that are those of two axes."""
+
+TURNED = 16.0 * np.finfo(np.float64).eps
+"""Correlation that rounding leaves where a diagonal covariance was turned."""
+
+
+def axes_apart(R: FloatArray) -> bool:
+    """Whether covariances (m, 6, 6) have nothing between two axes but rounding, where they are numbers."""
+    variances = np.einsum("nii->ni", R)
+    bound = variances[:, ACROSS[0]] * variances[:, ACROSS[1]]
+    return not bool((R[:, ACROSS[0], ACROSS[1]] ** 2 > TURNED * TURNED * bound).any())
 
 
 class ScaledMeasurements(Measurements):
@@ -154,10 +174,36 @@ UNSEEN_SIGMA_MPS2 = 2.0
 _AT_START = np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
 
 
-def start_motion(
-    measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return x0 (6,) and P0 (6, 6): position of the fix ``first``, velocity as it was last measured, moved up to it.
+class Start(NamedTuple):
+    """What a run starts from, whatever it is told of R.
+
+    Attributes:
+        position_m: (3,) of the first fix.
+        covariance_m2: (3, 3) likewise.
+        velocities: of each measurement of some axes: their rows of x, z moved up to the fix, R, and the variance that
+            moving it adds to each axis.
+    """
+
+    position_m: FloatArray
+    covariance_m2: FloatArray
+    velocities: tuple[tuple[IntArray, FloatArray, FloatArray, float], ...]
+
+    def motion(self, position: float = 1.0, velocity: float = 1.0) -> tuple[FloatArray, FloatArray]:
+        """Return x0 (6,) and P0 (6, 6) of a filter that is told these factors on R."""
+        x0, P0 = np.zeros(6), _AT_START.copy()
+        x0[:3], P0[:3, :3] = self.position_m, _told(self.covariance_m2, position)
+        for axes, z, R, grown in self.velocities:
+            told = _told(R, velocity)
+            x0[axes], P0[axes[:, None], axes] = _bounded(z, told + grown * np.eye(len(axes)) if grown else told)
+        return x0, P0
+
+
+def _told(R: FloatArray, factor: float) -> FloatArray:
+    return R if factor == 1.0 else floored((factor * R)[None])[0]
+
+
+def start_of(measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float) -> Start:
+    """Return the position of the fix ``first``, and the velocity as it was last measured, moved up to it.
 
     Each velocity axis comes from its latest measurement of the last second up to the fix; axes of the same measurement
     keep their covariances. With tau its age, and the input u of the part tau_u of it that the IMU saw (nothing where
@@ -168,30 +214,24 @@ def start_motion(
     An axis that was not measured by then is 0 +- 10 m/s: what comes later is an update, and must not be used twice. A
     measurement that is no surer than that in some direction (a speed, across) is not taken there.
     """
-    x0, P0 = np.zeros(6), _AT_START.copy()
-    x0[:3], P0[:3, :3] = measurements.z[first, :3], measurements.R[first, :3, :3]
-    start_s = measurements.t_ns[first] * 1e-9
+    start_s, velocities = measurements.t_ns[first] * 1e-9, []
     rows = latest_rows(measurements, first)
     for row in sorted(set(rows.tolist()) - {-1}):
         axes = 3 + np.flatnonzero(rows == row)
-        z, R = measurements.z[row, axes], measurements.R[row, axes[:, None], axes]
+        z, R, grown = measurements.z[row, axes], measurements.R[row, axes[:, None], axes], 0.0
         age_s = (measurements.t_ns[first] - measurements.t_ns[row]) * 1e-9
         if age_s > 0:
             gained, seen_s = _gained(attitude, dt0_s, start_s - age_s, start_s)
             grown = (seen_s * INPUT_SIGMA_MPS2) ** 2 + ((age_s - seen_s) * UNSEEN_SIGMA_MPS2) ** 2
-            z, R = z + gained[axes - 3], R + grown * np.eye(len(axes))
-        x0[axes], P0[axes[:, None], axes] = _bounded(z, R)
-    return x0, P0
-
-
-def first_of_start(t_ns: IntArray, first: int) -> int:
-    """Return the first row of ``t_ns`` that the start at the fix ``first`` may depend on."""
-    return int(np.searchsorted(t_ns, t_ns[first] - round(INITIAL_SPEED_AGE_S * 1e9)))
+            z = z + gained[axes - 3]
+        velocities.append((axes, z, R, grown))
+    return Start(measurements.z[first, :3], measurements.R[first, :3, :3], tuple(velocities))
 
 
 def latest_rows(measurements: Measurements, first: int) -> IntArray:
     """Row of the latest measurement of each velocity axis (3,) in the last second up to the fix; -1: there is none."""
-    begin = first_of_start(measurements.t_ns, first)
+    t_ns = measurements.t_ns
+    begin = int(np.searchsorted(t_ns, t_ns[first] - round(INITIAL_SPEED_AGE_S * 1e9)))
     measured = np.isfinite(measurements.z[begin : first + 1, 3:])
     return np.where(measured.any(axis=0), first - np.argmax(measured[::-1], axis=0), -1)
 

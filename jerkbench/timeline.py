@@ -19,9 +19,9 @@ from jerkbench.estimate import Attitude, Estimate, Updates
 from jerkbench.measurements import (
     Measurements,
     ScaledMeasurements,
-    first_of_start,
+    Start,
     merged_measurements,
-    start_motion,
+    start_of,
 )
 from jerkbench.recording import Position, Recording, Velocity
 
@@ -42,6 +42,7 @@ class Timeline:
         P0: (6, 6) their covariance.
         euler_rad: (k, 3) roll, pitch, yaw at the reference's stamps.
         t_s: (n,) time at the end of each step.
+        start: what x0 and P0 were made of, with R as reported; None: they were given.
     """
 
     dt0_s: float
@@ -55,6 +56,7 @@ class Timeline:
     P0: FloatArray
     euler_rad: FloatArray
     t_s: FloatArray
+    start: Start | None = None
 
     @cached_property
     def update_times_s(self) -> FloatArray:
@@ -76,15 +78,16 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
     clock, reference = nanoseconds(recording.clock_s), nanoseconds(recording.reference.t_s)
     dt0_s = float(np.median(np.diff(recording.clock_s)))
     first = _first_fix(measurements, clock[0] - round(dt0_s * 1e9), clock[-1], recording.name)
-    start = measurements.t_ns[first]
+    start_ns = measurements.t_ns[first]
     events = merged_times(clock, measurements.t_ns, reference)
-    events = events[(events >= start) & (events <= clock[-1])]
-    x0, P0 = start_motion(measurements, first, attitude if recording.imu else None, dt0_s)
+    events = events[(events >= start_ns) & (events <= clock[-1])]
+    start = start_of(measurements, first, attitude if recording.imu else None, dt0_s)
+    x0, P0 = start.motion()
     update = _rows_at(events, measurements.t_ns)
     update[0] = -1  # the first fix is the start itself
     return Timeline(
         dt0_s=dt0_s,
-        dt_s=np.diff(events, prepend=start) * 1e-9,
+        dt_s=np.diff(events, prepend=start_ns) * 1e-9,
         sample=np.searchsorted(clock, events).astype(np.int64),
         update=update,
         reference=_rows_at(events, reference),
@@ -94,6 +97,7 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
         P0=P0,
         euler_rad=attitude.euler_rad[np.maximum(np.searchsorted(clock, reference, side="right") - 1, 0)],
         t_s=events * 1e-9,
+        start=start,
     )
 
 
@@ -221,16 +225,13 @@ def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, 
     if not scale.changed:
         return timeline
     before = timeline.measurements
-    first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
-    begin = first_of_start(before.t_ns, first)
-    if before.above_floor and (recording.velocity is None or recording.velocity.frame == "enu"):
+    if timeline.start and before.above_floor and (recording.velocity is None or recording.velocity.frame == "enu"):
         told: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
-        start: Measurements = ScaledMeasurements(_rows_of(before, begin, first + 1), scale.position, scale.velocity)
+        x0, P0 = timeline.start.motion(scale.position, scale.velocity)
     else:  # R is not the reported one, but was turned, or raised to the floor
-        R = merged_measurements(with_r_scale(recording, scale), attitude).R
-        told = dataclasses.replace(before, R=R)
-        start = _rows_of(told, begin, first + 1)
-    x0, P0 = start_motion(start, first - begin, attitude if recording.imu else None, timeline.dt0_s)
+        told = dataclasses.replace(before, R=merged_measurements(with_r_scale(recording, scale), attitude).R)
+        first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
+        x0, P0 = start_of(told, first, attitude if recording.imu else None, timeline.dt0_s).motion()
     return dataclasses.replace(timeline, measurements=told, x0=x0, P0=P0)
 
 
@@ -241,11 +242,6 @@ def _told(stream: _Stream, unit: str, factor: float) -> _Stream:
     reported, true = (getattr(stream, f"{name}_{unit}") for name in ("covariance", "true_covariance"))
     told = {f"covariance_{unit}": factor * reported, f"true_covariance_{unit}": reported if true is None else true}
     return dataclasses.replace(stream, **told)
-
-
-def _rows_of(measurements: Measurements, begin: int, end: int) -> Measurements:
-    m = measurements
-    return Measurements(m.t_ns[begin:end], m.z[begin:end], m.R[begin:end], m.R_true[begin:end])
 
 
 # The recorder of a run: its states and updates, in arrays that are made once.

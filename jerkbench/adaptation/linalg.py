@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.compilation.lanes import above
+from jerkbench.compilation.lanes import above, anywhere, chosen
 from jerkbench.kalman import INDEFINITE, ROUNDING
 
 
@@ -241,14 +241,11 @@ def diagonalise(HPHt: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -
     Raises:
         LinAlgError: R is not positive definite.
     """
-    m, columns = X.shape
-    order = _ordered(HPHt, R)
-    U, turned = root_of(submatrix(R, order), m), np.empty((m, columns))
-    for i in range(m):
-        for c in range(columns):
-            turned[i, c] = X[order[i], c]
+    m, A, ordered, turned = len(d), HPHt.copy(), R.copy(), X.copy()
+    _order(A, ordered, turned)
+    U = root_of(ordered, m)
     whiten_rows(U, turned, turned)
-    A = whitened(U, submatrix(HPHt, order))
+    A = whitened(U, A)
     for _ in range(SWEEPS):
         if not _sweep(A, turned):
             break
@@ -257,16 +254,23 @@ def diagonalise(HPHt: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -
     return turned
 
 
-def _ordered(HPHt: FloatArray, R: FloatArray) -> IntArray:
-    """Return the rows, those with the smallest H P- H' / R first."""
-    order = np.arange(len(R))
-    for i in range(1, len(R)):
-        row, k = order[i], i
-        while k > 0 and HPHt[row, row] * R[order[k - 1], order[k - 1]] < HPHt[order[k - 1], order[k - 1]] * R[row, row]:
-            order[k] = order[k - 1]
-            k -= 1
-        order[k] = row
-    return order
+def _order(A: FloatArray, R: FloatArray, X: FloatArray) -> None:
+    """Put those rows first, and columns of A and R, in which A / R is smallest: neighbours are exchanged."""
+    for end in range(len(A) - 1, 0, -1):
+        for k in range(end):
+            wrong = chosen(A[k, k] * R[k + 1, k + 1], A[k + 1, k + 1] * R[k, k], 1.0, 0.0)
+            if anywhere(wrong):
+                for matrix in (A, R):
+                    _exchange(matrix, k, wrong)
+                    _exchange(matrix.T, k, wrong)
+                _exchange(X, k, wrong)
+
+
+def _exchange(M: FloatArray, k: int, wrong: float) -> None:
+    """Exchange row ``k`` and the next, in the runs where they stand ``wrong``."""
+    for c in range(M.shape[1]):
+        first, second = M[k, c], M[k + 1, c]
+        M[k, c], M[k + 1, c] = chosen(wrong, 0.0, second, first), chosen(wrong, 0.0, first, second)
 
 
 def _sweep(A: FloatArray, X: FloatArray) -> bool:
@@ -274,19 +278,19 @@ def _sweep(A: FloatArray, X: FloatArray) -> bool:
     rotated = False
     for p in range(len(A)):
         for q in range(p + 1, len(A)):
-            if A[p, q] * A[p, q] > DIAGONAL * DIAGONAL * abs(A[p, p] * A[q, q]):
-                _rotate(A, X, p, q)
+            due = chosen(A[p, q] * A[p, q], DIAGONAL * DIAGONAL * abs(A[p, p] * A[q, q]), 1.0, 0.0)
+            if anywhere(due):
+                _rotate(A, X, p, q, due)
                 rotated = True
     return rotated
 
 
-def _rotate(A: FloatArray, X: FloatArray, p: int, q: int) -> None:
-    """Turn rows ``p`` and ``q`` so that their element becomes zero."""
+def _rotate(A: FloatArray, X: FloatArray, p: int, q: int, due: float) -> None:
+    """Turn rows ``p`` and ``q`` so that their element becomes zero, in the runs where that is ``due``."""
     between = A[p, q]
     apart = A[q, q] - A[p, p]
     tangent = 2.0 * between / (abs(apart) + math.sqrt(apart * apart + 4.0 * between * between))
-    if apart < 0.0:
-        tangent = -tangent
+    tangent = chosen(due, 0.0, chosen(0.0, apart, -tangent, tangent), 0.0)
     cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
     sine = tangent * cosine
     first, second = A[p, p] - tangent * between, A[q, q] + tangent * between
@@ -294,7 +298,8 @@ def _rotate(A: FloatArray, X: FloatArray, p: int, q: int) -> None:
         a, b = A[p, k], A[q, k]
         A[p, k], A[q, k] = cosine * a - sine * b, sine * a + cosine * b
         A[k, p], A[k, q] = A[p, k], A[q, k]
-    A[p, p], A[q, q], A[p, q], A[q, p] = first, second, 0.0, 0.0
+    A[p, p], A[q, q] = first, second
+    A[p, q] = A[q, p] = chosen(due, 0.0, 0.0, between)
     for k in range(X.shape[1]):
         a, b = X[p, k], X[q, k]
         X[p, k], X[q, k] = cosine * a - sine * b, sine * a + cosine * b

@@ -1,15 +1,16 @@
 """The statistical similarity measure on prior and measurement."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import check_sides
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, still_moves
-from jerkbench.adaptation.linalg import diagonalise, explained_sums, submatrix
+from jerkbench.adaptation.linalg import diagonalise, divided, explained_sums, submatrix
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.compilation.lanes import anywhere
+from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.errors import PluginError, unknown
 from jerkbench.parameters import DefaultOrigin, Provenance, Range
 from jerkbench.plugins import register
@@ -66,6 +67,8 @@ class StatisticalSimilarity:
     ] = 5.0
     sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_sides("ssmkf", self.sides)
@@ -90,30 +93,33 @@ class StatisticalSimilarity:
         memory: FloatArray,
     ) -> FloatArray:
         """Return P~, and leave lambda in the memory."""
-        n, m, xi, weight, r = len(x), len(rows), 1.0, 1.0, 1.0
-        explained = prior = measured = 0.0
-        d, w, steps, X = np.empty(m), np.empty(m), np.zeros((2, n)), np.empty((m, n + 1))
+        n, m = len(x), len(rows)
+        vectors, steps, X = np.empty((2, m), P.dtype), np.zeros((2, n), P.dtype), np.empty((m, n + 1), P.dtype)
+        d, w = vectors[0], vectors[1]
         _fill_columns(P, rows, innovation, X)
         X = diagonalise(submatrix(P, rows), R, d, X)
+        xi = weight = r = moves = 1.0
+        explained = prior = measured = 0.0
         for k in range(PASSES):
             if k > 0:
                 g_x, g_z = n - explained + xi * prior, explained + xi * r * measured
                 if self.sides == "both":
-                    xi = _weight(self.function, n, g_x / xi, self.nu, self.sigma)
-                weight = _weight(self.function, m, g_z / weight, self.nu, self.sigma)
+                    xi = chosen(moves, 0.0, _weight(self.function, n, g_x / xi, self.nu, self.sigma), xi)
+                weight = chosen(moves, 0.0, _weight(self.function, m, g_z / weight, self.nu, self.sigma), weight)
                 r = xi / weight
             explained, prior, measured = explained_sums(d, X[:, n], r, w)
             _take_step(X, w, steps)
-            if not anywhere(still_moves(steps[0], steps[1], x)):
+            moves = still_moves(steps[0], steps[1], x)
+            if not anywhere(moves):
                 break
         memory[0] = weight
-        return np.asarray(P / xi, dtype=np.float64)
+        return divided(P, xi)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return np.asarray(R / memory[0], dtype=np.float64)
+        return divided(R, memory[0])
 
 
 def _fill_columns(P: FloatArray, rows: IntArray, innovation: FloatArray, X: FloatArray) -> None:
@@ -137,9 +143,9 @@ def _take_step(X: FloatArray, w: FloatArray, steps: FloatArray) -> None:
 def _weight(function: str, dimension: int, distance: float, nu: float, sigma: float) -> float:
     """Return w(d, g)."""
     if function == "exp":
-        weight = np.exp(0.5 * (dimension - distance) / sigma**2)
+        weight = math.exp(0.5 * (dimension - distance) / (sigma * sigma))
     else:
         weight = (nu + dimension) / (nu + distance)
         if function == "sqrt":
-            weight = np.sqrt(weight)
-    return float(max(weight, SMALLEST_WEIGHT))
+            weight = math.sqrt(weight)
+    return max(weight, SMALLEST_WEIGHT)

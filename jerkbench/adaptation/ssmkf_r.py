@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import FREEDOM, check_passes
-from jerkbench.adaptation.linalg import diagonalise, explained_sums
+from jerkbench.adaptation.linalg import diagonalise, divided, explained_sums
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import anywhere
 from jerkbench.errors import PluginError
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
@@ -48,6 +49,8 @@ class StatisticalSimilarityR:
     nu: Annotated[float, FREEDOM, DefaultOrigin("literature: the source uses 5; ours for R alone")] = 3.0
     passes: Annotated[int, DefaultOrigin("ours")] = 10
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not self.nu > 0:
@@ -58,13 +61,15 @@ class StatisticalSimilarityR:
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole."""
-        m, scale = len(rows), 1.0  # of R, 1 / lambda
-        d, w = np.empty(m), np.empty(m)
-        X = diagonalise(HPHt, R, d, innovation.copy().reshape(m, 1))
+        m, weight = len(rows), 1.0  # lambda
+        vectors, y = np.empty((2, m), R.dtype), np.empty((m, 1), R.dtype)
+        for i in range(m):
+            y[i, 0] = innovation[i]
+        X = diagonalise(HPHt, R, vectors[0], y)
         for _ in range(self.passes):
-            before = scale
-            explained, _prior, measured = explained_sums(d, X[:, 0], scale, w)
-            scale = math.sqrt((self.nu + scale * (explained + scale * measured)) / (self.nu + m))
-            if scale == before:
+            before, scale = weight, 1.0 / weight
+            explained, _prior, measured = explained_sums(vectors[0], X[:, 0], scale, vectors[1])
+            weight = math.sqrt((self.nu + m) / (self.nu + scale * (explained + scale * measured)))
+            if not anywhere(abs(weight - before)):
                 break
-        return R * scale
+        return divided(R, weight)

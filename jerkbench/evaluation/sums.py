@@ -1,5 +1,6 @@
 """The sums of a run: what the built-in metrics need of it, from its trajectory or summed up as it went."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -101,11 +102,10 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     with np.errstate(over="ignore", invalid="ignore"):
-        grown_m, longer_s = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1), np.diff(rows.outages_s, axis=1)[:, 0]
         return Sums(
             position_m2=_over_axes([streamed.position_m2] * len(POSITION_AXES), POSITION_AXES),
             position_rows=numbers.position,
-            position_max_m=float(np.sqrt(streamed.largest_m2)) if numbers.position[0] else float("nan"),
+            position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
             whole_m2=streamed.whole_m2,
             whole_rows=numbers.whole,
             velocity_m2ps2=_over_axes([streamed.velocity_m2ps2] * len(VELOCITY_AXES), VELOCITY_AXES),
@@ -119,13 +119,17 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
             nis_used_updates=streamed.nis_used_updates,
             outage_m2=streamed.outage_m2,
             outage_rows=numbers.outage,
-            outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)),
+            outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)) if ends else NOTHING,
             outage_driven_m=rows.outages_driven_m,
-            outage_drifts_mps=grown_m / np.where(longer_s > 0, longer_s, np.nan),
+            outage_drifts_mps=_drifts_mps(pairs, rows.outages_s) if ends else NOTHING,
             outages=len(recording.outages_s),
             sampled_m=streamed.marked_m[ends:],
             sampled_m2=streamed.marked_m2[ends:],
         )
+
+
+NOTHING = np.empty(0)
+"""Of no outage."""
 
 
 def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
@@ -149,8 +153,15 @@ def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeight
 
 def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) -> FloatArray:
     """Sum each of ``squares`` over its axes."""
-    numbers = map(np.ndarray.tolist, squares)
-    return np.array([sum(of[axis] for axis in chosen) for of, chosen in zip(numbers, axes.values(), strict=True)])
+    numbers = [of.tolist() for of in squares]
+    return np.array([sum([of[k] for k in chosen]) for of, chosen in zip(numbers, axes.values(), strict=True)])
+
+
+def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
+    """(j,) |e_last - e_first|/(t_last - t_first) of errors (j, 2, 3) at times (j, 2)."""
+    with np.errstate(all="ignore"):
+        grown = np.linalg.norm(error_m[:, 1] - error_m[:, 0], axis=1)
+        return np.asarray(grown / np.where(t_s[:, 1] > t_s[:, 0], t_s[:, 1] - t_s[:, 0], np.nan))
 
 
 # The scoring of a run that keeps no trajectory: its counted rows and its sums.

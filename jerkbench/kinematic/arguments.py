@@ -241,6 +241,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "fine": (6,),  # 1 where a row is used and its R is less than H P H', else 0
     "doubt": (),  # above 0 where what an update leaves of a variance may be rounding
     "lost": (),  # above 0 once a matrix was not positive definite
+    "coupled": (),  # above 0 once an adapted R had a covariance of two axes, where those are left out
     "ended": (),  # step at whose end that was, or -1
     "waits": (),  # 1 where an adaptation of all runs at once is still to be asked
     "asks": (),  # 1 where it is being asked
@@ -315,6 +316,10 @@ EACH, AT_ONCE, NEVER = range(3)
 
 ASKED = EACH
 """Which of these, likewise."""
+
+STRIDE = 1
+"""1; or 3 where axes have nothing to do with each other (R has no covariance of two), so that each is gone over by
+itself: every third row, state and column. Likewise."""
 
 DENSE = 1
 """Whether an adaptation of these runs sees whole matrices, likewise: they are shown to nobody else."""

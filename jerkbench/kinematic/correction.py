@@ -12,12 +12,13 @@ has a column G of its own, that of R where it is measured and R < P, else that o
     x = x + y - G' v,    x + G' v,    posterior = R - G' Z,    P - G' Z,    G' Z
 
 for two states of the first kind, two of the second, and one of each. Rounding is told from information as in
-`jerkbench.kalman`.
+`jerkbench.kalman`. A loop over what one row or state has to do with takes each STRIDE-th: all, or those of its axis.
 """
 
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, lane, room
 from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING, SYMMETRIC
+from jerkbench.kinematic.arguments import STRIDE
 from jerkbench.kinematic.predict import mirror
 
 # S = H P H' + R = L D L' of the rows that are used, and what is divided by it.
@@ -38,7 +39,7 @@ def mahalanobis(run: Lanes) -> float:
     total = run.zero
     for r in range(6):  # y' S^-1 y = |D^-1/2 L^-1 y|^2
         rest = run.y[r]
-        for j in range(r):
+        for j in range(r % STRIDE, r, STRIDE):
             rest -= run.L[r, j] * run.white[j]
         run.white[r] = rest
         total += rest * rest * run.over_D[r]
@@ -60,7 +61,7 @@ def _fill_innovation_covariance(run: Lanes) -> None:
     for r in range(6):
         used = run.used[r]
         run.S_diagonal[r] = used * (run.P[r, r] + run.R[r, r]) + (1.0 - used)
-        for c in range(r):
+        for c in range(r % STRIDE, r, STRIDE):
             both = used * run.used[c]
             run.L[r, c] = both * (run.P[r, c] + run.R[r, c])
             apart = both * (run.R[r, c] - run.R[c, r])
@@ -76,9 +77,9 @@ def _factorise(run: Lanes) -> None:
     for c in range(6):
         lost += chosen(run.L[c, c], ROUNDING * run.S_diagonal[c], 0.0, 1.0)
         run.over_D[c] = 1.0 / run.L[c, c]
-        for r in range(5, c, -1):  # a row needs those above it before they are scaled
+        for r in range(5 - (5 - c) % STRIDE, c, -STRIDE):  # a row needs those above it before they are scaled
             factor = run.L[r, c] * run.over_D[c]
-            for j in range(c + 1, r + 1):
+            for j in range(c + STRIDE, r + 1, STRIDE):
                 run.L[r, j] -= factor * run.L[j, c]
             run.L[r, c] = factor
     run.lost = lost
@@ -88,22 +89,22 @@ def solve_innovation(run: Lanes) -> None:
     """Make v = S^-1 y = L^-1' D^-1 L^-1 y."""
     for r in range(5, -1, -1):
         rest = run.white[r] * run.over_D[r]
-        for j in range(r + 1, 6):
+        for j in range(r + STRIDE, 6, STRIDE):
             rest -= run.L[j, r] * run.v[j]
         run.v[r] = rest
 
 
 def solve_column(run: Lanes, s: int) -> None:
     """Make column ``s`` of Z = S^-1 G."""
-    g = room(run, "6")
-    for r in range(6):
+    g, first = room(run, "6"), s % STRIDE
+    for r in range(first, 6, STRIDE):
         g[r] = run.G[r, s]
-        for j in range(r):
+        for j in range(first, r, STRIDE):
             g[r] -= run.L[r, j] * g[j]
-    for r in range(6):
+    for r in range(first, 6, STRIDE):
         g[r] *= run.over_D[r]
-    for r in range(5, -1, -1):
-        for j in range(5, r, -1):
+    for r in range(6 - STRIDE + first, -1, -STRIDE):
+        for j in range(6 - STRIDE + first, r, -STRIDE):
             g[r] -= run.L[j, r] * g[j]
         run.Z[r, s] = g[r]
 
@@ -116,17 +117,19 @@ def correct(run: Lanes, states: int) -> None:
     """Update state and covariance with the rows that are used.
 
     ``states`` is their number: as a constant it would make the compiler unroll the loops, and use the stack for what no
-    longer fits into registers.
+    longer fits into registers. Axis by axis little is left to unroll.
     """
+    if STRIDE > 1:
+        states = run.s
     solve_innovation(run)
     for r in range(6):
         run.fine[r] = chosen(run.used[r] * run.P[r, r], run.R[r, r], 1.0, 0.0)
     for s in range(6):  # of position and velocity: of R where that is the finer, else of W = H P
-        for r in range(6):
+        for r in range(s % STRIDE, 6, STRIDE):
             run.G[r, s] = chosen(run.fine[s], 0.0, run.R[s, r], run.P[r, s] * run.used[r])
         solve_column(run, s)
     for s in range(6, states):
-        for r in range(6):
+        for r in range(s % STRIDE, 6, STRIDE):
             run.G[r, s] = run.P[r, s] * run.used[r]
         solve_column(run, s)
     taken_from = room(run, "s")  # each variance of the posterior is what is left of this one
@@ -146,7 +149,7 @@ def _correct_measured(run: Lanes) -> None:
     for s in range(6):
         moved = _g_times_v(run, s)
         run.x[s] += chosen(run.fine[s], 0.0, run.y[s] - moved, moved)
-        for t in range(s + 1):
+        for t in range(s % STRIDE, s + 1, STRIDE):
             prior, product = run.P[s, t], _g_times_z(run, s, t)
             mixed = chosen(run.fine[s] + run.fine[t], 0.0, product, prior - product)
             run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t] - product, mixed)
@@ -156,23 +159,25 @@ def _correct_others(run: Lanes, states: int) -> None:
     """The states that are not measured, among each other and with position and velocity."""
     for s in range(6, states):
         run.x[s] += _g_times_v(run, s)
-        for t in range(6):
+        for t in range(s % STRIDE, 6, STRIDE):
             product = _g_times_z(run, s, t)
             run.P[s, t] = chosen(run.fine[t], 0.0, product, run.P[s, t] - product)
-        for t in range(6, s + 1):
+        for t in range(6 + s % STRIDE, s + 1, STRIDE):
             run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t)
 
 
 def _g_times_v(run: Lanes, s: int) -> float:
-    total: float = run.G[0, s] * run.v[0]
-    for r in range(1, 6):
+    first = s % STRIDE
+    total: float = run.G[first, s] * run.v[first]
+    for r in range(first + STRIDE, 6, STRIDE):
         total += run.G[r, s] * run.v[r]
     return total
 
 
 def _g_times_z(run: Lanes, s: int, t: int) -> float:
-    total: float = run.Z[0, s] * run.G[0, t]
-    for r in range(1, 6):
+    first = s % STRIDE
+    total: float = run.Z[first, s] * run.G[first, t]
+    for r in range(first + STRIDE, 6, STRIDE):
         total += run.Z[r, s] * run.G[r, t]
     return total
 
@@ -207,7 +212,7 @@ def _widen(run: Lanes, taken_from: View) -> None:
         variance, spread = run.P[s, s], taken_from[s]
         if s < 6:
             spread = (1.0 - run.fine[s]) * spread
-        for r in range(6):
+        for r in range(s % STRIDE, 6, STRIDE):
             spread += run.Z[r, s] * run.Z[r, s] * run.S_diagonal[r]
         lost += chosen(variance, ROUNDING * spread, 0.0, 1.0)
         run.P[s, s] = variance + chosen(EXPOSED * spread, variance, FLOOR * spread, 0.0)
@@ -219,7 +224,7 @@ def check_definite(run: Lanes) -> None:
     C, lost = room(run, "s s"), run.lost
     for s in range(run.s):
         lost += chosen(1.0, run.x[s] * 0.0, 0.0, 1.0)
-        for t in range(s, run.s):
+        for t in range(s, run.s, STRIDE):
             C[s, t] = run.P[s, t]
         C[s, s] *= 1.0 + INDEFINITE
     for first in range(0, run.s, 3):
@@ -232,8 +237,8 @@ def _eliminate(C: View, first: int, s: int, lost: float) -> float:
     for c in range(first, min(first + 3, s)):
         lost += chosen(C[c, c], 0.0, 0.0, 1.0)
         scale = 1.0 / C[c, c]
-        for r in range(c + 1, s):
+        for r in range(c + STRIDE, s, STRIDE):
             factor = C[c, r] * scale
-            for j in range(r, s):
+            for j in range(r, s, STRIDE):
                 C[r, j] -= factor * C[c, j]
     return lost

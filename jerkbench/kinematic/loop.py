@@ -17,6 +17,7 @@ from jerkbench.kinematic.arguments import (
     EACH,
     NEVER,
     RUN,
+    STRIDE,
     Exchange,
     Kept,
     Model,
@@ -85,7 +86,7 @@ def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):
         e[r] = run.e[r]
-        for c in range(r, 6):
+        for c in range(r, 6, STRIDE):
             C[r, c] = P[r, c]
     for c in range(6):
         pivot = C[c, c]
@@ -93,10 +94,10 @@ def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
         scale = 1.0 / pivot
         scaled = e[c] * scale
         total += e[c] * scaled
-        for r in range(c + 1, 6):
+        for r in range(c + STRIDE, 6, STRIDE):
             e[r] -= C[c, r] * scaled
             factor = C[c, r] * scale
-            for j in range(r, 6):
+            for j in range(r, 6, STRIDE):
                 C[r, j] -= factor * C[c, j]
         if c == 2:
             run.nees_position += counted * total
@@ -160,9 +161,19 @@ def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: Vie
             run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
     else:
         same = adapt_runs(run, exchange, rules, complete)
+    if STRIDE > 1:
+        note_coupling(run)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
+
+
+def note_coupling(run: Lanes) -> None:
+    """Note where the adapted R has a covariance of two axes."""
+    for r in range(6):
+        for c in range(6):
+            if (r - c) % STRIDE != 0:
+                run.coupled += chosen(run.R[r, c] * run.R[r, c], 0.0, 1.0, 0.0)
 
 
 def _innovate(run: Lanes, z: View, numbers: FloatArray, which: int) -> bool:
@@ -179,7 +190,7 @@ def _innovate(run: Lanes, z: View, numbers: FloatArray, which: int) -> bool:
 def _take_covariance(run: Lanes, R: View, complete: bool) -> None:
     """Take R, 0 where a row is not there."""
     for r in range(6):
-        for c in range(6):
+        for c in range(r % STRIDE, 6, STRIDE):
             run.R[r, c] = R[r, c]
     if not complete:
         clear_absent(run)
@@ -189,7 +200,7 @@ def _scale(run: Lanes, told: View) -> None:
     """Make of the reported R the one that each run is told (`jerkbench.measurements.ScaledMeasurements`)."""
     for b in range(2):
         for r in range(3 * b, 3 * b + 3):
-            for c in range(3 * b, 3 * b + 3):
+            for c in range(3 * b + r % STRIDE, 3 * b + 3, STRIDE):
                 run.R[r, c] *= told[b]
             run.R[r, r] = chosen(told[2], run.R[r, r], told[2], run.R[r, r])
 
@@ -290,7 +301,7 @@ def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
     """Put the initial state and covariance into the run, which is zero."""
     for s in range(6):
         run.x[s] = x0[s]
-        for t in range(s + 1):
+        for t in range(s % STRIDE, s + 1, STRIDE):
             run.P[s, t] = P0[s, t]
     for s in range(6, run.s):
         run.P[s, s] = row(model.extra, (s - 6) // 3, run, "1")[0]
@@ -383,13 +394,13 @@ ASKS = ("", ", asked at once", ", never asked")
 
 
 @cache
-def loop_for(n: int, width: int, *, dense: bool = False, asked: int = EACH) -> Any:  # noqa: ANN401 - numba has no types
+def loop_for(n: int, width: int, *, dense: bool = False, asked: int = EACH, stride: int = 1) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of ``width`` runs for filters with ``n`` quantities on each axis.
 
-    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that. ``asked``: by whom
-    (`jerkbench.kinematic.arguments`).
+    ``dense``: for adaptations that see whole matrices; all others have a loop without any of that. ``asked``: by whom,
+    ``stride``: 3 where axes have nothing to do with each other (`jerkbench.kinematic.arguments`).
     """
-    return compiled_loop(run_steps, *_named(n, width, dense=dense, asked=asked))
+    return compiled_loop(run_steps, *_named(n, width, dense=dense, asked=asked, stride=stride))
 
 
 def runs_of(width: int) -> str:
@@ -404,7 +415,8 @@ def compile_beside(n: int) -> None:
 
 
 def _named(
-    n: int, width: int, *, dense: bool = False, asked: int = EACH
+    n: int, width: int, *, dense: bool = False, asked: int = EACH, stride: int = 1
 ) -> tuple[str, dict[str, Any], tuple[str, ...]]:
-    title = f"the loop for {runs_of(width)} of {3 * n} states{', dense' * dense}{ASKS[asked]}"
-    return title, {"RUN": run_type(n, width), "DENSE": int(dense), "ASKED": asked}, APART
+    ways = f"{', dense' * dense}{ASKS[asked]}{', axis by axis' * (stride > 1)}"
+    constants = {"RUN": run_type(n, width), "DENSE": int(dense), "ASKED": asked, "STRIDE": stride}
+    return f"the loop for {runs_of(width)} of {3 * n} states{ways}", constants, APART

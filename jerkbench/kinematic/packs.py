@@ -12,7 +12,7 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import WIDE
 from jerkbench.contracts import Filter
 from jerkbench.kinematic.arguments import Model, Score, Steps
-from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements
+from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart
 from jerkbench.optional import axis_models
 from jerkbench.sums import Run
 from jerkbench.timeline import Timeline, step_lengths
@@ -85,6 +85,7 @@ class Pack:
         lengths_s: the lengths of steps that come, for the model.
         update_s: (m,) times of the updates, of any run.
         marks: for each run, the rows of the kept errors that are its own.
+        apart: whether axes have nothing to do with each other, but for the adaptation.
     """
 
     members: tuple[int, ...]
@@ -94,6 +95,7 @@ class Pack:
     lengths_s: FloatArray
     update_s: FloatArray
     marks: tuple[IntArray, ...]
+    apart: bool
 
 
 class Kind(NamedTuple):
@@ -112,14 +114,21 @@ class Kind(NamedTuple):
 
 def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     """Pack runs of the same kind whose steps have the same lengths and meet the reference at the same places."""
-    alike: dict[tuple[Kind, bytes], list[int]] = {}
+    alike: dict[tuple[Kind, bytes, bool], list[int]] = {}
     for place, (run, kind) in enumerate(zip(runs, kinds, strict=True)):
-        alike.setdefault((kind, _structure(_Course(run))), []).append(place)
+        apart = not (kind.wants_truth or kind.dense) and _apart(run)
+        alike.setdefault((kind, _structure(_Course(run)), apart), []).append(place)
     return [
-        _pack(runs, members, wants_truth=kind.wants_truth)
-        for (kind, _), places in alike.items()
+        _pack(runs, members, wants_truth=kind.wants_truth, apart=apart)
+        for (kind, _, apart), places in alike.items()
         for members in _members(runs, places)
     ]
+
+
+def _apart(run: Run) -> bool:
+    """Whether no covariance that a run is told, and begins with, is one of two axes."""
+    measured, _ = _told(run)
+    return measured.apart and (run.timeline.start is not None or axes_apart(run.timeline.P0[None]))
 
 
 def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]]:
@@ -160,7 +169,7 @@ def _structure(course: _Course) -> bytes:
 
 
 class _Stacked(NamedTuple):
-    """What the lanes of a pack have without their covariances; as in `Pack` and `Steps`."""
+    """What the lanes of a pack have, whatever they start from and make of R; as in `Pack` and `Steps`."""
 
     model: IntArray
     sample: IntArray
@@ -168,23 +177,21 @@ class _Stacked(NamedTuple):
     reference: IntArray
     u: FloatArray
     z: FloatArray
+    R: FloatArray
+    reported: FloatArray
     score: Score
     lengths_s: FloatArray
     updated: IntArray
     marks: tuple[IntArray, ...]
 
 
-def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -> Pack:
+def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, apart: bool) -> Pack:
     lanes = [runs[place] for place in members]
     lanes += [lanes[-1]] * (WIDE - len(lanes))
-    courses = dict.fromkeys(map(_Course, lanes))
-    shared = _one_course(tuple(courses)) if len(courses) == 1 else _courses(tuple(map(_Course, lanes)))
     reported, told = zip(*map(_told, lanes), strict=True)
-    one = len(courses) == 1 and all(own.R is reported[0].R and own.R_true is reported[0].R_true for own in reported)
-    R, R_true = zip(
-        *[_covariances(run, shared.updated, wants_truth=wants_truth) for run in (lanes[:1] if one else lanes)],
-        strict=True,
-    )
+    streams = tuple(zip(map(_Course, lanes), reported, strict=True))
+    alike = tuple(dict.fromkeys(streams))
+    shared = _one_stream(alike, wants_truth) if len(alike) == 1 else _streams(streams, wants_truth)
     steps = Steps(
         shared.model,
         shared.sample,
@@ -192,25 +199,26 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool) -
         shared.reference,
         shared.u,
         shared.z,
-        _stack(R_true),
-        _stack(R),
+        shared.R,
+        shared.reported,
         _stack(told),
         _stacked(lanes, lambda run: run.timeline.x0),
         _stacked(lanes, lambda run: run.timeline.P0.ravel()),
     )
     update_s = lanes[0].timeline.t_s[shared.updated]
     timelines = tuple(run.timeline for run in lanes)
-    return Pack(
-        members, timelines, steps, shared.score, shared.lengths_s, update_s, shared.marks * (WIDE // len(shared.marks))
-    )
+    marks = shared.marks * (WIDE // len(shared.marks))
+    return Pack(members, timelines, steps, shared.score, shared.lengths_s, update_s, marks, apart)
 
 
-def _stacked_courses(courses: tuple[_Course, ...]) -> _Stacked:
-    lanes = [course.run for course in courses]
+def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_truth: bool) -> _Stacked:
+    lanes = [course.run for course, _ in streams]
     first = lanes[0].timeline
     lengths_s, model = step_lengths(first.dt_s)
     updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
     marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
+    reported = [_covariances(course.run, updated, measured.R) for course, measured in streams]
+    truth = [_covariances(course.run, updated, measured.R_true) for course, measured in streams] if wants_truth else []
     return _Stacked(
         model,
         first.sample.astype(np.int64),
@@ -218,6 +226,8 @@ def _stacked_courses(courses: tuple[_Course, ...]) -> _Stacked:
         _numbered(len(model), np.flatnonzero(first.reference >= 0)),
         _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),
         _stacked(lanes, lambda run: _measured(run, updated)),
+        _stack(truth) if wants_truth else np.empty((0, 36, 1)),
+        _stack(reported),
         _score(lanes, marks, first.t_s[updated]),
         lengths_s,
         updated,
@@ -225,8 +235,8 @@ def _stacked_courses(courses: tuple[_Course, ...]) -> _Stacked:
     )
 
 
-_courses = lru_cache(maxsize=8)(_stacked_courses)  # some 10 MB each
-_one_course = lru_cache(maxsize=64)(_stacked_courses)  # less than 1 MB each
+_streams = lru_cache(maxsize=8)(_stacked_streams)  # some 15 MB each
+_one_stream = lru_cache(maxsize=64)(_stacked_streams)  # less than 2 MB each
 
 
 def _score(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> Score:
@@ -283,12 +293,9 @@ def _told(run: Run) -> tuple[Measurements, FloatArray]:
     return measured, AS_REPORTED
 
 
-def _covariances(run: Run, updated: IntArray, *, wants_truth: bool) -> tuple[FloatArray, FloatArray]:
-    """The reported R at the updates of the pack, and R for the adaptation, no row where that is what it is told."""
-    which, (measured, _) = run.timeline.update[updated], _told(run)
-    updates = which >= 0
-    R = np.zeros((2, len(which), 36))
-    R[0, updates] = measured.R[which[updates]].reshape(-1, 36)
-    if wants_truth:
-        R[1, updates] = measured.R_true[which[updates]].reshape(-1, 36)
-    return R[0], R[1, : len(which) if wants_truth else 0]
+def _covariances(run: Run, updated: IntArray, covariances: FloatArray) -> FloatArray:
+    """The (36,) of each update of the pack, zero where the run has none."""
+    which = run.timeline.update[updated]
+    R = np.zeros((len(which), 36))
+    R[which >= 0] = covariances[which[which >= 0]].reshape(-1, 36)
+    return R

@@ -2,6 +2,7 @@
 
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, eights, room, wide_room
+from jerkbench.kinematic.arguments import STRIDE
 
 AxisViews = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
@@ -79,7 +80,7 @@ def predict_measured(run: Lanes, C: View) -> None:
         for b in range(run.n):
             A[a, b] = run.gone_A[a, b]
     for i in range(3):
-        for j in range(i, 3):
+        for j in range(i, 3, STRIDE):
             _move_pair(run, M, A, i, j)
             for a in range(2):
                 for b in range(a if i == j else 0, 2):
@@ -108,7 +109,7 @@ def _predict_pairs(run: Lanes, A: View, Q: View) -> None:
 
 def _predict_every_pair(run: Lanes, A: View, Q: View) -> None:
     for i in range(3):
-        for j in range(i, 3):
+        for j in range(i, 3, STRIDE):
             _predict_pair(run, A, Q, i, j)
 
 
@@ -151,7 +152,7 @@ def predict_any(run: Lanes, A: View, b: View, Q: View, u: View) -> None:
             run.x[3 * a + i] = b[a] * u[i]
             for c in range(run.n):
                 run.x[3 * a + i] += A[a, c] * old[c]
-        for j in range(i, 3):
+        for j in range(i, 3, STRIDE):
             _predict_any_pair(run, A, Q, i, j)
 
 

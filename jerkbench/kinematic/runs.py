@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any, Final
 
@@ -167,7 +168,8 @@ def run_batch(
         model = model_of([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s)
         n = 2 + len(model.extra)
         first = rules[lanes[0]]
-        return loop_for(n, WIDE, dense=first.dense, asked=first.asked), run_type(n, WIDE), model
+        loop = loop_for(n, WIDE, dense=first.dense, asked=first.asked, stride=3 if pack.apart else 1)
+        return loop, run_type(n, WIDE), model
 
     sizes = [(2 + len(model.initial_variances()), rule.together) for model, rule in zip(models, rules, strict=True)]
     return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
@@ -196,8 +198,13 @@ def run_packs(
             loop, of, own, *more = prepared
             kept, rule = _room_of_pack(pack, of, updates=updates), rules_of([rules[k] for k in lanes], of.sizes["s"])
             loop(pack.steps, pack.score, own, rule, kept, exchange_for(of.sizes["n"], WIDE), *more)
-            for place, result in zip(pack.members, _results_of(pack, kept, of, updates=updates), strict=True):
-                results[place] = result
+            coupled = kept.w[of.fields["coupled"].places[0] :].tolist()
+            if pack.apart and any(coupled[:WIDE]):
+                run_pack(replace(pack, apart=False))
+            found = _results_of(pack, kept, of, updates=updates)
+            for place, result, again in zip(pack.members, found, coupled, strict=False):
+                if not again:
+                    results[place] = result
 
     kinds = [Kind(size, rule.wants_truth, rule.dense) for size, rule in zip(sizes, rules, strict=True)]
     packs = _packs(tuple(runs), tuple(kinds))

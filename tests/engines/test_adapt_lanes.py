@@ -26,7 +26,16 @@ def rough():
 def test_the_iterating_methods_are_asked_at_once():
     lanes = {name for name in plugins.names("adaptation") if asked_in_lanes(plugins.get("adaptation", name))}
 
-    assert lanes >= {"student_t", "huber", "vbakf_pr", "variational_bayes", "cerkf_r", "maximum_correntropy_r"}
+    assert lanes >= {
+        "student_t",
+        "huber",
+        "vbakf_pr",
+        "variational_bayes",
+        "cerkf_r",
+        "maximum_correntropy_r",
+        "ssmkf",
+        "ssmkf_r",
+    }
 
 
 @pytest.mark.parametrize("cls", [VariationalBayes, pytest.param(VariationalPriorAndNoise, marks=pytest.mark.slow)])

@@ -1,0 +1,72 @@
+"""Runs whose axes have nothing to do with each other: each axis by itself gives what all together give."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from test_side_by_side import one, side_by_side, trajectory
+
+from jerkbench import plugins
+from jerkbench.kinematic import packs
+from jerkbench.measurements import TURNED, Measurements, axes_apart
+
+RULES = ("none", "mtf", "chi2", "iae", "scalar_q", "huber_r", "cerkf_r", "variational_bayes")
+
+
+@dataclass(frozen=True)
+class Couples:
+    """Gives two axes a covariance, from an update on."""
+
+    after: int = 20
+
+    def memory_size(self):
+        return 1
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        memory[0] += 1.0
+        adapted = R.copy()
+        if memory[0] > self.after and len(rows) > 1:
+            adapted[0, 1] = adapted[1, 0] = 0.3 * np.sqrt(R[0, 0] * R[1, 1])
+        return adapted
+
+
+def uncoupled(pair):
+    """The same run with an R and a start without covariances between axes."""
+    recording, timeline = pair
+    own = timeline.measurements
+    R = np.where((np.arange(6)[:, None] - np.arange(6)) % 3 == 0, own.R, 0.0)
+    P0 = np.diag(np.diag(timeline.P0))
+    return recording, replace(timeline, measurements=replace(own, R=R, R_true=R), P0=P0, start=None)
+
+
+@pytest.fixture(scope="module")
+def several():
+    return [uncoupled(one(seed)) for seed in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_each_axis_by_itself_gives_what_all_together_give(several, rule, monkeypatch):
+    model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": rule})
+    got = side_by_side(several, model, adaptation)
+    assert all(timeline.measurements.apart for _, timeline in several)
+    monkeypatch.setattr(packs, "_apart", lambda _run: False)
+    together = side_by_side([uncoupled(pair) for pair in several], model, adaptation)
+    for own, wanted in zip(got, together, strict=True):
+        assert own == pytest.approx(wanted, rel=1e-12, abs=1e-15, nan_ok=True)
+
+
+def test_an_adaptation_that_couples_axes_has_all_together(several):
+    model = plugins.create("filter", {"name": "jerk"})
+    for (recording, timeline), got in zip(several, side_by_side(several, model, Couples()), strict=True):
+        assert got == pytest.approx(trajectory(recording, timeline, model, Couples()), rel=1e-9, nan_ok=True)
+
+
+def test_what_rounding_leaves_couples_nothing_and_what_is_absent_neither():
+    R = np.stack([np.diag([1.0, 4.0, 9.0, 1.0, 4.0, 9.0])] * 2)
+    R[0, 0, 1] = R[0, 1, 0] = TURNED
+    R[1, 3:, 3:] = np.nan
+    R[1, 0, 3] = R[1, 3, 0] = 0.5
+    assert axes_apart(R)
+    assert Measurements(np.arange(2), np.zeros((2, 6)), R, R).apart
+    R[0, 0, 1] = R[0, 1, 0] = 1e-9
+    assert not axes_apart(R)
