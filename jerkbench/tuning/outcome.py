@@ -93,8 +93,8 @@ def _knobs(tuning: Tuning) -> Iterator[str]:
 def _worth(tuning: Tuning) -> Iterator[str]:
     yield "On runs that the search has not seen:"
     yield ""
-    losses = zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)
-    lines = ((case.labels.scenario, *(_shown(tuning, loss) for loss in both)) for case, *both in losses)
+    cases = zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)
+    lines = ((case.labels.scenario, *(_shown(tuning, loss) for loss in both)) for case, *both in cases)
     yield plain_table(("scenario", "before", "tuned"), lines)
     yield ""
     yield f"Lost runs: {tuning.score.lost} of {tuning.score.runs} (before: {tuning.score.lost_before})."

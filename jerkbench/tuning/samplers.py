@@ -71,7 +71,9 @@ class Optuna:
             ) from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._study = optuna.create_study(sampler=getattr(optuna.samplers, sampler)(seed=seed, **options))
-        self._shares = {f"{k}": optuna.distributions.FloatDistribution(0.0, 1.0) for k in range(dimensions)}
+        self._shares: dict[str, Any] = {
+            f"{k}": optuna.distributions.FloatDistribution(0.0, 1.0) for k in range(dimensions)
+        }
         self._asked: list[Any] = []
 
     def ask(self, count: int) -> FloatArray:
