@@ -93,6 +93,7 @@ class Progress:
         self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)))
         self._plain = ExitStack()
         self._left = count - already
+        self._drawn = self._left > 0
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
         self._pulse = None if self._bar.console.is_terminal else Pulse(self._line, self._write)
         if already:
@@ -104,9 +105,16 @@ class Progress:
         trouble = ", ".join(f"{self._counts[s]} runs {s}" for s in ("diverged", "failed") if self._counts[s])
         self._bar.update(self._task, advance=count, trouble=trouble)
 
+    def skip(self, count: int) -> None:
+        """Leave out some that turn out to be done already."""
+        if count and self._drawn:
+            self._left -= count
+            self._bar.update(self._task, total=self._left)
+            self._bar.console.print(f"{count} {self._things} are done already.")
+
     def __enter__(self) -> Self:
         """Start drawing, unless nothing is left to do."""
-        if self._left:
+        if self._drawn:
             self._bar.start()
             self._plain.enter_context(plain_output())  # what is printed meanwhile goes through the bar
             if self._pulse:
@@ -117,7 +125,7 @@ class Progress:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Stop drawing."""
-        if self._left:  # a bar that was never there would leave an empty line
+        if self._drawn:  # a bar that was never there would leave an empty line
             if self._pulse:
                 self._pulse.__exit__(kind, error, trace)
             self._plain.close()

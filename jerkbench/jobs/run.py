@@ -93,12 +93,12 @@ def run_missing(
 
 @contextmanager
 def _shown(progress: Progress | None, jobs: int, done: int) -> Iterator[Progress]:
-    """Show the bar that is given, and count what is done already; or draw one."""
+    """Show the bar that is given, without what is done already; or draw one."""
     if progress is None:
         with Progress(jobs, done) as bar:
             yield bar
     else:
-        progress.advance(count=done)
+        progress.skip(done)
         yield progress
 
 

@@ -176,6 +176,9 @@ def _repeated(values: Sequence[str | None], counts: Sequence[int]) -> pa.Array:
 
 # The files of a store: listed, loaded, written atomically, replaced.
 
+OLD = re.compile("[0-9a-f]{20}")
+"""The name of a file with one cell, as it was stored before there were parts: its key."""
+
 LISTINGS = 20
 """So often the files are listed again, where some of them have just been joined."""
 
@@ -193,7 +196,13 @@ class PartFiles:
 
     def names(self) -> list[str]:
         """Return the names of all files."""
-        return sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
+        names = sorted(path.name.removesuffix(".parquet") for path in self.folder.glob("*.parquet"))
+        if old := next(filter(OLD.fullmatch, names), None):
+            raise JerkbenchError(
+                f"{self.path(old)} has a format of earlier versions, which is no longer read; run the study's command"
+                " (it stands in manifest.json) again into a new one (study=NAME)."
+            )
+        return names
 
     def each(
         self, columns: list[str] | None = None, seen: set[str] | None = None

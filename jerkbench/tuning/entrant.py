@@ -224,7 +224,9 @@ class Site:
         return pd.concat(parts, ignore_index=True)
 
     def _rows(self, tries: Sequence[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:
-        rows = self.rows_of(_jobs(tries, rules), rules.numbers, progress=bar)
+        jobs = _jobs(tries, rules)
+        rows = self.rows_of(jobs, rules.numbers, progress=bar)
+        bar.advance(count=len(jobs) - len({job.key for job in jobs}))  # settings that are the same run once
         return _named(rows, tries, rules.numbers)
 
     def rows_of(self, jobs: Sequence[Job], numbers: Sequence[str], **how: Any) -> pd.DataFrame:  # noqa: ANN401 - of `run_missing`

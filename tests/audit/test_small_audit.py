@@ -50,6 +50,7 @@ def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
     stored = runs_of(folder)
     done = subprocess.run([*COMMAND, "2"], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert "settings are done already" in done.stderr
     again = runs_of(folder)
     assert not again.duplicated(["cell.key", "seed"]).any()
     kept = stored.merge(again, on=["cell.key", "seed"], suffixes=("", "_again"))
