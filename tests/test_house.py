@@ -19,13 +19,13 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 387, 36
+MOST_FILES, MOST_FOLDERS = 381, 36
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 34_528
+MOST_CODE = 34_158
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
-MOST_LONE = 33
+MOST_LONE = 31
 """Modules that one other module imports; the aim is none."""
-MOST_CONSTANTS = 114
+MOST_CONSTANTS = 112
 """Names of constants in two or more modules."""
 
 DOUBLES = {"anywhere", "chosen"}
