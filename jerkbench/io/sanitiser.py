@@ -307,9 +307,9 @@ def repeat_notes(imu: Imu) -> tuple[str, ...]:
     )
 
 
-def without_frozen_gyro(stream: str, messages: Messages, ledger: Ledger, field: str = "angular_velocity") -> Messages:
+def without_frozen_gyro(stream: str, messages: Messages, ledger: Ledger) -> Messages:
     """Drop the rows of each run in which the angular rate stays the same, except the first of the run."""
-    frozen = frozen_rows(messages[field])
+    frozen = frozen_rows(messages["angular_velocity"])
     ledger.add(stream, "a frozen angular rate", frozen, messages.bag_ns, DROPPED)
     return messages.rows(~frozen)
 
@@ -326,9 +326,9 @@ def frozen_rows(values: FloatArray) -> BoolArray:
     return frozen
 
 
-def without_bad_quaternions(stream: str, messages: Messages, ledger: Ledger, field: str = "orientation") -> Messages:
+def without_bad_quaternions(stream: str, messages: Messages, ledger: Ledger) -> Messages:
     """Drop rows whose quaternion is not of length 1."""
-    bad = ~unit_quaternions(messages[field])
+    bad = ~unit_quaternions(messages["orientation"])
     ledger.add(stream, "an orientation that is no unit quaternion", bad, messages.bag_ns, DROPPED)
     return messages.rows(~bad)
 

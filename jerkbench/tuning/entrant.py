@@ -240,10 +240,8 @@ class Site:
         Raises:
             JerkbenchError: nothing can be stored, or the cluster cannot go on.
         """
-        store, plan = Store(self.folder), Plan(joined_jobs(jobs))
-        if bar := how.get("progress"):
-            bar.advance(count=len(jobs) - len(plan.jobs))  # the same setting twice is run once
-        run_missing(plan, store, self.workers, **how)
+        store = Store(self.folder)
+        run_missing(Plan(joined_jobs(jobs)), store, self.workers, **how)
         store.compact()
         return store.rows(jobs, numbers)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,21 +50,18 @@ class Messages:
         """Return the field ``name``."""
         return self.values[name]
 
-    def rows(self, rows: BoolArray | IntArray, **changed: FloatArray) -> "Messages":
-        """Return only ``rows``, with the fields of ``changed`` (of all rows, or of these) put in before."""
-        values = {name: changed.get(name, value)[rows] for name, value in self.values.items()}
-        return self._with(self.bag_ns[rows], self.stamp_ns[rows], values)
+    def rows(self, rows: BoolArray | IntArray) -> "Messages":
+        """Return only ``rows``."""
+        values = {name: value[rows] for name, value in self.values.items()}
+        return replace(self, bag_ns=self.bag_ns[rows], stamp_ns=self.stamp_ns[rows], values=values)
 
     def stamped(self, stamp_ns: IntArray) -> "Messages":
         """Return the same messages with other stamps."""
-        return self._with(self.bag_ns, stamp_ns, self.values)
+        return replace(self, stamp_ns=stamp_ns)
 
     def with_values(self, **changed: FloatArray) -> "Messages":
         """Return the same messages with other, or more, fields."""
-        return self._with(self.bag_ns, self.stamp_ns, {**self.values, **changed})
-
-    def _with(self, bag_ns: IntArray, stamp_ns: IntArray, values: Mapping[str, FloatArray]) -> "Messages":
-        return Messages(self.topic, self.msgtype, self.frame_id, self.child_frame_id, bag_ns, stamp_ns, values)
+        return replace(self, values={**self.values, **changed})
 
     def rate_hz(self) -> float:
         """Mean rate of the recording; 0 of fewer than two messages."""

@@ -6,9 +6,9 @@ does not fit (strings that change, another byte order) is left to the deserialis
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,9 +38,8 @@ class MessagePart:
 
 
 def _pose(path: str) -> tuple[MessagePart, ...]:
-    return MessagePart("position", f"{path}.position", count=3), MessagePart(
-        "orientation", f"{path}.orientation", count=4
-    )
+    place = MessagePart("position", f"{path}.position", count=3)
+    return place, MessagePart("orientation", f"{path}.orientation", count=4)
 
 
 def _twist(path: str) -> tuple[MessagePart, ...]:
@@ -139,25 +138,13 @@ def decode_grid(grid: npt.NDArray[np.uint8], msgtype: str, fields: Sequence[str]
         return None
     if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
         return None
-    rows = np.ascontiguousarray(grid).view(_padded(layout, size))[:, 0]
+    rows = np.ascontiguousarray(grid[:, : layout.itemsize]).view(layout)[:, 0]
     values = {}
     for name in fields:
         part, begins = source_of(msgtype, name)
         values[name] = _block(rows[part.name].reshape(len(rows), -1), begins).astype(np.float64)
     stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
     return MessageBlock((strings[0], strings[1] if len(strings) > 1 else ""), stamp_ns, values)
-
-
-def _padded(layout: np.dtype[Any], size: int) -> np.dtype[Any]:
-    fields: Any = layout.fields
-    return np.dtype(
-        {
-            "names": list(fields),
-            "formats": [fields[name][0] for name in fields],
-            "offsets": [fields[name][1] for name in fields],
-            "itemsize": size,
-        }
-    )
 
 
 def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], list[str], list[tuple[int, int]]]:
@@ -191,12 +178,8 @@ def _aligned(at: int, base: int, width: int) -> int:
     return base + -(-(at - base) // width) * width
 
 
-class Deserialise(Protocol):
-    """The deserialiser of rosbags."""
-
-    def __call__(self, rawdata: bytes, typ: str) -> Any:  # noqa: ANN401 - a class made at run time for each type
-        """Return the message."""
-        ...
+Deserialise = Callable[[bytes, str], Any]
+"""The deserialiser of rosbags: a message and its type -> an instance of a class made at run time."""
 
 
 def decode(

@@ -241,19 +241,17 @@ def _kept(path: Path) -> Extract | None:
             arrays = {name: file[name] for name in file.files}
         header = json.loads(arrays.pop("header").tobytes())
         metadata = None if header["metadata"] is None else Metadata.from_plain(header["metadata"])
-        raw = {head[0]: _messages(k, head, arrays) for k, head in enumerate(header["heads"])}
+        raw = {}
+        for k, (topic, *names) in enumerate(header["heads"]):
+            values = {name.partition(":")[2]: value for name, value in arrays.items() if name.startswith(f"{k}:")}
+            msgtype, frame, child = names
+            stamps = arrays[f"{k}.bag_ns"], arrays[f"{k}.stamp_ns"]
+            raw[topic] = Messages(topic, msgtype, frame, child, *stamps, values)
         with suppress(OSError):
             os.utime(path)  # used just now: others go first; a cache that is read only stays as it is
         return Extract(metadata, TopicPlan(header["topics"], tuple(header["notes"])), Frames(**header["frames"]), raw)
     except DAMAGE:
         return None
-
-
-def _messages(k: int, head: list[str], arrays: dict[str, Any]) -> Messages:
-    values = {name.partition(":")[2]: value for name, value in arrays.items() if name.startswith(f"{k}:")}
-    topic, msgtype, frame_id, child_frame_id = head
-    stamps = arrays[f"{k}.bag_ns"], arrays[f"{k}.stamp_ns"]
-    return Messages(topic, msgtype, frame_id, child_frame_id, *stamps, values)
 
 
 def choices_of(dataset: Any, common: type) -> str:  # noqa: ANN401 - a dataclass
