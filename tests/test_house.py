@@ -19,11 +19,11 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 363, 34
+MOST_FILES, MOST_FOLDERS = 339, 34
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 34_183
+MOST_CODE = 33_766
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
-MOST_LONE = 29
+MOST_LONE = 27
 """Modules that one other module imports; the aim is none."""
 MOST_CONSTANTS = 110
 """Names of constants in two or more modules."""
