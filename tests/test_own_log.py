@@ -63,7 +63,7 @@ def test_the_logs_own_outage_is_scored_and_its_settings_are_written(reader):
         name: float(line.split()[1]) for line in shown.splitlines() for name in errors_m if f" {name} " in line
     } == errors_m
     assert "Outages of a run with a known error at the end: 1." in table
-    assert (folder / "results/first/tune/bias-none/export/robot_localization.yaml").is_file()
+    assert (folder / "results/first/tune/baseline-none/export/robot_localization.yaml").is_file()
 
 
 @pytest.mark.slow
