@@ -300,7 +300,7 @@ def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
         f"{first}, tuned": losses.plains[0],
         "the best plain filter of all models, tuned": best,
         f"the same with {protocol.plain_trials} settings tried": more,
-        "the published adaptation that leads, tuned": pick,
+        "the adaptation that leads, tuned": pick,
     }
     return pd.Series({step: float(np.exp((own - level).mean())) for step, own in of.items()})
 
@@ -363,8 +363,8 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
         " worse."
     )
     third = (
-        f"**Taking whichever of these leads in tuning gives {interval(said.pick)}** of the error of a plain filter that"
-        " was chosen from as many settings. The leader changes:"
+        f"**The one of these {len(taken)} that leads in a tuning has {interval(said.pick)}** of the error of the plain"
+        " filter that leads there, which was chosen from as many settings. The leader changes:"
         f" {leading} different ones in {answer.rows.protocol.tunings} tunings. A typical method is more than 3 % worse"
         f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
     )
@@ -372,20 +372,25 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
     return [first, f"{_where(answer)} {price_text}", third]
 
 
+def main_kind(rows: AuditRows) -> str:
+    """Return the kind of fault that the average adaptation gains most from: without it, least is left of the gain."""
+    average = comparisons(losses_of(rows))[0][0].mean(axis=0)
+    known = {kind: member for kind, member in kinds_of(rows).items() if kind != NO_FAULT and member.any()}
+    return max(known, key=lambda kind: float(average[~known[kind]].mean()))
+
+
 def _where(answer: AuditAnswer) -> str:
     """Say which kind of fault the average gains most from, what is left without it, and which one does most harm."""
     rows, n = answer.rows, len(answer.methods)
-    average, drives = comparisons(answer.losses)[0][0].mean(axis=0), kinds_of(rows)
-    left = {kind: average[~member].mean() for kind, member in drives.items() if kind != NO_FAULT and member.any()}
-    most = max(left, key=lambda kind: left[kind])
+    most = main_kind(rows)
     said = reweighted(rows, f"{most}=0")
-    own, share = counts(said.own_plain), percent(drives[most].mean())
+    own, share = counts(said.own_plain), percent(kinds_of(rows)[most].mean())
     shown = {kind: counts_of(of["verdict"]) for kind, of in answer.kinds.groupby("kind", observed=True)}
     harm = max((kind for kind in shown if kind not in (most, NO_FAULT)), key=lambda kind: shown[kind]["worse"])
     name, other = most.replace("_", " "), str(harm).replace("_", " ")
     return (
         f"**Most of the gain comes from {name}**. Without the {share} of drives that have {name}, the average has"
-        f" {interval(said.average)}, with {own['better']} methods better and {own['worse']} worse. With {name},"
+        f" {interval(said.average)}, with {own['better']} of {n} methods better and {own['worse']} worse. With {name},"
         f" {shown[most]['better']} of {n} are better and {shown[most]['worse']} worse; with {other},"
         f" {shown[harm]['better']} and {shown[harm]['worse']}."
     )
@@ -422,7 +427,7 @@ def reweighted_text(rows: AuditRows, mixture: str) -> str:
     )
     lines = [
         f"With {mixture}, from {rows.protocol.judged_drives} drives of protocol {rows.protocol.digest}, weighted:",
-        f"- the average published adaptation has {interval(said.average)} of the error of its plain filter;",
+        f"- the average adaptation has {interval(said.average)} of the error of its plain filter;",
         f"- the one that leads in tuning has {interval(said.pick)} of that of the best plain filter;",
         f"- against the plain filter of its model: {own};",
         f"- against the best plain filter: {best}.",
@@ -432,16 +437,26 @@ def reweighted_text(rows: AuditRows, mixture: str) -> str:
     return "\n".join([*lines, *shown])
 
 
-def compared_text(changed: pd.DataFrame, statements: int, first: Statements, second: Statements) -> str:
-    """Say how many verdicts two audits do not share; one that turns from better to worse is a defect."""
+def compared_text(changed: pd.DataFrame, rows: Sequence[AuditRows], first: Statements, second: Statements) -> str:
+    """Say how many verdicts two audits do not share; one that turns from better to worse is a defect.
+
+    Args:
+        changed: `changed_verdicts`.
+        rows: those of both audits.
+        first: statements of one.
+        second: of the other.
+    """
+    statements, kind = 2 * len(rows[0].protocol.methods), main_kind(rows[0])
+    without = [interval(reweighted(each, f"{kind}=0").average) for each in rows]
     turned = changed[changed[["first", "second"]].isin([str(Verdict.BETTER), str(Verdict.WORSE)]).all(axis=1)]
     head = (
         f"An audit with other drives and other tunings changes {len(changed)} of {statements} verdicts; {len(turned)}"
         f" turn from better to worse or back{', which is a defect' if len(turned) else ''}."
     )
     tail = (
-        f"The average published adaptation had {interval(first.average)}, then {interval(second.average)}. The one"
-        f" that leads in tuning had {interval(first.pick)}, then {interval(second.pick)}."
+        f"The average adaptation had {interval(first.average)}, then {interval(second.average)}; without drives with"
+        f" {kind.replace('_', ' ')} {without[0]}, then {without[1]}. The one that leads in tuning had"
+        f" {interval(first.pick)}, then {interval(second.pick)}."
     )
     lines = [
         f"- {row.filter} + {row.adaptation}, {row.against} plain filter: {row.first}, then {row.second}"

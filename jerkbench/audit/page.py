@@ -385,6 +385,6 @@ def compare_audits(folder: Path, other: Path) -> str:
         raise JerkbenchError(f"{folder} and {other} compare other methods; give two audits of the same.")
     first, second = (statements(losses_of(each)) for each in rows)
     changed = changed_verdicts(first, second, methods[0])
-    text = compared_text(changed, 2 * len(methods[0]), first, second)
+    text = compared_text(changed, rows, first, second)
     write_text(folder / SECOND, text)
     return text

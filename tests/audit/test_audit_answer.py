@@ -95,7 +95,7 @@ def test_a_verdict_that_turns_is_a_defect(answer):
     ratios = {("jerk", "mtf"): 0.5, ("baseline", "chi2"): 0.6}
     other = statements(losses_of(made_rows(seed=1, ratio=ratios)))
     changed = changed_verdicts(answer.said, other, SMALL.methods)
-    text = compared_text(changed, 2 * len(SMALL.methods), answer.said, other)
+    text = compared_text(changed, [answer.rows, answer.rows], answer.said, other)
 
     assert changed[changed["filter"] == "jerk"].iloc[0].tolist() == ["jerk", "mtf", "own", "better", "worse"]
     assert "2 turn from better to worse or back, which is a defect" in text
