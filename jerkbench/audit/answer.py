@@ -364,7 +364,7 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
     )
     third = (
         f"**The one of these {len(taken)} that leads in a tuning has {interval(said.pick)}** of the error of the plain"
-        " filter that leads there, which was chosen from as many settings. The leader changes:"
+        " filter that leads there. That one was chosen from as many settings. The leader changes:"
         f" {leading} different ones in {answer.rows.protocol.tunings} tunings. A typical method is more than 3 % worse"
         f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
     )
