@@ -193,14 +193,7 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, a
     alike = tuple(dict.fromkeys(streams))
     shared = _one_stream(alike, wants_truth) if len(alike) == 1 else _streams(streams, wants_truth)
     steps = Steps(
-        shared.model,
-        shared.sample,
-        shared.update,
-        shared.reference,
-        shared.u,
-        shared.z,
-        shared.R,
-        shared.reported,
+        *shared[:8],
         _stack(told),
         _stacked(lanes, lambda run: run.timeline.x0),
         _stacked(lanes, lambda run: run.timeline.P0.ravel()),

@@ -8,7 +8,7 @@ from test_side_by_side import one, side_by_side, trajectory
 
 from jerkbench import plugins
 from jerkbench.kinematic import packs
-from jerkbench.measurements import TURNED, Measurements, axes_apart
+from jerkbench.measurements import TURNING_NOISE, Measurements, axes_apart
 
 RULES = ("none", "mtf", "chi2", "iae", "scalar_q", "huber_r", "cerkf_r", "variational_bayes")
 
@@ -63,7 +63,7 @@ def test_an_adaptation_that_couples_axes_has_all_together(several):
 
 def test_what_rounding_leaves_couples_nothing_and_what_is_absent_neither():
     R = np.stack([np.diag([1.0, 4.0, 9.0, 1.0, 4.0, 9.0])] * 2)
-    R[0, 0, 1] = R[0, 1, 0] = TURNED
+    R[0, 0, 1] = R[0, 1, 0] = TURNING_NOISE
     R[1, 3:, 3:] = np.nan
     R[1, 0, 3] = R[1, 3, 0] = 0.5
     assert axes_apart(R)
