@@ -45,21 +45,20 @@ class Measurements:
     @cached_property
     def apart(self) -> bool:
         """Whether no covariance that is reported is one of two axes."""
-        return axes_apart(self.R)
+        return bool(axes_apart(self.R).all())
 
 
 ACROSS = np.nonzero((np.arange(6)[:, None] - np.arange(6)) % 3)
 """Rows and columns of the elements of a covariance that are those of two axes."""
 
-TURNED = 16.0 * np.finfo(np.float64).eps
+TURNING_NOISE = 16.0 * np.finfo(np.float64).eps
 """Correlation that rounding leaves where a diagonal covariance was turned."""
 
 
-def axes_apart(R: FloatArray) -> bool:
-    """Whether covariances (m, 6, 6) have nothing between two axes but rounding, where they are numbers."""
-    variances = np.einsum("nii->ni", R)
-    bound = variances[:, ACROSS[0]] * variances[:, ACROSS[1]]
-    return not bool((R[:, ACROSS[0], ACROSS[1]] ** 2 > TURNED * TURNED * bound).any())
+def axes_apart(R: FloatArray) -> BoolArray:
+    """Whether each of (m, 6, 6) covariances has nothing between two axes but rounding, where they are numbers."""
+    (r, c), variances = ACROSS, np.einsum("nii->ni", R)
+    return ~(R[:, r, c] ** 2 > TURNING_NOISE * TURNING_NOISE * variances[:, r] * variances[:, c]).any(axis=1)
 
 
 class ScaledMeasurements(Measurements):

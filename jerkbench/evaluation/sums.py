@@ -119,17 +119,13 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
             nis_used_updates=streamed.nis_used_updates,
             outage_m2=streamed.outage_m2,
             outage_rows=numbers.outage,
-            outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)) if ends else NOTHING,
+            outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)) if ends else np.empty(0),
             outage_driven_m=rows.outages_driven_m,
-            outage_drifts_mps=_drifts_mps(pairs, rows.outages_s) if ends else NOTHING,
+            outage_drifts_mps=_drifts_mps(pairs, rows.outages_s) if ends else np.empty(0),
             outages=len(recording.outages_s),
             sampled_m=streamed.marked_m[ends:],
             sampled_m2=streamed.marked_m2[ends:],
         )
-
-
-NOTHING = np.empty(0)
-"""Of no outage."""
 
 
 def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:

@@ -2,12 +2,12 @@
 
 import os
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
-from jerkbench.contracts import AttitudeFilter, Remarking, Requiring
+from jerkbench.contracts import Remarking, Requiring
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.jobs.inputs import Inputs
@@ -136,9 +136,7 @@ def _first_remarks(job: Job, inputs: Inputs) -> list[str]:
     if not isinstance(job.scenario.attitude, Remarking):
         return []
     try:
-        recording = inputs.recording(job.scenario, job.draws[0])
-        remarks = [f"{_name(job)}: {remark}" for remark in _remarks_of(job.scenario.attitude, recording)]
-        return [*remarks, *_remarks_of(job.method.filter, recording)]
+        return _remarks(job, inputs.recording(job.scenario, job.draws[0]))
     except Exception:  # noqa: BLE001 - as above
         return []
 
@@ -150,23 +148,13 @@ IMU_GAP_S = 0.2
 """A longer step between two samples of the IMU is told: in it a vehicle turns and brakes."""
 
 
-def scenario_notes(name: str, attitude: AttitudeFilter, recording: Recording) -> list[str]:
-    """Return where the reference comes from, and what the recording and the attitude filter have to say of it."""
-    remarks = [f"{name}: {remark}" for remark in _remarks_of(attitude, recording)]
-    return [plain(note) for note in (*_reference_notes(name, recording), *remarks)]
+def notes_of(job: Job, recording: Recording) -> list[str]:
+    """Return what stands under the table of a job; once for all its parameters."""
+    return [plain(note) for note in (*_reference_notes(job, recording), *_remarks(job, recording))]
 
 
-def notes_of(job: Job, recording: Recording, of_scenario: Callable[..., list[str]] = scenario_notes) -> list[str]:
-    """Return what stands under the table of a job; once for all its parameters.
-
-    ``of_scenario``: `scenario_notes`, which a caller with several jobs of a scenario may keep.
-    """
-    notes = of_scenario(_name(job), job.scenario.attitude, recording)
-    return [*notes, *map(plain, _remarks_of(job.method.filter, recording))]
-
-
-def _reference_notes(name: str, recording: Recording) -> list[str]:
-    reference = recording.reference
+def _reference_notes(job: Job, recording: Recording) -> list[str]:
+    reference, name = recording.reference, _name(job)
     notes = [f"{name}: {note}" for note in (*recording.notes, *_gaps(recording))]
     if reference.empty:
         return [f"{name} has no reference: {reference.source}.", *notes]
@@ -188,8 +176,12 @@ def _gaps(recording: Recording) -> list[str]:
     return [f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there."]
 
 
-def _remarks_of(part: object, recording: Recording) -> tuple[str, ...]:
-    return part.remarks(recording) if has_methods(part, Remarking) else ()
+def _remarks(job: Job, recording: Recording) -> list[str]:
+    of_attitude, of_filter = (
+        part.remarks(recording) if has_methods(part, Remarking) else ()
+        for part in (job.scenario.attitude, job.method.filter)
+    )
+    return [*(f"{_name(job)}: {remark}" for remark in of_attitude), *of_filter]
 
 
 def _name(job: Job) -> str:

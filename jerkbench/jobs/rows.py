@@ -1,10 +1,10 @@
 """Runs become rows: the seeds and the settings of a job side by side where its plugins can, else one at a time."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -18,7 +18,7 @@ from jerkbench.evaluation.sums import Scored, can_stream, outlined, sums_from, w
 from jerkbench.jobs.inputs import KEPT_INPUTS, Inputs, shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import processor_kind
-from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, scenario_notes, unfit
+from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, unfit
 from jerkbench.optional import part_read
 from jerkbench.plain import plain
 from jerkbench.recording import Recording
@@ -239,9 +239,8 @@ def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[Noted
         if len(jobs) == 1:
             return [failed_piece(jobs[0], draws, error, how)]
         return [piece for job in jobs for piece in _together([job], draws, how)]  # which tells the culprit
-    noted = cache(scenario_notes)
     return [
-        joined_pieces(_finished(job, draw, streamed.get((k, draw)), how, noted) for draw in draws)
+        joined_pieces(_finished(job, draw, streamed.get((k, draw)), how) for draw in draws)
         for k, job in enumerate(jobs)
     ]
 
@@ -263,11 +262,11 @@ class _Sums(NamedTuple):
     far: bool
 
 
-def _finished(job: Job, draw: int, streamed: _Sums | None, how: How, noted: Callable[..., list[str]]) -> NotedRows:
+def _finished(job: Job, draw: int, streamed: _Sums | None, how: How) -> NotedRows:
     """Return the row of a seed; one that stopped, or went too far, is run alone, which says where and when."""
     if streamed is None or streamed.far:
         return alone(job, draw, how, streamed.values if streamed else None)
-    return [{**_head(job, draw), **OK, **streamed.values}], notes_of(job, streamed.recording, noted)
+    return [{**_head(job, draw), **OK, **streamed.values}], notes_of(job, streamed.recording)
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], _Sums]:

@@ -115,20 +115,15 @@ class Kind(NamedTuple):
 def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     """Pack runs of the same kind whose steps have the same lengths and meet the reference at the same places."""
     alike: dict[tuple[Kind, bytes, bool], list[int]] = {}
-    for place, (run, kind) in enumerate(zip(runs, kinds, strict=True)):
-        apart = not (kind.wants_truth or kind.dense) and _apart(run)
+    starts = axes_apart(np.reshape([run.timeline.P0 for run in runs], (-1, 6, 6))).tolist()
+    for place, (run, kind, start) in enumerate(zip(runs, kinds, starts, strict=True)):
+        apart = start and not (kind.wants_truth or kind.dense) and _told(run)[0].apart
         alike.setdefault((kind, _structure(_Course(run)), apart), []).append(place)
     return [
         _pack(runs, members, wants_truth=kind.wants_truth, apart=apart)
         for (kind, _, apart), places in alike.items()
         for members in _members(runs, places)
     ]
-
-
-def _apart(run: Run) -> bool:
-    """Whether no covariance that a run is told, and begins with, is one of two axes."""
-    measured, _ = _told(run)
-    return measured.apart and (run.timeline.start is not None or axes_apart(run.timeline.P0[None]))
 
 
 def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]]:
@@ -193,14 +188,7 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, a
     alike = tuple(dict.fromkeys(streams))
     shared = _one_stream(alike, wants_truth) if len(alike) == 1 else _streams(streams, wants_truth)
     steps = Steps(
-        shared.model,
-        shared.sample,
-        shared.update,
-        shared.reference,
-        shared.u,
-        shared.z,
-        shared.R,
-        shared.reported,
+        *shared[:8],
         _stack(told),
         _stacked(lanes, lambda run: run.timeline.x0),
         _stacked(lanes, lambda run: run.timeline.P0.ravel()),

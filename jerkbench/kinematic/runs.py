@@ -22,14 +22,8 @@ from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
-NO_SCORE = Score(
-    np.empty(0, dtype=np.int64),
-    np.empty((0, 1)),
-    np.empty((0, 6, 1)),
-    np.empty((0, 4)),
-    np.empty((0, 1)),
-    consistency=False,
-)
+NO_ROWS = np.empty((0, 6, 1))
+NO_SCORE = Score(np.empty(0, np.int64), NO_ROWS[:, 0], NO_ROWS, NO_ROWS[:, :4, 0], NO_ROWS[:, 0], consistency=False)
 
 
 def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
@@ -201,8 +195,8 @@ def run_packs(
             coupled = kept.w[of.fields["coupled"].places[0] :].tolist()
             if pack.apart and any(coupled[:WIDE]):
                 run_pack(replace(pack, apart=False))
-            found = _results_of(pack, kept, of, updates=updates)
-            for place, result, again in zip(pack.members, found, coupled, strict=False):
+            found = zip(pack.members, _results_of(pack, kept, of, updates=updates), coupled, strict=False)
+            for place, result, again in found:
                 if not again:
                     results[place] = result
 
@@ -251,24 +245,11 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
 
 
 def _result(pack: Pack, kept: Kept, totals: FloatArray, lane: int, *, updates: bool) -> Streamed:
-    whole, outage, largest, farthest, nees, nees_position, nis, of_nis, nis_used, of_nis_used = totals[6:].tolist()
-    return Streamed(
-        position_m2=totals[:3],
-        velocity_m2ps2=totals[3:6],
-        whole_m2=whole,
-        outage_m2=outage,
-        largest_m2=largest,
-        farthest_m2=farthest,
-        nees=nees if pack.score.consistency else np.nan,
-        nees_position=nees_position if pack.score.consistency else np.nan,
-        nis_per_row=nis,
-        nis_updates=of_nis,
-        nis_used_per_row=nis_used,
-        nis_used_updates=of_nis_used,
-        marked_m=kept.errors[pack.marks[lane], :3, lane],
-        marked_m2=kept.errors[pack.marks[lane], 3:, lane],
-        updates=_updates(pack, kept.seen, lane) if updates else NOTHING,
-    )
+    sums, errors = totals[6:].tolist(), kept.errors[pack.marks[lane], :, lane]
+    if not pack.score.consistency:
+        sums[4:6] = np.nan, np.nan
+    seen = _updates(pack, kept.seen, lane) if updates else NOTHING
+    return Streamed._make([totals[:3], totals[3:6], *sums, errors[:, :3], errors[:, 3:], seen, None])
 
 
 def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:

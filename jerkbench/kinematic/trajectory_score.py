@@ -53,18 +53,9 @@ def _score_of(scoring: ErrorWeights, update_s: FloatArray) -> TrajectoryScore:
     marks = np.unique(scoring.marks)
     mark = np.full(len(scoring.truth), -1, dtype=np.int64)
     mark[marks] = np.arange(len(marks))
-    return TrajectoryScore(
-        _plain(scoring.truth),
-        _plain(scoring.counted),
-        _plain(scoring.whole),
-        _plain(scoring.moving),
-        _plain(scoring.outage),
-        mark,
-        np.zeros((len(marks), 9)),
-        (update_s >= scoring.start_s).astype(np.float64),
-        np.zeros(16),
-        np.zeros(42),
-    )
+    weights = map(_plain, (scoring.truth, scoring.counted, scoring.whole, scoring.moving, scoring.outage))
+    counts = (update_s >= scoring.start_s).astype(np.float64)
+    return TrajectoryScore._make([*weights, mark, np.zeros((len(marks), 9)), counts, np.zeros(16), np.zeros(42)])
 
 
 def _plain(array: FloatArray) -> FloatArray:
@@ -81,24 +72,9 @@ def scored_trajectory(estimate: Estimate, scoring: ErrorWeights) -> Streamed:
         _compiled()(score, x, _plain(estimate.covariance.reshape(-1, 36)), seen)
     totals = score.totals
     marked = score.errors[np.searchsorted(np.unique(scoring.marks), scoring.marks)]
-    return Streamed(
-        position_m2=totals[:3],
-        velocity_m2ps2=totals[3:6],
-        whole_m2=float(totals[WHOLE]),
-        outage_m2=float(totals[OUTAGE]),
-        largest_m2=float(totals[LARGEST]),
-        farthest_m2=float(totals[FARTHEST]),
-        nees=float(totals[NEES]),
-        nees_position=float(totals[NEES_POSITION]),
-        nis_per_row=float(totals[NIS]),
-        nis_updates=float(totals[UPDATES]),
-        nis_used_per_row=float(totals[NIS_USED]),
-        nis_used_updates=float(totals[UPDATES_USED]),
-        marked_m=marked[:, :3],
-        marked_m2=marked[:, 3:],
-        updates=updates,
-        euler_rad=estimate.euler_rad,
-    )
+    sums = totals[6:].tolist()
+    parts = totals[:3], totals[3:6], *sums, marked[:, :3], marked[:, 3:], updates, estimate.euler_rad
+    return Streamed._make(parts)
 
 
 @cache

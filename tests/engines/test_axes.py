@@ -8,7 +8,7 @@ from test_side_by_side import one, side_by_side, trajectory
 
 from jerkbench import plugins
 from jerkbench.kinematic import packs
-from jerkbench.measurements import TURNED, Measurements, axes_apart
+from jerkbench.measurements import TURNING_NOISE, Measurements, axes_apart
 
 RULES = ("none", "mtf", "chi2", "iae", "scalar_q", "huber_r", "cerkf_r", "variational_bayes")
 
@@ -49,7 +49,7 @@ def test_each_axis_by_itself_gives_what_all_together_give(several, rule, monkeyp
     model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": rule})
     got = side_by_side(several, model, adaptation)
     assert all(timeline.measurements.apart for _, timeline in several)
-    monkeypatch.setattr(packs, "_apart", lambda _run: False)
+    monkeypatch.setattr(packs, "axes_apart", lambda P0: np.zeros(len(P0), dtype=bool))
     together = side_by_side([uncoupled(pair) for pair in several], model, adaptation)
     for own, wanted in zip(got, together, strict=True):
         assert own == pytest.approx(wanted, rel=1e-12, abs=1e-15, nan_ok=True)
@@ -63,10 +63,10 @@ def test_an_adaptation_that_couples_axes_has_all_together(several):
 
 def test_what_rounding_leaves_couples_nothing_and_what_is_absent_neither():
     R = np.stack([np.diag([1.0, 4.0, 9.0, 1.0, 4.0, 9.0])] * 2)
-    R[0, 0, 1] = R[0, 1, 0] = TURNED
+    R[0, 0, 1] = R[0, 1, 0] = TURNING_NOISE
     R[1, 3:, 3:] = np.nan
     R[1, 0, 3] = R[1, 3, 0] = 0.5
-    assert axes_apart(R)
+    assert axes_apart(R).all()
     assert Measurements(np.arange(2), np.zeros((2, 6)), R, R).apart
     R[0, 0, 1] = R[0, 1, 0] = 1e-9
-    assert not axes_apart(R)
+    np.testing.assert_array_equal(axes_apart(R), [False, True])
