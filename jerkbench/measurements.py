@@ -58,7 +58,8 @@ TURNING_NOISE = 16.0 * np.finfo(np.float64).eps
 def axes_apart(R: FloatArray) -> BoolArray:
     """Whether each of (m, 6, 6) covariances has nothing between two axes but rounding, where they are numbers."""
     (r, c), variances = ACROSS, np.einsum("nii->ni", R)
-    return ~(R[:, r, c] ** 2 > TURNING_NOISE * TURNING_NOISE * variances[:, r] * variances[:, c]).any(axis=1)
+    coupled: BoolArray = R[:, r, c] ** 2 > TURNING_NOISE * TURNING_NOISE * variances[:, r] * variances[:, c]
+    return np.logical_not(coupled.any(axis=1))
 
 
 class ScaledMeasurements(Measurements):
