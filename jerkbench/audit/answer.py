@@ -1,5 +1,6 @@
 """What the rows of an audit say, in numbers and sentences: of all together, of each method, of each kind of fault."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.parameters import provenance_of
 
-FAULT = "drawn.fault."
+FAULT, TRACE = "drawn.fault.", "drawn.replayed_gnss.trace."
 """Columns of drives that tell a kind of fault begin so."""
 NO_FAULT, FAULTY = "no fault", "faulty"
 NOTHING_KNOWN, LEAST_BAD = "nothing known", "the worst kind shall be least bad"
@@ -352,39 +353,56 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
     said, methods = answer.said, answer.methods
     taken, as_published = methods[methods["is"].isin(PUBLISHED)], methods[methods["is"] == "published"]
     theirs, exact = counts_of(taken["own_verdict"]), counts_of(as_published["own_verdict"])
-    best, price = counts(said.best_plain), counts_of(methods["no_fault_verdict"])
-    n, leading = len(methods), len(set(leaders(answer.rows)))
+    best, best_exact = counts_of(taken["best_verdict"]), counts_of(as_published["best_verdict"])
+    price, leading = counts_of(methods["no_fault_verdict"]), len(set(leaders(answer.rows)))
+    kind = main_kind(answer.rows)
+    without = reweighted(answer.rows, f"{kind}=0")
     first = (
         f"**{theirs['better']} of {len(taken)} adaptive filters beat the plain filter of their model, tuned alike;"
         f" {theirs['worse']} are worse**. These are {taken['adaptation'].nunique()} adaptations, published or"
         f" simplified, on {taken['filter'].nunique()} models. Of the {len(as_published)} that are as published,"
         f" {exact['better']} are better and {exact['worse']} worse. The average has {interval(said.average)} of the"
-        f" error. Against the best plain filter of any model, {best['better']} of {n} are better and {best['worse']}"
-        " worse."
+        f" error. Against the best plain filter of any model, {best['better']} of the {len(taken)} are better and"
+        f" {best['worse']} worse; as published, {best_exact['better']} and {best_exact['worse']} of"
+        f" {len(as_published)}."
     )
     third = (
         f"**The one of these {len(taken)} that leads in a tuning has {interval(said.pick)}** of the error of the plain"
-        " filter that leads there. That one was chosen from as many settings. The leader changes:"
+        " filter that leads there. That one was chosen from as many settings. Without drives with"
+        f" {kind.replace('_', ' ')}, it has {interval(without.pick)}. The leader changes:"
         f" {leading} different ones in {answer.rows.protocol.tunings} tunings. A typical method is more than 3 % worse"
         f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
     )
     price_text = f"Without a fault, {price['better']} are better and {price['worse']} worse."
-    return [first, f"{_where(answer)} {price_text}", third]
+    return [first, f"{_where(answer, kind, without)} {price_text}", third]
+
+
+def average_over_drives(rows: AuditRows) -> FloatArray:
+    """Return the log ratio (D,) of the average adaptation on each drive, mean over the tunings."""
+    return np.asarray(comparisons(losses_of(rows))[0][0].mean(axis=0))
+
+
+def by_trace(rows: AuditRows) -> dict[str, float]:
+    """Return the ratio of the average adaptation on the drives that replay each receiver's errors."""
+    judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
+    drawn = judged.filter(regex=rf"^{re.escape(TRACE)}").notna()
+    average = average_over_drives(rows)
+    return {
+        str(name).removeprefix(TRACE): float(np.exp(average[own].mean())) for name, own in drawn.items() if own.any()
+    }
 
 
 def main_kind(rows: AuditRows) -> str:
     """Return the kind of fault that the average adaptation gains most from: without it, least is left of the gain."""
-    average = comparisons(losses_of(rows))[0][0].mean(axis=0)
+    average = average_over_drives(rows)
     known = {kind: member for kind, member in kinds_of(rows).items() if kind != NO_FAULT and member.any()}
     return max(known, key=lambda kind: float(average[~known[kind]].mean()))
 
 
-def _where(answer: AuditAnswer) -> str:
-    """Say which kind of fault the average gains most from, what is left without it, and which one does most harm."""
-    rows, n = answer.rows, len(answer.methods)
-    most = main_kind(rows)
-    said = reweighted(rows, f"{most}=0")
-    own, share = counts(said.own_plain), percent(kinds_of(rows)[most].mean())
+def _where(answer: AuditAnswer, most: str, said: Statements) -> str:
+    """Say what is left without the kind of fault that the average gains ``most`` from, and which does most harm."""
+    n = len(answer.methods)
+    own, share = counts(said.own_plain), percent(kinds_of(answer.rows)[most].mean())
     shown = {kind: counts_of(of["verdict"]) for kind, of in answer.kinds.groupby("kind", observed=True)}
     harm = max((kind for kind in shown if kind not in (most, NO_FAULT)), key=lambda kind: shown[kind]["worse"])
     name, other = most.replace("_", " "), str(harm).replace("_", " ")

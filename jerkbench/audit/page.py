@@ -18,6 +18,8 @@ from jerkbench.audit.answer import (
     NO_FAULT,
     AuditAnswer,
     answered,
+    average_over_drives,
+    by_trace,
     changed_verdicts,
     compared_text,
     counts,
@@ -188,6 +190,7 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
 
     status = answer.rows.judged["status"].astype(str)
     levels = answer.rows.judged["seed"].map(answer.rows.drives.set_index("seed")["level"]).to_numpy()
+    average = average_over_drives(answer.rows)
     found = [folder.parent / name / FOUND for name in ELSEWHERE]
     values = {
         "p": answer.rows.protocol,
@@ -201,6 +204,9 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
         "dear": np.exp(answer.rows.judged["log_error"] - levels) > answer.rows.protocol.lost_costs,
         "at_costs": answer.at_costs,
         "runs": len(status),
+        "usual": float(np.exp(np.median(average))),
+        "often": float((average < 0).mean()),
+        "traces": by_trace(answer.rows),
         "failed": status.str.startswith("failed").sum(),
         "take": _take(answer.take),
         "by_kind": _by_kind(answer.kinds),
