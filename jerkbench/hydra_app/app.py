@@ -48,7 +48,6 @@ from jerkbench.report import Choice, figures_choice
 from jerkbench.results.manifest import stretches
 from jerkbench.results.store import Store
 from jerkbench.results.study import Study, concluded, load_study
-from jerkbench.results.study_figures import draw_single
 
 
 def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
@@ -121,7 +120,11 @@ def one(config: DictConfig) -> None:
         with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
             run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
         _show(plan, store, config)
-        for path in draw_single(plan.jobs[0], study_folder(config), pdf=config.figures_pdf) if drawing else ():
+        if not drawing:
+            return
+        from jerkbench.results.study_figures import draw_single
+
+        for path in draw_single(plan.jobs[0], study_folder(config), pdf=config.figures_pdf):
             print(f"Figure: {path}")
 
 

@@ -59,6 +59,8 @@ def compare(run: Lanes, P: View, score: Score, errors: FloatArray, k: int) -> No
         for i in range(3):
             marked[i], marked[3 + i] = run.e[i], P[0, i]
         marked[6], marked[7], marked[8] = P[1, 1], P[1, 2], P[2, 2]
+        if STRIDE > 1:  # P between axes is 0, and nobody has written it
+            marked[4], marked[5], marked[7] = run.zero, run.zero, run.zero
     if len(score.outage) > 0:
         run.outage += taken(score.outage, k, run, "1")[0] * run.square
 

@@ -148,7 +148,7 @@ def test_a_velocity_of_the_body_is_refused():
     ("parameters", "sentence"),
     [
         ({"loss": "hubert"}, "Did you mean 'huber'"),
-        ({"loss_scale": 0.0}, "a scale above 0"),
+        ({"loss_scale": 0.0}, "loss_scale is 0.0; it must be a positive number"),
         ({"nonholonomic": True}, "the filter fgo has none"),
         ({"antenna_m": (1.0, 0.0, 0.0)}, "use_velocity=false only"),
     ],

@@ -67,8 +67,9 @@ def test_an_entry_has_a_line_a_table_and_both_settings(made):
 
 
 def runs_in(paths):
-    tables = [pd.read_parquet(path) for path in paths]
-    return {run for table in tables for run in zip(table["cell.key"], table["seed"], strict=True)}
+    """The stored runs, each with the time when it was made."""
+    table = pd.concat([pd.read_parquet(path, columns=["cell.key", "seed", "cell.created"]) for path in paths])
+    return table.astype({"cell.created": str}).set_index(["cell.key", "seed"])["cell.created"].sort_index()
 
 
 def test_an_entry_as_it_was_made_is_what_it_says(made):
@@ -80,18 +81,19 @@ def test_an_entry_as_it_was_made_is_what_it_says(made):
 
 def test_the_same_command_goes_on_where_it_was(made):
     folder, out, entry = made
-    before = {path: path.stat().st_mtime_ns for path in (entry / "runs").rglob("part-*")}
+    before = list((entry / "runs").rglob("part-*"))
+    made_at = runs_in(before)
     rows = (entry / "rows.parquet").read_bytes()
-    lost = next(iter(before))
-    runs = runs_in([lost])
+    lost = before[0]
+    runs = runs_in([lost]).index
     lost.unlink()
 
     done = verb("suite", "run", "filter=baseline", "adaptation=chi2", *TINY, cwd=folder)
 
-    after = {path: path.stat().st_mtime_ns for path in (entry / "runs").rglob("part-*")}
-    new = set(after) - set(before)
-    assert {path: after[path] for path in after if path not in new} == {k: v for k, v in before.items() if k != lost}
-    assert runs_in(new) == runs
+    made_again_at = runs_in((entry / "runs").rglob("part-*"))
+    assert made_again_at.index.equals(made_at.index)
+    again = made_again_at != made_at
+    assert set(again.index[again]) == set(runs)  # what was lost, and nothing else
     numbers = ["position_rmse_m", "anees", "status", "seed"]
     pd.testing.assert_frame_equal(
         pd.read_parquet(entry / "rows.parquet")[numbers],
