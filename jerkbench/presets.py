@@ -50,12 +50,12 @@ def take_folders(words: Sequence[str]) -> list[str]:
 
 def _require_no_doubles() -> None:
     """Check that no two of the user's folders have a preset of one name: the first would silently stand for both."""
+    groups = [path.name for path in config_folder().iterdir() if path.is_dir()]
     found: dict[Path, Path] = {}
     for folder in dict.fromkeys(_of_user):
-        for path in sorted(folder.glob("*/*.yaml")):
-            name = path.relative_to(folder)
-            other = found.setdefault(name, path)
-            if other.read_bytes() != path.read_bytes():
+        for path in sorted(path for group in groups for path in (folder / group).glob("*.yaml")):
+            other = found.setdefault(path.relative_to(folder), path)
+            if other != path and other.read_bytes() != path.read_bytes():
                 raise PluginError(f"{other} and {path} are different presets of one name; rename one of them.")
 
 

@@ -62,6 +62,14 @@ def test_a_preset_of_ones_own_is_exported_scored_and_tuned(tmp_path, own):
     assert command.count("--config-dir") == 3
 
 
+def test_files_of_one_name_that_are_no_presets_are_not_compared(tmp_path, own):
+    for folder in ("of dataset", "of noise"):
+        (tmp_path / folder / "notes").mkdir()
+        (tmp_path / folder / "notes" / "mine.yaml").write_text(f"# what {folder} is for\n")
+
+    assert "A noise of my own." in said(tmp_path, "list", "noise", *own)
+
+
 def test_a_preset_is_forgotten_by_the_next_command(tmp_path, own):
     said(tmp_path, "list", "dataset", *own)
 

@@ -50,6 +50,18 @@ def test_the_first_screen_is_that_of_the_committed_results():
     assert block == front.front(), "python experiments/audit/front.py README.md writes it anew"
 
 
+def test_the_first_screen_is_not_written_where_its_sentences_would_be_wrong(tmp_path, monkeypatch):
+    front = experiment("audit/front.py")
+    for name in ("journeys", "vehicles"):
+        found = (ROOT / "results" / name / "answer.md").read_text(encoding="utf-8")
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "answer.md").write_text(found.replace("**undecided**", "**better**"), encoding="utf-8")
+    monkeypatch.setattr(front, "RESULTS", tmp_path)
+
+    with pytest.raises(SystemExit, match=r"'UWB': 'better'.* write it anew"):
+        front._journeys()
+
+
 @pytest.mark.parametrize("line", table_after("position RMSE in metres:"), ids=lambda line: " ".join(line[:2]))
 def test_the_papers_table_is_that_of_its_rows(line, paper):
     name, adaptation, *cells = line

@@ -40,7 +40,9 @@ def front() -> str:
     return f"{head}\n{sentences}\n{_journeys()}\n\n{figure}{more} {_suite()}\n"
 
 
-FOUND = re.compile(r"- \*\*(?:J-)?(\w+)\*\*: (\S+ \[.*?\]) of .*? of (\d+) ")
+FOUND = re.compile(r"- \*\*(?:J-)?(\w+)\*\*: (\S+ \[.*?\]) of .*? of (\d+) .*?: \*\*(\w+)\*\*")
+SAID = {"GNSS": "worse", "UWB": "undecided", "baseline": "worse", "jerk": "worse"}
+"""The verdicts that the sentences of the block are written for."""
 
 
 def _journeys() -> str:
@@ -48,8 +50,11 @@ def _journeys() -> str:
     rides, cars = (
         FOUND.findall((RESULTS / name / "answer.md").read_text(encoding="utf-8")) for name in ("journeys", "vehicles")
     )
-    on_rides = " and ".join(f"{ratio} ({name}, {n} journeys)" for name, ratio, n in rides)
-    on_cars = " and ".join(f"{ratio} with `{name}`" for name, ratio, _ in cars)
+    verdicts = {name: word for name, _, _, word in (*rides, *cars)}
+    if verdicts != SAID:
+        raise SystemExit(f"The real recordings say {verdicts}, but the block is written for {SAID}: write it anew.")
+    on_rides = " and ".join(f"{ratio} ({name}, {n} journeys)" for name, ratio, n, _ in rides)
+    on_cars = " and ".join(f"{ratio} with `{name}`" for name, ratio, *_ in cars)
     return (
         "**With recorded GNSS errors the average adaptation is slightly worse; with UWB it is undecided**. On"
         " [real journeys](experiments/journeys/README.md)\nwithout an IMU it has "

@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -72,6 +73,11 @@ class AuditAnswer:
     steps: "pd.Series[float]"
     error: Error
 
+    @cached_property
+    def sentences(self) -> list[str]:
+        """The answer: how many beat the plain filter, where the gain comes from, what picking the best brings."""
+        return three_sentences(self)
+
 
 def answered(rows: AuditRows) -> AuditAnswer:
     """Return what the rows of an audit say."""
@@ -97,7 +103,7 @@ def answered(rows: AuditRows) -> AuditAnswer:
     )
 
 
-def reweighted(rows: AuditRows, mixture: str) -> Statements:
+def reweighted(rows: AuditRows, losses: Losses, mixture: str) -> Statements:
     """Return what an audit would say of another mixture: ``faulty=0.05``, or a kind of fault in place of "faulty".
 
     Raises:
@@ -112,7 +118,7 @@ def reweighted(rows: AuditRows, mixture: str) -> Statements:
         wanted = float(share)
     except ValueError:
         raise PluginError(f"'{mixture}' gives no share; write for example {name}=0.05.") from None
-    return statements(losses_of(rows), mixture_weights(member, wanted))
+    return statements(losses, mixture_weights(member, wanted))
 
 
 def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
@@ -306,9 +312,8 @@ def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
     return pd.Series({step: float(np.exp((own - level).mean())) for step, own in of.items()})
 
 
-def leaders(rows: AuditRows) -> list[str]:
+def leaders(rows: AuditRows, losses: Losses) -> list[str]:
     """Return which published method leads on the drives of each tuning."""
-    losses = losses_of(rows)
     names = np.array([method.name for method in rows.protocol.methods])[losses.picked]
     return [str(names[place]) for place in losses.tuned[losses.picked].argmin(axis=0)]
 
@@ -349,14 +354,14 @@ EQUAL = f"equal within {100 * MARGIN:.0f} %"
 
 
 def three_sentences(answer: AuditAnswer) -> list[str]:
-    """Return the answer: how many beat the plain filter, where the gain comes from, what picking the best brings."""
-    said, methods = answer.said, answer.methods
+    """Return what `AuditAnswer.sentences` says."""
+    rows, said, methods = answer.rows, answer.said, answer.methods
     taken, as_published = methods[methods["is"].isin(PUBLISHED)], methods[methods["is"] == "published"]
     theirs, exact = counts_of(taken["own_verdict"]), counts_of(as_published["own_verdict"])
     best, best_exact = counts_of(taken["best_verdict"]), counts_of(as_published["best_verdict"])
-    price, leading = counts_of(methods["no_fault_verdict"]), len(set(leaders(answer.rows)))
-    kind = main_kind(answer.rows)
-    without = reweighted(answer.rows, f"{kind}=0")
+    price, leading = counts_of(methods["no_fault_verdict"]), len(set(leaders(rows, answer.losses)))
+    kind = main_kind(rows, answer.losses)
+    without = reweighted(rows, answer.losses, f"{kind}=0")
     first = (
         f"**{theirs['better']} of {len(taken)} adaptive filters beat the plain filter of their model, tuned alike;"
         f" {theirs['worse']} are worse**. These are {taken['adaptation'].nunique()} adaptations, published or"
@@ -370,31 +375,30 @@ def three_sentences(answer: AuditAnswer) -> list[str]:
         f"**The one of these {len(taken)} that leads in a tuning has {interval(said.pick)}** of the error of the plain"
         " filter that leads there. That one was chosen from as many settings. Without drives with"
         f" {kind.replace('_', ' ')}, it has {interval(without.pick)}. The leader changes:"
-        f" {leading} different ones in {answer.rows.protocol.tunings} tunings. A typical method is more than 3 % worse"
+        f" {leading} different ones in {rows.protocol.tunings} tunings. A typical method is more than 3 % worse"
         f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
     )
     price_text = f"Without a fault, {price['better']} are better and {price['worse']} worse."
     return [first, f"{_where(answer, kind, without)} {price_text}", third]
 
 
-def average_over_drives(rows: AuditRows) -> FloatArray:
+def average_over_drives(losses: Losses) -> FloatArray:
     """Return the log ratio (D,) of the average adaptation on each drive, mean over the tunings."""
-    return np.asarray(comparisons(losses_of(rows))[0][0].mean(axis=0))
+    return np.asarray(comparisons(losses)[0][0].mean(axis=0))
 
 
-def by_trace(rows: AuditRows) -> dict[str, float]:
-    """Return the ratio of the average adaptation on the drives that replay each receiver's errors."""
+def by_trace(rows: AuditRows, average: FloatArray) -> dict[str, float]:
+    """Return the ratio on the drives that replay each receiver's errors, of log ratios (D,): `average_over_drives`."""
     judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
     drawn = judged.filter(regex=rf"^{re.escape(TRACE)}").notna()
-    average = average_over_drives(rows)
     return {
         str(name).removeprefix(TRACE): float(np.exp(average[own].mean())) for name, own in drawn.items() if own.any()
     }
 
 
-def main_kind(rows: AuditRows) -> str:
+def main_kind(rows: AuditRows, losses: Losses) -> str:
     """Return the kind of fault that the average adaptation gains most from: without it, least is left of the gain."""
-    average = average_over_drives(rows)
+    average = average_over_drives(losses)
     known = {kind: member for kind, member in kinds_of(rows).items() if kind != NO_FAULT and member.any()}
     return max(known, key=lambda kind: float(average[~known[kind]].mean()))
 
@@ -439,7 +443,7 @@ def percent(share: float) -> str:
 
 def reweighted_text(rows: AuditRows, mixture: str) -> str:
     """Say what the audit would say of another mixture."""
-    said = reweighted(rows, mixture)
+    said = reweighted(rows, losses_of(rows), mixture)
     own, best = (
         ", ".join(f"{count} {word}" for word, count in counts(of).items()) for of in (said.own_plain, said.best_plain)
     )
@@ -455,21 +459,21 @@ def reweighted_text(rows: AuditRows, mixture: str) -> str:
     return "\n".join([*lines, *shown])
 
 
-def compared_text(changed: pd.DataFrame, rows: Sequence[AuditRows], first: Statements, second: Statements) -> str:
-    """Say how many verdicts two audits do not share; one that turns from better to worse is a defect.
+def compared_text(rows: Sequence[AuditRows], losses: Sequence[Losses]) -> str:
+    """Say how many verdicts two audits of the same methods do not share; one that turns round is a defect.
 
     Args:
-        changed: `changed_verdicts`.
         rows: those of both audits.
-        first: statements of one.
-        second: of the other.
+        losses: theirs, `losses_of`.
     """
-    statements, kind = 2 * len(rows[0].protocol.methods), main_kind(rows[0])
-    without = [interval(reweighted(each, f"{kind}=0").average) for each in rows]
+    methods, kind = rows[0].protocol.methods, main_kind(rows[0], losses[0])
+    first, second = map(statements, losses)
+    without = [interval(reweighted(*each, f"{kind}=0").average) for each in zip(rows, losses, strict=True)]
+    changed = changed_verdicts(first, second, methods)
     turned = changed[changed[["first", "second"]].isin([str(Verdict.BETTER), str(Verdict.WORSE)]).all(axis=1)]
     head = (
-        f"An audit with other drives and other tunings changes {len(changed)} of {statements} verdicts; {len(turned)}"
-        f" turn from better to worse or back{', which is a defect' if len(turned) else ''}."
+        f"An audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
+        f" {len(turned)} turn from better to worse or back{', which is a defect' if len(turned) else ''}."
     )
     tail = (
         f"The average adaptation had {interval(first.average)}, then {interval(second.average)}; without drives with"

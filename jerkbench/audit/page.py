@@ -20,21 +20,19 @@ from jerkbench.audit.answer import (
     answered,
     average_over_drives,
     by_trace,
-    changed_verdicts,
     compared_text,
     counts,
     counts_of,
     interval,
     kinds_of,
     percent,
-    three_sentences,
     told_truth,
 )
 from jerkbench.audit.campaign import Campaign
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.stored import collected, losses_of, read_rows, write_protocol
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.drives_and_tunings import Statement, statements
+from jerkbench.evaluation.statistics.drives_and_tunings import Statement
 from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.files import write_text
@@ -174,7 +172,7 @@ def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
         "methods": len(answer.methods),
         "adaptations": len(protocol.compared),
         "filters": list(protocol.filters),
-        "sentences": three_sentences(answer),
+        "sentences": answer.sentences,
         "against_own_plain": counts(said.own_plain),
         "against_best_plain": counts(said.best_plain),
         "average": asdict(said.average) | {"verdict": str(said.average.verdict)},
@@ -190,13 +188,13 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
 
     status = answer.rows.judged["status"].astype(str)
     levels = answer.rows.judged["seed"].map(answer.rows.drives.set_index("seed")["level"]).to_numpy()
-    average = average_over_drives(answer.rows)
+    average = average_over_drives(answer.losses)
     found = [folder.parent / name / FOUND for name in ELSEWHERE]
     values = {
         "p": answer.rows.protocol,
         "scale": folder.name.rpartition("-")[2],
         "commit": commit or "unknown",
-        "sentences": three_sentences(answer),
+        "sentences": answer.sentences,
         "methods": answer.methods,
         "n": len(answer.methods),
         "error": answer.error,
@@ -206,7 +204,7 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
         "runs": len(status),
         "usual": float(np.exp(np.median(average))),
         "often": float((average < 0).mean()),
-        "traces": by_trace(answer.rows),
+        "traces": by_trace(answer.rows, average),
         "failed": status.str.startswith("failed").sum(),
         "take": _take(answer.take),
         "by_kind": _by_kind(answer.kinds),
@@ -386,11 +384,8 @@ def compare_audits(folder: Path, other: Path) -> str:
         JerkbenchError: one is not there, or they are of other methods.
     """
     rows = [read_rows(each) for each in (folder, other)]
-    methods = [each.protocol.methods for each in rows]
-    if methods[0] != methods[1]:
+    if rows[0].protocol.methods != rows[1].protocol.methods:
         raise JerkbenchError(f"{folder} and {other} compare other methods; give two audits of the same.")
-    first, second = (statements(losses_of(each)) for each in rows)
-    changed = changed_verdicts(first, second, methods[0])
-    text = compared_text(changed, rows, first, second)
+    text = compared_text(rows, [losses_of(each) for each in rows])
     write_text(folder / SECOND, text)
     return text

@@ -20,7 +20,8 @@ from jerkbench.simulation.laws import law
 class RandomDrive:
     """A simulated drive whose parameters and faults are drawn from the seed, by laws that a preset states.
 
-    Each seed is another drive, so that a sweep over seeds is a sweep over drives. A law is a line of text::
+    Each seed is another drive, so that a sweep over seeds is a sweep over drives: a draw is one drive, for which each
+    parameter has got one random value by its law. A law is a line of text::
 
         speed_mps ~ uniform 0.9 to 2.2          roughness ~ log_normal 1.5 sigma 0.4    (median; sigma of the logarithm)
         size_m ~ log_uniform 0.5 to 10          trace ~ one_of comma2k19 pixel4 tokyo_1105

@@ -99,7 +99,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
-    from jerkbench.audit.answer import reweighted_text, three_sentences
+    from jerkbench.audit.answer import reweighted_text
     from jerkbench.audit.page import FOLDER, compare_audits, judged_audit, run_audit
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.stored import read_rows
@@ -126,7 +126,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
         answer = judged_audit(folder)
     else:
         answer = run_audit(protocol, folder, cluster_named(chosen.cluster), workers)
-    print("\n".join(three_sentences(answer)))
+    print("\n".join(answer.sentences))
     print(f"Written to {folder}.")
 
 

@@ -73,10 +73,9 @@ def test_it_pays_from_the_share_at_which_gain_and_price_are_equal():
 
 def test_another_mixture_is_that_of_its_drives_alone(answer):
     """With no faulty drives left, the ratios are those of the drives without a fault."""
-    said = reweighted(answer.rows, "faulty=0")
+    said = reweighted(answer.rows, answer.losses, "faulty=0")
     without = kinds_of(answer.rows)[NO_FAULT]
-    losses = losses_of(answer.rows)
-    y = (losses.methods - losses.plains[losses.model])[:, :, without]
+    y = (answer.losses.methods - answer.losses.plains[answer.losses.model])[:, :, without]
 
     np.testing.assert_allclose([one.ratio for one in said.own_plain], np.exp(y.mean(axis=(1, 2))))
     assert "With outliers=0.2, from 160 drives" in reweighted_text(answer.rows, "outliers=0.2")
@@ -88,14 +87,14 @@ def test_another_mixture_is_that_of_its_drives_alone(answer):
 )
 def test_a_mixture_that_cannot_be_is_refused_in_a_sentence(answer, mixture, said):
     with pytest.raises(PluginError, match=said):
-        reweighted(answer.rows, mixture)
+        reweighted(answer.rows, answer.losses, mixture)
 
 
 def test_a_verdict_that_turns_is_a_defect(answer):
     ratios = {("jerk", "mtf"): 0.5, ("baseline", "chi2"): 0.6}
-    other = statements(losses_of(made_rows(seed=1, ratio=ratios)))
-    changed = changed_verdicts(answer.said, other, SMALL.methods)
-    text = compared_text(changed, [answer.rows, answer.rows], answer.said, other)
+    other = losses_of(made_rows(seed=1, ratio=ratios))
+    changed = changed_verdicts(answer.said, statements(other), SMALL.methods)
+    text = compared_text([answer.rows, answer.rows], [answer.losses, other])
 
     assert changed[changed["filter"] == "jerk"].iloc[0].tolist() == ["jerk", "mtf", "own", "better", "worse"]
     assert "2 turn from better to worse or back, which is a defect" in text
