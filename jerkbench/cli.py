@@ -9,7 +9,6 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,7 +16,7 @@ from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
 from jerkbench.plain import plain_output
 from jerkbench.presets import take_folders
 from jerkbench.removed import refuse_removed
-from jerkbench.verbs import VERBS
+from jerkbench.verbs import parser
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
@@ -220,34 +219,12 @@ def _files_in_words(sentence: str) -> Iterator[None]:
 
 def _chosen(words: list[str]) -> argparse.Namespace:
     """Read the words of a verb; help where there are none."""
-    parser = _parser()
-    chosen, behind = parser.parse_known_args(words if words[:1] not in ([], ["help"]) else [*words[1:], "--help"])
+    chosen, behind = parser().parse_known_args(words if words[:1] not in ([], ["help"]) else [*words[1:], "--help"])
     if behind and (not hasattr(chosen, "words") or any(word.startswith("-") for word in behind)):
-        parser.error(f"unrecognized arguments: {' '.join(behind)}")
+        parser().error(f"unrecognized arguments: {' '.join(behind)}")
     if behind:  # KEY=VALUE behind an option, which argparse does not put to those before it
         chosen.words = [*chosen.words, *behind]
     return chosen
-
-
-@cache
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
-    )
-    parser.add_argument("--version", action="version", version=_version())
-    presets = "a folder with presets of your own (DIR/dataset/mine.yaml), for every verb; it may be given several times"
-    parser.add_argument("--config-dir", metavar="DIR", help=presets)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
-    for verb in VERBS:
-        verb(verbs)
-    return parser
-
-
-def _version() -> str:
-    from importlib.metadata import version
-
-    return f"jerkbench {version('jerkbench')}"
 
 
 def _one_line(message: Warning | str, *_: object, **__: object) -> None:

@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 339, 34
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 33_734
+MOST_CODE = 33_539
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 27
 """Modules that one other module imports; the aim is none."""

@@ -4,7 +4,6 @@ import dataclasses
 import hashlib
 import json
 import os
-import zlib
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from datetime import datetime
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any, cast
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -51,7 +51,7 @@ MOST_CACHED_BYTES = 2_000_000_000
 
 def simulated(dataset: Dataset, seed: int) -> Recording:
     """Return the recording of ``seed``: the one that is kept, or a new one, which then is."""
-    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.arrays"
+    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.npz"
     kept = _read(path)
     if kept is not None:
         return kept
@@ -69,15 +69,10 @@ def _key(dataset: Dataset, seed: int) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
-ARRAYS_MAGIC = b"jerkbench arrays 1\n"
-ALIGNED = 64
-"""Arrays begin at multiples of so many bytes."""
-
-
 def _write(recording: Recording, path: Path) -> None:
-    """Write the arrays of a recording, and before them what JSON can say of the rest."""
+    """Write the arrays of a recording, and as JSON the rest."""
     arrays: dict[str, Any] = {}
-    header: dict[str, Any] = {}
+    rest: dict[str, Any] = {}
     for part in ("", LAW, *RECORDING_PARTS):
         owner = getattr(recording, part) if part else recording
         for each in dataclasses.fields(owner) if owner is not None else ():
@@ -85,22 +80,16 @@ def _write(recording: Recording, path: Path) -> None:
             if isinstance(value, np.ndarray):
                 arrays[f"{part}.{each.name}"] = value
             elif each.name not in (*RECORDING_PARTS, LAW):
-                header[f"{part}.{each.name}"] = value.isoformat() if isinstance(value, datetime) else value
-    listed = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
-    described = json.dumps({"header": header, "arrays": listed}).encode()
-    content = b"".join(map(_padded, [described, *(array.tobytes() for array in arrays.values())]))
-    sizes = np.array([len(described), zlib.crc32(content)], dtype="<u8").tobytes()
-    write_atomically(path, lambda partial: partial.write_bytes(_padded(ARRAYS_MAGIC + sizes) + content))
-
-
-def _padded(content: bytes) -> bytes:
-    return content + bytes(-len(content) % ALIGNED)
+                rest[f"{part}.{each.name}"] = value.isoformat() if isinstance(value, datetime) else value
+    write_atomically(path, lambda partial: np.savez(partial, rest=json.dumps(rest), **arrays))
 
 
 def _read(path: Path) -> Recording | None:
     """The recording at ``path``, or None where there is none that is whole."""
     try:
-        values = _values(path)
+        with path.open("rb") as file, np.load(file) as kept:
+            values = dict(kept)
+        values |= json.loads(values.pop("rest").item())
         parts: dict[str, Any] = {
             name: cls(**own) for name, cls in RECORDING_PARTS.items() if (own := _of(name, values))
         }
@@ -111,24 +100,8 @@ def _read(path: Path) -> Recording | None:
         with suppress(OSError):
             os.utime(path)  # used just now: others go first
         return Recording(**own, **parts, drawn=drawn)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile):
         return None
-
-
-def _values(path: Path) -> dict[str, Any]:
-    """What a file of `_write` holds, the arrays as views of its content."""
-    content = np.fromfile(path, dtype=np.uint8)
-    magic, head = len(ARRAYS_MAGIC), content[:ALIGNED].tobytes()
-    length, checksum = np.frombuffer(head[magic : magic + 16], dtype="<u8").tolist()
-    if not head.startswith(ARRAYS_MAGIC) or zlib.crc32(content[ALIGNED:]) != checksum:  # type: ignore[arg-type]  # a buffer
-        raise ValueError(f"{path} is damaged.")
-    described = json.loads(content[ALIGNED : ALIGNED + length].tobytes())
-    values, at = described["header"], ALIGNED + length + -length % ALIGNED
-    for name, dtype, shape in described["arrays"]:
-        size = np.dtype(dtype).itemsize * int(np.prod(shape))
-        values[name] = content[at : at + size].view(dtype).reshape(shape)
-        at += size + -size % ALIGNED
-    return dict(values)
 
 
 def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:

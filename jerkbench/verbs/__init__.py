@@ -1,4 +1,8 @@
-"""The verbs but `run`."""
+"""The verbs but `run`, and the parser of the command line."""
+
+import argparse
+from functools import cache
+from importlib.metadata import version
 
 from jerkbench.verbs import campaigns, completing, inspecting, plugins, recordings, results, rows
 from jerkbench.verbs.arguments import group
@@ -30,3 +34,21 @@ VERBS = (
     *(plugins.new_verb, plugins.check_verb, results.cite_verb, completing.completion_verb),
 )
 """In the order in which `jerkbench --help` names them."""
+
+
+@cache
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of every verb; of `run` it knows the name, and options for completion."""
+    whole = argparse.ArgumentParser(
+        prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
+    )
+    whole.add_argument("--version", action="version", version=f"jerkbench {version('jerkbench')}")
+    presets = "a folder with presets of your own (DIR/dataset/mine.yaml), for every verb; it may be given several times"
+    whole.add_argument("--config-dir", metavar="DIR", help=presets)
+    verbs = whole.add_subparsers(dest="verb", required=True, metavar="VERB")
+    run = verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
+    for option in ("-m", "--dry", "--cfg"):
+        run.add_argument(option)
+    for declare in VERBS:
+        declare(verbs)
+    return whole

@@ -1,12 +1,11 @@
-"""The declaration of a verb, the words that several verbs take, and the examples of each."""
+"""The declaration of a verb, and the words that several verbs take."""
 
 import argparse
+import inspect
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Callable
 from pathlib import Path
-from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.errors import JerkbenchError
@@ -24,17 +23,16 @@ Answering = Callable[[argparse.Namespace], None]
 Declaration = Callable[["Parsers"], None]
 
 
-def verb(*arguments: Argument, epilog: str = "") -> Callable[[Answering], Declaration]:
-    """Make a verb of the function that answers it: ``data_convert_verb`` of ``convert``, titled as it is documented."""
+def verb(*arguments: Argument) -> Callable[[Answering], Declaration]:
+    """Make a verb of the function that answers it: ``data_convert_verb`` of ``convert``; its docstring is the help."""
 
     def declaration(answer: Answering) -> Declaration:
         name = answer.__name__.removesuffix("_verb").rpartition("_")[2]
-        title = str(answer.__doc__).partition("\n")[0]
+        title, _, text = inspect.cleandoc(str(answer.__doc__)).partition("\n")
 
         def declare(parsers: "Parsers") -> None:
-            help_line = f"{title[0].lower()}{title[1:-1]}"
-            parser = parsers.add_parser(name, help=help_line, description=title)
-            parser.epilog = epilog_of(parser.prog.removeprefix("jerkbench "), epilog)
+            parser = parsers.add_parser(name, help=f"{title[0].lower()}{title[1:-1]}", description=title)
+            parser.epilog = text.partition("\nRaises:")[0].strip("\n")
             parser.formatter_class = argparse.RawDescriptionHelpFormatter
             for names, options in arguments:
                 parser.add_argument(*names, **options)
@@ -170,73 +168,3 @@ def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
     from jerkbench.report.analysis.columns import parse_method
 
     return parse_method(chosen.method) if chosen.method is not None else None
-
-
-# What `--help` of a verb ends with.
-
-EXAMPLE_LINES = """\
-jerkbench list adaptation
-jerkbench list metric --format json
-jerkbench show adaptation mtf
-jerkbench show filter jerk --format json
-jerkbench table results/first --baseline adaptation=none
-jerkbench table results/first --metric velocity_rmse_mps --rows disturbance --columns filter --format md
-jerkbench table results/first --findings --all
-jerkbench figures results/first --scenarios none --methods baseline,jerk+mtf
-jerkbench figures results/first --scenarios 0 --pdf --out paper
-jerkbench report results/first --figures none
-jerkbench report results/first --scenarios 1 --out first.html
-jerkbench rerun results/first 1
-jerkbench rerun results/first 12
-jerkbench export results/first 1 --tum trajectories
-jerkbench export results/first 5 --updates updates.csv
-jerkbench pack results/first
-jerkbench pack results/first/cells
-jerkbench cite
-jerkbench cite results/first
-jerkbench new adaptation my_rule
-jerkbench new filter my_model --out packages/my_model
-jerkbench check my_rule
-jerkbench check packages/my_model --format junit
-jerkbench data convert field drive.bag --set duration_s=30
-jerkbench data convert drive.bag drive.csv --coordinates ned
-jerkbench data inspect drive.bag --figure overview.png
-jerkbench data inspect field --set duration_s=30 --seed 1
-jerkbench data receiver drive.bag --figure receiver.png
-jerkbench data receiver field --set duration_s=60 --seed 1
-jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png
-jerkbench smooth field --set duration_s=60 --to kml
-jerkbench data salvage cut.bag whole.bag
-jerkbench data salvage drive.bag.active saved.bag
-jerkbench data fetch
-jerkbench data fetch broad
-jerkbench data trace field errors.parquet --set duration_s=30
-jerkbench data trace field biased.parquet --set duration_s=30 --offset keep
-jerkbench data cache
-jerkbench data cache --clear
-jerkbench completion bash
-jerkbench completion zsh
-jerkbench suite verify results/suite-tiny/jerk-none
-jerkbench suite verify results/suite-tiny/jerk-none --rows 2
-jerkbench suite board results/suite-tiny
-jerkbench suite board results/suite-tiny --rows 1
-"""
-"""The examples of one verb follow each other."""
-
-
-def verb_of(line: str) -> str:
-    """Return the words of the verb of a command: ``data fetch`` of ``jerkbench data fetch broad``."""
-    first, *others = line.split()[1:]
-    return f"{first} {others[0]}" if first in ("data", "suite") else first
-
-
-VERB_EXAMPLES: Mapping[str, Sequence[str]] = {
-    verb: tuple(lines) for verb, lines in groupby(EXAMPLE_LINES.splitlines(), verb_of)
-}
-"""By the words of the verb."""
-
-
-def epilog_of(verb: str, text: str) -> str:
-    """Return what `--help` of a verb ends with: its text, and its examples."""
-    words = text.strip("\n") if "\n" in text else fill(text, 116)
-    return "\n\n".join(filter(None, (words, "\n".join(f"  {line}" for line in VERB_EXAMPLES.get(verb, ())))))

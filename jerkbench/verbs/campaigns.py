@@ -12,41 +12,39 @@ from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, outp
 if TYPE_CHECKING:
     from jerkbench.tuning.entrant import Entrant
 
-TUNE = """\
-KEY=VALUE are those of `jerkbench run`. Several values of dataset, disturbance and attitude, separated by commas, are
-the scenarios of one tuning. Several values of filter and adaptation are methods, all tuned with the same budget (-m).
-
-  jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
-  jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
-  jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood      your own log, no reference
-  jerkbench tune -m filter=attitude_only attitude=vqf,mahony dataset=field                  attitude filters alone
-
-It tunes every parameter with a range (`jerkbench show filter jerk`), and the factors on the reported R
-(r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects fewer.
-
-  trials=64            how many settings are tried, the default setting among them
-  sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
-  objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
-                       likelihood: of the innovations, without a reference; inclination: of an attitude filter alone
-  split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
-                       recordings, families (held_out=[NAME,...]: tested on these, tuned without them)
-  tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
-  finalists=8          so many of the best settings are tried again on the seeds to choose on
-  restarts=1           how many searches with different settings: their spread is luck
-  cluster=local        threads of this process; dask, slurm, ...: each scenario goes to a worker (docs/cluster.md)
-
-Written to results/STUDY/tune/METHOD: tuning.md, presets for `jerkbench run --config-dir`, settings for
-robot_localization, KF-GINS and eskf15, every trial. If you stop it, the same command continues.
-"""
-
 
 @verb(
     argument("-m", "--multirun", action="store_true", help="tune each of several methods, with equal budgets"),
     argument("words", nargs="*", metavar="KEY=VALUE", help="what to tune, on what, with which budget"),
-    epilog=TUNE,
 )
 def tune_verb(chosen: argparse.Namespace) -> None:
     """Find the best setting of a method, and score it on runs that the search has not seen.
+
+    KEY=VALUE are those of `jerkbench run`. Several values of dataset, disturbance and attitude, separated by commas,
+    are the scenarios of one tuning. Several values of filter and adaptation are methods, all tuned with the same budget
+    (-m).
+
+      jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
+      jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
+      jerkbench tune filter=bias dataset=husky_bag dataset.folder=DIR objective=likelihood    your own log, no reference
+      jerkbench tune -m filter=attitude_only attitude=vqf,mahony dataset=field                attitude filters alone
+
+    It tunes every parameter with a range (`jerkbench show filter jerk`), and the factors on the reported R
+    (r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects fewer.
+
+      trials=64            how many settings are tried, the default setting among them
+      sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
+      objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
+                           likelihood: of the innovations, without a reference; inclination: of an attitude filter alone
+      split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
+                           recordings, families (held_out=[NAME,...]: tested on these, tuned without them)
+      tune_seeds=16 choose_seeds=16 test_seeds=40 first_seed=0      disjoint; the test seeds are read at the end
+      finalists=8          so many of the best settings are tried again on the seeds to choose on
+      restarts=1           how many searches with different settings: their spread is luck
+      cluster=local        threads of this process; dask, slurm, ...: each scenario goes to a worker (docs/cluster.md)
+
+    Written to results/STUDY/tune/METHOD: tuning.md, presets for `jerkbench run --config-dir`, settings for
+    robot_localization, KF-GINS and eskf15, every trial. If you stop it, the same command continues.
 
     Raises:
         JerkbenchError: a word is unknown, or what it asks for cannot be tuned.
@@ -54,27 +52,6 @@ def tune_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.hydra_app.tuning import tune_all, tuning_words
 
     tune_all(tuning_words(chosen.words, several=chosen.multirun))
-
-
-AUDIT = """\
-SCALE is a protocol in conf/audit: what is compared, on which random drives, with which budget. The protocol and its
-hash are written before anything runs. Every drive and every setting follows from the hash.
-
-  jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
-  jerkbench audit --scale medium     two models, without what iterates
-  jerkbench audit                    the whole protocol: hours on two cores; --cluster and --workers for more
-  jerkbench audit --scale second     the same with other drives and other tunings
-  jerkbench audit --reweight faulty=0.05             the answer where 5 % of drives have a fault, from stored rows
-  jerkbench audit --against results/audit-second     which verdicts the second one does not share; for the page
-  jerkbench audit attitude           of attitude filters, by the tilt: four minutes (needs the package vqf)
-
-The same command goes on where it was stopped. --stored judges what is stored, whatever version computed it, and runs
-nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the simulated field, apart; what is
-not in --data is left out.
-
-RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
-follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), manifest.json and protocol.json.
-"""
 
 
 @verb(
@@ -91,10 +68,27 @@ follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), m
         "--against", type=Path, metavar="FOLDER", help="say which verdicts another audit in FOLDER does not share"
     ),
     *WHERE,
-    epilog=AUDIT,
 )
 def audit_verb(chosen: argparse.Namespace) -> None:
     """Tune every adaptive filter and the plain one alike, and judge them on unseen drives.
+
+    SCALE is a protocol in conf/audit: what is compared, on which random drives, with which budget. The protocol and its
+    hash are written before anything runs. Every drive and every setting follows from the hash.
+
+      jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
+      jerkbench audit --scale medium     two models, without what iterates
+      jerkbench audit                    the whole protocol: hours on two cores; --cluster and --workers for more
+      jerkbench audit --scale second     the same with other drives and other tunings
+      jerkbench audit --reweight faulty=0.05             the answer where 5 % of drives have a fault, from stored rows
+      jerkbench audit --against results/audit-second     which verdicts the second one does not share; for the page
+      jerkbench audit attitude           of attitude filters, by the tilt: four minutes (needs the package vqf)
+
+    The same command goes on where it was stopped. --stored judges what is stored, whatever version computed it, and
+    runs nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the simulated field, apart;
+    what is not in --data is left out.
+
+    RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
+    follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), manifest.json and protocol.json.
 
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
@@ -138,21 +132,6 @@ DEFAULT_SUITE = "v2"
 ATTITUDES = "attitude-"
 """The names of suites of attitude filters begin so."""
 
-ENTER = """\
-KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
-
-  jerkbench suite run filter=jerk adaptation=mtf
-  jerkbench suite run filter=baseline adaptation=my_rule --scale v2-tiny    seconds: does it run?
-  jerkbench suite run filter=jerk adaptation=mtf --scale v1                 an earlier suite
-  jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
-  jerkbench suite run attitude=madgwick --scale attitude-v1                 of attitude filters; attitude-tiny: seconds
-  jerkbench suite run filter=attitude_command filter.command="./mine {recording} {out}" --scale attitude-v1 --name mine
-
-A method whose parameters have ranges is tuned on 60 random drives and scored on 240 others; one without, and a program,
-is scored as it is given. The plain filter is tuned alike. The same command goes on where it was stopped. Written:
-entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
-"""
-
 
 @verb(
     argument("words", nargs="+", metavar="KEY=VALUE", help="the method"),
@@ -160,10 +139,22 @@ entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
     argument("--name", default="", help="what the board calls it (default: filter + adaptation)"),
     argument("--out", type=output, metavar="FOLDER", help="of the entry (default: results/suite-SCALE/NAME)"),
     *WHERE,
-    epilog=ENTER,
 )
 def suite_run_verb(chosen: argparse.Namespace) -> None:
     """Tune and score a method by the suite's protocol, and write its entry.
+
+    KEY=VALUE are those of `jerkbench run` that make a method: filter, adaptation, noise, r_scale and what is in them.
+
+      jerkbench suite run filter=jerk adaptation=mtf
+      jerkbench suite run filter=baseline adaptation=my_rule --scale v2-tiny    seconds: does it run?
+      jerkbench suite run filter=jerk adaptation=mtf --scale v1                 an earlier suite
+      jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
+      jerkbench suite run attitude=madgwick --scale attitude-v1             of attitude filters; attitude-tiny: seconds
+      jerkbench suite run filter=attitude_command filter.command="./mine {recording} {out}" --scale attitude-v1
+
+    A method whose parameters have ranges is tuned on 60 random drives and scored on 240 others; one without, and a
+    program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was stopped.
+    Written: entry.md, rows.parquet, settings.yaml, manifest.json (docs/suite.md).
 
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
@@ -229,6 +220,9 @@ def _spec(words: Sequence[str], groups: Sequence[str], example: str) -> "Mapping
 def suite_verify_verb(chosen: argparse.Namespace) -> None:
     """Check digests, completeness, score and a sample of rows of an entry.
 
+      jerkbench suite verify results/suite-tiny/jerk-none
+      jerkbench suite verify results/suite-tiny/jerk-none --rows 2
+
     Raises:
         JerkbenchError: there is no entry.
     """
@@ -251,6 +245,9 @@ def suite_verify_verb(chosen: argparse.Namespace) -> None:
 )
 def suite_board_verb(chosen: argparse.Namespace) -> None:
     """Write a sortable page of all entries of a folder, each verified.
+
+      jerkbench suite board results/suite-tiny
+      jerkbench suite board results/suite-tiny --rows 1
 
     Raises:
         JerkbenchError: there is no entry, or they are of several suites.

@@ -43,7 +43,13 @@ OTHERS = (
     argument("--line", help=argparse.SUPPRESS),
 )
 def completion_verb(chosen: argparse.Namespace) -> None:
-    """Print the script that completes verbs, options, plugins and parameters in bash, zsh or fish."""
+    """Print the script that completes verbs, options, plugins and parameters in bash, zsh or fish.
+
+    Its first line says where it goes.
+
+      jerkbench completion bash
+      jerkbench completion zsh
+    """
     if chosen.line is None:
         print(f"# {HEADS[chosen.shell]}\n{SCRIPTS[chosen.shell]}", end="")
         return
@@ -64,7 +70,9 @@ def completions(line: str) -> list[str]:
 
 
 def _possible(words: Sequence[str], current: str) -> Iterator[str]:
-    parser = _parser()
+    from jerkbench.verbs import parser as whole
+
+    parser = whole()
     place = 0
     while place < len(words) and words[place] in _verbs_of(parser):
         parser = _verbs_of(parser)[words[place]]
@@ -84,20 +92,6 @@ def _possible(words: Sequence[str], current: str) -> Iterator[str]:
         yield from public_recordings()
     elif any(action.dest == "source" for action in parser._actions) and not behind:  # noqa: SLF001
         yield from _names("dataset")
-
-
-def _parser() -> argparse.ArgumentParser:
-    from jerkbench.verbs import VERBS
-
-    parser = argparse.ArgumentParser(prog="jerkbench")
-    parser.add_argument("--config-dir")
-    verbs = parser.add_subparsers()
-    run = verbs.add_parser("run")
-    for option in ("-m", "--dry", "--cfg"):
-        run.add_argument(option)
-    for declare in VERBS:
-        declare(verbs)
-    return parser
 
 
 def _verbs_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

@@ -108,7 +108,13 @@ SEVERAL_SOURCES = (
     ),
 )
 def inspect_verb(chosen: argparse.Namespace) -> None:
-    """Print what a recording is made of, and what is wrong with it."""
+    """Print what a recording is made of, and what is wrong with it.
+
+    Of a bag it also lists the topics; of tables it guesses the columns.
+
+      jerkbench data inspect drive.bag --figure overview.png
+      jerkbench data inspect field --set duration_s=30 --seed 1
+    """
     from jerkbench.io.ros.streams import BagOptions
 
     _require_figure(chosen.figure)
@@ -163,6 +169,9 @@ def _save(figure: "Figure", path: Path) -> None:
 def receiver_verb(chosen: argparse.Namespace) -> None:
     """Measure how far off a receiver's covariance is, and say what to put into a filter.
 
+      jerkbench data receiver drive.bag --figure receiver.png
+      jerkbench data receiver field --set duration_s=60 --seed 1
+
     Raises:
         JerkbenchError: there are too few fixes, or no such kind of figure.
     """
@@ -195,6 +204,9 @@ def _require_figure(path: Path | None) -> None:
 )
 def smooth_verb(chosen: argparse.Namespace) -> None:
     """Write a better track from fixes alone: a smoother, tuned on the log itself.
+
+      jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png
+      jerkbench smooth field --set duration_s=60 --to kml
 
     Raises:
         JerkbenchError: there are too few fixes, the file is there, or its ending is unknown.

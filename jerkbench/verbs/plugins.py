@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 def list_verb(chosen: argparse.Namespace) -> None:
     """List all plugins and presets, or those of one kind.
 
+      jerkbench list adaptation
+      jerkbench list metric --format json
+
     Raises:
         PluginError: no such kind.
     """
@@ -34,6 +37,9 @@ def list_verb(chosen: argparse.Namespace) -> None:
 )
 def show_verb(chosen: argparse.Namespace) -> None:
     """Print equations, parameters, defaults and source of one plugin or preset.
+
+      jerkbench show adaptation mtf
+      jerkbench show filter jerk --format json
 
     Raises:
         PluginError: there is none of that name.
@@ -57,6 +63,9 @@ def show_verb(chosen: argparse.Namespace) -> None:
 )
 def new_verb(chosen: argparse.Namespace) -> None:
     """Write a package with a plugin of your own: class, entry point, test, README.
+
+      jerkbench new adaptation my_rule
+      jerkbench new filter my_model --out packages/my_model
 
     Raises:
         PluginError: no such kind, no possible name, one that is taken, or there is something in the folder.
@@ -112,6 +121,9 @@ FINDINGS: "Mapping[str, Callable[[str, Sequence[CheckedPlugin]], str]]" = {
 )
 def check_verb(chosen: argparse.Namespace) -> None:
     """Check whether the plugins of a package keep their contracts.
+
+      jerkbench check my_rule
+      jerkbench check packages/my_model --format junit
 
     Raises:
         PluginError: there is no such package, or it has no plugin.

@@ -149,10 +149,16 @@ TARGETS = {
     argument("target", type=Path, help="the file to write; its suffix says what"),
     argument("--coordinates", choices=("enu", "geodetic", "ned"), default="enu", help="of a table's positions"),
     argument("--stream", choices=("reference", "position"), help="which trajectory (default: the reference's)"),
-    epilog="TARGET ends in: " + ", ".join(f"{suffix} ({title})" for suffix, title in TARGETS.items()),
 )
 def convert_verb(chosen: argparse.Namespace) -> None:
-    """Write a recording as a ROS bag, a table or a trajectory."""
+    """Write a recording as a ROS bag, a table or a trajectory.
+
+    TARGET ends in: .bag (ROS 1 bag), .db3 (ROS 2 bag, sqlite3), .mcap (ROS 2 bag, mcap), .csv (table), .parquet
+    (table), .tum (trajectory as text), .kml (trajectory on the Earth), .gpx (trajectory on the Earth with times)
+
+      jerkbench data convert field drive.bag --set duration_s=30
+      jerkbench data convert drive.bag drive.csv --coordinates ned
+    """
     target: Path = chosen.target
     if target.suffix not in TARGETS:
         raise JerkbenchError(unknown("suffix of a target", target.suffix, TARGETS))
@@ -176,17 +182,6 @@ def convert_verb(chosen: argparse.Namespace) -> None:
         print(sentence)
 
 
-EXPORT = """\
-KEY=VALUE are those of `jerkbench run`: dataset, disturbance, attitude, their parameters, seeds, first_seed.
-
-  jerkbench data export drive dataset=field disturbance=gnss_outage seeds=5
-  jerkbench data export drive dataset=field seeds=1 --format csv kf_gins pyins mcap
-
-FOLDER/SEED/recording.csv has a row for each stamp of any stream; recording.json says what its columns are. What a
-method does not get, the reference, is FOLDER/SEED/reference.csv.
-"""
-
-
 @verb(
     argument("folder", type=output, help="the folder to write; it must not be there yet"),
     argument("words", nargs="*", metavar="KEY=VALUE", help="what `jerkbench run` takes"),
@@ -198,10 +193,17 @@ method does not get, the reference, is FOLDER/SEED/reference.csv.
         help="csv (default), parquet, bag, mcap, kf_gins, pyins; give it after KEY=VALUE",
     ),
     argument("--without-reference", action="store_true", help="leave reference.csv out"),
-    epilog=EXPORT,
 )
 def data_export_verb(chosen: argparse.Namespace) -> None:
     """Write disturbed recordings for programs of your own, one folder a seed.
+
+    KEY=VALUE are those of `jerkbench run`: dataset, disturbance, attitude, their parameters, seeds, first_seed.
+
+      jerkbench data export drive dataset=field disturbance=gnss_outage seeds=5
+      jerkbench data export drive dataset=field seeds=1 --format csv kf_gins pyins mcap
+
+    FOLDER/SEED/recording.csv has a row for each stamp of any stream; recording.json says what its columns are. What a
+    method does not get, the reference, is FOLDER/SEED/reference.csv.
 
     Raises:
         JerkbenchError: the folder is there, a format or a word is unknown, or a format lacks something.
@@ -240,7 +242,13 @@ def _write_seed(job: "Job", draw: int, folder: Path, chosen: argparse.Namespace)
     argument("target", type=Path, help="the bag to write"),
 )
 def salvage_verb(chosen: argparse.Namespace) -> None:
-    """Write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged."""
+    """Write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged.
+
+    A power loss leaves a .bag.active: that is read, too.
+
+      jerkbench data salvage cut.bag whole.bag
+      jerkbench data salvage drive.bag.active saved.bag
+    """
     from jerkbench.io.ros.salvage import salvage
 
     saved = salvage(chosen.source, chosen.target)
@@ -254,6 +262,9 @@ def salvage_verb(chosen: argparse.Namespace) -> None:
 @verb(argument("name", nargs="?", help="the recording; without it: what there is, and where it is kept"))
 def fetch_verb(chosen: argparse.Namespace) -> None:
     """Download a public recording, check it, and keep it.
+
+      jerkbench data fetch
+      jerkbench data fetch broad
 
     Raises:
         RecordingError: there is no such recording, or it cannot be had.
@@ -279,10 +290,15 @@ def fetch_verb(chosen: argparse.Namespace) -> None:
     argument("--offset", choices=("remove", "keep"), default="remove", help="the median error (default: remove)"),
     argument("--licence", default="", help="of the data, to stand in the file"),
     argument("--origin", default="", help="where the data are, to stand in the file"),
-    epilog="Then: jerkbench run disturbance=replayed_gnss disturbance.replayed_gnss.trace=TARGET",
 )
 def trace_verb(chosen: argparse.Namespace) -> None:
-    """Write the errors of a recording's fixes against its reference, to replay them elsewhere."""
+    """Write the errors of a recording's fixes against its reference, to replay them elsewhere.
+
+    Then: jerkbench run disturbance=replayed_gnss disturbance.replayed_gnss.trace=TARGET
+
+      jerkbench data trace field errors.parquet --set duration_s=30
+      jerkbench data trace field biased.parquet --set duration_s=30 --offset keep
+    """
     from jerkbench.traces import SUFFIX, read_trace, trace_of, trace_text, write_trace
 
     target: Path = chosen.target
@@ -300,6 +316,9 @@ def cache_verb(chosen: argparse.Namespace) -> None:
     """Show what is kept in the user's cache, or clear it.
 
     Recordings that were fetched are not in it: they are data.
+
+      jerkbench data cache
+      jerkbench data cache --clear
     """
     from jerkbench.compilation import module_cache
     from jerkbench.files import cache_folder

@@ -61,6 +61,10 @@ FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separ
 def table_verb(chosen: argparse.Namespace) -> None:
     """Print the table of a study, with rows, columns and metric of your choice.
 
+      jerkbench table results/first --baseline adaptation=none
+      jerkbench table results/first --metric velocity_rmse_mps --rows disturbance --columns filter --format md
+      jerkbench table results/first --findings --all
+
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
@@ -141,6 +145,9 @@ def _factors(words: str | None) -> list[str] | None:
 def figures_verb(chosen: argparse.Namespace) -> None:
     """Draw a study's figures: those of its rows, and of each scenario's runs.
 
+      jerkbench figures results/first --scenarios none --methods baseline,jerk+mtf
+      jerkbench figures results/first --scenarios 0 --pdf --out paper
+
     Raises:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
@@ -188,6 +195,9 @@ def figures_verb(chosen: argparse.Namespace) -> None:
 def report_verb(chosen: argparse.Namespace) -> None:
     """Write a study as one HTML file, with findings, table, figures and a review.
 
+      jerkbench report results/first --figures none
+      jerkbench report results/first --scenarios 1 --out first.html
+
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
     """
@@ -212,6 +222,9 @@ def report_verb(chosen: argparse.Namespace) -> None:
 def pack_verb(chosen: argparse.Namespace) -> None:
     """Join the rows of a study into one file, without incomplete cells.
 
+      jerkbench pack results/first
+      jerkbench pack results/first/cells
+
     Raises:
         JerkbenchError: there are no results, or some are damaged.
     """
@@ -224,6 +237,9 @@ def pack_verb(chosen: argparse.Namespace) -> None:
 @verb(argument("folder", nargs="?", type=Path, help="the study's folder (default: jerkbench alone)"))
 def cite_verb(chosen: argparse.Namespace) -> None:
     """Print BibTeX of every method and data set of a study, and of jerkbench.
+
+      jerkbench cite
+      jerkbench cite results/first
 
     Raises:
         JerkbenchError: the folder cannot be read.
@@ -240,29 +256,6 @@ COMPARISON_FORMATS = ("terminal", "md", "json", "junit")
 WORSE_CODE = 3
 """Exit code where the second set is worse than it may be."""
 
-COMPARE = """\
-A and B are folders. FOLDER:METHOD is one method of a folder: filter, adaptation and noise, joined by +, or
-FACTOR=VALUE.
-
-  jerkbench compare results/first results/second --fail-above 3
-  jerkbench compare results/first:jerk+none results/second:jerk+mtf --format md
-
---tolerances FILE says how much worse a result may become (YAML, or TOML with a list of [[tolerances]]). The first line
-that fits a combination counts; if none fits, --fail-above counts. Patterns work as in file names:
-
-  tolerances:
-    - {metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.10}
-    - {metric: outage_end_m, ratio: 1.2}
-    - {ratio: 1.02}
-
-Exit codes:
-
-  0  done; with --fail-above or --tolerances: nothing is worse than it may be
-  1  a mistake of jerkbench itself
-  2  the input is wrong: a folder, a name, an option, a file of tolerances
-  3  with --fail-above or --tolerances: something is worse than it may be
-  4  A and B cannot be compared; with --fail-above or --tolerances also: B lacks results of A, or a file is damaged
-"""
 
 READING_NOTE = (
     "A, B: geometric means over the runs that went well (arithmetic where a value is 0); B/A: geometric mean with "
@@ -286,10 +279,31 @@ READING_NOTE = (
     argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; see below"),
     argument("--format", choices=COMPARISON_FORMATS, default="terminal", help="default: terminal"),
     *JUDGING,
-    epilog=COMPARE,
 )
 def compare_verb(chosen: argparse.Namespace) -> None:
     """Compare two sets of results, over the same seeds where they match.
+
+    A and B are folders. FOLDER:METHOD is one method of a folder: filter, adaptation and noise, joined by +, or
+    FACTOR=VALUE.
+
+      jerkbench compare results/first results/second --fail-above 3
+      jerkbench compare results/first:jerk+none results/second:jerk+mtf --format md
+
+    --tolerances FILE says how much worse a result may become (YAML, or TOML with a list of [[tolerances]]). The first
+    line that fits a combination counts; if none fits, --fail-above counts. Patterns work as in file names:
+
+      tolerances:
+        - {metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.10}
+        - {metric: outage_end_m, ratio: 1.2}
+        - {ratio: 1.02}
+
+    Exit codes:
+
+      0  done; with --fail-above or --tolerances: nothing is worse than it may be
+      1  a mistake of jerkbench itself
+      2  the input is wrong: a folder, a name, an option, a file of tolerances
+      3  with --fail-above or --tolerances: something is worse than it may be
+      4  A and B cannot be compared; with --fail-above or --tolerances also: B lacks results of A, or a file is damaged
 
     Raises:
         JerkbenchError: there are no results, nothing is in both, or they were not measured alike.

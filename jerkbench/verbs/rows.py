@@ -27,6 +27,9 @@ ROW_WORDS = (
 def rerun_verb(chosen: argparse.Namespace) -> None:
     """Run one row again from its stored configuration, and compare all numbers.
 
+      jerkbench rerun results/first 1
+      jerkbench rerun results/first 12
+
     Raises:
         JerkbenchError: there is no such row, or its data have changed.
         SystemExit: 1, where a number is another.
@@ -60,6 +63,9 @@ NOTHING_ASKED = (
 def export_verb(chosen: argparse.Namespace) -> None:
     """Write the trajectories of one row (TUM), or its updates with the adapted R.
 
+      jerkbench export results/first 1 --tum trajectories
+      jerkbench export results/first 5 --updates updates.csv
+
     Raises:
         JerkbenchError: nothing is, there is no such row, its data have changed, or it has no reference or no updates.
     """
@@ -87,16 +93,6 @@ def _write_trajectories(chosen: argparse.Namespace, row: "StoredRow") -> None:
         print(path)
 
 
-SCORE = """\
-KEY=VALUE are those of `jerkbench run`. They name the recording (dataset, disturbance, their parameters, first_seed),
-the scoring (burn_in_s, metrics), and where the rows go (study, results). name=NAME is the name of the method in tables.
-filter.KEY=VALUE names the columns of the file (`jerkbench show filter trajectory`).
-
-  jerkbench score mine.tum dataset=field disturbance=gnss_outage name=mine study=duel
-  jerkbench score 'run_{seed}.csv' dataset=field name=mine study=duel filter.frame=ned
-  jerkbench score mine.tum --reference truth.tum       on the reference's own clock and axes; nothing is aligned
-"""
-
 WORD = re.compile(r"[+~]*[A-Za-z_][\w./@]*=")
 
 NAME_KEY = "name="
@@ -110,10 +106,17 @@ NAME_KEY = "name="
         help="a trajectory (.tum, .csv, .parquet, .nav of KF-GINS, a bag); for each seed one, or a pattern with {seed}",
     ),
     argument("--reference", type=Path, metavar="FILE", help="score against this trajectory (.tum, .pos, a table)"),
-    epilog=SCORE,
 )
 def score_verb(chosen: argparse.Namespace) -> None:
     """Score trajectories of other programs, as rows beside those of our filters.
+
+    KEY=VALUE are those of `jerkbench run`. They name the recording (dataset, disturbance, their parameters,
+    first_seed), the scoring (burn_in_s, metrics), and where the rows go (study, results). name=NAME is the name of the
+    method in tables. filter.KEY=VALUE names the columns of the file (`jerkbench show filter trajectory`).
+
+      jerkbench score mine.tum dataset=field disturbance=gnss_outage name=mine study=duel
+      jerkbench score 'run_{seed}.csv' dataset=field name=mine study=duel filter.frame=ned
+      jerkbench score mine.tum --reference truth.tum       on the reference's own clock and axes; nothing is aligned
 
     Raises:
         JerkbenchError: no file is given or there is none, or the words describe no recording.
