@@ -65,7 +65,11 @@ class _Jit:
         """
         if id(function) not in self.done:
             scope: dict[str, Any] = {}
-            copy = _copy(function, scope, tuple(self._cell(cell) for cell in function.__closure__ or ()), self.home)
+            cells = tuple(types.CellType(self._value(cell.cell_contents)) for cell in function.__closure__ or ())
+            copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, cells or None)
+            copy.__kwdefaults__ = function.__kwdefaults__
+            # under its own name a linker would take one compilation for another
+            copy.__module__ = scope["__name__"] = self.home
             inlined = function.__name__ not in self.apart
             self.done[id(function)] = (self.decorate_inlined if inlined else self.decorate)(copy)
             self.begun.append(id(function))
@@ -81,20 +85,9 @@ class _Jit:
         replaced = {name: self._value(self.constants[name]) for name in values if name in self.constants}
         return {**values, **replaced, "__name__": self.home, "__builtins__": __builtins__}
 
-    def _cell(self, cell: types.CellType) -> types.CellType:
-        return types.CellType(self._value(cell.cell_contents))
-
     def _value(self, value: Any) -> Any:  # noqa: ANN401 - any global of a module
         function = own_function(value)
         return value if function is None else self.of(function)
-
-
-def _copy(function: types.FunctionType, scope: dict[str, Any], closure: tuple[types.CellType, ...], home: str) -> Any:  # noqa: ANN401 - goes to numba
-    """Return ``function`` in another module: under its own name a linker would take one compilation for another."""
-    copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, closure or None)
-    copy.__kwdefaults__ = function.__kwdefaults__
-    copy.__module__ = scope["__name__"] = home
-    return copy
 
 
 # numba's compiler for a function that only compiled code calls.

@@ -3,7 +3,7 @@
 import dataclasses
 import re
 from collections import namedtuple
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.lanes import above_in_lanes
 from jerkbench.compilation.module_cache import load_entry
 from jerkbench.compilation.vectors import WIDE, anywhere, chosen, vector_of
-from jerkbench.compilation.views import View, data_of
+from jerkbench.compilation.views import Untyped, View, data_of
 
 # Calls of compiled functions by their address: a caller that is kept on the disk cannot know them by name.
 #
@@ -27,73 +27,56 @@ from jerkbench.compilation.views import View, data_of
 # array some ten registers in a call. Here a function is a number, and an array the address of its first element.
 
 
-@intrinsic
-def fill_by(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
-    """Call the function at ``address``, which returns nothing, with the data of ``arrays`` and with ``numbers``."""
-    return _call_at(types.void, address, arrays, numbers)
-
-
-@intrinsic
-def ask(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
-    """Likewise a function that returns a number."""
-    return _call_at(types.float64, address, arrays, numbers)
-
-
-@intrinsic
-def try_fill_by(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
-    """The same as `fill_by`, but an error of the function stops there; return whether there was none."""
-    return _call_at(types.void, address, arrays, numbers, guarded=types.boolean)
-
-
-@intrinsic
-def try_ask(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
-    """The same as `ask`; return whether there was no error, and the number."""
-    return _call_at(types.float64, address, arrays, numbers, guarded=types.Tuple([types.boolean, types.float64]))
-
-
-@intrinsic
-def try_fill_lanes_by(_typing: Any, address: Any, arrays: Any, numbers: Any) -> Any:  # noqa: ANN401 - as above
-    """The same as `try_fill_by` of a function for several runs: of numbers, ``arrays`` and views hold vectors."""
-    return _call_at(types.void, address, arrays, numbers, guarded=types.boolean, width=WIDE)
-
-
-def _call_at(
-    result: Any,  # noqa: ANN401 - as above
-    address: Any,  # noqa: ANN401 - as above
-    arrays: Any,  # noqa: ANN401 - as above
-    numbers: Any,  # noqa: ANN401 - as above
-    guarded: Any = None,  # noqa: ANN401 - as above
-    width: int = 1,
-) -> Any:  # noqa: ANN401 - as above
-    """Typing and code of a call in numba's convention.
+def _caller(result: Untyped, guarded: Untyped = None, width: int = 1) -> Untyped:
+    """An intrinsic ``f(address, arrays, numbers)`` that calls a function in numba's convention.
 
     An error that the function raises goes on to the caller's, unless the type ``guarded`` has room to say so.
     """
-    takes = [types.CPointer(_element(array, width)) for array in arrays] + list(numbers)
 
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        given = cgutils.unpack_tuple(builder, args[1], len(arrays))
-        firsts = [
-            value if isinstance(t, View) else data_of(context, builder, t, value)
-            for t, value in zip(arrays, given, strict=True)
-        ]
-        values = [builder.bitcast(first, context.get_value_type(t)) for first, t in zip(firsts, takes, strict=False)]
-        values += cgutils.unpack_tuple(builder, args[2], len(numbers))
-        convention = context.call_conv
-        pointer = builder.inttoptr(args[0], convention.get_function_type(result, takes).as_pointer())
-        status, returned = convention.call_function(builder, pointer, result, takes, values)
-        if guarded is not None:
-            well = builder.not_(status.is_error)
-            return well if result == types.void else context.make_tuple(builder, guarded, [well, returned])
-        with cgutils.if_unlikely(builder, status.is_error):
-            convention.return_status_propagate(builder, status)
-        return context.get_dummy_value() if sig.return_type == types.void else returned
+    def call(_typing: Untyped, address: Untyped, arrays: Untyped, numbers: Untyped) -> Untyped:
+        takes = [types.CPointer(_element(array, width)) for array in arrays] + list(numbers)
 
-    return (guarded or result)(address, arrays, numbers), generate
+        def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+            given = cgutils.unpack_tuple(builder, args[1], len(arrays))
+            firsts = [
+                value if isinstance(t, View) else data_of(context, builder, t, value)
+                for t, value in zip(arrays, given, strict=True)
+            ]
+            kinds = map(context.get_value_type, takes)
+            values = [builder.bitcast(first, kind) for first, kind in zip(firsts, kinds, strict=False)]
+            values += cgutils.unpack_tuple(builder, args[2], len(numbers))
+            convention = context.call_conv
+            pointer = builder.inttoptr(args[0], convention.get_function_type(result, takes).as_pointer())
+            status, returned = convention.call_function(builder, pointer, result, takes, values)
+            if guarded is not None:
+                well = builder.not_(status.is_error)
+                return well if result == types.void else context.make_tuple(builder, guarded, [well, returned])
+            with cgutils.if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return context.get_dummy_value() if sig.return_type == types.void else returned
+
+        return (guarded or result)(address, arrays, numbers), generate
+
+    return intrinsic(call)
 
 
-def _element(array: Any, width: int) -> Any:  # noqa: ANN401 - as above
+fill_by: Callable[..., Any] = _caller(types.void)
+"""Call the function at ``address``, which returns nothing, with the data of ``arrays`` and with ``numbers``."""
+
+ask: Callable[..., Any] = _caller(types.float64)
+"""Likewise a function that returns a number."""
+
+try_fill_by: Callable[..., Any] = _caller(types.void, types.boolean)
+"""The same as `fill_by`, but an error of the function stops there; return whether there was none."""
+
+try_ask: Callable[..., Any] = _caller(types.float64, types.Tuple([types.boolean, types.float64]))
+"""The same as `ask`; return whether there was no error, and the number."""
+
+try_fill_lanes_by: Callable[..., Any] = _caller(types.void, types.boolean, WIDE)
+"""The same as `try_fill_by` of a function for several runs: of numbers, ``arrays`` and views hold vectors."""
+
+
+def _element(array: Untyped, width: int) -> Untyped:
     """The type of what the called function sees there."""
     return vector_of(width) if isinstance(array, View) or array.dtype == types.float64 else array.dtype
 

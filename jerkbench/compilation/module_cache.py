@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
+from itertools import takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from threading import RLock
@@ -104,6 +105,16 @@ _LOADING = RLock()
 COMPILED = "compiled"
 """The kind of cache that holds compiled code."""
 
+IN_WHEEL = Path(__file__).parents[1] / COMPILED
+"""Where a wheel has what its build has compiled (`hatch_build.py`): looked into after the cache."""
+
+PROCESSOR_LEVELS = {
+    "x86-64-v3": {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"},
+    "x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
+}
+"""The kinds of processor that machine code is made for, and the instructions that each needs besides those of the one
+before: https://gitlab.com/x86-psABIs/x86-64-ABI. Code made for one model alone is not faster."""
+
 
 def can_compile() -> bool:
     """Whether numba compiles anything: with NUMBA_DISABLE_JIT=1 in the environment it does not."""
@@ -146,12 +157,16 @@ def _path(name: str) -> Path:
 
 
 def _kept(path: Path, title: str, source: str) -> Files | None:
-    """What is on the disk, compiled; nothing where it cannot be believed."""
-    try:
-        return read_kept(path, path.stem, source)
-    except Distrusted as reason:
-        notify(f"what is kept of {title} in {path} is not used, it is compiled anew: {reason}")
-        return None
+    """What is in the cache, or else in the package, compiled; nothing where it cannot be believed."""
+    for place in (path, IN_WHEEL / path.name):
+        try:
+            files = read_kept(place, path.stem, source)
+        except Distrusted as reason:
+            notify(f"what is kept of {title} in {place} is not used, it is compiled anew: {reason}")
+            continue
+        if files is not None:
+            return files
+    return None
 
 
 def _compiled(path: Path, title: str, source: str, namespace: Namespace) -> ModuleType:
@@ -234,17 +249,36 @@ def _settings() -> Iterator[None]:
 def _module_name(title: str, source: str, key: str) -> str:
     import numba
 
-    versions = f"{numba.__version__} {platform.python_version()} {_processor()} {_own_digest()}"
+    python = ".".join(platform.python_version_tuple()[:2])
+    versions = f"{numba.__version__} {python} {_processor()} {_own_digest()}"
     digest = hashlib.sha256(f"{versions} {key} {source}".encode()).hexdigest()[:16]
     return f"jerkbench_{''.join(c if c.isalnum() else '_' for c in title)}_{digest}"
 
 
 @cache
 def _processor() -> str:
-    """What numba makes machine code for; a folder may serve machines with different processors."""
+    """What numba makes machine code for; a folder may serve machines with different processors.
+
+    It is a level that many models have, unless the environment names another, or numba has made something already.
+    """
+    from numba import config
     from numba.core.registry import cpu_target
 
+    free = (
+        config.CPU_NAME is None and config.CPU_FEATURES is None and "_toplevel_target_context" not in vars(cpu_target)
+    )
+    if free and (level := level_of_processor()):
+        config.CPU_NAME, config.CPU_FEATURES = level, ""
     return repr(cpu_target.target_context.codegen().magic_tuple())
+
+
+def level_of_processor() -> str | None:
+    """Return the best of `PROCESSOR_LEVELS` that this processor has."""
+    from llvmlite import binding
+
+    there = {name for name, has_it in binding.get_host_cpu_features().items() if has_it}
+    usable = list(takewhile(lambda level: PROCESSOR_LEVELS[level] <= there, PROCESSOR_LEVELS))
+    return usable[-1] if usable else None
 
 
 @cache
@@ -271,7 +305,8 @@ def _imported(name: str, files: Files, namespace: Namespace) -> tuple[ModuleType
                 return module, _run_in_folder(module, files, namespace)
             except OSError as error:
                 _no_room(error)
-                _run_in_memory(module, files[f"{name}.py"], namespace)
+                source = files[f"{name}.py"].replace(b"cache=True", b"cache=False")
+                _run(module, source, f"<{name}>", namespace)  # it compiles what it defines, and nothing is kept
                 return module, {}
     except BaseException:
         del sys.modules[name]
@@ -286,11 +321,6 @@ def _run_in_folder(module: ModuleType, files: Files, namespace: Namespace) -> Fi
         os.utime(path, (0, 0))  # numba compares it
         _run(module, path.read_bytes(), str(path), namespace)
         return _read_all(path.parent)
-
-
-def _run_in_memory(module: ModuleType, source: bytes, namespace: Namespace) -> None:
-    """Run it without a file: it compiles what it defines, and nothing is kept."""
-    _run(module, source.replace(b"cache=True", b"cache=False"), f"<{module.__name__}>", namespace)
 
 
 def _run(module: ModuleType, source: bytes, file: str, namespace: Namespace) -> None:
