@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from platformdirs import user_cache_path
 
@@ -63,6 +64,17 @@ def _stat(path: Path) -> os.stat_result | None:
 def write_text(path: Path, text: str) -> None:
     """Write ``text`` to ``path`` atomically, as UTF-8; what would steer a terminal or end a line is written out."""
     write_atomically(path, lambda partial: partial.write_text(plain(text), encoding="utf-8"))
+
+
+def filled_template(
+    path: Path, filters: Mapping[str, Callable[..., object]] = MappingProxyType({}), /, **values: object
+) -> str:
+    """Return the template at ``path``, of a text that is no HTML, filled in; a value that is not given is an error."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701 - no HTML
+    environment.filters |= filters
+    return environment.from_string(path.read_text(encoding="utf-8")).render(values)
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:

@@ -10,7 +10,7 @@ import pytest
 from experiment_scripts import experiment
 from jerkbench.audit.answer import answered
 from jerkbench.audit.page import answer_summary, audit_page
-from jerkbench.audit.stored import read_rows
+from jerkbench.audit.rows import read_rows
 from jerkbench.report.tables.table_model import number
 from jerkbench.results.study import load_study
 

@@ -5,9 +5,8 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from jerkbench.audit.tilt_methods import AS_THEY_COME
 from jerkbench.audit.tilt_study import TiltErrors, tuned
-from jerkbench.audit.tilt_trials import DOMAINS, all_trials
+from jerkbench.audit.tilt_trials import AS_THEY_COME, DOMAINS, all_trials
 from jerkbench.evaluation.counted_rows import angle_between
 
 mpl.use("Agg")

@@ -16,9 +16,8 @@ import pandas as pd
 from jerkbench.api import disturb, estimate, evaluate
 from jerkbench.attitude.common import TiltAndYaw
 from jerkbench.attitude.reference import ReferenceAttitude
-from jerkbench.audit.tilt_methods import TILT_METHODS
 from jerkbench.audit.tilt_study import VERDICT_HEADS, TiltErrors, tilt_verdicts, verdict_cells
-from jerkbench.audit.tilt_trials import after_start, with_noise
+from jerkbench.audit.tilt_trials import TILT_METHODS, after_start, with_noise
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 from jerkbench.report.tables.writers import plain_table

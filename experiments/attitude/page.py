@@ -17,9 +17,8 @@ from navigation import navigation_rows, navigation_table
 from starts import start_rows, start_table
 
 from jerkbench import files
-from jerkbench.audit.tilt_methods import TILT_SETTINGS
 from jerkbench.audit.tilt_study import TILT_TABLES, TiltErrors, errors_of
-from jerkbench.audit.tilt_trials import all_trials, audit_rows
+from jerkbench.audit.tilt_trials import TILT_SETTINGS, all_trials, audit_rows
 
 HERE = Path(__file__).parent
 KEPT, NAVIGATION, STARTS = "errors.parquet", "navigation.parquet", "starts.parquet"

@@ -17,7 +17,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.audit.answer import FEWEST, NO_FAULT, kinds_of
 from jerkbench.audit.page import FOLDER
 from jerkbench.audit.protocol import AuditMethod
-from jerkbench.audit.stored import AuditRows, cubes, read_rows
+from jerkbench.audit.rows import AuditRows, cubes, read_rows
 from jerkbench.evaluation.statistics.drives_and_tunings import crossed_intervals
 from jerkbench.evaluation.statistics.intervals import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL

@@ -2,9 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +14,7 @@ import pandas as pd
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod
-from jerkbench.audit.stored import AuditRows, cubes, defaults, losses_of, lost_shares
+from jerkbench.audit.rows import AuditRows, cubes, defaults, losses_of, lost_shares
 from jerkbench.errors import PluginError, unknown
 from jerkbench.evaluation.statistics.drives_and_tunings import (
     MARGIN,
@@ -29,6 +31,7 @@ from jerkbench.evaluation.statistics.drives_and_tunings import (
 )
 from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
+from jerkbench.files import filled_template
 from jerkbench.parameters import provenance_of
 
 FAULT, TRACE = "drawn.fault.", "drawn.replayed_gnss.trace."
@@ -76,7 +79,23 @@ class AuditAnswer:
     @cached_property
     def sentences(self) -> list[str]:
         """The answer: how many beat the plain filter, where the gain comes from, what picking the best brings."""
-        return three_sentences(self)
+        rows, losses, methods = self.rows, self.losses, self.methods
+        most = main_kind(rows, losses)
+        kinds = {str(kind): counts_of(of["verdict"]) for kind, of in self.kinds.groupby("kind", observed=True)}
+        text = worded(
+            "answer",
+            said=self.said,
+            methods=methods,
+            taken=methods[methods["is"].isin(PUBLISHED)],
+            as_published=methods[methods["is"] == "published"],
+            most=most,
+            share=kinds_of(rows)[most].mean(),
+            without=reweighted(rows, losses, f"{most}=0"),
+            kinds=kinds,
+            harm=max((kind for kind in kinds if kind not in (most, NO_FAULT)), key=lambda kind: kinds[kind]["worse"]),
+            leaders=leaders(rows, losses),
+        )
+        return [" ".join(sentence.split()) for sentence in text.split("\n\n")]
 
 
 def answered(rows: AuditRows) -> AuditAnswer:
@@ -348,38 +367,22 @@ def changed_verdicts(first: Statements, second: Statements, methods: Sequence[Au
     return pd.DataFrame(lines, columns=["filter", "adaptation", "against", "first", "second"])
 
 
-# The answer in sentences, each from its numbers.
+# The answer in words: templates, each number of which comes from the rows.
 
 EQUAL = f"equal within {100 * MARGIN:.0f} %"
 
 
-def three_sentences(answer: AuditAnswer) -> list[str]:
-    """Return what `AuditAnswer.sentences` says."""
-    rows, said, methods = answer.rows, answer.said, answer.methods
-    taken, as_published = methods[methods["is"].isin(PUBLISHED)], methods[methods["is"] == "published"]
-    theirs, exact = counts_of(taken["own_verdict"]), counts_of(as_published["own_verdict"])
-    best, best_exact = counts_of(taken["best_verdict"]), counts_of(as_published["best_verdict"])
-    price, leading = counts_of(methods["no_fault_verdict"]), len(set(leaders(rows, answer.losses)))
-    kind = main_kind(rows, answer.losses)
-    without = reweighted(rows, answer.losses, f"{kind}=0")
-    first = (
-        f"**{theirs['better']} of {len(taken)} adaptive filters beat the plain filter of their model, tuned alike;"
-        f" {theirs['worse']} are worse**. These are {taken['adaptation'].nunique()} adaptations, published or"
-        f" simplified, on {taken['filter'].nunique()} models. Of the {len(as_published)} that are as published,"
-        f" {exact['better']} are better and {exact['worse']} worse. The average has {interval(said.average)} of the"
-        f" error. Against the best plain filter of any model, {best['better']} of the {len(taken)} are better and"
-        f" {best['worse']} worse; as published, {best_exact['better']} and {best_exact['worse']} of"
-        f" {len(as_published)}."
-    )
-    third = (
-        f"**The one of these {len(taken)} that leads in a tuning has {interval(said.pick)}** of the error of the plain"
-        " filter that leads there. That one was chosen from as many settings. Without drives with"
-        f" {kind.replace('_', ' ')}, it has {interval(without.pick)}. The leader changes:"
-        f" {leading} different ones in {rows.protocol.tunings} tunings. A typical method is more than 3 % worse"
-        f" than its plain filter on {percent(methods['worse_3'].median())} of the drives."
-    )
-    price_text = f"Without a fault, {price['better']} are better and {price['worse']} worse."
-    return [first, f"{_where(answer, kind, without)} {price_text}", third]
+def worded(template: str, **values: object) -> str:
+    """Return a template of this folder, filled in."""
+    filters: dict[str, Callable[..., object]] = {
+        "counts": counts_of,
+        "verdicts": counts,
+        "listed": listed,
+        "interval": interval,
+        "percent": percent,
+    }
+    filters |= {"spaced": lambda text: text.replace("_", " "), "two": "{:.2f}".format, "ratio": ratio_text}
+    return filled_template(Path(__file__).with_name(f"{template}.md.jinja"), filters, **values)
 
 
 def average_over_drives(losses: Losses) -> FloatArray:
@@ -403,21 +406,6 @@ def main_kind(rows: AuditRows, losses: Losses) -> str:
     return max(known, key=lambda kind: float(average[~known[kind]].mean()))
 
 
-def _where(answer: AuditAnswer, most: str, said: Statements) -> str:
-    """Say what is left without the kind of fault that the average gains ``most`` from, and which does most harm."""
-    n = len(answer.methods)
-    own, share = counts(said.own_plain), percent(kinds_of(answer.rows)[most].mean())
-    shown = {kind: counts_of(of["verdict"]) for kind, of in answer.kinds.groupby("kind", observed=True)}
-    harm = max((kind for kind in shown if kind not in (most, NO_FAULT)), key=lambda kind: shown[kind]["worse"])
-    name, other = most.replace("_", " "), str(harm).replace("_", " ")
-    return (
-        f"**Most of the gain comes from {name}**. Without the {share} of drives that have {name}, the average has"
-        f" {interval(said.average)}, with {own['better']} of {n} methods better and {own['worse']} worse. With {name},"
-        f" {shown[most]['better']} of {n} are better and {shown[most]['worse']} worse; with {other},"
-        f" {shown[harm]['better']} and {shown[harm]['worse']}."
-    )
-
-
 def counts(said: Sequence[Statement]) -> dict[str, int]:
     """Return how many statements have each verdict."""
     return counts_of(one.verdict for one in said)
@@ -429,11 +417,26 @@ def counts_of(verdicts: Iterable[object]) -> dict[str, int]:
     return {str(word): known[word] for word in (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Verdict.UNDECIDED)}
 
 
+def listed(known: Mapping[str, int]) -> str:
+    """Say how many have each verdict."""
+    return ", ".join(f"{count} {word}" for word, count in known.items())
+
+
+def ratio_text(numbers: Mapping[str, Any], prefix: str = "") -> str:
+    """Say a ratio with its interval and its verdict, from the columns of `numbers_of`; nothing where there is none."""
+    ratio, low, high, verdict, small = (numbers[prefix + name] for name in ("ratio", "low", "high", "verdict", "small"))
+    return f"{ratio:.2f} [{low:.2f}, {high:.2f}] {_word(verdict, small=small)}" if np.isfinite(ratio) else ""
+
+
 def interval(said: Statement) -> str:
-    """Say a ratio with its interval and its verdict."""
-    less = ", by less than 10 %" if said.small and said.verdict is not Verdict.EQUAL else ""
-    word = EQUAL if said.verdict is Verdict.EQUAL else f"{said.verdict}{less}"
-    return f"{said.ratio:.2f} [{said.low:.2f}, {said.high:.2f}] ({word})"
+    """Say a ratio with its interval, and its verdict in parentheses."""
+    return f"{said.ratio:.2f} [{said.low:.2f}, {said.high:.2f}] ({_word(said.verdict, small=said.small)})"
+
+
+def _word(verdict: str, *, small: bool) -> str:
+    if verdict == Verdict.EQUAL:
+        return EQUAL
+    return f"{verdict}, by less than 10 %" if small and verdict != Verdict.UNDECIDED else str(verdict)
 
 
 def percent(share: float) -> str:
@@ -444,19 +447,8 @@ def percent(share: float) -> str:
 def reweighted_text(rows: AuditRows, mixture: str) -> str:
     """Say what the audit would say of another mixture."""
     said = reweighted(rows, losses_of(rows), mixture)
-    own, best = (
-        ", ".join(f"{count} {word}" for word, count in counts(of).items()) for of in (said.own_plain, said.best_plain)
-    )
-    lines = [
-        f"With {mixture}, from {rows.protocol.judged_drives} drives of protocol {rows.protocol.digest}, weighted:",
-        f"- the average adaptation has {interval(said.average)} of the error of its plain filter;",
-        f"- the one that leads in tuning has {interval(said.pick)} of that of the best plain filter;",
-        f"- against the plain filter of its model: {own};",
-        f"- against the best plain filter: {best}.",
-    ]
-    both = zip(rows.protocol.methods, said.own_plain, strict=True)
-    shown = [f"  {method.name}: {interval(one)}" for method, one in both if one.verdict is not Verdict.UNDECIDED]
-    return "\n".join([*lines, *shown])
+    methods = list(zip(rows.protocol.methods, said.own_plain, strict=True))
+    return worded("reweighted", mixture=mixture, p=rows.protocol, said=said, methods=methods)
 
 
 def compared_text(rows: Sequence[AuditRows], losses: Sequence[Losses]) -> str:
@@ -467,21 +459,15 @@ def compared_text(rows: Sequence[AuditRows], losses: Sequence[Losses]) -> str:
         losses: theirs, `losses_of`.
     """
     methods, kind = rows[0].protocol.methods, main_kind(rows[0], losses[0])
-    first, second = map(statements, losses)
-    without = [interval(reweighted(*each, f"{kind}=0").average) for each in zip(rows, losses, strict=True)]
-    changed = changed_verdicts(first, second, methods)
+    said = [statements(each) for each in losses]
+    changed = changed_verdicts(said[0], said[1], methods)
     turned = changed[changed[["first", "second"]].isin([str(Verdict.BETTER), str(Verdict.WORSE)]).all(axis=1)]
-    head = (
-        f"An audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
-        f" {len(turned)} turn from better to worse or back{', which is a defect' if len(turned) else ''}."
+    return worded(
+        "second",
+        changed=changed,
+        statements=2 * len(methods),
+        turned=turned.to_dict("records"),
+        said=said,
+        kind=kind,
+        without=[reweighted(*each, f"{kind}=0").average for each in zip(rows, losses, strict=True)],
     )
-    tail = (
-        f"The average adaptation had {interval(first.average)}, then {interval(second.average)}; without drives with"
-        f" {kind.replace('_', ' ')} {without[0]}, then {without[1]}. The one that leads in tuning had"
-        f" {interval(first.pick)}, then {interval(second.pick)}."
-    )
-    lines = [
-        f"- {row.filter} + {row.adaptation}, {row.against} plain filter: {row.first}, then {row.second}"
-        for row in turned.itertuples()
-    ]
-    return "\n".join([f"{head} {tail}", *lines])

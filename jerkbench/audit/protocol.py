@@ -5,15 +5,15 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
 from jerkbench.presets import preset
-from jerkbench.tuning.entrant import Entrant, FaultScenario, knobs_of
-from jerkbench.tuning.space import Space
+from jerkbench.tuning.entrant import Entrant, FaultScenario, knobs_of, tried_settings
+from jerkbench.tuning.space import Setting, Space
 
 PUBLISHED = ("published", "simplified")
 """Kinds of adaptations that H1 averages and H2 picks from."""
@@ -147,9 +147,16 @@ class AuditProtocol:
         """The tunings of a method."""
         return range(self.tunings if method.filter in self.filters else min(self.apart_tunings, self.tunings))
 
+    def settings_of(self, method: AuditMethod, tuning: int) -> tuple[Setting, ...]:
+        """The settings that a tuning tries of a method, its defaults first; a longer search begins as a shorter one."""
+        return _settings(max(self.searches(method)), self.spaces[method], self.seeds_to_tune_on(tuning)[0])
+
     def judges(self, method: AuditMethod) -> range:
         """The drives that a method is judged on."""
         return self.seeds_to_judge_on[: None if method.filter in self.filters else self.apart_drives]
+
+
+_settings = lru_cache(maxsize=8192)(tried_settings)
 
 
 def read_protocol(scale: str) -> AuditProtocol:

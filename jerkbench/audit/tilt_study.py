@@ -16,11 +16,19 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.attitude.vqf import vqf_package
-from jerkbench.audit.tilt_methods import AS_THEY_COME, TILT_METHODS, TILT_SETTINGS
-from jerkbench.audit.tilt_trials import COMPUTED_BY, DOMAINS, TiltTrial, all_trials, audit_rows
+from jerkbench.audit.tilt_trials import (
+    AS_THEY_COME,
+    COMPUTED_BY,
+    DOMAINS,
+    TILT_METHODS,
+    TILT_SETTINGS,
+    TiltTrial,
+    all_trials,
+    audit_rows,
+)
 from jerkbench.evaluation.statistics.families import sign_p
 from jerkbench.evaluation.statistics.intervals import quantiles_of_rows, student_interval
-from jerkbench.files import write_atomically, write_text
+from jerkbench.files import filled_template, write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.report.tables.writers import plain_table
 
@@ -69,11 +77,9 @@ def tuned(errors: DomainErrors) -> dict[str, FloatArray]:
 
 def holm(p: Sequence[float]) -> list[float]:
     """Return the p adjusted for all of them (Holm 1979)."""
-    order, adjusted, largest = np.argsort(p, kind="stable"), [0.0] * len(p), 0.0
-    for rank, k in enumerate(order):
-        largest = max(largest, min(1.0, (len(p) - rank) * p[k]))
-        adjusted[k] = largest
-    return adjusted
+    order, adjusted = np.argsort(p, kind="stable"), np.empty(len(p))
+    adjusted[order] = np.maximum.accumulate(np.minimum(1.0, np.arange(len(p), 0, -1) * np.asarray(p)[order]))
+    return list(adjusted.tolist())
 
 
 @dataclass(frozen=True)
@@ -216,37 +222,6 @@ TILT_TABLES: dict[str, Callable[[TiltErrors], str]] = {
 
 TILT_ERRORS = "errors.parquet"
 
-TILT_PAGE = """\
-# Attitude filters: the error of the tilt, domain by domain
-
-{answer}
-
-Each of {methods} methods has {settings} settings from its own ranges, and is tuned {tunings} times, each time with
-{each} of them and without the trial that is scored. The value of a trial is the median over the tunings. Domains are
-not pooled. Verdicts: sign test over trials, corrected with Holm's method over the methods. The authors of VQF tuned its
-defaults on BROAD. `offline_vqf` is a smoother: it is shown and never ranked. {absent}
-
-## Errors of the inclination [deg]: median / mean / worst trial
-
-{errors}
-
-## Verdicts: ratios of errors
-
-{verdicts}
-
-## One setting for all recorded domains, and one from elsewhere: times the error of the domain's own
-
-{transfer}
-
-## Share of tunings with a switch on
-
-{switches}
-
-## Standard deviation over the tunings of the mean log error
-
-{luck}
-"""
-
 
 def run_attitude_audit(data: Path, folder: Path, workers: int, settings: int = TILT_SETTINGS) -> str:
     """Compute what is not kept yet, write rows, tables and manifest to ``folder``, and return the answer.
@@ -290,7 +265,8 @@ def attitude_audit_page(rows: pd.DataFrame) -> str:
     """Return the page with all tables."""
     errors = errors_of(rows)
     absent = [title for domain, title in DOMAINS.items() if domain not in errors]
-    return TILT_PAGE.format(
+    return filled_template(
+        Path(__file__).with_name("tilt.md.jinja"),
         answer=attitude_answer(rows),
         methods=len(TILT_METHODS),
         settings=TILT_SETTINGS,

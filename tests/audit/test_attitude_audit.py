@@ -8,7 +8,6 @@ import pytest
 
 from jerkbench.attitude.mekf import Mekf
 from jerkbench.audit import tilt_trials as rows_module
-from jerkbench.audit.tilt_methods import AS_THEY_COME, TILT_METHODS, TILT_SETTINGS
 from jerkbench.audit.tilt_study import (
     TRIED_EACH,
     TUNINGS,
@@ -20,7 +19,15 @@ from jerkbench.audit.tilt_study import (
     tilt_verdicts,
     tried,
 )
-from jerkbench.audit.tilt_trials import all_trials, audit_rows, error_deg, kitti_pieces
+from jerkbench.audit.tilt_trials import (
+    AS_THEY_COME,
+    TILT_METHODS,
+    TILT_SETTINGS,
+    all_trials,
+    audit_rows,
+    error_deg,
+    kitti_pieces,
+)
 
 KEPT = Path(__file__).parents[2] / "experiments" / "attitude" / "errors.parquet"
 

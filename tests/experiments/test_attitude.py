@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from experiment_scripts import EXPERIMENTS, experiment
-from jerkbench.audit.tilt_methods import TILT_METHODS, TILT_SETTINGS
 from jerkbench.audit.tilt_study import errors_of
+from jerkbench.audit.tilt_trials import TILT_METHODS, TILT_SETTINGS
 
 page = experiment("attitude/page.py")
 

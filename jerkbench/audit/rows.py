@@ -1,8 +1,8 @@
-"""What an audit leaves: a few files of rows from which every number of its page follows, and these rows as arrays."""
+"""The runs of an audit; what they leave, rows from which every number of its page follows; and these as arrays."""
 
 import dataclasses
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,13 +14,19 @@ import pyarrow.parquet as pq
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.audit.campaign import METHOD, Campaign, picks, settings_of, tuning_losses
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod, AuditProtocol, audit_protocol
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.drives_and_tunings import Losses, log_losses
 from jerkbench.files import write_atomically, write_text
+from jerkbench.jobs.progress import Progress
+from jerkbench.tuning.entrant import RunRules, Site, Try
 
 PROTOCOL = "protocol.json"
+METHOD = ["filter", "adaptation"]
+ERROR = "position_rmse_m"
+"""The column that counts."""
+TYPES: dict[str, Any] = {**dict.fromkeys((*METHOD, "status"), "category"), "tuning": np.int8, "trial": np.int16}
+RULES = RunRules(("position_rmse",), numbers=(ERROR,))
 JUDGED = -1
 """The number that stands for a tuning, of drives that no tuning has seen."""
 
@@ -59,25 +65,93 @@ class AuditRows:
 TABLES = tuple(known.name for known in dataclasses.fields(AuditRows) if known.name != "protocol")
 
 
-def collected(campaign: Campaign) -> AuditRows:
-    """Run what a campaign has not run yet, and return its rows.
+# The runs of an audit: every setting on the drives to tune on, then the best of each tuning on unseen drives.
+
+
+def collected(protocol: AuditProtocol, site: Site) -> AuditRows:
+    """Run at ``site`` what is not stored there yet, and return the rows.
 
     Raises:
         JerkbenchError: a plain filter was lost, or a run cannot be made.
         OSError: nothing can be stored.
     """
-    protocol = campaign.protocol
     methods = [*protocol.competing, *protocol.beside]
-    on_tuning = campaign.on_tuning(methods)
-    settings = tuning_losses(on_tuning)
-    picked = picks(protocol, settings)
-    judged = campaign.judged(methods, picked)
-    knobs = pd.DataFrame([row for own in picked.itertuples() for row in _setting(protocol, own)])
+    tries = [
+        Try(tuning, protocol.drives, method.entrant, setting, trial, protocol.seeds_to_tune_on(tuning))
+        for tuning in range(protocol.tunings)
+        for method in methods
+        if tuning in protocol.tunings_of(method)
+        for trial, setting in enumerate(protocol.settings_of(method, tuning))
+    ]
+    on_tuning = _run(protocol, site, tries, "Audit, settings tried")
+    of_setting = on_tuning.groupby([*METHOD, "tuning", "trial"], observed=True, sort=True)
+    tuned = of_setting.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
+    picked = picks(protocol, tuned)
+    judged = _judged(protocol, site, methods, picked)
     levels = pd.concat([runs[["seed", "level"]].drop_duplicates("seed") for runs in (on_tuning, judged)])
-    return AuditRows(protocol, _drives(protocol, levels), settings, _judged(judged, picked), knobs)
+    return AuditRows(protocol, _drives(protocol, levels), tuned, _of_picks(judged, picked), _knobs(protocol, picked))
 
 
-def _judged(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
+def _judged(protocol: AuditProtocol, site: Site, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> pd.DataFrame:
+    """Run the defaults of ``methods``, and what each search has ``picked``, on unseen drives; returns the runs."""
+    found = picked[["tuning", *METHOD, "trial"]].itertuples(index=False, name=None)
+    wanted = {(tuning if trial else 0, *names, trial) for tuning, *names, trial in found}  # the defaults run once
+    wanted |= {(0, *method, 0) for method in methods}
+    tries = []
+    for tuning, *names, trial in sorted(wanted):
+        method = AuditMethod(*names)
+        setting = protocol.settings_of(method, tuning)[trial]
+        tries.append(Try(tuning, protocol.drives, method.entrant, setting, trial, protocol.judges(method)))
+    return _run(protocol, site, tries, "Audit, judged unseen")
+
+
+def _run(protocol: AuditProtocol, site: Site, tries: Sequence[Try], title: str) -> pd.DataFrame:
+    """Run what is not stored; returns `METHOD`, tuning, trial, seed, status, log_error, lost, level and loss.
+
+    The level is the log error of the first plain filter at its defaults on a drive; a lost run costs ``lost_costs`` of
+    it.
+
+    Raises:
+        JerkbenchError: that filter was lost itself, or has not run.
+    """
+    with Progress(len(tries), doing=title, unit="settings") as bar:
+        rows = site.rows(tries, RULES, bar)
+    with np.errstate(divide="ignore"):
+        rows["log_error"] = np.log(rows.pop(ERROR)).astype(np.float32)
+    rows["status"] = rows["status"].mask(rows["status"] == "failed", "failed: " + rows["reason"])
+    runs = rows.drop(columns=["reason", "seconds"]).rename(columns={"scenario": "tuning"}).astype(TYPES)
+    filter_, plain = protocol.plains[0]
+    first = runs[(runs["filter"] == filter_) & (runs["adaptation"] == plain) & (runs["trial"] == 0)]
+    levels = first[first["status"] == "ok"].drop_duplicates("seed").set_index("seed")["log_error"].astype(float)
+    if missing := sorted(set(runs["seed"]) - set(levels.index)):
+        raise JerkbenchError(
+            f"On drive {missing[0]} {filter_} + {plain} was lost at its defaults, or has not run, so that a lost run"
+            " costs nothing that is known; make the faults milder, or run the audit to its end."
+        )
+    level, error = runs["seed"].map(levels).to_numpy(), runs["log_error"].to_numpy(dtype=float)
+    lost = (runs["status"] != "ok").to_numpy() | ~np.isfinite(error)
+    return runs.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
+
+
+def picks(protocol: AuditProtocol, tuned: pd.DataFrame) -> pd.DataFrame:
+    """Return what each search has found: the trial with the lowest loss, of equals the first.
+
+    Returns:
+        filter, adaptation, tuning, tried (how many settings), trial, loss.
+    """
+    found = [_lowest(tuned[tuned["trial"] < protocol.trials], protocol.trials)]
+    plain = pd.MultiIndex.from_frame(tuned[METHOD].astype(str)).isin(protocol.plains)
+    return pd.concat([*found, _lowest(tuned[plain], protocol.plain_trials)], ignore_index=True)
+
+
+def _lowest(tuned: pd.DataFrame, tried: int) -> pd.DataFrame:
+    """Of each tuning of each method; those of equal losses are sorted by their trials."""
+    order = tuned.sort_values([*METHOD, "tuning", "loss", "trial"], kind="stable")
+    first = order.drop_duplicates([*METHOD, "tuning"])
+    return first.assign(tried=tried)[[*METHOD, "tuning", "tried", "trial", "loss"]]
+
+
+def _of_picks(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
     """The runs of what each search has found, and those of the defaults, which are run once."""
     defaults = picked[picked["tuning"] == 0].drop_duplicates(METHOD).assign(tried=1, trial=0)
     wanted = pd.concat([picked, defaults], ignore_index=True).drop(columns="loss")
@@ -96,11 +170,16 @@ def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
     return drives.join(pd.DataFrame([dataset.columns(seed) for seed in drives["seed"].tolist()]))
 
 
-def _setting(protocol: AuditProtocol, picked: Any) -> Iterator[Mapping[str, object]]:  # noqa: ANN401 - a named tuple
-    method = AuditMethod(picked.filter, picked.adaptation)
-    setting = settings_of(protocol, method, picked.tuning)[picked.trial]
-    for knob, value in zip(protocol.spaces[method].names, setting, strict=True):
-        yield {**method._asdict(), "tuning": picked.tuning, "tried": picked.tried, "knob": knob, "value": value}
+def _knobs(protocol: AuditProtocol, picked: pd.DataFrame) -> pd.DataFrame:
+    """A row for each knob of what each search has found."""
+    rows = []
+    for *names, tuning, tried, trial in picked[[*METHOD, "tuning", "tried", "trial"]].itertuples(
+        index=False, name=None
+    ):
+        method, head = AuditMethod(*names), {"tuning": tuning, "tried": tried}
+        values = zip(protocol.spaces[method].names, protocol.settings_of(method, tuning)[trial], strict=True)
+        rows += [{**method._asdict(), **head, "knob": knob, "value": value} for knob, value in values]
+    return pd.DataFrame(rows)
 
 
 # Reading and writing.
