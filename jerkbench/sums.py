@@ -81,9 +81,10 @@ class ErrorWeights:
         whole: (k,) 1 where they count with the burn-in, else 0.
         moving: (k,) 1 where the velocity errors count, else 0.
         outage: (k,) 1 where they count for the outages, else 0.
-        marks: (j,) rows whose position errors are kept, with their covariance.
+        marks: (j,) rows whose position errors are kept.
         start_s: from when on updates count.
-        consistency: whether the sums of e' P^-1 e are wanted: they take a quarter of a run without a trajectory.
+        consistency: whether covariances are asked for: the sums of e' P^-1 e, and those of the marked rows. They take a
+            quarter of a run without a trajectory.
     """
 
     truth: FloatArray
@@ -144,7 +145,7 @@ class Streamed(NamedTuple):
         nis_used_per_row: the same with the S that was used and the rows that were kept.
         nis_used_updates: their number.
         marked_m: (j, 3) position errors at the marks.
-        marked_m2: (j, 6) the upper triangle of their covariance, row by row.
+        marked_m2: (j, 6) the upper triangle of their covariance, row by row; NaN where it was not wanted.
         updates: what the updates saw, or none where they were not kept.
         euler_rad: (k, 3) roll, pitch, yaw of the run itself; None: those of the timeline, or not kept.
     """

@@ -55,8 +55,8 @@ class Scored:
 
     @cached_property
     def errors_alone(self) -> ErrorWeights:
-        """What the engine scores where no metric asks how consistent the errors are with the covariances."""
-        return replace(self.scoring, consistency=False)
+        """What the engine scores where no metric reads covariances."""
+        return replace(self.scoring, marks=self.rows.outages.ravel(), consistency=False)
 
     @cached_property
     def numbers(self) -> Numbers:
@@ -84,8 +84,8 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
 class Summed(ABC):
     """A metric that needs the sums of a run alone, whether or not its trajectory was stored."""
 
-    reads_nees: ClassVar[bool] = True
-    """Whether it reads the sums of e' P^-1 e; of a metric that does not say so it is taken that it does."""
+    reads_covariance: ClassVar[bool] = True
+    """Whether it reads what the filter says of its errors: sums of e' P^-1 e, or ``sampled`` ones with covariance."""
 
     @abstractmethod
     def summarise(self, sums: Sums) -> dict[str, float]:

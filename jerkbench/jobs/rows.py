@@ -307,11 +307,13 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
     updates, attitude = "updates" in reads, "attitude" in reads
     models: list[Any] = [job.method.filter for job, _ in runs]
     rules = [job.method.adaptation for job, _ in runs]
-    nees = any(getattr(metric, "reads_nees", not isinstance(metric, Reading)) for metric in first.scoring.metrics)
+    whole = any(
+        getattr(metric, "reads_covariance", not isinstance(metric, Reading)) for metric in first.scoring.metrics
+    )
     bare = [
         Run(
             how.inputs.told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
-            seed.scored.scoring if nees else seed.scored.errors_alone,
+            seed.scored.scoring if whole else seed.scored.errors_alone,
         )
         for job, seed in runs
     ]

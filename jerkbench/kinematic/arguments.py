@@ -61,7 +61,7 @@ class Score(NamedTuple):
         truth: (k, 6, W).
         weights: (k, 4) in the order of `WEIGHTS`.
         outage: (k, W) 1 where a row counts for the outages, else 0; or no row where there are none.
-        consistency: whether e' P^-1 e is summed up.
+        consistency: whether e' P^-1 e is summed up, and the covariance of a marked row kept.
     """
 
     mark: IntVector
@@ -318,8 +318,8 @@ ASKED = EACH
 """Which of these, likewise."""
 
 STRIDE = 1
-"""1; or 3 where axes have nothing to do with each other (R has no covariance of two), so that each is gone over by
-itself: every third row, state and column. Likewise."""
+"""1; or 3 where axes have nothing to do with each other (R has no covariance of two) and errors alone are asked for:
+then each axis is gone over by itself, every third row, state and column. Likewise."""
 
 DENSE = 1
 """Whether an adaptation of these runs sees whole matrices, likewise: they are shown to nobody else."""

@@ -46,7 +46,7 @@ def compare_later(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
     if score.truth.shape[2] > 1:
         ask_for(row(score.truth, k + AHEAD, run, "6"))
     P = room(run, "6 6")
-    if score.consistency or score.mark[k] >= 0:
+    if score.consistency:
         predict_measured(run, P)
     compare(run, P, score, errors, k)
 
@@ -57,10 +57,10 @@ def compare(run: Lanes, P: View, score: Score, errors: FloatArray, k: int) -> No
     if score.mark[k] >= 0:
         marked = row(errors, score.mark[k], run, "marked")
         for i in range(3):
-            marked[i], marked[3 + i] = run.e[i], P[0, i]
-        marked[6], marked[7], marked[8] = P[1, 1], P[1, 2], P[2, 2]
-        if STRIDE > 1:  # P between axes is 0, and nobody has written it
-            marked[4], marked[5], marked[7] = run.zero, run.zero, run.zero
+            marked[i] = run.e[i]
+        if score.consistency:
+            marked[3], marked[4], marked[5] = P[0, 0], P[0, 1], P[0, 2]
+            marked[6], marked[7], marked[8] = P[1, 1], P[1, 2], P[2, 2]
     if len(score.outage) > 0:
         run.outage += taken(score.outage, k, run, "1")[0] * run.square
 
@@ -88,7 +88,7 @@ def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):
         e[r] = run.e[r]
-        for c in range(r, 6, STRIDE):
+        for c in range(r, 6):
             C[r, c] = P[r, c]
     for c in range(6):
         pivot = C[c, c]
@@ -96,10 +96,10 @@ def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
         scale = 1.0 / pivot
         scaled = e[c] * scale
         total += e[c] * scaled
-        for r in range(c + STRIDE, 6, STRIDE):
+        for r in range(c + 1, 6):
             e[r] -= C[c, r] * scaled
             factor = C[c, r] * scale
-            for j in range(r, 6, STRIDE):
+            for j in range(r, 6):
                 C[r, j] -= factor * C[c, j]
         if c == 2:
             run.nees_position += counted * total

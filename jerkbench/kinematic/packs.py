@@ -85,7 +85,7 @@ class Pack:
         lengths_s: the lengths of steps that come, for the model.
         update_s: (m,) times of the updates, of any run.
         marks: for each run, the rows of the kept errors that are its own.
-        apart: whether axes have nothing to do with each other, but for the adaptation.
+        apart: whether axes have nothing to do with each other, but for the adaptation, and errors alone are asked for.
     """
 
     members: tuple[int, ...]
@@ -117,7 +117,8 @@ def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     alike: dict[tuple[Kind, bytes, bool], list[int]] = {}
     starts = axes_apart(np.reshape([run.timeline.P0 for run in runs], (-1, 6, 6))).tolist()
     for place, (run, kind, start) in enumerate(zip(runs, kinds, starts, strict=True)):
-        apart = start and not (kind.wants_truth or kind.dense) and _told(run)[0].apart
+        whole = kind.wants_truth or kind.dense or run.scoring.consistency
+        apart = start and not whole and _told(run)[0].apart
         alike.setdefault((kind, _structure(_Course(run)), apart), []).append(place)
     return [
         _pack(runs, members, wants_truth=kind.wants_truth, apart=apart)

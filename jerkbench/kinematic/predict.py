@@ -80,7 +80,7 @@ def predict_measured(run: Lanes, C: View) -> None:
         for b in range(run.n):
             A[a, b] = run.gone_A[a, b]
     for i in range(3):
-        for j in range(i, 3, STRIDE):
+        for j in range(i, 3):
             _move_pair(run, M, A, i, j)
             for a in range(2):
                 for b in range(a if i == j else 0, 2):

@@ -227,7 +227,7 @@ def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
         np.empty(len(pack.score.truth), dtype=np.int64),
         np.empty((0, 6, WIDE)),
         np.empty((0, 36, WIDE)),
-        np.zeros((marks, MARKED, WIDE)),
+        np.full((marks, MARKED, WIDE), np.nan),
         np.empty(m, dtype=np.int64),
         np.empty((max(m, 1) if updates else 1, SEEN, WIDE)),
     )

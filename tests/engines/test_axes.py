@@ -4,13 +4,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from test_side_by_side import one, side_by_side, trajectory
+from test_side_by_side import BURN_IN_S, one, side_by_side, trajectory
 
 from jerkbench import plugins
-from jerkbench.kinematic import packs
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.evaluation.evaluated_run import evaluate_run
+from jerkbench.evaluation.sums import scored, sums_from
+from jerkbench.kinematic import packs, runs
 from jerkbench.measurements import TURNING_NOISE, Measurements, axes_apart
+from jerkbench.sums import Run
 
 RULES = ("none", "mtf", "chi2", "iae", "scalar_q", "huber_r", "cerkf_r", "variational_bayes")
+ERRORS = [plugins.create("metric", {"name": name}) for name in ("position_rmse", "velocity_rmse", "outage")]
 
 
 @dataclass(frozen=True)
@@ -44,21 +50,54 @@ def several():
     return [uncoupled(one(seed)) for seed in (1, 2, 3)]
 
 
+@pytest.fixture
+def strides(monkeypatch):
+    """The strides of the loops that run from here on."""
+    seen, loop_for = [], runs.loop_for
+    monkeypatch.setattr(
+        runs, "loop_for", lambda *given, **named: seen.append(named["stride"]) or loop_for(*given, **named)
+    )
+    return seen
+
+
+def errors_alone(pairs, model, adaptation):
+    """The metrics of errors of each pair, run side by side without anything of the covariances."""
+    scores = [scored(recording, timeline, BURN_IN_S) for recording, timeline in pairs]
+    bare = [Run(timeline, score.errors_alone) for (_, timeline), score in zip(pairs, scores, strict=True)]
+    several = [model] * len(pairs), [adaptation] * len(pairs)
+    results = CompiledEngine().run_settings(bare, *several, updates=False, threads=1)
+    columns = []
+    for result, score, (recording, _) in zip(results, scores, pairs, strict=True):
+        sums = sums_from(result, score, recording)
+        columns.append({name: value for metric in ERRORS for name, value in metric.summarise(sums).items()})
+    return columns
+
+
 @pytest.mark.parametrize("rule", RULES)
-def test_each_axis_by_itself_gives_what_all_together_give(several, rule, monkeypatch):
+def test_each_axis_by_itself_gives_what_all_together_give(several, rule, strides, monkeypatch):
     model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": rule})
-    got = side_by_side(several, model, adaptation)
-    assert all(timeline.measurements.apart for _, timeline in several)
+    got = errors_alone(several, model, adaptation)
     monkeypatch.setattr(packs, "axes_apart", lambda P0: np.zeros(len(P0), dtype=bool))
-    together = side_by_side([uncoupled(pair) for pair in several], model, adaptation)
+    together = errors_alone(several, model, adaptation)
+    assert strides == [3, 1]
     for own, wanted in zip(got, together, strict=True):
         assert own == pytest.approx(wanted, rel=1e-12, abs=1e-15, nan_ok=True)
 
 
-def test_an_adaptation_that_couples_axes_has_all_together(several):
+def test_an_adaptation_that_couples_axes_has_all_together(several, strides):
     model = plugins.create("filter", {"name": "jerk"})
-    for (recording, timeline), got in zip(several, side_by_side(several, model, Couples()), strict=True):
-        assert got == pytest.approx(trajectory(recording, timeline, model, Couples()), rel=1e-9, nan_ok=True)
+    for (recording, timeline), got in zip(several, errors_alone(several, model, Couples()), strict=True):
+        estimate = FilterpyEngine().run(timeline, model, Couples())
+        assert got == pytest.approx(evaluate_run(estimate, recording, BURN_IN_S, ERRORS), rel=1e-9, nan_ok=True)
+    assert strides == [3, 1]
+
+
+def test_what_reads_covariances_has_all_axes_together(several, strides):
+    model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": "none"})
+    assert all(timeline.measurements.apart for _, timeline in several)
+    for (recording, timeline), got in zip(several, side_by_side(several, model, adaptation), strict=True):
+        assert got == pytest.approx(trajectory(recording, timeline, model, adaptation), rel=1e-9, nan_ok=True)
+    assert strides == [1]
 
 
 def test_what_rounding_leaves_couples_nothing_and_what_is_absent_neither():

@@ -360,5 +360,8 @@ def test_a_run_without_consistency_has_all_other_sums(several):
     for whole, bare in zip(*both, strict=True):
         assert np.isnan([bare.nees, bare.nees_position]).all()
         assert np.isfinite([whole.nees, whole.nees_position]).all()
-        for name in ("position_m2", "velocity_m2ps2", "largest_m2", "nis_per_row", "nis_used_per_row", "marked_m2"):
+        for name in ("position_m2", "velocity_m2ps2", "largest_m2", "nis_per_row", "nis_used_per_row"):
             np.testing.assert_array_equal(getattr(bare, name), getattr(whole, name))
+        np.testing.assert_array_equal(bare.marked_m, whole.marked_m[: len(bare.marked_m)])
+        assert 0 < len(bare.marked_m) < len(whole.marked_m)
+        assert np.isnan(bare.marked_m2).all()

@@ -41,7 +41,7 @@ class PositionRmse(Summed):
     NaN without a single such row.
     """
 
-    reads_nees: ClassVar[bool] = False
+    reads_covariance: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the seven values by column name."""
@@ -66,7 +66,7 @@ class VelocityRmse(Summed):
     NaN without a single such row.
     """
 
-    reads_nees: ClassVar[bool] = False
+    reads_covariance: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the three values by column name."""

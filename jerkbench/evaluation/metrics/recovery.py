@@ -159,7 +159,7 @@ class Outage(Summed):
     the distance also where all stood still; all five without any outage.
     """
 
-    reads_nees: ClassVar[bool] = False
+    reads_covariance: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the five values by column name."""
@@ -207,7 +207,7 @@ class OutageDrift(Summed):
     The error with which the outage began does not count. NaN without an outage of two rows.
     """
 
-    reads_nees: ClassVar[bool] = False
+    reads_covariance: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value by column name."""

@@ -28,8 +28,6 @@ class LogScore(Summed):
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007).
     """
 
-    reads_nees: ClassVar[bool] = False
-
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value by column name."""
         return {"position_log_score": _mean_score(sums.sampled_m, sums.sampled_covariance_m2)}
@@ -114,8 +112,6 @@ class Crps(Summed):
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), (21).
     """
 
-    reads_nees: ClassVar[bool] = False
-
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value by column name."""
         error, variance = sums.sampled_m, sums.sampled_m2[:, [0, 3, 5]]
@@ -148,8 +144,6 @@ class Credibility(Summed):
     """
 
     default: ClassVar[bool] = False
-
-    reads_nees: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the two values by column name."""
