@@ -171,9 +171,8 @@ def wants_truth(adaptation: object) -> bool:
 
 
 def asked_in_lanes(adaptation: object) -> bool:
-    """Whether many runs ask an adaptation at once; one that fades, or has a gain of its own, each asks by itself."""
-    beyond = has_methods(adaptation, Fading) or has_methods(adaptation, AdaptingGain)
-    return bool(getattr(adaptation, "lanes", False)) and not beyond
+    """Whether many runs ask an adaptation at once; one that fades each asks by itself."""
+    return bool(getattr(adaptation, "lanes", False)) and not has_methods(adaptation, Fading)
 
 
 def changes_nothing(adaptation: object) -> bool:

@@ -1,11 +1,10 @@
 """Maximum correntropy of prior and measurement."""
 
-import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import BANDWIDTH, check_sides
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, settle, stack_of
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, gaussian_kernel, settle, stack_of
 from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
@@ -50,6 +49,8 @@ class MaximumCorrentropy:
     sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
     start: Annotated[str, DefaultOrigin("literature: the paper starts at the prediction")] = "prediction"
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_sides("maximum_correntropy", self.sides)
@@ -72,7 +73,8 @@ class MaximumCorrentropy:
         p = doubtable(stack)
         first = 0 if self.sides == "both" else p
         if self.start == "prediction":  # r_p = 0, r_r = B_r^-1 (z - H x-)
-            stack.residual[:p] = 0.0
+            for c in range(p):
+                stack.residual[c] = 0.0
             whiten(stack.columns[p:], innovation, stack.residual[p:])
         moves = 1.0
         for k in range(PASSES):
@@ -88,4 +90,4 @@ class MaximumCorrentropy:
 
 def _kernel(residual: float, bandwidth: float) -> float:
     """Return exp(-residual^2 / (2 bandwidth^2))."""
-    return max(math.exp(-0.5 * (residual / bandwidth) ** 2), SMALLEST_WEIGHT)
+    return max(gaussian_kernel(residual, bandwidth), SMALLEST_WEIGHT)

@@ -1,7 +1,7 @@
 """The adaptation: it sees one run after the other, as its author wrote it.
 
 Vectors hold a number of each run, and it wants all numbers of one run: they are spread and gathered around its calls.
-What it does to P as a whole (`adapt_prior`, an own gain) is in `whole_matrices`.
+An own gain is found likewise; what it does is in `own_gain`.
 """
 
 import numpy as np
@@ -9,10 +9,11 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, gather, lane, spread
-from jerkbench.kinematic.arguments import DENSE, Exchange, Packed, Rules, packed_of
+from jerkbench.kinematic.adapt_lanes import clear_gains
+from jerkbench.kinematic.arguments import DENSE, Exchange, Packed, Rules, Whole, packed_of
 from jerkbench.kinematic.correction import NAN
-from jerkbench.kinematic.plugin_call import call_adapt, call_fade
-from jerkbench.kinematic.whole_matrices import adapt_prior
+from jerkbench.kinematic.plugin_call import call_adapt, call_fade, call_gain, call_prior
+from jerkbench.kinematic.predict import begin_transition
 
 
 def adapt_runs(run: Lanes, exchange: Exchange, rules: Rules, complete: bool) -> bool:
@@ -166,3 +167,82 @@ def _unpack(exchange: Exchange, k: int, some: Packed, m: int) -> None:
                     adapted[6 * r + some.rows[j]] = some.adapted[m * i + j]
         else:
             exchange.kept[k, r] = 0.0
+
+
+# What an adaptation does to P as a whole: the state of one run in whole matrices.
+
+
+def adapt_prior(alone: Lanes, exchange: Exchange, k: int, packed: Packed, rules: Rules, m: int) -> bool:
+    """Put the adapted prior covariance of run ``k`` into its place, if it has one; return whether it raised nothing."""
+    if rules.prior[k] == 0:
+        return True
+    whole = whole_of(alone, exchange)
+    take_whole(alone, whole)
+    _take_transition(alone, whole)
+    well = call_prior(alone, rules, k, whole, packed, m)
+    for s in range(alone.s):
+        for t in range(s + 1):
+            alone.P[s, t] = 0.5 * (whole.answer[alone.s * s + t] + whole.answer[alone.s * t + s])
+    for i in range(m):
+        for j in range(m):
+            packed.HPHt[m * i + j] = alone.P[packed.rows[i], packed.rows[j]]
+    return well
+
+
+def whole_of(alone: Lanes, exchange: Exchange) -> Whole:
+    """Point at the room for the state of one run."""
+    own, s = exchange.whole, alone.s
+    P, F, Q, answer = s, s + s * s, s + 2 * s * s, s + 3 * s * s
+    return Whole(own[:s], own[P:F], own[F:Q], own[Q:answer], own[answer : answer + s * s])
+
+
+def take_whole(alone: Lanes, whole: Whole) -> None:
+    """Fill x and P."""
+    for s in range(alone.s):
+        whole.x[s] = alone.x[s]
+        for t in range(alone.s):
+            whole.P[alone.s * s + t] = alone.P[s, t]
+
+
+def _take_transition(alone: Lanes, whole: Whole) -> None:
+    """Fill F and Q, and begin anew with the identity and nothing."""
+    n = alone.n
+    for e in range(alone.s * alone.s):
+        whole.F[e] = whole.Q[e] = 0.0
+    for a in range(n):
+        for b in range(n):
+            for i in range(3):
+                e = alone.s * (3 * a + i) + 3 * b + i
+                whole.F[e], whole.Q[e] = alone.since_A[a, b], alone.since_Q[a, b]
+    begin_transition(alone)
+
+
+def find_gains(run: Lanes, exchange: Exchange, rules: Rules) -> None:
+    """Put K' of the runs that have a gain of their own into Z, and mark them, from the prior and the adapted R."""
+    packed = packed_of(exchange)
+    for k in range(run.width):
+        alone = lane(run, k)
+        m = _take_used(alone, packed) if rules.gain[k] != 0 and alone.lost == 0.0 else 0
+        if m > 0:
+            whole = whole_of(alone, exchange)
+            take_whole(alone, whole)
+            clear_gains(alone)
+            alone.own = 1.0
+            if not call_gain(alone, rules, k, whole, packed, m):
+                alone.lost = 1.0
+            for i in range(m):
+                for s in range(alone.s):
+                    alone.Z[packed.rows[i], s] = whole.answer[m * s + i]
+
+
+def _take_used(alone: Lanes, packed: Packed) -> int:
+    """Fill rows, innovation and adapted R of the rows that are used; return how many they are."""
+    m = 0
+    for r in range(6):
+        if alone.used[r] > 0.0:
+            packed.rows[m], packed.y[m] = r, alone.y[r]
+            m += 1
+    for i in range(m):
+        for j in range(m):
+            packed.R[m * i + j] = alone.R[packed.rows[i], packed.rows[j]]
+    return m

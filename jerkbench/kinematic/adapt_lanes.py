@@ -29,12 +29,35 @@ def adapt_lanes(run: Lanes, rows: IntArray, rules: Rules, complete: bool) -> Non
         run.asks = run.waits
         _adapt_rows(run, rows, rules, 6)
         return
+    _ask_by_rows(run, rows, rules, gain=False)
+
+
+def find_gains_of_lanes(run: Lanes, rows: IntArray, rules: Rules) -> None:
+    """Put K' into Z, and mark the runs, if the adaptation has a gain of its own."""
+    if rules.gain[0] != 0:
+        clear_gains(run)
+        run.waits = chosen(run.lost, 0.0, 0.0, 1.0)
+        _ask_by_rows(run, rows, rules, gain=True)
+
+
+def clear_gains(run: Lanes) -> None:
+    """Make Z zero."""
+    for r in range(6):
+        for s in range(run.s):
+            run.Z[r, s] = run.zero
+
+
+def _ask_by_rows(run: Lanes, rows: IntArray, rules: Rules, gain: bool) -> None:
+    """Ask for each set of rows by itself; a run without any is not asked."""
     for k in range(run.width):
         if lane(run, k).waits > 0.0:
             m = _find_rows(run, lane(run, k), rows)
             if m > 0:
                 _keep_memory(run, rules)
-                _adapt_rows(run, rows, rules, m)
+                if DENSE == 1 and gain:
+                    _find_gain(run, rows, rules, m)
+                else:
+                    _adapt_rows(run, rows, rules, m)
                 _restore_memory(run, rules)
             run.waits = chosen(run.asks, 0.0, 0.0, run.waits)
 
@@ -74,7 +97,7 @@ def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
         for j in range(m):
             R[m * i + j] = run.R[rows[i], rows[j]]
     well = True
-    if DENSE == 1:
+    if DENSE == 1 and rules.prior[0] != 0:
         well = _adapt_prior(run, y, R, rows, rules, m)
     for i in range(m):
         for j in range(m):
@@ -106,6 +129,27 @@ def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: 
             run.since_A[a, b] = chosen(run.asks, 0.0, same, run.since_A[a, b])
             run.since_Q[a, b] = chosen(run.asks, 0.0, 0.0, run.since_Q[a, b])
     return well
+
+
+def _find_gain(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
+    """Take the gain of the runs that ask."""
+    x, P, y, R, K = room(run, "s"), room(run, "s s"), room(run, "6"), room(run, "36"), room(run, "s s")
+    for s in range(run.s):
+        x[s] = run.x[s]
+        for t in range(run.s):
+            P[s, t] = run.P[s, t]
+    for i in range(m):
+        y[i] = run.y[rows[i]]
+        for j in range(m):
+            R[m * i + j] = run.R[rows[i], rows[j]]
+    seen = rules.parameters, rules.whole, x, P, y, R, rows, rules.memory, K
+    if not try_fill_lanes_by(rules.gain[0], seen, (m, rules.sizes[0], run.s)):
+        run.lost = run.lost + run.asks
+    run.own = run.own + run.asks
+    for i in range(m):
+        for s in range(run.s):
+            e = m * s + i
+            run.Z[rows[i], s] = chosen(run.asks, 0.0, K[e // run.s, e % run.s], run.Z[rows[i], s])
 
 
 def _take(run: Lanes, adapted: View, rows: IntArray, m: int) -> None:

@@ -150,7 +150,6 @@ class Exchange(NamedTuple):
         some: (114,) the same of one run, where some rows are missing.
         rows: (6,) which these are.
         whole: (S + 4 S S,) room for the state of one run as `Whole` has it.
-        own: (WIDTH, 2 + S + S S) of a run with a gain of its own 1, LOST, x and P after this update; of any other 0.
     """
 
     HPHt: FloatMatrix
@@ -162,7 +161,6 @@ class Exchange(NamedTuple):
     some: FloatVector
     rows: IntVector
     whole: FloatVector
-    own: FloatMatrix
 
 
 class Packed(NamedTuple):
@@ -206,7 +204,7 @@ def exchange_for(n: int, width: int) -> Exchange:
     HPHt, given, adapted = (aligned_zeros(width, MATRIX) for _ in range(3))
     y, kept, variance = (aligned_zeros(width, SIX) for _ in range(3))
     s = 3 * n
-    room = np.zeros(114), np.zeros(6, dtype=np.int64), np.zeros(s + 4 * s * s), np.zeros((width, 2 + s + s * s))
+    room = np.zeros(114), np.zeros(6, dtype=np.int64), np.zeros(s + 4 * s * s)
     return Exchange(HPHt, y, kept, given, adapted, variance, *room)
 
 
@@ -245,6 +243,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "ended": (),  # step at whose end that was, or -1
     "waits": (),  # 1 where an adaptation of all runs at once is still to be asked
     "asks": (),  # 1 where it is being asked
+    "own": (),  # 1 where this update has a gain of its own, which then stands in Z
     "due": (),  # above 0 where an update has a row
     "e": (6,),  # error of position and velocity
     "square": (),  # of the position error

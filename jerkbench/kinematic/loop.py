@@ -27,18 +27,21 @@ from jerkbench.kinematic.arguments import (
     run_type,
 )
 from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
+from jerkbench.kinematic.own_gain import correct_by_gains
 from jerkbench.kinematic.predict import (
     ANY,
     LATER,
     TRIANGULAR,
+    advance,
     begin_to_join,
+    begin_transition,
     mark_axes,
     mirror,
     predict,
     predict_covariance,
     predict_measured,
+    show_transition,
 )
-from jerkbench.kinematic.whole_matrices import advance, begin_transition, find_gains, put_gains, show_transition
 
 
 def compare_later(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
@@ -125,11 +128,10 @@ def update(
     kept.which[place] = which
     nis = expect(run, steps, rules, exchange, seen, which)
     if DENSE == 1:
-        find_gains(run, exchange, rules)
-    correct(run, states)
-    if DENSE == 1:
-        put_gains(run, exchange)
+        correct_by_gains(run, exchange, rules, states)
         mirror(run)
+    else:
+        correct(run, states)
     check_definite(run)
     finish(run, seen, score, which, nis)
 
@@ -385,7 +387,7 @@ SELDOM = (
         "_keep_memory",
         "_restore_memory",
     ),
-    *("advance", "adapt_prior", "take_whole", "put_covariance", "find_gains", "put_gains", "_own_update", "_widen"),
+    *("advance", "adapt_prior", "take_whole", "find_gains", "find_gains_of_lanes", "_own_update", "_widen"),
 )
 APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""

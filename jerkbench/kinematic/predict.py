@@ -1,8 +1,8 @@
 """Prediction with F = A (x) I3: the same product for each pair of axes, of which half of the covariance is enough."""
 
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Lanes, View, eights, room, wide_room
-from jerkbench.kinematic.arguments import STRIDE
+from jerkbench.compilation.views import Lanes, View, eights, room, row, shared_row, wide_room
+from jerkbench.kinematic.arguments import STRIDE, Model, Steps
 
 AxisViews = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
@@ -187,3 +187,53 @@ def mark_axes(run: Lanes) -> None:
         for p in range(8):
             marks[p] = 1.0 if p in (0, 3, 5) else 0.0
         run.same = eights(marks)[0]
+
+
+# The transition since the last update, which an adaptation of the prior is shown.
+
+
+def advance(run: Lanes, model: Model, steps: Steps, begin: int, end: int) -> None:
+    """Take the transition of each run on over steps ``begin`` to ``end`` (not included)."""
+    for step in range(begin, end):
+        k = steps.model[step]
+        if k >= 0:
+            if run.width == 1 or model.A.shape[2] == 1:
+                _advance_step(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
+            else:
+                _advance_step(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
+
+
+def show_transition(run: Lanes) -> None:
+    """Take the transition on by what `predict` has joined, of the runs in which an update is due."""
+    A, Q = room(run, "n n"), room(run, "n n")
+    for a in range(run.n):
+        for b in range(run.n):
+            A[a, b] = chosen(run.due, 0.0, run.gone_A[a, b], 1.0 if a == b else 0.0)
+            Q[a, b] = chosen(run.due, 0.0, run.gone_Q[a, b], 0.0)
+    _advance_step(run, A, Q)
+
+
+def _advance_step(run: Lanes, A: View, Q: View) -> None:
+    """Make the transition A times what it was, and its noise A Q A' + Q."""
+    gone, AQ, n = room(run, "n n"), room(run, "n n"), run.n
+    for a in range(n):
+        for b in range(n):
+            moved = noise = run.zero
+            for c in range(n):
+                moved += A[a, c] * run.since_A[c, b]
+                noise += A[a, c] * run.since_Q[c, b]
+            gone[a, b], AQ[a, b] = moved, noise
+    for a in range(n):
+        for b in range(n):
+            noise = run.zero + Q[a, b]
+            for c in range(n):
+                noise += AQ[a, c] * A[b, c]
+            run.since_A[a, b], run.since_Q[a, b] = gone[a, b], noise
+
+
+def begin_transition(run: Lanes) -> None:
+    """Make the transition since the last update the identity, and its noise nothing."""
+    for a in range(run.n):
+        for b in range(run.n):
+            run.since_A[a, b] = run.zero + (1.0 if a == b else 0.0)
+            run.since_Q[a, b] = run.zero
