@@ -1,7 +1,7 @@
 """Parameters of several adaptations: the ranges they are tuned in, and the checks."""
 
-from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import Range
+from jerkbench.errors import PluginError
+from jerkbench.parameters import PLUGIN_TITLES, Limit, Range
 
 FORGETTING = Range(0.7, 0.999, toward_one=True, source="ours: from a memory of three updates to one of 1000")
 PROBABILITY = Range(0.9, 0.99999, toward_one=True, source="ours: from one false alarm in ten updates to one in 100 000")
@@ -16,35 +16,26 @@ SHORT_WINDOW = Range(1, 50, log=True, source="ours: from the paper's single inno
 MOST_PASSES = 1000
 """Of an update: a hundred times those of the papers; more take a run from minutes to years."""
 
-SIDES = ("both", "measurement")
+ABOVE_0 = Limit(lambda value: value > 0, "it must be above 0.")
+ONE_OR_MORE = Limit(lambda value: value >= 1, "it must be at least 1.")
+NONE_OR_MORE = Limit(lambda value: value >= 0, "it must be 0 or more.")
+WITHIN_0_AND_1 = Limit(lambda share: 0 < share < 1, "it must lie between 0 and 1.")
+HITS = Limit(lambda guard: guard >= 0, "it must be 0 (off) or the number of hits that inflate.")
+SOME_PASSES = Limit(lambda passes: 1 <= passes <= MOST_PASSES, f"it must be from 1 to {MOST_PASSES}.")
+
+
+def one_of(values: tuple[str, ...]) -> Limit:
+    """Return the limit of a parameter that is one of these words."""
+    return Limit(lambda value: value in values, f"it must be one of {', '.join(values)}.")
+
+
+ONE_OF_SIDES = one_of(("both", "measurement"))
 """Whom a weight may doubt: prior and measurement, or the measurement alone."""
 
 
-def check_passes(name: str, passes: int) -> None:
-    """Refuse a number of passes that is none, or that no run would end with.
-
-    Raises:
-        PluginError: it is below 1 or above `MOST_PASSES`.
-    """
-    if not 1 <= passes <= MOST_PASSES:
-        raise PluginError(f"{name}.passes is {passes}; it must be from 1 to {MOST_PASSES}.")
-
-
-def check_window(name: str, window: int, guard: int = 0) -> None:
-    """Raise a PluginError where the window or the guard of adaptation ``name`` makes no sense."""
-    if window < 1:
-        raise PluginError(f"{name}.window is {window}; it must be at least 1.")
-    if guard < 0:
-        raise PluginError(f"{name}.guard is {guard}; it must be 0 (off) or the number of hits that inflate.")
-
-
-def check_probability(name: str, probability: float) -> None:
-    """Raise a PluginError where ``probability`` of adaptation ``name`` is none."""
-    if not 0 < probability < 1:
-        raise PluginError(f"{name}.probability is {probability}; it must lie between 0 and 1.")
-
-
-def check_sides(name: str, sides: str) -> None:
-    """Raise a PluginError where ``sides`` of adaptation ``name`` is none of `SIDES`."""
-    if sides not in SIDES:
-        raise PluginError(f"{name}.sides: {unknown('value', sides, SIDES)}")
+def check_order(adaptation: object, low: str, high: str, *, equal: bool = True) -> None:
+    """Raise a PluginError unless 0 < ``low`` <= ``high``, two parameters of an adaptation."""
+    least, most = getattr(adaptation, low), getattr(adaptation, high)
+    if not (0 < least <= most and (equal or least < most)):
+        sign, title = "<=" if equal else "<", PLUGIN_TITLES.get(type(adaptation), "")
+        raise PluginError(f"{title}needs 0 < {low} {sign} {high}; they are {least} and {most}.")

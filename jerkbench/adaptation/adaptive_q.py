@@ -5,17 +5,16 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import WINDOW, check_window
+from jerkbench.adaptation._ranges import ONE_OR_MORE, WINDOW, check_order
 from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "adaptive_q")
 @dataclass(frozen=True)
-class AdaptiveQ:
+class AdaptiveQ(Limited):
     """Scales the prior covariance by what the innovations of a window say of it.
 
     With w_i the mean of the last N values of y_i^2, this one included, h_i = (H P- H')_ii of now and r_i = R_ii::
@@ -42,7 +41,7 @@ class AdaptiveQ:
         "simplified", "doi:10.1017/S0373463307004316", "On the whole prior covariance, not on Q; never below 1."
     )
 
-    window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 20
+    window: Annotated[int, ONE_OR_MORE, WINDOW, DefaultOrigin("ours")] = 20
     low: Annotated[float, DefaultOrigin("ours: the prior is not narrowed")] = 1.0
     high: Annotated[
         float,
@@ -52,9 +51,8 @@ class AdaptiveQ:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        check_window("adaptive_q", self.window)
-        if not 0 < self.low <= self.high:
-            raise PluginError(f"adaptive_q needs 0 < low <= high; they are {self.low} and {self.high}.")
+        super().__post_init__()
+        check_order(self, "low", "high")
 
     def memory_size(self) -> int:
         """Return the length of the rings and the update counts of six rows."""

@@ -5,18 +5,17 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
+from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, SOME_PASSES
 from jerkbench.adaptation.common import gaussian_kernel
 from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "cerkf_r")
 @dataclass(frozen=True)
-class CentredErrorEntropyR:
+class CentredErrorEntropyR(Limited):
     """Weighs each measurement by how near its residual is to zero and to the other residuals.
 
     The centred error entropy. With R = L L' (Cholesky), y the innovation of m rows, R_0 = R and
@@ -50,25 +49,15 @@ class CentredErrorEntropyR:
 
     eta: Annotated[
         float,
+        Limit(lambda eta: 0 <= eta <= 1, "it must be from 0 to 1."),
         Range(0.1, 1.0, source="literature: a share; below a tenth nothing centres the errors"),
         DefaultOrigin("ours"),
     ] = 0.8
-    centre_bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("ours, as maximum_correntropy")] = 5.0
-    pair_bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("ours, as maximum_correntropy")] = 5.0
-    passes: Annotated[int, DefaultOrigin("ours")] = 5
+    centre_bandwidth: Annotated[float, ABOVE_0, BANDWIDTH, DefaultOrigin("ours, as maximum_correntropy")] = 5.0
+    pair_bandwidth: Annotated[float, ABOVE_0, BANDWIDTH, DefaultOrigin("ours, as maximum_correntropy")] = 5.0
+    passes: Annotated[int, SOME_PASSES, DefaultOrigin("ours")] = 5
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0 <= self.eta <= 1:
-            raise PluginError(f"cerkf_r.eta is {self.eta}; it must be from 0 to 1.")
-        if not (self.centre_bandwidth > 0 and self.pair_bandwidth > 0):
-            raise PluginError(
-                f"cerkf_r.centre_bandwidth and pair_bandwidth are {self.centre_bandwidth} and {self.pair_bandwidth};"
-                " they must be above 0."
-            )
-        check_passes("cerkf_r", self.passes)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

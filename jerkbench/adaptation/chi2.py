@@ -5,17 +5,16 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import PROBABILITY, check_probability
+from jerkbench.adaptation._ranges import NONE_OR_MORE, PROBABILITY, WITHIN_0_AND_1
 from jerkbench.adaptation.common import chi2_tail, innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "chi2")
 @dataclass(frozen=True)
-class Chi2Gate:
+class Chi2Gate(Limited):
     """Drops a position or a velocity that fails the chi-square test.
 
     For each of the two blocks, with the y and S = H P- H' + R of its m rows that are there::
@@ -38,18 +37,13 @@ class Chi2Gate:
         "simplified", "doi:10.1002/0471221279", "Position and velocity apart; at most 25 in a row are dropped."
     )
 
-    probability: Annotated[float, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
+    probability: Annotated[float, WITHIN_0_AND_1, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
     longest: Annotated[
         int,
+        NONE_OR_MORE,
         Range(1, 200, log=True, source="ours: from a fifth of a second to 40 s of fixes at 5 Hz"),
         DefaultOrigin("ours: five seconds of fixes at 5 Hz"),
     ] = 25
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_probability("chi2", self.probability)
-        if self.longest < 0:
-            raise PluginError(f"chi2.longest is {self.longest}; it must be 0 or more.")
 
     def memory_size(self) -> int:
         """Return 2: rejections in a row of each block."""

@@ -5,15 +5,15 @@ from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import WITHIN_0_AND_1
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "federated")
 @dataclass(frozen=True)
-class Federated:
+class Federated(Limited):
     """A federated filter: position and velocity each in a local filter that scales its own R.
 
     The locals share the prior, P_i = P- / beta_i with beta_p = beta, beta_v = 1 - beta, and are fused and reset after
@@ -41,12 +41,9 @@ class Federated:
         "own", "doi:10.1109/7.106130", "Carlson's federated filter, in whose locals `scalar_r` adapts R."
     )
 
-    beta: Annotated[float, Range(0.05, 0.95, source="any share but nothing"), DefaultOrigin("equal shares")] = 0.5
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0 < self.beta < 1:
-            raise PluginError(f"federated.beta is {self.beta}; it must lie between 0 and 1.")
+    beta: Annotated[
+        float, WITHIN_0_AND_1, Range(0.05, 0.95, source="any share but nothing"), DefaultOrigin("equal shares")
+    ] = 0.5
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -5,15 +5,15 @@ from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import ABOVE_0
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "fuzzy")
 @dataclass(frozen=True)
-class Fuzzy:
+class Fuzzy(Limited):
     """Scales the whole of R by fuzzy rules on a smoothed ratio of innovation to expectation.
 
     With y the innovation, h_i = (H P- H')_ii, r_i = R_ii and rho = 1 at the start::
@@ -41,25 +41,23 @@ class Fuzzy:
     )
 
     smoothing: Annotated[
-        float, Range(0.0, 0.95, source="ours: from no memory to one of 20 updates"), DefaultOrigin("ours")
+        float,
+        Limit(lambda share: 0 <= share < 1, "it must be from 0 to below 1."),
+        Range(0.0, 0.95, source="ours: from no memory to one of 20 updates"),
+        DefaultOrigin("ours"),
     ] = 0.5
     medium: Annotated[
         float,
+        ABOVE_0,
         Range(1.0, 20.0, log=True, source="ours: from no inflation to 4.5 sigma"),
         DefaultOrigin("ours: twice the sigma"),
     ] = 4.0
     large: Annotated[
         float,
+        ABOVE_0,
         Range(2.0, 1000.0, log=True, source="ours: from 1.4 to 30 sigma"),
         DefaultOrigin("ours: five times the sigma"),
     ] = 25.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0 <= self.smoothing < 1:
-            raise PluginError(f"fuzzy.smoothing is {self.smoothing}; it must be from 0 to below 1.")
-        if not (self.medium > 0 and self.large > 0):
-            raise PluginError(f"fuzzy.medium and large are {self.medium} and {self.large}; they must be above 0.")
 
     def memory_size(self) -> int:
         """Return 1: rho - 1, because a run starts with zeros."""

@@ -3,19 +3,18 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from jerkbench.adaptation._ranges import check_sides
+from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
 from jerkbench.adaptation.linalg import inverse_weighted, root_of
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "huber")
 @dataclass(frozen=True)
-class Huber:
+class Huber(Limited):
     """Weighs every component of prior and measurement by Huber's function, until the state stands still.
 
     With P- = B_p B_p' and R = B_r B_r' (Cholesky) and x the state of the pass before, from x = x- with weights of 1::
@@ -42,18 +41,13 @@ class Huber:
 
     threshold: Annotated[
         float,
+        ABOVE_0,
         Range(0.5, 10.0, log=True, source="ours: from all but the median to all but the mean"),
         DefaultOrigin("literature: 1.345, 95 % as efficient as the plain filter on Gaussian noise"),
     ] = 1.345
-    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
+    sides: Annotated[str, ONE_OF_SIDES, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_sides("huber", self.sides)
-        if not self.threshold > 0:
-            raise PluginError(f"huber.threshold is {self.threshold}; it must be above 0.")
 
     def memory_size(self) -> int:
         """Return 6: the weights of the rows, from the prior's turn to that of R."""

@@ -4,15 +4,15 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
+from jerkbench.adaptation._ranges import ABOVE_0
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "huber_r")
 @dataclass(frozen=True)
-class HuberR:
+class HuberR(Limited):
     """Inflates the variance of a row in proportion to its innovation, beyond a threshold.
 
     With y the innovation, h_i = (H P- H')_ii and r_i = R_ii::
@@ -38,16 +38,12 @@ class HuberR:
 
     threshold: Annotated[
         float,
+        ABOVE_0,
         Range(0.5, 5.0, log=True, source="ours: from nearly the median to nearly the mean"),
         DefaultOrigin("literature: 95 % efficient on Gaussian noise"),
     ] = 1.345
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.threshold > 0:
-            raise PluginError(f"huber_r.threshold is {self.threshold}; it must be above 0.")
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

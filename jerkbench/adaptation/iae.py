@@ -3,17 +3,16 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._ranges import SHRINKING, WINDOW, check_window
+from jerkbench.adaptation._ranges import ONE_OR_MORE, SHRINKING, WINDOW
 from jerkbench.adaptation.common import is_full, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance
 from jerkbench.plugins import register
 
 
 @register("adaptation", "iae")
 @dataclass(frozen=True)
-class InnovationBased:
+class InnovationBased(Limited):
     """Innovation-based adaptive estimation: the variance that the last innovations had, less that of the prior.
 
     With w_i the mean of the last N values of y_i^2, this one included, and h_i = (H P- H')_ii of now::
@@ -36,14 +35,13 @@ class InnovationBased:
         "simplified", "doi:10.1007/s001900050236", "The diagonal of R alone, with the prior covariance of now."
     )
 
-    window: Annotated[int, WINDOW, DefaultOrigin("ours")] = 10
-    low: Annotated[float, SHRINKING, DefaultOrigin("ours, as sage_husa")] = 0.1
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_window("iae", self.window)
-        if not self.low > 0:
-            raise PluginError(f"iae.low is {self.low}; it must be above 0, or R would not be positive.")
+    window: Annotated[int, ONE_OR_MORE, WINDOW, DefaultOrigin("ours")] = 10
+    low: Annotated[
+        float,
+        Limit(lambda low: low > 0, "it must be above 0, or R would not be positive."),
+        SHRINKING,
+        DefaultOrigin("ours, as sage_husa"),
+    ] = 0.1
 
     def memory_size(self) -> int:
         """Return the length of the rings and the update counts of six rows."""

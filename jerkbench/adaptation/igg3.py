@@ -5,15 +5,15 @@ from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import check_order
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "igg3")
 @dataclass(frozen=True)
-class Igg3:
+class Igg3(Limited):
     """Keeps, weakens or drops each row by how large its innovation is.
 
     With v = |y_i| / sqrt(S_ii), S = H P- H' + R::
@@ -55,8 +55,8 @@ class Igg3:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 0 < self.keep < self.drop:
-            raise PluginError(f"igg3.keep is {self.keep} and igg3.drop {self.drop}; 0 < keep < drop is needed.")
+        super().__post_init__()
+        check_order(self, "keep", "drop", equal=False)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from jerkbench.adaptation._ranges import BANDWIDTH, check_sides
+from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, ONE_OF_SIDES, one_of
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, gaussian_kernel, settle, stack_of
 from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
-from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 STARTS = ("prediction", "update")
@@ -18,7 +17,7 @@ STARTS = ("prediction", "update")
 
 @register("adaptation", "maximum_correntropy")
 @dataclass(frozen=True)
-class MaximumCorrentropy:
+class MaximumCorrentropy(Limited):
     """Weighs every component of prior and measurement by a Gaussian kernel, until the state stands still.
 
     With P- = B_p B_p' and R = B_r B_r' (Cholesky) and x the state of the pass before, from x = x-::
@@ -45,19 +44,13 @@ class MaximumCorrentropy:
 
     provenance = Provenance("published", "doi:10.1016/j.automatica.2016.10.004")
 
-    bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: 2 to 10 in the paper")] = 5.0
-    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
-    start: Annotated[str, DefaultOrigin("literature: the paper starts at the prediction")] = "prediction"
+    bandwidth: Annotated[float, ABOVE_0, BANDWIDTH, DefaultOrigin("literature: 2 to 10 in the paper")] = 5.0
+    sides: Annotated[str, ONE_OF_SIDES, DefaultOrigin("literature: the paper weighs both")] = "both"
+    start: Annotated[str, one_of(STARTS), DefaultOrigin("literature: the paper starts at the prediction")] = (
+        "prediction"
+    )
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_sides("maximum_correntropy", self.sides)
-        if self.start not in STARTS:
-            raise PluginError(f"maximum_correntropy.start: {unknown('value', self.start, STARTS)}")
-        if not self.bandwidth > 0:
-            raise PluginError(f"maximum_correntropy.bandwidth is {self.bandwidth}; it must be above 0.")
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -3,18 +3,17 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from jerkbench.adaptation._ranges import BANDWIDTH, check_passes
+from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, SOME_PASSES
 from jerkbench.adaptation.common import gaussian_kernel
 from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 
 @register("adaptation", "maximum_correntropy_r")
 @dataclass(frozen=True)
-class MaximumCorrentropyR:
+class MaximumCorrentropyR(Limited):
     """Weighs each measurement by a Gaussian kernel of its residual.
 
     With R = L L' (Cholesky), y the innovation, and R_0 = R::
@@ -41,16 +40,10 @@ class MaximumCorrentropyR:
         "simplified", "doi:10.1016/j.automatica.2016.10.004", "The measurement alone, in a few passes."
     )
 
-    bandwidth: Annotated[float, BANDWIDTH, DefaultOrigin("literature: the source uses 2 to 10")] = 5.0
-    passes: Annotated[int, DefaultOrigin("ours")] = 5
+    bandwidth: Annotated[float, ABOVE_0, BANDWIDTH, DefaultOrigin("literature: the source uses 2 to 10")] = 5.0
+    passes: Annotated[int, SOME_PASSES, DefaultOrigin("ours")] = 5
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.bandwidth > 0:
-            raise PluginError(f"maximum_correntropy_r.bandwidth is {self.bandwidth}; it must be above 0.")
-        check_passes("maximum_correntropy_r", self.passes)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

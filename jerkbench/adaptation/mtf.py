@@ -5,17 +5,16 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
+from jerkbench.adaptation._ranges import HITS, NONE_OR_MORE, ONE_OR_MORE, SHORT_WINDOW
 from jerkbench.adaptation.common import inflated, inflation_memory, squared_length
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 
 @register("adaptation", "mtf")
 @dataclass(frozen=True)
-class Mtf:
+class Mtf(Limited):
     """Inflates the variance of just those rows whose innovation is larger than expected.
 
     With y the innovation, h_i = (H P- H')_ii, r_i = R_ii and w_i the mean of the last mu values of y_i^2::
@@ -52,18 +51,10 @@ class Mtf:
         "simplified", "doi:10.1016/j.isatra.2010.04.001", "Behind a trace test, as in the paper of `jerk`."
     )
 
-    window: Annotated[int, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
-    guard: Annotated[int, DefaultOrigin("off, as in the paper")] = 0
-    after: Annotated[int, DefaultOrigin("off; the paper's steady state has no number")] = 0
-    after_s: Annotated[float, DefaultOrigin("off, likewise")] = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_window("mtf", self.window, self.guard)
-        if self.after < 0:
-            raise PluginError(f"mtf.after is {self.after}; it must be 0 or more.")
-        if not self.after_s >= 0.0:
-            raise PluginError(f"mtf.after_s is {self.after_s}; it must be 0 or more.")
+    window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
+    guard: Annotated[int, HITS, DefaultOrigin("off, as in the paper")] = 0
+    after: Annotated[int, NONE_OR_MORE, DefaultOrigin("off; the paper's steady state has no number")] = 0
+    after_s: Annotated[float, NONE_OR_MORE, DefaultOrigin("off, likewise")] = 0.0
 
     def memory_size(self) -> int:
         """Return the length of what `inflated` remembers of six rows, and one for the updates that have passed."""

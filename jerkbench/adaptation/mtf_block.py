@@ -3,16 +3,16 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._ranges import SHORT_WINDOW, check_window
+from jerkbench.adaptation._ranges import HITS, ONE_OR_MORE, SHORT_WINDOW
 from jerkbench.adaptation.common import inflated, inflation_memory
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 
 @register("adaptation", "mtf_block")
 @dataclass(frozen=True)
-class MtfBlock:
+class MtfBlock(Limited):
     """Multiple tuning factors with one test for position and one for velocity.
 
     `mtf`, but metres are not added to metres per second. For each of the two blocks B, with y the innovation,
@@ -36,12 +36,8 @@ class MtfBlock:
         "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with one test for position and one for velocity."
     )
 
-    window: Annotated[int, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
-    guard: Annotated[int, DefaultOrigin("off, as in the paper")] = 0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_window("mtf_block", self.window, self.guard)
+    window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
+    guard: Annotated[int, HITS, DefaultOrigin("off, as in the paper")] = 0
 
     def memory_size(self) -> int:
         """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""

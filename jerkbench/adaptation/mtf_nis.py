@@ -3,16 +3,16 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._ranges import PROBABILITY, SHORT_WINDOW, check_probability, check_window
+from jerkbench.adaptation._ranges import HITS, ONE_OR_MORE, PROBABILITY, SHORT_WINDOW, WITHIN_0_AND_1
 from jerkbench.adaptation.common import chi2_tail, inflated, inflation_memory, innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 
 @register("adaptation", "mtf_nis")
 @dataclass(frozen=True)
-class MtfNis:
+class MtfNis(Limited):
     """Multiple tuning factors with a chi-square test of the whole innovation.
 
     `mtf`, but the test has no units and the false alarms that it is asked for. With y the innovation of m rows,
@@ -37,14 +37,9 @@ class MtfNis:
         "own", "doi:10.1016/j.isatra.2010.04.001", "`mtf` with a chi-square test of the whole innovation."
     )
 
-    probability: Annotated[float, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
-    window: Annotated[int, SHORT_WINDOW, DefaultOrigin("as mtf")] = 1
-    guard: Annotated[int, DefaultOrigin("off, as mtf")] = 0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_probability("mtf_nis", self.probability)
-        check_window("mtf_nis", self.window, self.guard)
+    probability: Annotated[float, WITHIN_0_AND_1, PROBABILITY, DefaultOrigin("convention of such tests")] = 0.99
+    window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("as mtf")] = 1
+    guard: Annotated[int, HITS, DefaultOrigin("off, as mtf")] = 0
 
     def memory_size(self) -> int:
         """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""

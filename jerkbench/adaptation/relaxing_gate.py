@@ -5,15 +5,15 @@ from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import ABOVE_0, NONE_OR_MORE
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "relaxing_gate")
 @dataclass(frozen=True)
-class RelaxingGate:
+class RelaxingGate(Limited):
     """Drops a row beyond k sigma; after a streak of rejections k grows until an update is accepted again.
 
     With S = H P- H' + R and c the rejections of this row in sequence so far::
@@ -36,26 +36,22 @@ class RelaxingGate:
 
     width: Annotated[
         float,
+        ABOVE_0,
         Range(1.5, 10.0, log=True, source="ours: from a gate that drops one good row in seven to one for gross errors"),
         DefaultOrigin("ours, from no tuning: the usual three sigma"),
     ] = 3.0
     patience: Annotated[
-        int, Range(1, 100, log=True, source="ours: up to 20 s of fixes at 5 Hz"), DefaultOrigin("ours, from no tuning")
+        int,
+        NONE_OR_MORE,
+        Range(1, 100, log=True, source="ours: up to 20 s of fixes at 5 Hz"),
+        DefaultOrigin("ours, from no tuning"),
     ] = 5
     growth: Annotated[
         float,
+        Limit(lambda k: k > 1, "it must be above 1, or the gate never opens."),
         Range(1.05, 3.0, source="ours: a gate that hardly opens to one that opens at once"),
         DefaultOrigin("ours, from no tuning"),
     ] = 1.5
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.width > 0:
-            raise PluginError(f"relaxing_gate.width is {self.width}; it must be above 0.")
-        if self.patience < 0:
-            raise PluginError(f"relaxing_gate.patience is {self.patience}; it must be 0 or more.")
-        if not self.growth > 1:
-            raise PluginError(f"relaxing_gate.growth is {self.growth}; it must be above 1, or the gate never opens.")
 
     def memory_size(self) -> int:
         """Return 6: rejections in sequence of each row."""

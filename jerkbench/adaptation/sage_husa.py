@@ -5,16 +5,15 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
+from jerkbench.adaptation._ranges import FORGETTING, SHRINKING, WITHIN_0_AND_1, check_order
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "sage_husa")
 @dataclass(frozen=True)
-class SageHusa:
+class SageHusa(Limited):
     """Estimates each variance of R recursively, with fading memory.
 
     At the k-th update of row i, with y the innovation, h_i = (H P- H')_ii and r_i the reported variance::
@@ -38,7 +37,7 @@ class SageHusa:
         "simplified", "Sage and Husa, 1969", "The diagonal of R alone, within bounds; no means, and no Q."
     )
 
-    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
+    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
     low: Annotated[float, SHRINKING, DefaultOrigin("ours: keeps R positive")] = 0.1
     high: Annotated[
         float,
@@ -48,10 +47,8 @@ class SageHusa:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 0 < self.forgetting < 1:
-            raise PluginError(f"sage_husa.forgetting is {self.forgetting}; it must lie between 0 and 1.")
-        if not 0 < self.low <= self.high:
-            raise PluginError(f"sage_husa needs 0 < low <= high; they are {self.low} and {self.high}.")
+        super().__post_init__()
+        check_order(self, "low", "high")
 
     def memory_size(self) -> int:
         """Return 18: rh, k and b^k of each row."""

@@ -6,12 +6,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FORGETTING, SHRINKING
+from jerkbench.adaptation._ranges import FORGETTING, SHRINKING, WITHIN_0_AND_1, check_order
 from jerkbench.adaptation.linalg import diagonal, factorise, forward_rows, solve, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 GROWING = Range(10.0, 1e6, log=True, source="ours: from 3 to 1000 times the reported sigma")
@@ -21,7 +20,7 @@ COUNT, FADED, RATIOS = 6, 12, 20
 
 @register("adaptation", "sage_husa_qr")
 @dataclass(frozen=True)
-class SageHusaBoth:
+class SageHusaBoth(Limited):
     """Estimates the variances of R and of Q recursively, with fading memory.
 
     At the k-th update, with y the innovation and d = (1 - b) / (1 - b^(k+1))::
@@ -50,7 +49,7 @@ class SageHusaBoth:
         "own", "Sage and Husa, 1969", "Their recursion for the diagonal of R; for Q, one factor for each state."
     )
 
-    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
+    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 to 0.99 is usual")] = 0.97
     low: Annotated[float, SHRINKING, DefaultOrigin("ours: keeps R and Q positive")] = 0.1
     high: Annotated[float, GROWING, DefaultOrigin("ours: a hundred times the reported sigma")] = 1e4
     high_process: Annotated[float, GROWING, DefaultOrigin("ours: ten times the sigma of the model")] = 1e2
@@ -59,13 +58,9 @@ class SageHusaBoth:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 0 < self.forgetting < 1:
-            raise PluginError(f"sage_husa_qr.forgetting is {self.forgetting}; it must lie between 0 and 1.")
-        if not 0 < self.low <= min(self.high, self.high_process):
-            raise PluginError(
-                f"sage_husa_qr needs 0 < low <= high and high_process; they are {self.low}, {self.high} and"
-                f" {self.high_process}."
-            )
+        super().__post_init__()
+        check_order(self, "low", "high")
+        check_order(self, "low", "high_process")
 
     def memory_size_of(self, states: int) -> int:
         """Return the length of rh, k and b^k of each row, k and b^k of Q, and g of each state."""

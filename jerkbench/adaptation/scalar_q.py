@@ -5,15 +5,15 @@ from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import ONE_OR_MORE
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "scalar_q")
 @dataclass(frozen=True)
-class ScalarQ:
+class ScalarQ(Limited):
     """Scales the whole prior covariance by one factor when the innovation is larger than expected.
 
     With y the innovation, h_i = (H P- H')_ii and r_i = R_ii::
@@ -39,14 +39,10 @@ class ScalarQ:
 
     limit: Annotated[
         float,
+        ONE_OR_MORE,
         Range(1.5, 1e5, log=True, source="ours: from 1.2 to 300 times the prior's sigma"),
         DefaultOrigin("ours: keeps unmeasured states within bounds"),
     ] = 1e3
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.limit >= 1:
-            raise PluginError(f"scalar_q.limit is {self.limit}; it must be at least 1.")
 
     def fade(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -5,15 +5,15 @@ from typing import Annotated
 
 import numpy as np
 
+from jerkbench.adaptation._ranges import ABOVE_0
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "sif")
 @dataclass(frozen=True)
-class SlidingInnovation:
+class SlidingInnovation(Limited):
     """Takes a gain from the size of the innovation alone: small ones in part, large ones whole.
 
     With y the innovation and delta_i = k sqrt(R_ii) the width of the sliding layer::
@@ -38,14 +38,10 @@ class SlidingInnovation:
 
     width: Annotated[
         float,
+        ABOVE_0,
         Range(1.0, 100.0, log=True, source="ours: from a gain of one to one of a hundredth"),
         DefaultOrigin("ours: a gain of about a tenth where nothing is wrong"),
     ] = 10.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.width > 0:
-            raise PluginError(f"sif.width is {self.width}; it must be above 0.")
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -6,13 +6,12 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import check_sides
+from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES, one_of
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, still_moves
 from jerkbench.adaptation.linalg import diagonalise, divided, explained_sums, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
-from jerkbench.errors import PluginError, unknown
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 FUNCTIONS = ("log", "sqrt", "exp")
@@ -20,7 +19,7 @@ FUNCTIONS = ("log", "sqrt", "exp")
 
 @register("adaptation", "ssmkf")
 @dataclass(frozen=True)
-class StatisticalSimilarity:
+class StatisticalSimilarity(Limited):
     """Scales prior and measurement, each as a whole, until the state is as similar to both as can be.
 
     With x and P the state and covariance of the pass before, n states and m rows, the first pass with weights of 1::
@@ -52,30 +51,26 @@ class StatisticalSimilarity:
 
     provenance = Provenance("published", "doi:10.1109/TAC.2020.3011443")
 
-    function: Annotated[str, DefaultOrigin("ours: of the paper's, the one nearest to Student's t")] = "log"
+    function: Annotated[
+        str, one_of(FUNCTIONS), DefaultOrigin("ours: of the paper's, the one nearest to Student's t")
+    ] = "log"
     nu: Annotated[
         float,
+        ABOVE_0,
         Range(1.0, 100.0, log=True, source="ours: from Cauchy's tails to all but Gaussian ones"),
         DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
     sigma: Annotated[
         float,
+        ABOVE_0,
         Range(
             1.0, 50.0, log=True, source="ours: from a kernel that rejects good measurements to one that rejects none"
         ),
         DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
-    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
+    sides: Annotated[str, ONE_OF_SIDES, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_sides("ssmkf", self.sides)
-        if self.function not in FUNCTIONS:
-            raise PluginError(f"ssmkf.function: {unknown('value', self.function, FUNCTIONS)}")
-        if not (self.nu > 0 and self.sigma > 0):
-            raise PluginError(f"ssmkf.nu is {self.nu} and sigma {self.sigma}; both must be above 0.")
 
     def memory_size(self) -> int:
         """Return 1: lambda, from the prior's turn to that of R."""

@@ -6,18 +6,17 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FREEDOM, check_passes
+from jerkbench.adaptation._ranges import ABOVE_0, FREEDOM, SOME_PASSES
 from jerkbench.adaptation.linalg import diagonalise, divided, explained_sums
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 
 @register("adaptation", "ssmkf_r")
 @dataclass(frozen=True)
-class StatisticalSimilarityR:
+class StatisticalSimilarityR(Limited):
     """Scales the whole of R so that the measurement is as similar to its prediction as can be.
 
     The statistical similarity measure with the square-root function. With y the innovation of m rows, HPH' = H P- H'
@@ -46,16 +45,10 @@ class StatisticalSimilarityR:
         "simplified", "doi:10.1109/TAC.2020.3011443", "R alone, by the square root, in a fixed number of passes."
     )
 
-    nu: Annotated[float, FREEDOM, DefaultOrigin("literature: the source uses 5; ours for R alone")] = 3.0
-    passes: Annotated[int, DefaultOrigin("ours")] = 10
+    nu: Annotated[float, ABOVE_0, FREEDOM, DefaultOrigin("literature: the source uses 5; ours for R alone")] = 3.0
+    passes: Annotated[int, SOME_PASSES, DefaultOrigin("ours")] = 10
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.nu > 0:
-            raise PluginError(f"ssmkf_r.nu is {self.nu}; it must be above 0.")
-        check_passes("ssmkf_r", self.passes)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -5,10 +5,9 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FORGETTING
+from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, ONE_OR_MORE, WITHIN_0_AND_1
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 SHARE = Range(0.01, 100.0, log=True, source="ours: a hundredth and a hundred times the share of the position")
@@ -16,7 +15,7 @@ SHARE = Range(0.01, 100.0, log=True, source="ours: a hundredth and a hundred tim
 
 @register("adaptation", "strong_tracking")
 @dataclass(frozen=True)
-class StrongTracking:
+class StrongTracking(Limited):
     """Fades each state by a factor of its own, so that the innovations become white again.
 
     With y the innovation of the rows i that are there and M = F P F' (P the posterior before)::
@@ -46,27 +45,16 @@ class StrongTracking:
         "simplified", "doi:10.1080/00207179608921698", "The faded covariance is symmetric; a linear model."
     )
 
-    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 0.95 in the paper")] = 0.95
+    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: 0.95 in the paper")] = 0.95
     softening: Annotated[
         float,
+        ONE_OR_MORE,
         Range(1.0, 20.0, log=True, source="ours: from no softening to innovations of four sigma"),
         DefaultOrigin("ours: no softening"),
     ] = 1.0
-    position: Annotated[float, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
-    velocity: Annotated[float, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
-    other: Annotated[float, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0 < self.forgetting < 1:
-            raise PluginError(f"strong_tracking.forgetting is {self.forgetting}; it must lie between 0 and 1.")
-        if not self.softening >= 1:
-            raise PluginError(f"strong_tracking.softening is {self.softening}; it must be at least 1.")
-        if not min(self.position, self.velocity, self.other) > 0:
-            raise PluginError(
-                f"strong_tracking.position, velocity and other are {self.position}, {self.velocity} and {self.other};"
-                " they must be above 0."
-            )
+    position: Annotated[float, ABOVE_0, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
+    velocity: Annotated[float, ABOVE_0, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
+    other: Annotated[float, ABOVE_0, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
 
     def memory_size(self) -> int:
         """Return 12: v of each row, and whether there is one."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from jerkbench.adaptation._ranges import FREEDOM, check_passes, check_sides
+from jerkbench.adaptation._ranges import ABOVE_0, FREEDOM, ONE_OF_SIDES, SOME_PASSES
 from jerkbench.adaptation.common import (
     distances,
     fill_blend,
@@ -15,14 +15,13 @@ from jerkbench.adaptation.common import (
 )
 from jerkbench.adaptation.linalg import divided
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "student_t")
 @dataclass(frozen=True)
-class StudentT:
+class StudentT(Limited):
     """Takes prior and measurement for Student's t, and the prior's scale for unknown, by variational Bayes.
 
     With n states and m rows, x and P those of the pass before, E = P-, from x = x- and P = P- in N passes::
@@ -48,23 +47,17 @@ class StudentT:
 
     provenance = Provenance("published", "doi:10.1109/TAES.2017.2651684")
 
-    nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 5 in the paper")] = 5.0
+    nu: Annotated[float, ABOVE_0, FREEDOM, DefaultOrigin("literature: 5 in the paper")] = 5.0
     tau: Annotated[
         float,
+        ABOVE_0,
         Range(1.0, 100.0, log=True, source="ours: from a prior that counts half to one that is all but fixed"),
         DefaultOrigin("literature: 5 in the paper"),
     ] = 5.0
-    passes: Annotated[int, DefaultOrigin("literature: 10 in the paper")] = 10
-    sides: Annotated[str, DefaultOrigin("literature: the paper weighs both")] = "both"
+    passes: Annotated[int, SOME_PASSES, DefaultOrigin("literature: 10 in the paper")] = 10
+    sides: Annotated[str, ONE_OF_SIDES, DefaultOrigin("literature: the paper weighs both")] = "both"
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_sides("student_t", self.sides)
-        if not (self.nu > 0 and self.tau > 0):
-            raise PluginError(f"student_t.nu is {self.nu} and tau {self.tau}; both must be above 0.")
-        check_passes("student_t", self.passes)
 
     def memory_size(self) -> int:
         """Return 1: lambda, from the prior's turn to that of R."""

@@ -3,17 +3,16 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from jerkbench.adaptation._ranges import FREEDOM
+from jerkbench.adaptation._ranges import ABOVE_0, FREEDOM
 from jerkbench.adaptation.common import innovation_distance
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
 
 @register("adaptation", "student_t_r")
 @dataclass(frozen=True)
-class StudentTR:
+class StudentTR(Limited):
     """Scales the whole of R by the weight of Student's t distribution.
 
     With y the innovation of m rows and S = H P- H' + R::
@@ -35,12 +34,7 @@ class StudentTR:
 
     provenance = Provenance("simplified", "doi:10.1109/ICRA.2011.5979605", "R is scaled, not estimated, in one pass.")
 
-    nu: Annotated[float, FREEDOM, DefaultOrigin("literature: 3 to 5 is usual")] = 4.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.nu > 0:
-            raise PluginError(f"student_t_r.nu is {self.nu}; it must be above 0.")
+    nu: Annotated[float, ABOVE_0, FREEDOM, DefaultOrigin("literature: 3 to 5 is usual")] = 4.0
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

@@ -6,18 +6,17 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FORGETTING, check_passes
+from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, SOME_PASSES, WITHIN_0_AND_1
 from jerkbench.adaptation.linalg import diagonal, factorise, fill_inverse_diagonal, solve
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 
 @register("adaptation", "variational_bayes")
 @dataclass(frozen=True)
-class VariationalBayes:
+class VariationalBayes(Limited):
     """Estimates each variance of R by variational Bayes, as an inverse gamma that is forgotten slowly.
 
     For each row, alpha = a0 and beta = a0 r_i before its first update, r_i as reported. At each update, with y the
@@ -43,23 +42,18 @@ class VariationalBayes:
 
     provenance = Provenance("published", "doi:10.1109/TAC.2008.2008348")
 
-    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: rho of the source")] = 1.0 - math.exp(-4.0)
+    forgetting: Annotated[float, WITHIN_0_AND_1, FORGETTING, DefaultOrigin("literature: rho of the source")] = (
+        1.0 - math.exp(-4.0)
+    )
     start: Annotated[
         float,
+        ABOVE_0,
         Range(0.5, 50.0, log=True, source="ours: the reported R counts from one update to 100"),
         DefaultOrigin("ours: the reported R counts six half updates"),
     ] = 3.0
-    passes: Annotated[int, DefaultOrigin("literature: the source finds two enough")] = 2
+    passes: Annotated[int, SOME_PASSES, DefaultOrigin("literature: the source finds two enough")] = 2
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0 < self.forgetting < 1:
-            raise PluginError(f"variational_bayes.forgetting is {self.forgetting}; it must lie between 0 and 1.")
-        if not self.start > 0:
-            raise PluginError(f"variational_bayes.start is {self.start}; it must be above 0.")
-        check_passes("variational_bayes", self.passes)
 
     def memory_size(self) -> int:
         """Return 12: alpha and beta of each row."""

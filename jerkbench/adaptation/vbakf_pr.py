@@ -6,12 +6,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.adaptation._ranges import FORGETTING, check_passes
+from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, SOME_PASSES
 from jerkbench.adaptation.common import Measured, fill_blend, fill_square, innovate, measured_of, spread_part
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
-from jerkbench.errors import PluginError
-from jerkbench.parameters import DefaultOrigin, Provenance, Range
+from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
 
 SETS, SLOT = 64, 37
@@ -22,7 +21,7 @@ EVIDENCE = Range(1.0, 100.0, log=True, source="ours: from one update's worth of 
 
 @register("adaptation", "vbakf_pr")
 @dataclass(frozen=True)
-class VariationalPriorAndNoise:
+class VariationalPriorAndNoise(Limited):
     """Estimates the prior covariance and R together by variational Bayes, both as inverse Wishart.
 
     With n states and m rows, t = n + tau + 1, T = tau P-, and for each set of rows that comes together u and U, at its
@@ -55,22 +54,17 @@ class VariationalPriorAndNoise:
         "simplified", "doi:10.1109/TAC.2017.2730480", "One memory of R for each set of rows that comes together."
     )
 
-    tau: Annotated[float, EVIDENCE, DefaultOrigin("literature: 3 in the paper")] = 3.0
-    start: Annotated[float, EVIDENCE, DefaultOrigin("ours: as much as the prior")] = 3.0
-    forgetting: Annotated[float, FORGETTING, DefaultOrigin("literature: 1 - exp(-4) in the paper")] = 1.0 - math.exp(
-        -4.0
-    )
-    passes: Annotated[int, DefaultOrigin("literature: 10 in the paper")] = 10
+    tau: Annotated[float, ABOVE_0, EVIDENCE, DefaultOrigin("literature: 3 in the paper")] = 3.0
+    start: Annotated[float, ABOVE_0, EVIDENCE, DefaultOrigin("ours: as much as the prior")] = 3.0
+    forgetting: Annotated[
+        float,
+        Limit(lambda share: 0 < share <= 1, "it must be above 0 and at most 1."),
+        FORGETTING,
+        DefaultOrigin("literature: 1 - exp(-4) in the paper"),
+    ] = 1.0 - math.exp(-4.0)
+    passes: Annotated[int, SOME_PASSES, DefaultOrigin("literature: 10 in the paper")] = 10
 
     lanes: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0 < self.forgetting <= 1:
-            raise PluginError(f"vbakf_pr.forgetting is {self.forgetting}; it must be above 0 and at most 1.")
-        if not (self.tau > 0 and self.start > 0):
-            raise PluginError(f"vbakf_pr.tau is {self.tau} and start {self.start}; both must be above 0.")
-        check_passes("vbakf_pr", self.passes)
 
     def memory_size(self) -> int:
         """Return the length of u and U of each set of rows."""
