@@ -57,13 +57,11 @@ class BeijingCar(FromFiles):
             RecordingError: a file is missing or damaged, or the two are not of the same rows.
         """
         table, log = self.paths()
-        columns, epochs = read_columns((table,), TextFormat(separator="")), read_epochs(log)
-        if len(columns) != len(epochs.sigma_m):
-            raise RecordingError(
-                f"{table} has {len(columns)} rows, {log} {len(epochs.sigma_m)} epochs; copy them again."
-            )
+        columns, (velocity_mps, sigma_m) = read_columns((table,), TextFormat(separator="")), read_epochs(log)
+        if len(columns) != len(sigma_m):
+            raise RecordingError(f"{table} has {len(columns)} rows, {log} {len(sigma_m)} epochs; copy them again.")
         t_s, level = columns.numbers(("Time",))[:, 0], np.zeros(len(columns))
-        sigmas = epochs.sigma_m[:, :, None] * np.eye(3)
+        sigmas = sigma_m[:, :, None] * np.eye(3)
         spread = np.tile(self.velocity_sigma_mps**2 * np.eye(3), (len(columns), 1, 1))
         return Recording(
             name="beijing_car",
@@ -76,7 +74,7 @@ class BeijingCar(FromFiles):
                 velocity_mps=np.column_stack([columns.numbers(RTK_VELOCITY), level]),
             ),
             position=Position(t_s, np.column_stack([columns.numbers(GPS), level]), sigmas**2),
-            velocity=Velocity(t_s, np.column_stack([epochs.velocity_mps[:, :2], level]), spread),
+            velocity=Velocity(t_s, np.column_stack([velocity_mps[:, :2], level]), spread),
             notes=(*columns.notes, *NOTES),
         )
 

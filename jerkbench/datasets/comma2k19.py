@@ -1,17 +1,18 @@
 """A minute of comma2k19: a car with the IMU and the receiver of a phone-like device, and the car's own wheel speed."""
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
-from tokenize import TokenError
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
-from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, geodetic_to_enu, wrap_angle
-from jerkbench.io.files import FromFiles, recording_folder
-from jerkbench.io.frames import axes_to_judge, body_from_sensor
+from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, wrap_angle
+from jerkbench.io.clocks import UNIX_EPOCH
+from jerkbench.io.files import NO_ARRAY, FromFiles, recording_folder
+from jerkbench.io.frames import axes_to_judge, body_from_sensor, in_enu
 from jerkbench.io.sanitiser import steady_rows
 from jerkbench.io.text import LARGEST, require_content, require_possible
 from jerkbench.plugins import register
@@ -20,44 +21,22 @@ from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Refer
 # A minute of comma2k19: NumPy arrays without ending, in a fixed tree of folders.
 
 POSE, LOG = "global_pose", "processed_log"
-COLUMNS = {
-    f"{POSE}/frame_times": 1,
-    f"{POSE}/frame_positions": 3,
-    f"{POSE}/frame_velocities": 3,
-    f"{POSE}/frame_orientations": 4,
-    f"{LOG}/IMU/accelerometer/t": 1,
-    f"{LOG}/IMU/accelerometer/value": 3,
-    f"{LOG}/IMU/gyro/value": 3,
-    f"{LOG}/GNSS/live_gnss_ublox/t": 1,
-    f"{LOG}/GNSS/live_gnss_ublox/value": 6,
-    f"{LOG}/CAN/speed/t": 1,
-    f"{LOG}/CAN/speed/value": 1,
+GROUPS: dict[str, dict[str, tuple[int, float]]] = {
+    POSE: {
+        "frame_times": (1, LARGEST),
+        "frame_positions": (3, 1e7),
+        "frame_velocities": (3, 2e2),
+        "frame_orientations": (4, LARGEST),
+    },
+    f"{LOG}/IMU": {"accelerometer/t": (1, LARGEST), "accelerometer/value": (3, 1e3), "gyro/value": (3, 1e2)},
+    f"{LOG}/GNSS/live_gnss_ublox": {"t": (1, LARGEST), "value": (6, LARGEST)},
+    f"{LOG}/CAN/speed": {"t": (1, LARGEST), "value": (1, 2e2)},
 }
-"""Arrays that are read, and how many columns each has."""
-
-NO_ARRAY = (ValueError, EOFError, OSError, TypeError, SyntaxError, TokenError, MemoryError, OverflowError)
-"""Errors of a damaged NumPy file."""
-
-STREAMS = {
-    "frames": (0, 1, 2, 3),
-    "imu": (4, 5, 6),
-    "gnss": (7, 8),
-    "wheel": (9, 10),
-}
-"""Groups of arrays with the same number of rows."""
-
-MOST = {
-    f"{LOG}/IMU/accelerometer/value": 1e3,
-    f"{LOG}/IMU/gyro/value": 1e2,
-    f"{LOG}/CAN/speed/value": 2e2,
-    f"{POSE}/frame_positions": 1e7,
-    f"{POSE}/frame_velocities": 2e2,
-}
-"""The largest possible values [m/s2, rad/s, m/s, m]; larger ones are damage."""
+"""Arrays that are read, in groups of as many rows: how many columns each has, and its largest possible value [m/s2,
+rad/s, m/s, m]; larger ones are damage."""
 
 
-@dataclass(frozen=True, eq=False)
-class CommaSegment:
+class CommaSegment(NamedTuple):
     """The arrays, at the stamps of the log [s since the device started].
 
     Attributes:
@@ -93,15 +72,15 @@ def read_comma_segment(folder: Path) -> CommaSegment:
     Raises:
         RecordingError: a file is missing, is no NumPy array, or has another shape than the others ask for.
     """
-    arrays = [_read(folder / name, columns, MOST.get(name, LARGEST)) for name, columns in COLUMNS.items()]
-    names = list(COLUMNS)
-    for rows in STREAMS.values():
-        lengths = {len(arrays[row]) for row in rows}
+    arrays: list[FloatArray] = []
+    for group, files in GROUPS.items():
+        read = {f"{group}/{name}": _read(folder / group / name, *limits) for name, limits in files.items()}
+        lengths = set(map(len, read.values()))
         if len(lengths) > 1 or min(lengths) < 2:
-            counts = ", ".join(f"{names[row]} {len(arrays[row])}" for row in rows)
+            counts = ", ".join(f"{name} {len(array)}" for name, array in read.items())
             raise RecordingError(f"{folder}: rows of {counts}; they must be the same, 2 or more: copy the files again.")
-    flat = [array[:, 0] if columns == 1 else array for array, columns in zip(arrays, COLUMNS.values(), strict=True)]
-    return CommaSegment(*flat)
+        arrays += read.values()
+    return CommaSegment(*arrays)
 
 
 def segment_files(folder: Path) -> tuple[Path, ...]:
@@ -110,7 +89,7 @@ def segment_files(folder: Path) -> tuple[Path, ...]:
     Raises:
         RecordingError: one is missing.
     """
-    paths = tuple(folder / name for name in COLUMNS)
+    paths = tuple(folder / group / name for group, files in GROUPS.items() for name in files)
     for path in paths:
         if not path.is_file():
             raise RecordingError(f"There is no file {path}; give the folder with {POSE} and {LOG} of a segment.")
@@ -129,7 +108,7 @@ def _read(path: Path, columns: int, most: float) -> FloatArray:
     if not np.isfinite(table).all():
         raise RecordingError(f"{path} holds NaN or infinity; copy it again.")
     require_possible(str(path), table, most)
-    return table
+    return table[:, 0] if columns == 1 else table
 
 
 DEVICE_SIGNS = (1.0, -1.0, -1.0)
@@ -199,9 +178,8 @@ class Comma2k19(FromFiles):
     def __post_init__(self) -> None:
         """Check that every sigma and the scale are positive."""
         names = ("position_sigma_m", "course_sigma_deg", "wheel_scale", "wheel_sigma_mps")
-        require_positive("dataset comma2k19", self, names)
-        if self.across_sigma_mps is not None:
-            require_positive("dataset comma2k19", self, ("across_sigma_mps",))
+        across = () if self.across_sigma_mps is None else ("across_sigma_mps",)
+        require_positive("dataset comma2k19", self, (*names, *across))
 
     def load(self, seed: int = 0) -> Recording:
         """Return the minute; ``seed`` changes nothing.
@@ -212,9 +190,9 @@ class Comma2k19(FromFiles):
         segment = read_comma_segment(recording_folder(self.folder, "comma2k19"))
         line = _clock(segment)
         position, origin, leaps = self._fixes(segment, line)
-        begin_s = float(
-            (segment.imu_log_s[0] - line[1]) / line[0]
-        )  # of the first IMU sample, after the first fix's UTC
+        of_segment = ("mounting_yaw_deg", "mounting_pitch_deg", "wheel_scale", "position_age_s")
+        fitted = any(getattr(self, name) == getattr(type(self), name) for name in of_segment)
+        begin_s = float((segment.imu_log_s[0] - line[1]) / line[0])  # of the first sample, after the first fix's UTC
         return Recording(
             name="comma2k19",
             imu=self._imu(segment),
@@ -223,19 +201,13 @@ class Comma2k19(FromFiles):
             velocity=self._wheel(segment) if self.wheel else None,
             heading=self._course(segment, line),
             origin=origin,
-            start_utc=datetime(1970, 1, 1, tzinfo=UTC)
-            + timedelta(milliseconds=float(segment.gnss[0, 3]), seconds=begin_s),
-            notes=(*leaps, *NOTES, *((FITTED,) if self._fitted() else ())),
+            start_utc=UNIX_EPOCH + timedelta(milliseconds=float(segment.gnss[0, 3]), seconds=begin_s),
+            notes=(*leaps, *NOTES, *((FITTED,) if fitted else ())),
         )
 
     def paths(self) -> tuple[Path, ...]:
         """Return the files that are read."""
         return segment_files(recording_folder(self.folder, "comma2k19"))
-
-    def _fitted(self) -> bool:
-        own = type(self)
-        names = ("mounting_yaw_deg", "mounting_pitch_deg", "wheel_scale", "position_age_s")
-        return any(getattr(self, name) == getattr(own, name) for name in names)
 
     def _imu(self, segment: CommaSegment) -> Imu:
         turn = body_from_sensor(DEVICE_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
@@ -247,9 +219,8 @@ class Comma2k19(FromFiles):
         t_s = _utc_s(segment) @ line - segment.imu_log_s[0] - self.position_age_s
         places = segment.gnss[:, [0, 1, 4]]
         steady, notes = steady_rows(t_s, axes_to_judge(places, "geodetic"))
-        latitude, longitude, height = places[steady].T
-        origin = Origin(float(latitude[0]), float(longitude[0]), float(height[0]))
-        enu_m = geodetic_to_enu(latitude, longitude, height, origin)
+        origin = Origin(*places[steady][0].tolist())
+        enu_m = in_enu(places[steady], "geodetic", origin)
         covariance = np.tile(self.position_sigma_m**2 * np.eye(3), (len(enu_m), 1, 1))
         return Position(t_s[steady], enu_m, covariance), origin, notes
 

@@ -14,6 +14,7 @@ from jerkbench.inspection.evidence import (
     WITHIN,
     Diagnosis,
     correlation_of,
+    diagnosis,
     mean_velocity,
     slope,
     strength,
@@ -24,11 +25,9 @@ from jerkbench.inspection.evidence import (
 )
 from jerkbench.inspection.lags import LONGEST_GAP_S, Lag, all_lags, attitude_rates, clock_offsets
 from jerkbench.inspection.mounting import (
-    EITHER_MIRRORED,
     EXCHANGED,
     IDENTITY,
     PLANE,
-    TRACK_MIRRORED,
     axes_text,
     mended,
     mounting,
@@ -85,9 +84,8 @@ def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
     told: dict[str, Diagnosis] = {}
     for length_s in LENGTHS_S:
         for stream, (t_s, values) in streams.items():
-            diagnosis = _exchanged(stream, *without_nan_rows(t_s, values), position, length_s)
-            if diagnosis is not None:
-                told.setdefault(stream, diagnosis)
+            if found := _exchanged(stream, *without_nan_rows(t_s, values), position, length_s):
+                told.setdefault(stream, found)
     return told
 
 
@@ -112,13 +110,9 @@ def _exchanged(
         return None
     east, north = axes_text(best, ("east", "north"))
     ned = ": NED for ENU, or latitude and longitude exchanged, in one of the two" if best == EXCHANGED else ""
-    return Diagnosis(
-        f"{stream} against fixes: {best}",
-        f"({east}, {north}) of the {stream} fit the fixes (cosine {scores[best]:.3f}; as they are"
-        f" {scores[IDENTITY]:.3f})",
-        f"The {stream} and the fixes do not have the same east and north{ned}",
-        f"Set {stream}_frame=ned or position_frame=ned, whichever is, or put the columns of one in order",
-    )
+    fit = f"fit the fixes (cosine {scores[best]:.3f}; as they are {scores[IDENTITY]:.3f})"
+    measured = f"({east}, {north}) of the {stream} {fit}"
+    return diagnosis("exchanged_axes", measured, stream=stream, way=best, ned=ned)
 
 
 def exchanged_degrees(recording: Recording) -> list[Diagnosis]:
@@ -147,15 +141,8 @@ def exchanged_degrees(recording: Recording) -> list[Diagnosis]:
     best = min(mended_ways, key=lambda ratio: abs(ratio - 1.0))
     if abs(as_given - 1.0) < WAY_APART or abs(best - 1.0) > WAY_WITHIN:
         return []
-    return [
-        Diagnosis(
-            f"speed against fixes: {EXCHANGED}",
-            f"the fixes go {as_given:.2f} times as far as the wheels, and {best:.2f} times with latitude and longitude"
-            " exchanged",
-            "Latitude and longitude are exchanged",
-            "Exchange the first two of position_columns",
-        )
-    ]
+    fixes = f"the fixes go {as_given:.2f} times as far as the wheels"
+    return [diagnosis("exchanged_degrees", f"{fixes}, and {best:.2f} times with latitude and longitude exchanged")]
 
 
 def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
@@ -165,7 +152,7 @@ def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
         return
     steepest = float(np.nan_to_num(np.abs(reference.euler_rad[:, :2])).max(initial=0.0))
     if steepest > LARGEST_RAD:
-        yield _in_degrees(f"roll or pitch reaches {steepest:.4g} where a half turn is 3.14")
+        yield diagnosis("attitude_in_degrees", f"roll or pitch reaches {steepest:.4g} where a half turn is 3.14")
         return
     t_s, euler = without_nan_rows(reference.t_s, reference.euler_rad)
     if imu is None or len(t_s) < LEAST_ROWS:
@@ -175,10 +162,6 @@ def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
         gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
         in_degrees = list(_yaw_in_degrees(t_s, euler[:, 2], edges_s, gyro[:, 2]))
         yield from in_degrees or _reversed_angles(imu, t_s, euler, edges_s, gyro)
-
-
-def _in_degrees(measured: str) -> Diagnosis:
-    return Diagnosis("attitude in degrees", measured, "The attitude is in degrees", "Set attitude_unit=deg")
 
 
 def _yaw_in_degrees(t_s: FloatArray, yaw: FloatArray, edges_s: FloatArray, rate: FloatArray) -> Iterator[Diagnosis]:
@@ -191,7 +174,8 @@ def _yaw_in_degrees(t_s: FloatArray, yaw: FloatArray, edges_s: FloatArray, rate:
     correlation, factor = correlation_of(change, turn_rad), abs(slope(change, turn_rad))
     sure = abs(strength(correlation, len(change))) >= SURE and abs(correlation) >= LEAST_CORRELATION
     if sure and 1 / WITHIN < factor / DEG_PER_RAD < WITHIN:
-        yield _in_degrees(f"yaw turns {factor:.3g} times as fast as the gyro says (correlation {correlation:.2f})")
+        measured = f"yaw turns {factor:.3g} times as fast as the gyro says (correlation {correlation:.2f})"
+        yield diagnosis("attitude_in_degrees", measured)
 
 
 def _reversed_angles(
@@ -213,12 +197,8 @@ def _reversed_angles(
     ]
     if "pitch" in against or "yaw" in against:
         shown = ", ".join(f"{value:.2f}" for value in correlations)
-        yield Diagnosis(
-            "attitude of FRD",
-            f"{' and '.join(against)} turn against the gyro (correlations about x, y, z: {shown})",
-            "The attitude is not that of FLU in ENU",
-            "Set reference_body=frd and attitude_frame=ned, as the file's maker defines them, or correct imu_axes",
-        )
+        turning = f"{' and '.join(against)} turn against the gyro"
+        yield diagnosis("attitude_of_frd", f"{turning} (correlations about x, y, z: {shown})")
 
 
 # The doctor: mistakes that a person makes in a log, found by what its streams say of each other.
@@ -240,7 +220,7 @@ def first_diagnoses(recording: Recording) -> list[Diagnosis]:
     """
     units = [*accelerometer_unit(recording), *gyro_unit(recording)]
     axes, degrees, exchanged = mounting(recording), exchanged_degrees(recording), exchanged_axes(recording)
-    of_fixes = [one for one in axes if one.name in (TRACK_MIRRORED, EITHER_MIRRORED)]
+    of_fixes = [one for one in axes if one.name in ("track mirrored", "track or gyro mirrored")]
     of_imu = [one for one in axes if one not in of_fixes]
     agreed = not (of_fixes or degrees or exchanged)
     if degrees:
@@ -259,28 +239,15 @@ def accelerometer_unit(recording: Recording) -> list[Diagnosis]:
         return []
     median_mps2 = float(np.median(np.linalg.norm(recording.imu.accel_mps2, axis=1)))
     measured = f"the median of |f| is {median_mps2:.3g} m/s2, where gravity is {GRAVITY_MPS2:g}"
-    if abs(median_mps2 - 1.0) < TOLERANCE:
-        sentence = "The accelerometer is in g, not in m/s2"
-        return [Diagnosis("accelerometer in g", measured, sentence, "Set accel_unit=g, or multiply it by 9.80665")]
-    if abs(median_mps2 / GRAVITY_MPS2**2 - 1.0) < TOLERANCE:
-        sentence = "The accelerometer is 9.8 times too large: it was in m/s2 before it was multiplied by g"
-        remedy = "Set accel_unit=m/s2, or divide it by 9.80665"
-        return [Diagnosis("accelerometer 9.8 times too large", measured, sentence, remedy)]
-    return []
+    medians = {"accelerometer_in_g": 1.0, "accelerometer_too_large": GRAVITY_MPS2**2}
+    return [diagnosis(m, measured) for m, median in medians.items() if abs(median_mps2 / median - 1.0) < TOLERANCE]
 
 
 def gyro_unit(recording: Recording) -> list[Diagnosis]:
     """Return whether the gyro is 57.3 times too large or too small."""
     for turning in sure_turnings(recording):
-        measured = (
-            f"{turning.basis} turns {abs(turning.factor):.3g} times as fast as the gyro says (correlation"
-            f" {turning.correlation:.2f})"
-        )
-        if turning.is_about(1 / DEG_PER_RAD):
-            sentence = "The gyro is in deg/s, not in rad/s"
-            return [Diagnosis("gyro in deg/s", measured, sentence, "Set gyro_unit=deg/s, or multiply it by pi/180")]
-        if turning.is_about(DEG_PER_RAD):
-            sentence = "The gyro is 57.3 times too small: it was in rad/s before it was multiplied by pi/180"
-            remedy = "Set gyro_unit=rad/s, or multiply by 180/pi"
-            return [Diagnosis("gyro 57.3 times too small", measured, sentence, remedy)]
+        turns = f"{turning.basis} turns {abs(turning.factor):.3g} times as fast as the gyro says"
+        for mistake, factor in (("gyro_in_degrees", 1 / DEG_PER_RAD), ("gyro_too_small", DEG_PER_RAD)):
+            if turning.is_about(factor):
+                return [diagnosis(mistake, f"{turns} (correlation {turning.correlation:.2f})")]
     return []

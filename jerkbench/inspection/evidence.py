@@ -1,7 +1,9 @@
 """What the doctor weighs: an IMU beside a track or a wheel over the same windows, and how strongly two series agree."""
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +37,9 @@ SURE = 5.0
 """So many standard deviations from none is a relation, among the many that are tried."""
 
 
+MISTAKES = tomllib.loads((Path(__file__).parent / "mistakes.toml").read_text(encoding="utf-8"))
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """One mistake in a recording.
@@ -54,6 +59,12 @@ class Diagnosis:
     def __str__(self) -> str:
         """Return all in a line that a person reads."""
         return f"{self.sentence}: {self.measured}. {self.remedy}."
+
+
+def diagnosis(mistake: str, measured: str, **parts: object) -> Diagnosis:
+    """Return one of `MISTAKES`, whose texts have ``parts`` in them, with what was measured."""
+    texts = {key: text.format(**parts) for key, text in MISTAKES[mistake].items()}
+    return Diagnosis(measured=measured, **texts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +124,7 @@ def mean_velocity(t_s: FloatArray, places: FloatArray, edges_s: FloatArray) -> F
 def moving_speed_mps(position: Position) -> float:
     """Return the median speed from fix to fix where it moves; NaN where it never does."""
     t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
-    speed = np.linalg.norm(mean_velocity(t_s, places, t_s), axis=1) if len(t_s) > 1 else np.empty(0)
+    speed = np.linalg.norm(np.diff(places, axis=0) / np.diff(t_s)[:, None], axis=1)
     return float(np.median(speed[speed > SLOWEST_MPS])) if (speed > SLOWEST_MPS).any() else float("nan")
 
 
@@ -243,7 +254,7 @@ def sure_turnings(recording: Recording) -> list[Turning]:
     if recording.imu is None:
         return []
     turnings = (turning_track(recording), turning_gravity(recording.imu))
-    return [turning for turning in turnings if turning is not None and abs(turning.strength) >= SURE]
+    return [turning for turning in turnings if turning and abs(turning.strength) >= SURE]
 
 
 def turning_track(recording: Recording) -> Turning | None:

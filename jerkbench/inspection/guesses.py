@@ -1,8 +1,10 @@
 """Guesses of units and frames: by the values of columns, by the gyro against the track, by fixes against velocity."""
 
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -26,40 +28,12 @@ from jerkbench.recording import GRAVITY_MPS2, Recording
 SMALL = ("cm", "mm")
 """Lengths that only a standard deviation may be in: it has a scale."""
 
-UNITS = {
-    **dict.fromkeys(("degps", "dps", "deg/s", "degs", "°/s"), "deg/s"),
-    **dict.fromkeys(("radps", "rad/s", "rads"), "rad/s"),
-    **dict.fromkeys(("mps2", "m/s2", "m/s^2", "m/s²", "ms2"), "m/s2"),
-    **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
-    **dict.fromkeys(("rad", "radian", "radians"), "rad"),
-    **{unit: unit for unit in ("g", "s", "ms", "us", "ns", "m", *SMALL)},
-    **dict.fromkeys(("mps", "m/s"), "m/s"),
-    **dict.fromkeys(("sec", "seconds"), "s"),
-}
-"""Spellings of units at the end of a name, or in brackets."""
-
-QUANTITIES = {
-    "accel": "a acc accel accelerometer acceleration f force linearacceleration specificforce",
-    "gyro": "w g gyr gyro gyroscope omega angularvelocity angularrate angrate rotationrate",
-    "velocity": "v vel velocity",
-    "position": "p pos position",
-    "sigma": "sd std stddev sigma sdpos stdpos sigmapos possd posstd possigma",
-}
-"""Words that a name of a vector begins with."""
-
-AXES = {"x": "x", "y": "y", "z": "z", "e": "east", "n": "north", "u": "up", "d": "down", "f": "forward", "l": "left"}
-"""Letters of axes; the words stand for themselves."""
-
-SCALARS = {
-    "time": "t time timestamp stamp tow itow sow timeofweek secondsofweek gpsseconds",
-    "week": "week wn weeknumber gpsweek",
-    "latitude": "lat latitude",
-    "longitude": "lon long lng longitude",
-    "height": "h height alt altitude",
-    "roll": "roll",
-    "pitch": "pitch",
-    "yaw": "yaw heading",
-}
+_NAMES = tomllib.loads((Path(__file__).parent / "names.toml").read_text(encoding="utf-8"))
+UNITS, VECTORS, AXES, SCALARS = (
+    {spelling: meaning for meaning, spellings in _NAMES[kind].items() for spelling in spellings.split()}
+    for kind in ("units", "vectors", "axes", "scalars")
+)
+"""What each spelling means."""
 
 SENSORS = {"imu", "gnss", "gps", "ins", "sensor", "drive", "meas", "measured"}
 """Words that say who measured, and not what."""
@@ -91,16 +65,15 @@ def parse_name(column: str) -> Name | None:
 
 def _meaning(text: str) -> tuple[str, str]:
     """Quantity and axis of a name without its unit; nothing where it says nothing that is known."""
-    for quantity, spellings in SCALARS.items():
-        if text in spellings.split():
-            return quantity, ""
+    if text in SCALARS:
+        return SCALARS[text], ""
     if text in AXES.values() and text not in ("forward", "left"):
         return "position", text
-    for quantity, spellings in QUANTITIES.items():
-        for spelling in spellings.split():
-            axis = _axis(text.removeprefix(spelling)) if text.startswith(spelling) else ""
-            if axis:
-                return quantity, axis
+    for spelling, quantity in VECTORS.items():
+        rest = text.removeprefix(spelling)
+        axis = AXES.get(rest, rest if rest in {*AXES.values(), "right"} else "")
+        if axis and text.startswith(spelling):
+            return quantity, axis
     return "", ""
 
 
@@ -127,10 +100,6 @@ def _words(column: str) -> tuple[list[str], str]:
     if len(words) > 1 and words[-1] in UNITS:
         return words[:-1], UNITS[words[-1]]
     return words, ""
-
-
-def _axis(rest: str) -> str:
-    return AXES.get(rest, rest if rest in {*AXES.values(), "right"} else "")
 
 
 SENSOR_AXES = (("x", "y", "z"), ("forward", "left", "up"), ("forward", "right", "down"))

@@ -9,6 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inspection.evidence import (
     Diagnosis,
     correlation_of,
+    diagnosis,
     mean_velocity,
     means_of,
     moving_speed_mps,
@@ -297,14 +298,10 @@ def clock_offsets(lags: list[Lag]) -> list[Diagnosis]:
         strong = lag.correlation >= CLOCK_CORRELATION or lag.against == OF_A_WHEEL
         if not lag.sure or not strong or not abs(lag.lag_s) >= CLOCK_S:
             continue
-        diagnosis = Diagnosis(
-            f"clock of {lag.stream}",
-            f"lag {lag.lag_s:+.2f} s against {lag.against}, give or take {lag.within_s:.2f} s (correlation"
-            f" {lag.correlation:.2f})",
-            f"The stamps of {lag.stream} are {abs(lag.lag_s):.2f} s {'late' if lag.lag_s > 0 else 'early'}",
-            f"Add {-lag.lag_s:+.2f} to {SHIFT_PARAMETERS[lag.stream]}",
-        )
-        offsets.setdefault(SHIFT_PARAMETERS[lag.stream], diagnosis)
+        measured = f"lag {lag.lag_s:+.2f} s against {lag.against}, give or take {lag.within_s:.2f} s"
+        parts = {"stream": lag.stream, "size": abs(lag.lag_s), "side": "late" if lag.lag_s > 0 else "early"}
+        parts |= {"shift": -lag.lag_s, "parameter": (parameter := SHIFT_PARAMETERS[lag.stream])}
+        offsets.setdefault(parameter, diagnosis("clock", f"{measured} (correlation {lag.correlation:.2f})", **parts))
     return list(offsets.values())
 
 

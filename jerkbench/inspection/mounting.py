@@ -13,6 +13,7 @@ from jerkbench.inspection.evidence import (
     Turning,
     Windows,
     correlation_of,
+    diagnosis,
     over_lengths,
     strength,
     track_windows,
@@ -67,8 +68,6 @@ PLANE = {
     "axes exchanged, both the other way": ((0, -1), (-1, 0)),
 }
 """What mends each way in which two horizontal axes are exchanged, turned or mirrored: (right axes) = P (given axes)."""
-
-TRACK_MIRRORED, EITHER_MIRRORED = "track mirrored", "track or gyro mirrored"
 
 
 class Fit(NamedTuple):
@@ -153,17 +152,9 @@ def _not_upright(recording: Recording, imu: Imu) -> Iterator[Diagnosis]:
         return
     measured, fit = f"gravity is felt on {felt} (the cosine of the angle is {share:.2f})", plane_fit(recording)
     if felt == "-z" and fit is not None and fit.sure and fit.way == "turned by 180 degrees":
-        sentence = "All three axes of the accelerometer have the other sign"
-        remedy = "Change the sign of the accelerometer's columns"
-        yield Diagnosis("accelerometer reversed", f"{measured}, and {fit}", sentence, remedy)
-        return
-    yield Diagnosis(
-        "IMU not upright",
-        measured,
-        f"The IMU's axes are not forward, left, up: gravity is on {felt}",
-        f"Set imu_axes=[{','.join(UPRIGHT[felt])}], of the axes as they are read now. Then inspect again, to"
-        " find which axis is forward",
-    )
+        yield diagnosis("accelerometer_reversed", f"{measured}, and {fit}")
+    else:
+        yield diagnosis("imu_not_upright", measured, felt=felt, axes=",".join(UPRIGHT[felt]))
 
 
 def plane_fit(recording: Recording) -> Fit | None:
@@ -191,19 +182,16 @@ def _judged(recording: Recording, imu: Imu) -> Iterator[Diagnosis]:
     Gravity's turning has to show without the gyro's z axis, too: a slalom sways the force. Without a wheel a sensor
     that turns before it goes is in a hand: what the track says of its axes is not sure.
     """
-    fit, wheel, track = (
-        plane_fit(recording),
-        _best_fit("a wheel's acceleration", over_lengths(wheel_windows, recording)),
-        turning_track(recording),
-    )
+    fit, track = plane_fit(recording), turning_track(recording)
+    wheel = _best_fit("a wheel's acceleration", over_lengths(wheel_windows, recording))
     gravity, tilting = turning_gravity(imu), turning_gravity(replace(imu, gyro_radps=imu.gyro_radps * [1.0, 1.0, 0.0]))
     mirrored = _opposite(gravity) and tilting is not None and tilting.strength <= -TILTING
     if wheel is None and _leads(recording, track):
         fit = track = None
     if mirrored and (fit is None or not fit.wrong):
-        yield _mirrored_mounting(_turning_text(gravity), "change the sign of one axis, most likely of y")
+        yield diagnosis("imu_mirrored", _against(gravity), change="change the sign of one axis, most likely of y")
     elif _opposite(track) and not mirrored:
-        yield from _against_the_gyro(_turning_text(track), fit, wheel)
+        yield from _against_the_gyro(_against(track), fit, wheel)
     elif fit is not None and fit.wrong:
         yield _turned(fit)
     elif (fit is None or not fit.sure) and wheel is not None and wheel.wrong:
@@ -216,8 +204,7 @@ def _opposite(turning: Turning | None) -> bool:
 
 def _leads(recording: Recording, track: Turning | None) -> bool:
     """Whether the track turns with the gyro best some time before or after it."""
-    windows_at = None if track is None else track_windows(recording, track.length_s)
-    if track is None or windows_at is None:
+    if track is None or (windows_at := track_windows(recording, track.length_s)) is None:
         return False
     shifted = [windows for lead_s in LEADS_S if (windows := windows_at(lead_s)) is not None]
     with_gyro = [correlation_of(windows.course_change_rad, windows.turn_rad[:, 2]) for windows in shifted]
@@ -228,45 +215,20 @@ def _against_the_gyro(turning: str, fit: Fit | None, wheel: Fit | None) -> Itera
     """Tell which of two is mirrored: the accelerometer agrees with the gyro, or with the track."""
     mirrored = fit is not None and fit.wrong and fit.way == MIRRORED_Y
     if mirrored or (wheel is not None and wheel.sure and wheel.way == IDENTITY):
-        yield Diagnosis(
-            TRACK_MIRRORED,
-            f"{turning}, and {fit if mirrored else wheel}",
-            "The track is mirrored: east and north of the fixes are exchanged (NED for ENU, or latitude and longitude)",
-            "Set position_frame=ned, or exchange the first two of position_columns",
-        )
+        yield diagnosis("track_mirrored", f"{turning}, and {fit if mirrored else wheel}")
     elif fit is not None and fit.sure and fit.way == IDENTITY:
-        sentence, remedy = "The gyro's z axis turns the other way", "Change the sign of the gyro's z column"
-        yield Diagnosis("gyro z reversed", f"{turning}, while {fit}", sentence, remedy)
+        yield diagnosis("gyro_reversed", f"{turning}, while {fit}")
     else:
-        yield Diagnosis(
-            EITHER_MIRRORED,
-            turning,
-            "Either the track is mirrored (NED for ENU, latitude and longitude exchanged) or the gyro turns the other"
-            " way",
-            "Set position_frame=ned, exchange the first two of position_columns, or correct imu_axes",
-        )
+        yield diagnosis("either_mirrored", turning)
 
 
 def _turned(fit: Fit) -> Diagnosis:
     x, y = axes_text(fit.way, ("x", "y"))
     if fit.mirrors:
-        return _mirrored_mounting(str(fit), f"x has to be {x}, and y has to be {y}, of the axes as they are read now")
-    return Diagnosis(
-        f"IMU {fit.way.replace('turned by', 'to be turned by')} about z",
-        str(fit),
-        f"The IMU is {fit.way.replace('turned by', 'to be turned by')} about z",
-        f"Set imu_axes=[{x},{y},z], of the axes as they are read now",
-    )
+        change = f"x has to be {x}, and y has to be {y}, of the axes as they are read now"
+        return diagnosis("imu_mirrored", str(fit), change=change)
+    return diagnosis("imu_turned", str(fit), turn=fit.way.replace("turned by", "to be turned by"), x=x, y=y)
 
 
-def _mirrored_mounting(measured: str, remedy: str) -> Diagnosis:
-    return Diagnosis(
-        "IMU mirrored",
-        measured,
-        "The IMU's axes are mirrored (left-handed)",
-        f"Correct the columns of accelerometer and gyro, since imu_axes takes only right-handed axes: {remedy}",
-    )
-
-
-def _turning_text(turning: Turning | None) -> str:
+def _against(turning: Turning | None) -> str:
     return "" if turning is None else f"{turning.basis} turns against the gyro (correlation {turning.correlation:.2f})"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.evidence import Diagnosis, correlation_of, slope, window_means, without_nan_rows
+from jerkbench.inspection.evidence import Diagnosis, correlation_of, diagnosis, slope, window_means, without_nan_rows
 from jerkbench.inspection.noise import Rest
 from jerkbench.recording import Imu, Position, Recording
 
@@ -174,13 +174,9 @@ def understated_noise(recording: Recording, *, reference: bool = True) -> list[D
         if asked and ratio >= limit and ratio > worst.get(stream, (0.0, ""))[0]:
             worst[stream] = ratio, basis
     return [
-        Diagnosis(
-            f"sd of {stream} too small",
-            f"{basis} is {ratio:.1f} times as large as stated",
-            f"The standard deviations of {stream} are too small",
-            f"Scale them by {ratio:.0f}: {SIGMA_PARAMETERS[stream]}",
-        )
+        diagnosis("understated", measured, stream=stream, ratio=ratio, parameter=SIGMA_PARAMETERS[stream])
         for stream, (ratio, basis) in worst.items()
+        for measured in [f"{basis} is {ratio:.1f} times as large as stated"]
     ]
 
 

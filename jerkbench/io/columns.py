@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
@@ -160,12 +161,7 @@ class Columns:
         columns = [self._numeric(name) for name in names]
         table = np.column_stack(columns).astype(np.float64) if columns else np.empty((len(self), 0))
         for name, column in zip(names, table.T, strict=True):
-            wrong = np.abs(column) > most
-            if wrong.any():
-                row = int(np.argmax(wrong))
-                raise RecordingError(
-                    f"{self.where}, row {self._number(row)}, column {name}: {column[row]:g} is no measurement."
-                )
+            self._require(~(np.abs(column) > most), name, column, "{:g} is no measurement")
         return table
 
     def stamps_ns(self, name: str, unit: str) -> IntArray:
@@ -176,12 +172,8 @@ class Columns:
         """
         values = self._numeric(name)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
-        wrong = ~(np.abs(values.astype(np.float64)) <= LARGEST_NS / scale)  # NaN is wrong too
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            raise RecordingError(
-                f"{self.where}, row {self._number(row)}, column {name}: '{values[row]}' is no time in {unit}."
-            )
+        fits = np.abs(values.astype(np.float64)) <= LARGEST_NS / scale  # NaN does not
+        self._require(fits, name, values, "'{}' is no time in " + unit)
         if np.issubdtype(values.dtype, np.integer):
             return np.asarray(values.astype(np.int64) * scale)
         return np.round(values.astype(np.float64) * scale).astype(np.int64)
@@ -208,16 +200,15 @@ class Columns:
         if not dates.any():
             return None
         stamps = pd.to_datetime(column.where(dates), format="ISO8601", utc=True, errors="coerce")
-        if stamps.isna().any():
-            row = int(np.argmax(stamps.isna().to_numpy()))
-            raise RecordingError(
-                f"{self.where}, row {self._number(row)}, column {name}: '{column.iloc[row]}' is no date, others are."
-            )
+        self._require(stamps.notna(), name, column, "'{}' is no date, others are")
         return np.asarray(stamps.dt.tz_localize(None).to_numpy(dtype="datetime64[ns]").astype(np.int64))
 
-    def _number(self, row: int) -> int:
-        """The number, from 1, that a row had when it was read."""
-        return int(self._table.index[row]) + 1
+    def _require(self, fits: npt.ArrayLike, name: str, values: Any, reason: str) -> None:  # noqa: ANN401 - a column
+        """Raise a RecordingError that names the first row, by its number when it was read, where ``fits`` is False."""
+        wrong = np.flatnonzero(~np.asarray(fits, dtype=np.bool_))
+        if wrong.size:
+            number, said = int(self._table.index[wrong[0]]) + 1, reason.format(np.asarray(values)[wrong[0]])
+            raise RecordingError(f"{self.where}, row {number}, column {name}: {said}.")
 
     def _numeric(self, name: str) -> np.ndarray[Any, Any]:
         import pandas as pd
@@ -226,12 +217,7 @@ class Columns:
         if pd.api.types.is_bool_dtype(column) or pd.api.types.is_complex_dtype(column):
             raise RecordingError(f"{self.where}, column {name} holds {column.dtype} values; numbers are expected.")
         numeric = pd.to_numeric(column, errors="coerce")
-        wrong = numeric.isna() & ~column.isna()
-        if wrong.any():
-            row = int(np.argmax(wrong.to_numpy()))
-            raise RecordingError(
-                f"{self.where}, row {self._number(row)}, column {name}: '{column.iloc[row]}' is no number."
-            )
+        self._require(numeric.notna() | column.isna(), name, column, "'{}' is no number")
         whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
         return numeric.to_numpy(dtype=np.int64 if whole and numeric.dtype != np.uint64 else np.float64)
 
@@ -289,7 +275,16 @@ def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
 
     read = [_read(path, text) for path in paths]
     tables, notes = [table for table, _ in read], tuple(note for _, remarks in read for note in remarks)
-    _require_same_columns(paths, [list(table.columns) for table in tables])
+    for path, table in zip(paths, tables, strict=True):
+        if len(table.columns) != len(tables[0].columns):
+            raise RecordingError(
+                f"{paths[0]} and the files beside it have different numbers of columns; remove the odd one."
+            )
+        if missing := [str(name) for name in tables[0].columns if name not in table.columns]:
+            raise RecordingError(
+                f"{path} has no column {', '.join(missing)}, which {paths[0]} has, so that they are no one table; name"
+                " one of them, or remove the odd one."
+            )
     where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} files more"
     return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True), notes)
 
@@ -300,31 +295,16 @@ def read_datetimes_ns(path: Path) -> IntArray:
     Raises:
         RecordingError: no such file, or a line is no time.
     """
-    stamps = [_datetime_ns(path, number, line.strip()) for number, line in read_lines(path)]
+    stamps = []
+    for number, line in read_lines(path):
+        date, _, time = line.strip().removesuffix("Z").replace("T", " ").partition(" ")
+        stamps.append(calendar_ns(date, time))
+        if stamps[-1] is None:
+            raise RecordingError(
+                f"{path}, line {number}: '{line.strip()}' is no date and time in UTC; it must look like 2011-09-26"
+                " 13:02:25.594."
+            )
     return np.array(stamps, dtype=np.int64)
-
-
-def _datetime_ns(path: Path, number: int, text: str) -> int:
-    date, _, time = text.removesuffix("Z").replace("T", " ").partition(" ")
-    stamp_ns = calendar_ns(date, time)
-    if stamp_ns is None:
-        raise RecordingError(
-            f"{path}, line {number}: '{text}' is no date and time in UTC; it must look like 2011-09-26 13:02:25.594."
-        )
-    return stamp_ns
-
-
-def _require_same_columns(paths: Sequence[Path], columns: Sequence[Sequence[object]]) -> None:
-    for path, names in zip(paths, columns, strict=True):
-        if len(names) != len(columns[0]):
-            raise RecordingError(
-                f"{paths[0]} and the files beside it have different numbers of columns; remove the odd one."
-            )
-        if missing := [str(name) for name in columns[0] if name not in names]:
-            raise RecordingError(
-                f"{path} has no column {', '.join(missing)}, which {paths[0]} has, so that they are no one table; name"
-                " one of them, or remove the odd one."
-            )
 
 
 def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]]:
@@ -335,13 +315,11 @@ def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]
     require_content(path)
     if reader := track_reader(path):
         return reader(path)
+    kind = "Parquet" if path.suffix == ".parquet" else "text columns"
     try:
         return (pd.read_parquet(path), ()) if path.suffix == ".parquet" else read_text(path, text)
     except RecordingError:
         raise
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
-        kind = "Parquet" if path.suffix == ".parquet" else "text columns"
-        reason = " ".join(str(error).split())
-        raise RecordingError(
-            f"{path} cannot be read as {kind} ({type(error).__name__}: {reason}); correct it."
-        ) from error
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise RecordingError(f"{path} cannot be read as {kind} ({reason}); correct it.") from error

@@ -5,10 +5,14 @@ import os
 import time
 from functools import lru_cache
 from pathlib import Path
+from tokenize import TokenError
 from typing import ClassVar
 
 from jerkbench.errors import RecordingError
 from jerkbench.files import user_cache_folder
+
+NO_ARRAY = (ValueError, EOFError, OSError, TypeError, SyntaxError, TokenError, MemoryError, OverflowError)
+"""Errors of a damaged NumPy file."""
 
 RESTING_NS = 2_000_000_000
 """A file that was changed more recently could change again within the resolution of its time stamp."""

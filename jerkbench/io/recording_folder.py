@@ -1,6 +1,7 @@
 """A recording as the input of other tools: one table and a JSON that explains it, bags, KF-GINS, pyins."""
 
 import json
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
@@ -24,43 +25,21 @@ from jerkbench.timeline import nanoseconds
 if TYPE_CHECKING:
     import pandas as pd
 
-FORMAT = "jerkbench recording, version 1"
 EVALUATED = "evaluated"
 ANGLES = ("attitude_roll_rad", "attitude_pitch_rad", "attitude_yaw_rad")
 INPUTS = ("attitude_accel_east_mps2", "attitude_accel_north_mps2", "attitude_accel_up_mps2")
 """Columns that are no measurement: what the attitude filter makes of the IMU."""
 
-UNITS = {
-    "s": "s",
-    "m": "m",
-    "mps": "m/s",
-    "mps2": "m/s2",
-    "radps": "rad/s",
-    "rad": "rad",
-    "m2": "m2",
-    "m2ps2": "m2/s2",
-}
+UNITS = dict(
+    zip(
+        ["s", "m", "mps", "mps2", "radps", "rad", "m2", "m2ps2"],
+        ["s", "m", "m/s", "m/s2", "rad/s", "rad", "m2", "m2/s2"],
+        strict=True,
+    )
+)
 """The unit behind the end of a column's name."""
 
-ABOUT = {
-    "imu": "Specific force (gravity included) and angular rate of the body; each the mean over the interval that ends"
-    " at its stamp.",
-    "position": "Fixes, ENU, with the receiver's covariance (11, 22, 33, 12, 13, 23 of east, north, up).",
-    "velocity": "Velocities in the frame that is named, with their covariance. speed: along the course, no other axis.",
-    "heading": "Yaw, from east towards north, with its standard deviation.",
-    "attitude": "What the attitude filter of the run makes of the IMU: roll, pitch, yaw, and the acceleration in ENU"
-    " without gravity, the input of the kinematic filters. A method with an attitude of its own leaves it aside.",
-}
-FRAMES = {
-    "navigation": "ENU, the local tangent plane at the origin (WGS-84)",
-    "body": "FLU: forward, left, up; at rest and level the specific force is (0, 0, +g)",
-    "attitude": "Rz(yaw) Ry(pitch) Rx(roll) turns body into ENU; positive pitch is nose down",
-}
-WRITE = (
-    "One row for each stamp that is evaluated, or for more: t_s, east_m, north_m, up_m; where the method has them,"
-    " east_mps, north_mps, up_mps; roll_rad, pitch_rad, yaw_rad; P11, P12, ..., P16, P22, ..., P66 (covariance of"
-    " position and velocity). Or a .tum file."
-)
+_SAID = tomllib.loads(Path(__file__).with_name("recording.toml").read_text(encoding="utf-8"))
 
 
 def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.DataFrame":
@@ -77,7 +56,8 @@ def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.D
     rows = np.searchsorted(t_ns, nanoseconds(attitude.t_s))
     for names, values in ((ANGLES, attitude.euler_rad), (INPUTS, attitude.accel_enu_mps2)):
         for name, column in zip(names, values.T, strict=True):
-            table[name] = _placed(column, rows, len(t_ns))
+            table[name] = np.nan
+            table.loc[rows, name] = column
     return table
 
 
@@ -95,97 +75,52 @@ def write_reference(recording: Recording, path: Path) -> None:
 
     reference = recording.reference
     columns = {"t_s": reference.t_s, **reference_columns(recording, "enu"), "scored": reference.scored.astype(int)}
-    write_atomically(path, lambda partial: pd.DataFrame(columns).to_csv(partial, index=False, float_format="%.12g"))
+    write_frame(pd.DataFrame(columns), path)
 
 
 def described(recording: Recording, table: "pd.DataFrame", name: str) -> dict[str, Any]:
     """Return what a reader of the table has to know: frames, units, rates, origin, start."""
+    start, origin = recording.start_utc, recording.origin
     return {
-        "format": FORMAT,
+        "format": _SAID["format"],
         "name": recording.name,
         "table": name,
-        "time": {
-            "column": "t_s",
-            "unit": "s",
-            "zero": "the recording's start; each value stands at the time at which it was true",
-            "start_utc": recording.start_utc.isoformat() if recording.start_utc else None,
-        },
-        EVALUATED: "1 at the stamps of the reference: an estimate is asked for there, after an update at that time",
-        "frames": FRAMES,
-        "origin": asdict(recording.origin) if recording.origin else None,
+        "time": _SAID["time"] | {"start_utc": start.isoformat() if start else None},
+        EVALUATED: _SAID[EVALUATED],
+        "frames": _SAID["frames"],
+        "origin": asdict(origin) if origin else None,
         "gravity_mps2": GRAVITY_MPS2,
         "static_start_s": recording.static_start_s,
         "streams": _streams(recording, [str(column) for column in table.columns]),
-        "write": WRITE,
+        "write": _SAID["write"],
         "notes": list(recording.notes),
     }
 
 
 def _streams(recording: Recording, columns: list[str]) -> dict[str, Any]:
-    stamps = {
-        name: stream.t_s
-        for name in ("imu", "position", "velocity", "heading")
-        if (stream := getattr(recording, name)) is not None
-    }
-    begins = {"imu": ("accel_", "gyro_")}
-    streams = {
-        name: _stream(name, t_s, [c for c in columns if c.startswith(begins.get(name, f"{name}_"))])
-        for name, t_s in stamps.items()
-    }
-    if recording.imu is not None and ANGLES[0] in columns:
-        streams["attitude"] = _stream("attitude", recording.imu.t_s, [*ANGLES, *INPUTS])
-    for name in ("position", "velocity"):
-        if name in streams:
+    streams = {}
+    for name in ("imu", "position", "velocity", "heading", "attitude"):
+        stream = getattr(recording, "imu" if name == "attitude" else name)
+        begins = ("accel_", "gyro_") if name == "imu" else f"{name}_"
+        own = [column for column in columns if column.startswith(begins)]
+        if stream is None or not own:
+            continue
+        t_s = stream.t_s
+        rate = round(1.0 / float(np.median(np.diff(t_s))), 6) if len(t_s) > 1 else None
+        units = {column: UNITS[column.rpartition("_")[2]] for column in own}
+        streams[name] = {"about": _SAID["streams"][name], "rows": len(t_s), "rate_hz": rate, "columns": units}
+        if name in ("position", "velocity"):
             streams[name]["assumed_lever_arm_m"] = [0.0, 0.0, 0.0]
-    if recording.velocity is not None:
-        streams["velocity"]["frame"] = recording.velocity.frame
-    if recording.heading is not None:
-        streams["heading"]["source"] = recording.heading.source
+        more = {"velocity": "frame", "heading": "source"}.get(name)
+        if more:
+            streams[name][more] = getattr(stream, more)
     return streams
-
-
-def _stream(name: str, t_s: FloatArray, columns: list[str]) -> dict[str, Any]:
-    rate = round(1.0 / float(np.median(np.diff(t_s))), 6) if len(t_s) > 1 else None
-    units = {column: UNITS[column.rpartition("_")[2]] for column in columns}
-    return {"about": ABOUT[name], "rows": len(t_s), "rate_hz": rate, "columns": units}
-
-
-def _placed(values: FloatArray, rows: "np.ndarray[Any, Any]", n: int) -> FloatArray:
-    column = np.full(n, np.nan)
-    column[rows] = values
-    return column
 
 
 # The files of KF-GINS.
 
-CONFIGURATION = """\
-imupath: "{folder}/imu.txt"
-gnsspath: "{folder}/gnss.txt"
-outputpath: "{folder}"
-imudatalen: 7
-imudatarate: {rate_hz} # [Hz]
-starttime: {start_s} # [s of the GPS week {week}]
-endtime: {end_s} # [s]
-initpos: {position} # latitude, longitude [deg], height [m]
-initvel: {velocity} # north, east, down [m/s]
-initatt: {attitude} # roll, pitch, yaw, NED and FRD [deg]
-initgyrbias: [0, 0, 0] # [deg/h]
-initaccbias: [0, 0, 0] # [mGal]
-initgyrscale: [0, 0, 0] # [ppm]
-initaccscale: [0, 0, 0] # [ppm]
-initposstd: {position_sd} # north, east, down [m]
-initvelstd: [0.1, 0.1, 0.1] # [m/s]
-initattstd: [1.0, 1.0, 3.0] # [deg]
-imunoise: # of a small consumer IMU; put in what yours has
-  arw: [0.3, 0.3, 0.3] # [deg/sqrt(h)]
-  vrw: [0.3, 0.3, 0.3] # [m/s/sqrt(h)]
-  gbstd: [30.0, 30.0, 30.0] # [deg/h]
-  abstd: [500.0, 500.0, 500.0] # [mGal]
-  gsstd: [300.0, 300.0, 300.0] # [ppm]
-  asstd: [300.0, 300.0, 300.0] # [ppm]
-  corrtime: 1.0 # [h]
-antlever: [0.0, 0.0, 0.0] # forward, right, down [m]
-"""
+CONFIGURATION = Path(__file__).with_name("kf-gins.yaml")
+"""Of KF-GINS, with the parts of a recording left open."""
 
 
 def write_kf_gins(recording: Recording, attitude: Attitude | None, folder: Path) -> list[Path]:
@@ -205,17 +140,22 @@ def write_kf_gins(recording: Recording, attitude: Attitude | None, folder: Path)
         )
     week, zero_s = _gps_week(recording)
     whole = np.isfinite(position.enu_m).all(axis=1)
-    text = CONFIGURATION.format(
+    fixes, first = _fixes(recording, position), int(np.argmax(whole))
+    text = CONFIGURATION.read_text(encoding="utf-8").format(
         folder=folder.resolve(),
         week=week,
         rate_hz=round(1.0 / recording.inertial.nominal_interval_s),
-        start_s=f"{zero_s + float(position.t_s[whole][0]):.9f}",
+        start_s=f"{zero_s + float(position.t_s[first]):.9f}",
         end_s=f"{zero_s + recording.duration_s:.9f}",
-        **_initial(recording, position, attitude, int(np.argmax(whole))),
+        position=[round(float(value), 10) for value in fixes[first, 1:4]],
+        velocity=_velocity_ned(recording, position.t_s[first]),
+        attitude=_attitude_ned(attitude, position.t_s[first]),
+        position_sd=[round(float(value), 4) for value in fixes[first, 4:]],
     )
+    fixes[:, 0] += zero_s
     lines = {
         "imu.txt": _lines(imu_increments(recording.inertial, zero_s), "%.9f" + " %.12e" * 6),
-        "gnss.txt": _lines(_fixes(recording, position, zero_s)[whole], "%.9f %.11f %.11f %.5f %.5f %.5f %.5f"),
+        "gnss.txt": _lines(fixes[whole], "%.9f %.11f %.11f %.5f %.5f %.5f %.5f"),
         "kf-gins.yaml": text,
     }
     for name, content in lines.items():
@@ -230,24 +170,18 @@ def imu_increments(imu: Imu, zero_s: float) -> FloatArray:
     return np.column_stack([zero_s + imu.t_s, *turned])
 
 
-def _fixes(recording: Recording, position: Position, zero_s: float) -> FloatArray:
+def _fixes(recording: Recording, position: Position) -> FloatArray:
     """(m, 7): time, latitude, longitude [deg], height [m], standard deviations north, east, down [m]."""
     assert recording.origin is not None  # noqa: S101 - asked for above
     sigma = np.sqrt(np.diagonal(position.covariance_m2, axis1=1, axis2=2))[:, [1, 0, 2]]
-    return np.column_stack([zero_s + position.t_s, enu_to_geodetic(position.enu_m, recording.origin), sigma])
+    return np.column_stack([position.t_s, enu_to_geodetic(position.enu_m, recording.origin), sigma])
 
 
-def _initial(recording: Recording, position: Position, attitude: Attitude, first: int) -> dict[str, list[float]]:
-    t_s = position.t_s[first]
+def _attitude_ned(attitude: Attitude, t_s: float) -> list[float]:
+    """Roll, pitch, yaw [deg] of the body FRD in NED."""
     at = min(int(np.searchsorted(attitude.t_s, t_s)), len(attitude.t_s) - 1)
     ned_from_frd = enu_from("ned").T @ dcm_from_euler(attitude.euler_rad[at]) @ FLU_FROM_FRD
-    row = _fixes(recording, position, 0.0)[first]
-    return {
-        "position": [round(float(value), 10) for value in row[1:4]],
-        "velocity": _velocity_ned(recording, t_s),
-        "attitude": [round(float(value), 6) for value in np.degrees(euler_from_dcm(ned_from_frd[None])[0])],
-        "position_sd": [round(float(value), 4) for value in row[4:]],
-    }
+    return [round(float(value), 6) for value in np.degrees(euler_from_dcm(ned_from_frd[None])[0])]
 
 
 def _velocity_ned(recording: Recording, t_s: float) -> list[float]:

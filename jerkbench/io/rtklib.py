@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -39,20 +39,15 @@ COLUMNS = (
 REFERENCE = "ref pos"
 
 
-@dataclass(frozen=True)
-class PosHeader:
+class PosHeader(NamedTuple):
     """The columns behind the two fields of time.
 
     Attributes:
         clock: GPST, UTC or JST.
         frame: of the positions; dms: degrees, minutes and seconds in columns of their own.
         axes: letters of the axes, in the order of the columns.
-        count: how many columns there are.
-        position: of the position: the three columns' numbers (of dms where each angle begins).
-        quality: of Q.
-        sigmas: of the six standard deviations a, b, c, ab, bc, ca.
-        velocity: of the three velocities; empty: there are none.
-        velocity_sigmas: of their six standard deviations.
+        columns: the number of each by its name; of an angle in degrees, minutes and seconds where it begins.
+        width: how many fields a row has behind its time.
         reference: of the base: the three numbers that the header gives, or none.
         ellipsoidal: whether heights are above the ellipsoid, as RTKLIB's line "% (lat/lon/height=WGS84/ellipsoidal,
             ..." says, or above the geoid ("WGS84/geodetic"); None: the header does not say.
@@ -61,14 +56,19 @@ class PosHeader:
     clock: str
     frame: SolutionFrame
     axes: str
-    count: int
-    position: tuple[int, ...]
-    quality: int
-    sigmas: tuple[int, ...]
-    velocity: tuple[int, ...]
-    velocity_sigmas: tuple[int, ...]
+    columns: dict[str, int]
+    width: int
     reference: tuple[float, ...]
-    ellipsoidal: bool | None = None
+    ellipsoidal: bool | None
+
+    def named(self, *names: str) -> list[int] | None:
+        """Return the numbers of columns, None where the file lacks one of them."""
+        return [self.columns[name] for name in names] if set(names) <= set(self.columns) else None
+
+    @property
+    def crossed(self) -> list[str]:
+        """The letters of the six standard deviations a, b, c, ab, bc, ca."""
+        return [*self.axes, *(self.axes[k] + self.axes[(k + 1) % 3] for k in range(3))]
 
 
 def read_header(path: Path, comments: Sequence[Line]) -> PosHeader:
@@ -80,7 +80,7 @@ def read_header(path: Path, comments: Sequence[Line]) -> PosHeader:
     for number, text in reversed(comments):
         words = text.lstrip("% ").split()
         if len(words) > 1 and words[0] in CLOCKS and words[1] in FRAMES:
-            return replace(_header(path, number, words, _reference(comments)), ellipsoidal=_ellipsoidal(comments))
+            return _header(path, number, words, comments)
     number, text = comments[-1] if comments else (1, "no line that begins with %")
     raise RecordingError(
         f"{path}, line {number}: the header is '{' '.join(text.split())}'; it must be like '% {COLUMNS}': let RTKLIB"
@@ -88,50 +88,28 @@ def read_header(path: Path, comments: Sequence[Line]) -> PosHeader:
     )
 
 
-def _header(path: Path, line: int, words: list[str], reference: tuple[float, ...]) -> PosHeader:
+def _header(path: Path, line: int, words: list[str], comments: Sequence[Line]) -> PosHeader:
     frame, names, axes = FRAMES[words[1]]
-    numbers: dict[str, int] = {}
-    count = 0
-    for word in words[1:]:
-        numbers[word] = count
-        count += 3 if word.endswith("(d'\")") else 1
-    crossed = [axes[k] + axes[(k + 1) % 3] for k in range(3)]
-    sigmas = [f"sd{letters}(m)" for letters in (*axes, *crossed)]
-    missing = [name for name in (*names.split(), "Q", *sigmas) if name not in numbers]
-    if missing:
+    widths = [3 if word.endswith("(d'\")") else 1 for word in words[1:]]
+    columns = dict(zip(words[1:], (int(k) for k in np.cumsum([0, *widths])), strict=False))
+    text = " ".join(text for _, text in comments)
+    datum = next((datum for datum in ("ellipsoidal", "geodetic") if f"WGS84/{datum}" in text), None)
+    ellipsoidal = None if datum is None else datum == "ellipsoidal"
+    header = PosHeader(words[0], frame, axes, columns, sum(widths), _reference(comments), ellipsoidal)
+    wanted = (*names.split(), "Q", *(f"sd{letters}(m)" for letters in header.crossed))
+    if missing := [name for name in wanted if name not in columns]:
         raise RecordingError(f"{path}, line {line}: the header lacks {', '.join(missing)}; let RTKLIB write the file.")
-    velocity = [f"v{axis}(m/s)" for axis in axes]
-    velocity_sigmas = [f"sdv{letters}" for letters in (*axes, *crossed)]
-    has_velocity = all(name in numbers for name in (*velocity, *velocity_sigmas))
-    return PosHeader(
-        clock=words[0],
-        frame=frame,
-        axes=axes,
-        count=count,
-        position=tuple(numbers[name] for name in names.split()),
-        quality=numbers["Q"],
-        sigmas=tuple(numbers[name] for name in sigmas),
-        velocity=tuple(numbers[name] for name in velocity) if has_velocity else (),
-        velocity_sigmas=tuple(numbers[name] for name in velocity_sigmas) if has_velocity else (),
-        reference=reference,
-    )
+    return header
 
 
 def _reference(comments: Sequence[Line]) -> tuple[float, ...]:
     """The base's place, which RTKLIB writes in the frame of the solution; of baselines latitude, longitude, height."""
-    for _, text in comments:
-        name, _, numbers = text.lstrip("% ").partition(":")
-        if name.strip() == REFERENCE:
-            try:
-                return tuple(float(number) for number in numbers.split())
-            except ValueError:
-                return ()
-    return ()
-
-
-def _ellipsoidal(comments: Sequence[Line]) -> bool | None:
-    text = " ".join(text for _, text in comments)
-    return next((datum == "ellipsoidal" for datum in ("ellipsoidal", "geodetic") if f"WGS84/{datum}" in text), None)
+    said = [text.lstrip("% ").partition(":") for _, text in comments]
+    numbers = next((numbers for name, _, numbers in said if name.strip() == REFERENCE), "")
+    try:
+        return tuple(float(number) for number in numbers.split())
+    except ValueError:
+        return ()
 
 
 _SEPARATORS = str.maketrans(",;\t", "   ")
@@ -230,34 +208,46 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
     header = read_header(path, [line for line in lines if line[1].startswith("%")])
     rows, notes = whole_lines(path, [line for line in lines if not line[1].startswith("%")])
     split = [(number, text.split(maxsplit=2)) for number, text in rows]
-    numbers = parse_numbers(path, [(n, fields[2] if len(fields) > 2 else "") for n, fields in split], header.count)
+    numbers = parse_numbers(path, [(n, fields[2] if len(fields) > 2 else "") for n, fields in split], header.width)
     leap_ns = round(gpst_minus_utc_s * 1e9)
     gpst_ns = np.array([_gpst_ns(path, n, fields[:2], header.clock, leap_ns) for n, fields in split], dtype=np.int64)
     require_increasing(path, rows, gpst_ns, "the time")
     places, turn = _places(path, header, numbers)
-    velocity = numbers[:, header.velocity][:, _ENU_FROM[header.axes]] @ turn.T if header.velocity else None
+    velocity = header.named(*(f"v{axis}(m/s)" for axis in header.axes))
+    deviations = header.named(*(f"sdv{letters}" for letters in header.crossed))
+    mps = spread = None
+    if velocity and deviations:
+        mps = numbers[:, velocity][:, _ENU_FROM[header.axes]] @ turn.T
+        spread = _covariance(numbers[:, deviations], header.axes, turn)
+    ecef = header.frame == "ecef"
     return PosSolution(
         gpst_ns=gpst_ns,
         latitude_deg=places[:, 0],
         longitude_deg=places[:, 1],
         height_m=places[:, 2],
-        quality=numbers[:, header.quality].astype(np.int64),
-        covariance_m2=_covariance(numbers[:, header.sigmas], header.axes, turn),
-        velocity_enu_mps=velocity,
-        velocity_covariance_m2ps2=(
-            _covariance(numbers[:, header.velocity_sigmas], header.axes, turn) if header.velocity else None
+        quality=numbers[:, header.columns["Q"]].astype(np.int64),
+        covariance_m2=_covariance(
+            numbers[:, header.named(*(f"sd{letters}(m)" for letters in header.crossed))], header.axes, turn
         ),
-        axes_at=ecef_to_origin(numbers[0, header.position]) if header.frame == "ecef" else None,
-        ellipsoidal=True if header.frame == "ecef" else header.ellipsoidal,
+        velocity_enu_mps=mps,
+        velocity_covariance_m2ps2=spread,
+        axes_at=ecef_to_origin(_position(header, numbers)[0]) if ecef else None,
+        ellipsoidal=True if ecef else header.ellipsoidal,
         notes=notes,
     )
 
 
+def _position(header: PosHeader, numbers: FloatArray) -> FloatArray:
+    """The three columns of the places (m, 3); of dms where each angle begins."""
+    names = next(names for frame, names, _ in FRAMES.values() if frame == header.frame)
+    return numbers[:, header.named(*names.split())]
+
+
 def _places(path: Path, header: PosHeader, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Latitude and longitude [deg] and height [m] (m, 3), and what turns the file's vectors (3, 3) into ENU."""
-    position = numbers[:, header.position]
+    position = _position(header, numbers)
     if header.frame == "dms":
-        angles = [_degrees(numbers[:, begin : begin + 3]) for begin in header.position[:2]]
+        angles = [_degrees(numbers[:, begin : begin + 3]) for begin in list(header.columns.values())[:2]]
         return np.column_stack([*angles, position[:, 2]]), np.eye(3)
     if header.frame == "ecef":
         return ecef_to_geodetic(position), enu_axes(ecef_to_origin(position[0]))
@@ -339,22 +329,12 @@ def read_pos_files(paths: Sequence[Path], gpst_minus_utc_s: float = GPST_MINUS_U
         RecordingError: a file is missing or damaged, begins before the one before it ends, or is alone with velocities.
     """
     solutions = [read_rtklib_pos(path, gpst_minus_utc_s) for path in paths]
-    _require_order(paths, solutions)
-    _require_the_same(paths, solutions)
-    return _joined(solutions) if len(solutions) > 1 else solutions[0]
-
-
-def _require_order(paths: Sequence[Path], solutions: Sequence[PosSolution]) -> None:
     for k in range(1, len(paths)):
         if solutions[k].gpst_ns[0] <= solutions[k - 1].gpst_ns[-1]:
             raise RecordingError(
                 f"{paths[k]} begins before {paths[k - 1]} ends, and files that fit a pattern are read one after the"
                 " other, by their names; name one of them, or remove or rename the odd one."
             )
-
-
-def _require_the_same(paths: Sequence[Path], solutions: Sequence[PosSolution]) -> None:
-    """Check that all files have velocities or none has, and that all are in ECEF or none is."""
     for content, present in (
         ("velocities", [solution.velocity_enu_mps is not None for solution in solutions]),
         ("ECEF", [solution.axes_at is not None for solution in solutions]),
@@ -365,6 +345,7 @@ def _require_the_same(paths: Sequence[Path], solutions: Sequence[PosSolution]) -
                 f"{has} has {content}, {lacks} has none: they cannot be read one after the other; let RTKLIB write both"
                 " alike, or name one of them."
             )
+    return _joined(solutions) if len(solutions) > 1 else solutions[0]
 
 
 def _joined(solutions: Sequence[PosSolution]) -> PosSolution:

@@ -1,10 +1,8 @@
 """The logs beside an RTKLIB solution: the IMU's, the time tag of a stream, the sentences of a receiver."""
 
 import struct
-from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
+from typing import NamedTuple
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
@@ -25,8 +23,7 @@ _START = struct.Struct("<60xIId")  # header, tick, time_t, fraction of a second
 _RECORD = struct.Struct("<II")  # tick [ms since the start], position in the stream's file
 
 
-@dataclass(frozen=True)
-class TimeTag:
+class TimeTag(NamedTuple):
     """Begin and length of a stream, by the clock of the logger.
 
     Attributes:
@@ -67,8 +64,7 @@ CLOCKS_AGREE = 0.01
 """By how much the sensor's and the logger's clock may differ before the tag is taken for another recording's."""
 
 
-@dataclass(frozen=True, eq=False)
-class ImuLog:
+class ImuLog(NamedTuple):
     """An IMU's samples in its own axes and units.
 
     Attributes:
@@ -121,21 +117,10 @@ FVI_FIELDS, GST_FIELDS = (15, 16, 17), (6, 7, 8)
 """Where east, north and up of the velocity [m/s], and the sigmas of latitude, longitude and height [m], stand."""
 
 
-@dataclass(frozen=True, eq=False)
-class Epochs:
-    """The values of the log at each epoch.
+def read_epochs(path: Path) -> tuple[FloatArray, FloatArray]:
+    """Return the velocities (n, 3) and the standard deviations of the places (n, 3), ENU, at each epoch.
 
-    Attributes:
-        velocity_mps: (n, 3) ENU.
-        sigma_m: (n, 3) of the position, ENU.
-    """
-
-    velocity_mps: FloatArray
-    sigma_m: FloatArray
-
-
-def read_epochs(path: Path) -> Epochs:
-    """Read the log; sentences of other kinds are left alone.
+    Sentences of other kinds are left alone.
 
     Raises:
         RecordingError: no such file, a sentence is damaged, or the two kinds are not of the same epochs.
@@ -149,8 +134,7 @@ def read_epochs(path: Path) -> Epochs:
             f"{path} has {len(fvi)} sentences {FVI[:-1]} and {len(gst)} GST, which are not of the same epochs; copy it"
             " again."
         )
-    sigma_m = _numbers(path, gst, GST_FIELDS)[:, [1, 0, 2]]
-    return Epochs(_numbers(path, fvi, FVI_FIELDS), np.asarray(sigma_m))
+    return _numbers(path, fvi, FVI_FIELDS), _numbers(path, gst, GST_FIELDS)[:, [1, 0, 2]]
 
 
 def _numbers(path: Path, lines: list[tuple[int, str]], fields: tuple[int, ...]) -> FloatArray:

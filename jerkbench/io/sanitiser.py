@@ -40,12 +40,15 @@ class Finding:
     done: str
     first_s: float
 
+    @property
+    def trouble(self) -> str:
+        """What was wrong."""
+        rows = f"{self.count} of {self.of} rows with {self.fault}"
+        return f"{self.stream}: {rows}, the first {self.first_s:.2f} s into the bag"
+
     def __str__(self) -> str:
         """Return the finding as a sentence."""
-        return (
-            f"{self.stream}: {self.count} of {self.of} rows with {self.fault}"
-            f", the first {self.first_s:.2f} s into the bag: {self.done}."
-        )
+        return f"{self.trouble}: {self.done}."
 
 
 class Ledger:
@@ -83,11 +86,13 @@ class Ledger:
         first_s = (int(bag_ns[int(np.argmax(rows))]) - self.start_ns) * 1e-9
         finding = Finding(stream, fault, count, len(rows), done, first_s)
         if self.mode == "refuse":
-            raise RecordingError(
-                f"{stream}: {count} of {len(rows)} rows with {fault}, the first {first_s:.2f} s into the bag;"
-                " choose sanitise=repair or sanitise=drop to go on without them."
-            )
+            raise RecordingError(f"{finding.trouble}; choose sanitise=repair or sanitise=drop to go on without them.")
         self.findings.append(finding)
+
+    def drop(self, stream: str, messages: Messages, fault: str, rows: BoolArray) -> Messages:
+        """Note that ``rows`` (n,) have the ``fault``, and return the messages without them."""
+        self.add(stream, fault, rows, messages.bag_ns, DROPPED)
+        return messages.rows(~rows) if rows.any() else messages
 
 
 # Impossible stamps: before there was such a recording, repeated, backwards, far from when they were
@@ -115,15 +120,14 @@ def with_late_enough_stamps(
     ``offset_ns`` (another stream's), else none.
     """
     early = messages.stamp_ns < earliest_ns
-    year = np.datetime64(earliest_ns, "ns").astype("datetime64[D]")
-    if ledger.repairs:
-        own = usual_delay_ns(messages, earliest_ns)
-        delay = next((d for d in (own, offset_ns) if d is not None), 0)
-        done = f"replaced by the time of recording less {delay * 1e-9:.3f} s"
-        ledger.add(stream, f"a stamp before {year}", early, messages.bag_ns, done)
-        return messages.stamped(np.where(early, messages.bag_ns - delay, messages.stamp_ns))
-    ledger.add(stream, f"a stamp before {year}", early, messages.bag_ns, DROPPED)
-    return messages.rows(~early)
+    fault = f"a stamp before {np.datetime64(earliest_ns, 'ns').astype('datetime64[D]')}"
+    if not ledger.repairs:
+        return ledger.drop(stream, messages, fault, early)
+    own = usual_delay_ns(messages, earliest_ns)
+    delay = (offset_ns or 0) if own is None else own
+    done = f"replaced by the time of recording less {delay * 1e-9:.3f} s"
+    ledger.add(stream, fault, early, messages.bag_ns, done)
+    return messages.stamped(np.where(early, messages.bag_ns - delay, messages.stamp_ns))
 
 
 def usual_delay_ns(messages: Messages, earliest_ns: int) -> int | None:
@@ -134,17 +138,17 @@ def usual_delay_ns(messages: Messages, earliest_ns: int) -> int | None:
 
 def ordered(stream: str, messages: Messages, ledger: Ledger) -> Messages:
     """Return messages whose stamps increase: without repeated, far and backward ones; late ones sorted in."""
-    messages = _without(stream, messages, ledger, "the stamp of the row before", _repeated(messages.stamp_ns))
+    messages = ledger.drop(stream, messages, "the stamp of the row before", _repeated(messages.stamp_ns))
     messages = _near(stream, messages, ledger)
     backwards = messages.stamp_ns < _highest_before(messages.stamp_ns)
     if ledger.repairs:
         late = backwards & (messages.stamp_ns > _highest_before(messages.stamp_ns) - LATE_NS)
         ledger.add(stream, "a stamp older than an earlier row's", late, messages.bag_ns, "sorted in")
-        messages = _without(stream, messages, ledger, "a stamp that was set back by seconds", backwards & ~late)
+        messages = ledger.drop(stream, messages, "a stamp that was set back by seconds", backwards & ~late)
         messages = messages.rows(np.argsort(messages.stamp_ns, kind="stable"))
-        return _without(stream, messages, ledger, "the stamp of another row", _repeated(messages.stamp_ns))
+        return ledger.drop(stream, messages, "the stamp of another row", _repeated(messages.stamp_ns))
     stale = messages.stamp_ns <= _highest_before(messages.stamp_ns)
-    return _without(stream, messages, ledger, "a stamp not newer than an earlier row's", stale)
+    return ledger.drop(stream, messages, "a stamp not newer than an earlier row's", stale)
 
 
 def report_gaps(stream: str, messages: Messages, ledger: Ledger) -> None:
@@ -156,22 +160,16 @@ def report_gaps(stream: str, messages: Messages, ledger: Ledger) -> None:
         ledger.add(stream, f"a gap before them, up to {longest:.2f} s", wide, messages.bag_ns, KEPT)
 
 
-def _without(stream: str, messages: Messages, ledger: Ledger, fault: str, rows: BoolArray) -> Messages:
-    ledger.add(stream, fault, rows, messages.bag_ns, DROPPED)
-    return messages.rows(~rows) if rows.any() else messages
-
-
 def _near(stream: str, messages: Messages, ledger: Ledger) -> Messages:
     if not len(messages):
         return messages
     delay = messages.bag_ns - messages.stamp_ns
     far = np.abs(delay - np.median(delay).astype(np.int64)) > FAR_NS
+    fault = "a stamp far from the time of recording"
     if far.mean() > FEW:
-        ledger.add(
-            stream, "a stamp far from the time of recording, whose clock ran otherwise", far, messages.bag_ns, KEPT
-        )
+        ledger.add(stream, f"{fault}, whose clock ran otherwise", far, messages.bag_ns, KEPT)
         return messages
-    return _without(stream, messages, ledger, "a stamp far from the time of recording", far)
+    return ledger.drop(stream, messages, fault, far)
 
 
 def _repeated(stamp_ns: IntArray) -> BoolArray:
@@ -215,21 +213,15 @@ def sound_covariances(
         )
     messages = messages.with_values(**{field: whole.reshape(-1, 9)})
     fault = f"a {field.replace('_', ' ')} that is zero, NaN or not positive definite"
-    if ledger.repairs or not good.any():
-        replacement, done = _replacement(whole[good], sigma)
-        ledger.add(stream, fault, ~good, messages.bag_ns, done)
-        return messages.with_values(**{field: np.where(good[:, None], messages[field], replacement.ravel())})
-    ledger.add(stream, fault, ~good, messages.bag_ns, DROPPED)
-    return messages.rows(good)
-
-
-def _replacement(good: FloatArray, sigma: Sequence[float]) -> tuple[FloatArray, str]:
-    if sigma:
-        return np.diag(np.square(sigma)), "replaced by sigmas of " + ", ".join(f"{s:g}" for s in sigma)
-    if not len(good):
-        return np.eye(3), "replaced"
-    middle = np.argsort(np.trace(good, axis1=1, axis2=2))[len(good) // 2]
-    return good[middle], "replaced by the stream's median covariance"
+    if good.all() or (good.any() and not ledger.repairs):
+        return ledger.drop(stream, messages, fault, ~good)
+    replacement, done = np.diag(np.square(sigma)), "replaced by sigmas of " + ", ".join(f"{s:g}" for s in sigma)
+    if not sigma:
+        traces = np.trace(whole[good], axis1=1, axis2=2)
+        replacement = whole[good][np.argsort(traces)[len(traces) // 2]]
+        done = "replaced by the stream's median covariance"
+    ledger.add(stream, fault, ~good, messages.bag_ns, done)
+    return messages.with_values(**{field: np.where(good[:, None], messages[field], replacement.ravel())})
 
 
 def _is_covariance(matrices: FloatArray, whole: FloatArray) -> BoolArray:
@@ -266,14 +258,12 @@ def without_impossible(
 ) -> Messages:
     """Drop rows in which a field is no finite number, or its length is above its limit."""
     for field, most in limits:
-        value = messages[field]
-        finite: BoolArray = np.asarray(np.isfinite(value).all(axis=1))
-        ledger.add(stream, f"a NaN or infinite {_in_words(field)}", ~finite, messages.bag_ns, DROPPED)
-        messages = messages.rows(finite)
+        finite: BoolArray = np.asarray(np.isfinite(messages[field]).all(axis=1))
+        words = {"linear": "linear velocity"}.get(field, field.replace("_", " "))
+        messages = ledger.drop(stream, messages, f"a NaN or infinite {words}", ~finite)
         with np.errstate(over="ignore"):
             over = np.linalg.norm(messages[field], axis=1) > most
-        ledger.add(stream, f"an impossible {_in_words(field)}, above {most:g}", over, messages.bag_ns, DROPPED)
-        messages = messages.rows(~over)
+        messages = ledger.drop(stream, messages, f"an impossible {words}, above {most:g}", over)
     return messages
 
 
@@ -283,11 +273,8 @@ def possible_imu(where: str, imu: Imu) -> Imu:
     Raises:
         RecordingError: one is, by damage or by a wrong unit; names ``where`` and the row.
     """
-    for quantity, values, most in (
-        ("specific force", imu.accel_mps2, MOST_MPS2),
-        ("angular rate", imu.gyro_radps, MOST_RADPS),
-    ):
-        require_possible(f"{where}, {quantity}", values, most)
+    require_possible(f"{where}, specific force", imu.accel_mps2, MOST_MPS2)
+    require_possible(f"{where}, angular rate", imu.gyro_radps, MOST_RADPS)
     return imu
 
 
@@ -300,18 +287,8 @@ def repeated_samples(imu: Imu) -> int:
 def repeat_notes(imu: Imu) -> tuple[str, ...]:
     """Return a note where more than a twentieth of the samples repeat the one before, else none."""
     count, n = repeated_samples(imu), len(imu.t_s)
-    if count <= REPEATED * n:
-        return ()
-    return (
-        f"{count} of {n} IMU samples ({count / n:.0%}) repeat all values of the one before: they measure nothing new.",
-    )
-
-
-def without_frozen_gyro(stream: str, messages: Messages, ledger: Ledger) -> Messages:
-    """Drop the rows of each run in which the angular rate stays the same, except the first of the run."""
-    frozen = frozen_rows(messages["angular_velocity"])
-    ledger.add(stream, "a frozen angular rate", frozen, messages.bag_ns, DROPPED)
-    return messages.rows(~frozen)
+    few = f"{count} of {n} IMU samples ({count / n:.0%}) repeat all values of the one before"
+    return (f"{few}: they measure nothing new.",) if count > REPEATED * n else ()
 
 
 def frozen_rows(values: FloatArray) -> BoolArray:
@@ -326,22 +303,11 @@ def frozen_rows(values: FloatArray) -> BoolArray:
     return frozen
 
 
-def without_bad_quaternions(stream: str, messages: Messages, ledger: Ledger) -> Messages:
-    """Drop rows whose quaternion is not of length 1."""
-    bad = ~unit_quaternions(messages["orientation"])
-    ledger.add(stream, "an orientation that is no unit quaternion", bad, messages.bag_ns, DROPPED)
-    return messages.rows(~bad)
-
-
 def unit_quaternions(quaternions: FloatArray) -> BoolArray:
     """Return (n,) which of (n, 4) are of length 1."""
     with np.errstate(over="ignore", invalid="ignore"):
         unit: BoolArray = np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= UNIT_WITHIN
     return unit
-
-
-def _in_words(field: str) -> str:
-    return {"linear": "linear velocity"}.get(field, field.replace("_", " "))
 
 
 # Faulty fixes: impossible ones, leaps, and jumps where the kind of fix changes.
@@ -357,21 +323,11 @@ ANOTHER_LEVEL = 4.0
 
 def without_no_fix(stream: str, messages: Messages, ledger: Ledger) -> Messages:
     """Drop what has the status -1, and coordinates that are not on Earth (or exactly 0, 0: never filled in)."""
-    none = messages["status"][:, 0] < 0
-    ledger.add(stream, "status -1 (no fix)", none, messages.bag_ns, DROPPED)
-    messages = messages.rows(~none)
+    messages = ledger.drop(stream, messages, "status -1 (no fix)", messages["status"][:, 0] < 0)
     lat, lon, height = (messages[name][:, 0] for name in ("latitude", "longitude", "altitude"))
     on_earth = (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & (height > LOWEST_M) & (height < HIGHEST_M)
     bad = ~on_earth | ((lat == 0) & (lon == 0))
-    ledger.add(stream, "coordinates that are NaN, zero or not on Earth", bad, messages.bag_ns, DROPPED)
-    return messages.rows(~bad)
-
-
-def without_leaps(stream: str, messages: Messages, ledger: Ledger, field: str) -> Messages:
-    """Drop positions [m] (n, 3) that no vehicle can have reached from its neighbours."""
-    leaps = leaping_rows(np.asarray(messages.stamp_ns * 1e-9), messages[field])
-    ledger.add(stream, "a position that leaps out of its neighbours", leaps, messages.bag_ns, DROPPED)
-    return messages.rows(~leaps)
+    return ledger.drop(stream, messages, "coordinates that are NaN, zero or not on Earth", bad)
 
 
 def steady_rows(t_s: FloatArray, position_m: FloatArray) -> tuple[BoolArray, tuple[str, ...]]:

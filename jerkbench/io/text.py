@@ -1,5 +1,6 @@
 """Text of numbers: errors that name file and line, lines that were cut at either end, lines that name the columns."""
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,8 +21,6 @@ LARGEST = 1e15
 LONGEST_LINE = 1 << 16
 """Bytes: a row of measurements is shorter by far, and one of megabytes takes minutes and gigabytes to cut up."""
 
-BLOCK = 1 << 20
-
 Line = tuple[int, str]
 """A line's number in its file (from 1) and its text."""
 
@@ -32,35 +31,24 @@ def require_content(path: Path, *, text: bool = False) -> None:
     Raises:
         RecordingError: there is no such file, it cannot be read, it is empty, or a line has more than 64 KiB.
     """
-    blank, line, length = True, 1, 0
+    blank, number = True, 0
     try:
-        with path.open("rb") as file:
-            while block := file.read(BLOCK):
-                blank = blank and not block.strip()
+        with path.open(encoding="latin-1") as file:
+            while line := file.readline(LONGEST_LINE + 2):
+                blank, number = blank and not line.strip(), number + 1
                 if not text and not blank:
                     return
-                line, length = _require_lines(path, block, line, length)
+                if text and len(line.rstrip("\n")) > LONGEST_LINE:
+                    raise RecordingError(
+                        f"{path}, line {number} has more than {LONGEST_LINE // 1024} KiB: this is no text of rows and"
+                        " columns, or its line ends are lost; write it again, or name another file."
+                    )
     except FileNotFoundError as error:
         raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror}.") from error
     if blank:
         raise RecordingError(f"{path} is empty; copy it again from where it was recorded.")
-
-
-def _require_lines(path: Path, block: bytes, line: int, length: int) -> tuple[int, int]:
-    """Number and length so far of the last line of a block, which continues the ``line`` of ``length``."""
-    octets = np.frombuffer(block, dtype=np.uint8)
-    ends = np.flatnonzero((octets == ord("\n")) | (octets == ord("\r")))
-    lengths = np.diff(np.concatenate([[-1 - length], ends, [len(block)]])) - 1
-    long = np.flatnonzero(lengths > LONGEST_LINE)
-    if long.size:
-        number = line + block[: ends[long[0] - 1] + 1].count(b"\n") if long[0] else line
-        raise RecordingError(
-            f"{path}, line {number} has more than {LONGEST_LINE // 1024} KiB: this is no text of rows and columns, or"
-            " its line ends are lost; write it again, or name another file."
-        )
-    return line + block.count(b"\n"), int(lengths[-1])
 
 
 def read_bytes(path: Path) -> bytes:
@@ -132,19 +120,10 @@ def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | N
         if len(fields) != columns:
             return f"{path}, line {number} has {len(fields)} fields; it must have {columns}: correct or remove it."
         for column, entry in enumerate(fields, start=1):
-            if not _is_number(entry):
-                return (
-                    f"{path}, line {number}, field {column} is '{entry.strip()}', not a finite number up to"
-                    f" {LARGEST:g}: correct it."
-                )
+            if not (is_number(entry) and abs(float(entry)) <= LARGEST):
+                field = f"{path}, line {number}, field {column} is '{entry.strip()}'"
+                return f"{field}, not a finite number up to {LARGEST:g}: correct it."
     return f"{path} cannot be read as {columns} columns of numbers; copy it again from where it was recorded."
-
-
-def _is_number(entry: str) -> bool:
-    try:
-        return abs(float(entry)) <= LARGEST and "_" not in entry
-    except ValueError:
-        return False
 
 
 # The first and the last line of a log: the logger was switched on or off in the middle of them.
@@ -219,8 +198,6 @@ PART_OF_NUMBERS = 0.5
 MARKS = "#%/! "
 """Letters that a line of names may begin with."""
 
-BREAKS = ("\n", "\r")
-
 
 @dataclass(frozen=True)
 class TextFormat:
@@ -242,23 +219,6 @@ class TextFormat:
         return [field.strip() for field in line.strip("\r\n").split(self.separator or None)]
 
 
-@dataclass(frozen=True)
-class Ends:
-    """The begin and the end of a text.
-
-    Attributes:
-        skipped: numbers, from 0, of the lines above the data that name nothing, and of a first row that was cut.
-        named: whether a line above the data names the columns.
-        first: whether the first row was cut.
-        last: whether the last row was.
-    """
-
-    skipped: tuple[int, ...]
-    named: bool
-    first: bool
-    last: bool
-
-
 def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]]:
     """Return the table, and a note that counts rows that were cut, or none.
 
@@ -269,51 +229,41 @@ def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, 
     import pandas as pd
 
     require_content(path, text=True)
-    ends = _ends(path, text)
+    lines, tail = _sample(path)
+    use = [k for k, line in enumerate(lines) if line.strip() and not (text.comment and line.startswith(text.comment))]
+    data = next((k for k in use[:HEADER_LINES] if _is_data(lines[k], text)), None)
+    first = last = False
+    named, skipped = text.header, []
+    if data is not None:
+        above = [k for k in use if k < data]
+        names = _naming(above, lines, data, text) if text.header else None
+        rows = [lines[k] for k in use if k >= data] + [line for line in tail if line.strip()]
+        named = names is not None  # below a line of names a log begins with a whole row
+        first, last = (cut and not (named and k == 0) for k, cut in enumerate(cut_ends(rows, text.separator or None)))
+        skipped = [k for k in above if k != names] + ([data] if first else [])
     table = pd.read_csv(
         path,
         sep=text.separator or r"\s+",
-        header=0 if ends.named else None,
+        header=0 if named else None,
         comment=text.comment or None,
-        skiprows=list(ends.skipped),
+        skiprows=skipped,
         skipinitialspace=True,
         index_col=False,
         low_memory=False,
     )
-    if ends.last and len(table):
+    if last and len(table):
         table = table.iloc[:-1].infer_objects()
-    return table, cut_note(path.name, first=ends.first, last=ends.last)
-
-
-def _ends(path: Path, text: TextFormat) -> Ends:
-    lines, tail = _sample(path)
-    use = [k for k, line in enumerate(lines) if line.strip() and not (text.comment and line.startswith(text.comment))]
-    data = next((k for k in use[:HEADER_LINES] if _is_data(lines[k], text)), None)
-    if data is None:
-        return Ends((), named=text.header, first=False, last=False)
-    above = [k for k in use if k < data]
-    names = _naming(above, lines, data, text) if text.header else None
-    rows = [lines[k] for k in use if k >= data]
-    rows += [line for line in tail if line.strip()]
-    first, last = cut_ends(rows, text.separator or None) if len(rows) >= LEAST_LINES else (False, False)
-    first = first and names is None  # below a line of names a log begins with a whole row
-    skipped = [k for k in above if k != names] + ([data] if first else [])
-    return Ends(tuple(skipped), named=names is not None, first=first, last=last)
+    return table, cut_note(path.name, first=first, last=last)
 
 
 def _sample(path: Path) -> tuple[list[str], list[str]]:
     """Lines of the beginning, and, of a long file, whole lines of the end."""
     with path.open("rb") as file:
         head = file.read(SAMPLE)
-        remaining = path.stat().st_size - len(head)
         file.seek(max(len(head), path.stat().st_size - SAMPLE))
-        tail = file.read() if remaining > 0 else b""
-    lines, after = _lines(head), _lines(tail)
-    return (lines[:-1], after[1:]) if remaining > 0 else (lines, [])
-
-
-def _lines(block: bytes) -> list[str]:
-    return block.decode("utf-8", errors="replace").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        blocks = [block.decode("utf-8", errors="replace") for block in (head, file.read())]
+    lines, after = (re.split(r"\r\n|\r|\n", block) for block in blocks)
+    return (lines[:-1], after[1:]) if blocks[1] else (lines, [])
 
 
 def _is_data(line: str, text: TextFormat) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
+from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.clocks import UNIX_EPOCH, with_common_time, with_own_outages
@@ -91,17 +91,15 @@ def reference_of(
     """Return positions, and, where the messages have them, attitudes and velocities (twists are in the body)."""
     frame = frame_of(messages, stated_frame)
     t_s, enu_m = seconds(messages.stamp_ns, zero_ns), fixes_in_enu(messages, frame, place)
-    if "orientation" not in messages.values:
-        return Reference(t_s, source, independent, enu_m=enu_m)
-    known = unit_quaternions(messages["orientation"])
-    if not known.any():
-        return Reference(t_s, source, independent, enu_m=enu_m)
-    xyzw = np.where(known[:, None], messages["orientation"], [0.0, 0.0, 0.0, 1.0])
-    dcm = axes_to_enu(frame, place) @ dcm_from_quaternion(xyzw) @ body_axes(frame)
-    euler_rad = _where(known, euler_from_dcm(dcm))
-    if "linear" not in messages.values:
-        return Reference(t_s, source, independent, enu_m=enu_m, euler_rad=euler_rad)
-    velocity_mps = _where(known, np.einsum("nij,nj->ni", dcm, messages["linear"] @ body_axes(frame)))
+    euler_rad = velocity_mps = None
+    known = unit_quaternions(messages.values.get("orientation", np.zeros((1, 4))))
+    if known.any():
+        xyzw = np.where(known[:, None], messages["orientation"], [0.0, 0.0, 0.0, 1.0])
+        dcm = axes_to_enu(frame, place) @ dcm_from_quaternion(xyzw) @ body_axes(frame)
+        euler_rad = np.where(known[:, None], euler_from_dcm(dcm), np.nan)
+        if "linear" in messages.values:
+            mps = np.einsum("nij,nj->ni", dcm, messages["linear"] @ body_axes(frame))
+            velocity_mps = np.where(known[:, None], mps, np.nan)
     return Reference(t_s, source, independent, enu_m=enu_m, velocity_mps=velocity_mps, euler_rad=euler_rad)
 
 
@@ -124,10 +122,6 @@ def at_body(position: Position, reference: Reference, lever_arm_m: tuple[float, 
     nearest = nearest_rows(reference.t_s[known], position.t_s)
     omega = dcm_from_euler(reference.euler_rad[known][nearest])
     return dataclasses.replace(position, enu_m=position.enu_m - omega @ np.array(lever_arm_m))
-
-
-def _where(known: BoolArray, values: FloatArray) -> FloatArray:
-    return np.where(known[:, None], values, np.nan)
 
 
 OTHER_CLOCK = "check that all topics are of one drive, or take the times of recording with time_source=bag"
@@ -192,12 +186,8 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     parts = missing_parts(bag_files(path))
     notes = [*options.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
     recording = with_common_time(_assembled(options, extracted, clean, ledger), OTHER_CLOCK)
-    notes += [
-        *gravity_notes(recording.inertial.accel_mps2, "imu_axes"),
-        *plan.notes,
-        *recording.notes,
-        *(str(finding) for finding in ledger.findings),
-    ]
+    notes += [*gravity_notes(recording.inertial.accel_mps2, "imu_axes"), *plan.notes, *recording.notes]
+    notes += map(str, ledger.findings)
     return Loaded(replace(recording, notes=tuple(notes)), plan, tuple(ledger.findings))
 
 
@@ -258,9 +248,6 @@ def _rest_s(options: BagOptions, metadata: Metadata | None, velocity: Velocity |
 def _dependence(plan: TopicPlan) -> tuple[str, ...]:
     """Sentences about roles that share a topic."""
     sharing = {topic: plan.roles(topic) for topic in plan.topics.values()}
-    return tuple(
-        f"{' and '.join([', '.join(roles[:-1]), roles[-1]]).capitalize()} are of one topic, {topic}: not independent of"
-        " each other."
-        for topic, roles in sharing.items()
-        if len(roles) > 1
-    )
+    listed = {name: f"{', '.join(roles[:-1])} and {roles[-1]}" for name, roles in sharing.items() if len(roles) > 1}
+    note = "{} are of one topic, {}: not independent of each other."
+    return tuple(note.format(roles.capitalize(), name) for name, roles in listed.items())

@@ -109,10 +109,10 @@ class Bag:
         Raises:
             BagError: there is none; says what there is.
         """
-        for topic in self.topics:
-            if topic.name == name:
-                return topic
-        raise BagError(f"{self.path}: {unknown('topic', name, [topic.name for topic in self.topics])}")
+        topics = {topic.name: topic for topic in self.topics}
+        if name not in topics:
+            raise BagError(f"{self.path}: {unknown('topic', name, topics)}")
+        return topics[name]
 
     def read(self, wanted: Wanted, most: int | None = None) -> dict[str, Messages]:
         """Return the messages of each topic, in one pass over the bag.
@@ -124,8 +124,7 @@ class Bag:
         Raises:
             BagError: a topic is missing, of a type that is not read, or damaged.
         """
-        for name in wanted:
-            self._check_type(self.topic(name))
+        types = {name: self._type_of(name) for name in wanted}
         waiting: dict[str, list[tuple[int, bytes]]] = {name: [] for name in wanted}
         read: dict[str, Blocks] = {name: [] for name in wanted}
         counts = dict.fromkeys(wanted, 0)
@@ -134,7 +133,7 @@ class Bag:
             times, raw = zip(*waiting[name], strict=True)
             with bag_errors(self.path, name):
                 cdr, deserialise = self._reader.is2, self._reader.deserialize
-                block = decode(raw, self.topic(name).msgtype, wanted[name], deserialise, cdr=cdr)
+                block = decode(raw, types[name], wanted[name], deserialise, cdr=cdr)
             read[name].append((np.array(times, dtype=np.int64), block))
             waiting[name].clear()
 
@@ -147,11 +146,10 @@ class Bag:
                     break
                 if len(waiting[name]) >= BLOCK:
                     flush(name)
-        if most is None:
-            self._check_counts(counts)
         for name in wanted:
             if waiting[name]:
                 flush(name)
+            self._check_count(name, counts[name], most)
         return {name: self._joined(name, fields, read[name]) for name, fields in wanted.items()}
 
     def text(self, name: str) -> str:
@@ -168,21 +166,23 @@ class Bag:
             for connection, bag_ns, raw in self._reader.messages(connections):
                 yield connection.topic, bag_ns, raw
 
-    def _check_type(self, topic: Topic) -> None:
+    def _type_of(self, name: str) -> str:
+        topic = self.topic(name)
         if topic.msgtype not in LAYOUTS:
             raise BagError(
-                f"{self.path}, topic {topic.name} is of type {topic.msgtype}; read are {', '.join(sorted(LAYOUTS))}:"
+                f"{self.path}, topic {name} is of type {topic.msgtype}; read are {', '.join(sorted(LAYOUTS))}:"
                 " choose another topic."
             )
+        return topic.msgtype
 
-    def _check_counts(self, read: Mapping[str, int]) -> None:
+    def _check_count(self, name: str, count: int, most: int | None) -> None:
         """Compare what was read with what the index promises: some damage raises nothing and ends the reading."""
-        for name, count in read.items():
-            if count != self.topic(name).count:
-                raise BagError(
-                    f"{self.path}, topic {name}: {count} messages can be read, and its index promises"
-                    f" {self.topic(name).count}. {way_out(self.path)}"
-                )
+        promised = self.topic(name).count
+        if most is None and count != promised:
+            raise BagError(
+                f"{self.path}, topic {name}: {count} messages can be read, and its index promises {promised}."
+                f" {way_out(self.path)}"
+            )
 
     def _joined(self, name: str, fields: Sequence[str], parts: Blocks) -> Messages:
         """The blocks of a topic as one, in the order in which they were recorded; takes the values out of them."""

@@ -5,9 +5,11 @@ does not fit (strings that change, another byte order) is left to the deserialis
 `jerkbench.io.ros.decode` falls back on, and which the tests compare with.
 """
 
+import re
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,48 +39,34 @@ class MessagePart:
     count: int = 1
 
 
-def _pose(path: str) -> tuple[MessagePart, ...]:
-    place = MessagePart("position", f"{path}.position", count=3)
-    return place, MessagePart("orientation", f"{path}.orientation", count=4)
+def _parts(text: str) -> tuple[MessagePart, ...]:
+    """The parts of a message, each as ``path:code*count``, the name being the path's end, or ``name=path*count``."""
+    found = [re.fullmatch(r"(?:(\w+)=)?([\w.]+)(?::(\w+))?(?:\*(\d+))?", part) for part in text.split()]
+    return tuple(
+        MessagePart(part[1] or part[2].rpartition(".")[2], part[2], part[3] or "f8", int(part[4] or 1))
+        for part in found
+        if part
+    )
 
 
-def _twist(path: str) -> tuple[MessagePart, ...]:
-    return MessagePart("linear", f"{path}.linear", count=3), MessagePart("angular", f"{path}.angular", count=3)
-
-
-POSE_COVARIANCE = MessagePart("pose_covariance", "pose.covariance", count=36)
-TWIST_COVARIANCE = MessagePart("twist_covariance", "twist.covariance", count=36)
+_POSE = "pose.pose.position*3 pose.pose.orientation*4 pose_covariance=pose.covariance*36"
+_TWIST = "twist.twist.linear*3 twist.twist.angular*3 twist_covariance=twist.covariance*36"
 
 LAYOUTS: dict[str, tuple[MessagePart, ...]] = {
-    "sensor_msgs/msg/Imu": (
-        MessagePart("orientation", "orientation", count=4),
-        MessagePart("orientation_covariance", "orientation_covariance", count=9),
-        MessagePart("angular_velocity", "angular_velocity", count=3),
-        MessagePart("angular_velocity_covariance", "angular_velocity_covariance", count=9),
-        MessagePart("linear_acceleration", "linear_acceleration", count=3),
-        MessagePart("linear_acceleration_covariance", "linear_acceleration_covariance", count=9),
+    "sensor_msgs/msg/Imu": _parts(
+        "orientation*4 orientation_covariance*9 angular_velocity*3 angular_velocity_covariance*9"
+        " linear_acceleration*3 linear_acceleration_covariance*9"
     ),
-    "sensor_msgs/msg/NavSatFix": (
-        MessagePart("status", "status.status", "i1"),
-        MessagePart("service", "status.service", "u2"),
-        MessagePart("latitude", "latitude"),
-        MessagePart("longitude", "longitude"),
-        MessagePart("altitude", "altitude"),
-        MessagePart("position_covariance", "position_covariance", count=9),
-        MessagePart("position_covariance_type", "position_covariance_type", "u1"),
+    "sensor_msgs/msg/NavSatFix": _parts(
+        "status.status:i1 status.service:u2 latitude longitude altitude position_covariance*9"
+        " position_covariance_type:u1"
     ),
-    "nav_msgs/msg/Odometry": (
-        MessagePart("child_frame_id", "child_frame_id", STRING),
-        *_pose("pose.pose"),
-        POSE_COVARIANCE,
-        *_twist("twist.twist"),
-        TWIST_COVARIANCE,
-    ),
-    "geometry_msgs/msg/PoseStamped": _pose("pose"),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": (*_pose("pose.pose"), POSE_COVARIANCE),
-    "geometry_msgs/msg/TwistStamped": _twist("twist"),
-    "geometry_msgs/msg/TwistWithCovarianceStamped": (*_twist("twist.twist"), TWIST_COVARIANCE),
-    "geometry_msgs/msg/Vector3Stamped": (MessagePart("linear", "vector", count=3),),
+    "nav_msgs/msg/Odometry": _parts(f"child_frame_id:{STRING} {_POSE} {_TWIST}"),
+    "geometry_msgs/msg/PoseStamped": _parts("pose.position*3 pose.orientation*4"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _parts(_POSE),
+    "geometry_msgs/msg/TwistStamped": _parts("twist.linear*3 twist.angular*3"),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": _parts(_TWIST),
+    "geometry_msgs/msg/Vector3Stamped": _parts("linear=vector*3"),
 }
 """The content behind the header of each type that is read."""
 
@@ -98,9 +86,7 @@ def source_of(msgtype: str, name: str) -> tuple[MessagePart, int | None]:
         KeyError: messages of this type have no such field.
     """
     parts = {part.name: part for part in LAYOUTS[msgtype] if part.code != STRING}
-    if name in parts:
-        return parts[name], None
-    whole, first = BLOCKS[name]
+    whole, first = (name, None) if name in parts else BLOCKS[name]
     return parts[whole], first
 
 
@@ -139,12 +125,13 @@ def decode_grid(grid: npt.NDArray[np.uint8], msgtype: str, fields: Sequence[str]
     if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
         return None
     rows = np.ascontiguousarray(grid[:, : layout.itemsize]).view(layout)[:, 0]
-    values = {}
-    for name in fields:
-        part, begins = source_of(msgtype, name)
-        values[name] = _block(rows[part.name].reshape(len(rows), -1), begins).astype(np.float64)
+    sources = {name: source_of(msgtype, name) for name in fields}
+    values = {
+        name: _block(rows[part.name].reshape(len(rows), -1), begins).astype(np.float64)
+        for name, (part, begins) in sources.items()
+    }
     stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
-    return MessageBlock((strings[0], strings[1] if len(strings) > 1 else ""), stamp_ns, values)
+    return MessageBlock((strings[0], strings[1] if strings[1:] else ""), stamp_ns, values)
 
 
 def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], list[str], list[tuple[int, int]]]:
@@ -156,26 +143,20 @@ def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], li
     fixed: list[tuple[int, int]] = [(0, base)] if cdr else []
     at += 8
     for part in (MessagePart("frame_id", "", STRING), *LAYOUTS[msgtype]):
+        width = 4 if part.code == STRING else np.dtype(part.code).itemsize
+        begin = base + -(-(at - base) // width) * width if cdr else at
         if part.code == STRING:
-            begin = _aligned(at, base, 4) if cdr else at
-            (length,) = struct.unpack_from("<I", first, begin)
-            at = begin + 4 + length
+            at = begin + 4 + int(struct.unpack_from("<I", first, begin)[0])
             if at > len(first):
                 raise struct.error
             strings.append(first[begin + 4 : at].decode().rstrip("\0"))
             fixed.append((begin, at))
-            continue
-        width = np.dtype(part.code).itemsize
-        at = _aligned(at, base, width) if cdr else at
-        names.append(part.name)
-        formats.append(f"({part.count},)<{part.code}" if part.count > 1 else f"<{part.code}")
-        offsets.append(at)
-        at += part.count * width
+        else:
+            names.append(part.name)
+            formats.append(f"({part.count},)<{part.code}" if part.count > 1 else f"<{part.code}")
+            offsets.append(begin)
+            at = begin + part.count * width
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at}), strings, fixed
-
-
-def _aligned(at: int, base: int, width: int) -> int:
-    return base + -(-(at - base) // width) * width
 
 
 Deserialise = Callable[[bytes, str], Any]
@@ -197,17 +178,15 @@ def decode(
 def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> MessageBlock:
     """Return the same with the ordinary deserialiser, message by message."""
     sources = {name: source_of(msgtype, name) for name in fields}
-    stamp_ns = np.empty(len(raw), dtype=np.int64)
-    whole = {part.name: np.empty((len(raw), part.count)) for part, _ in sources.values()}
-    parts = {part.name: part for part, _ in sources.values()}
-    strings = ("", "")
-    for k, serialised in enumerate(raw):
-        message = deserialise(serialised, msgtype)
-        stamp_ns[k] = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        for name, part in parts.items():
-            whole[name][k] = _numbers(message, part)
-        strings = strings if k else (message.header.frame_id, getattr(message, "child_frame_id", ""))
-    return MessageBlock(strings, stamp_ns, {name: _block(whole[part.name], at) for name, (part, at) in sources.items()})
+    messages = [deserialise(serialised, msgtype) for serialised in raw]
+    values = {
+        name: _block(np.array([_numbers(message, part) for message in messages], dtype=np.float64), begins)
+        for name, (part, begins) in sources.items()
+    }
+    stamps = [message.header.stamp for message in messages]
+    stamp_ns = np.array([stamp.sec * 1_000_000_000 + stamp.nanosec for stamp in stamps], dtype=np.int64)
+    strings = messages[0].header.frame_id, getattr(messages[0], "child_frame_id", "")
+    return MessageBlock(strings, stamp_ns, values)
 
 
 def _block(whole: FloatArray, first: int | None) -> FloatArray:
@@ -218,10 +197,8 @@ def _block(whole: FloatArray, first: int | None) -> FloatArray:
     return np.ascontiguousarray(square).reshape(len(whole), 9)
 
 
-def _numbers(message: Any, part: MessagePart) -> Any:  # noqa: ANN401 - a number, or numbers
-    value = message
-    for step in part.path.split("."):
-        value = getattr(value, step)
-    if part.code == STRING or part.count == 1 or isinstance(value, np.ndarray):
-        return value
+def _numbers(message: Any, part: MessagePart) -> Any:  # noqa: ANN401 - numbers
+    value = attrgetter(part.path)(message)
+    if part.count == 1 or isinstance(value, np.ndarray):
+        return np.atleast_1d(value)
     return [getattr(value, axis) for axis in "xyzw"[: part.count]]

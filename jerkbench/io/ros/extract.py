@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any, Literal, Self
 
 import numpy as np
 
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
-from jerkbench.io.files import fingerprint
+from jerkbench.io.files import NO_ARRAY, fingerprint
 from jerkbench.io.ros.bag import Bag, Messages, open_bag
 from jerkbench.io.ros.files import BagError, content_files
 from jerkbench.io.ros.roles import TopicPlan, wanted_fields
@@ -106,20 +105,7 @@ BAGS = "bags"
 PATTERN = "*.npz"
 """The extracts in their folder."""
 
-DAMAGE = (
-    OSError,
-    EOFError,
-    ValueError,
-    KeyError,
-    TypeError,
-    AttributeError,
-    SyntaxError,
-    TokenError,
-    MemoryError,
-    OverflowError,
-    RuntimeError,
-    zipfile.BadZipFile,
-)
+DAMAGE = (*NO_ARRAY, KeyError, AttributeError, RuntimeError, zipfile.BadZipFile)
 """Errors of a damaged or deleted file of the cache; the bag itself is read again."""
 
 
@@ -183,8 +169,7 @@ def extract(path: Path, planner: Planner, choices: str) -> Extract:
     mark = fingerprint(files)
     key = f"{mark} {choices} {_reader_digest()}"
     kept = cache_folder(BAGS) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
-    stored = _kept(kept)
-    if stored is not None:
+    if (stored := _kept(kept)) is not None:
         return stored
     read = _read(path, planner)
     if fingerprint(content_files(path)) != mark:  # it changed meanwhile: what was read has no name to keep it under
@@ -223,13 +208,7 @@ def _keep(read: Extract, path: Path) -> None:
         arrays |= {f"{k}.bag_ns": messages.bag_ns, f"{k}.stamp_ns": messages.stamp_ns}
         arrays |= {f"{k}:{name}": value for name, value in messages.values.items()}
     metadata = None if read.metadata is None else vars(read.metadata)
-    header = {
-        "metadata": metadata,
-        "topics": dict(read.plan.topics),
-        "notes": read.plan.notes,
-        "frames": vars(read.frames),
-        "heads": heads,
-    }
+    header = metadata, dict(read.plan.topics), read.plan.notes, vars(read.frames), heads
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     write_atomically(path, lambda partial: np.savez(partial, **arrays))
     forget_oldest(path.parent, PATTERN, MOST_BYTES)
@@ -239,17 +218,16 @@ def _kept(path: Path) -> Extract | None:
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:  # closed on damage too
             arrays = {name: file[name] for name in file.files}
-        header = json.loads(arrays.pop("header").tobytes())
-        metadata = None if header["metadata"] is None else Metadata.from_plain(header["metadata"])
+        told, topics, notes, frames, heads = json.loads(arrays.pop("header").tobytes())
+        metadata = None if told is None else Metadata.from_plain(told)
         raw = {}
-        for k, (topic, *names) in enumerate(header["heads"]):
+        for k, (topic, msgtype, frame, child) in enumerate(heads):
             values = {name.partition(":")[2]: value for name, value in arrays.items() if name.startswith(f"{k}:")}
-            msgtype, frame, child = names
             stamps = arrays[f"{k}.bag_ns"], arrays[f"{k}.stamp_ns"]
             raw[topic] = Messages(topic, msgtype, frame, child, *stamps, values)
         with suppress(OSError):
             os.utime(path)  # used just now: others go first; a cache that is read only stays as it is
-        return Extract(metadata, TopicPlan(header["topics"], tuple(header["notes"])), Frames(**header["frames"]), raw)
+        return Extract(metadata, TopicPlan(topics, tuple(notes)), Frames(**frames), raw)
     except DAMAGE:
         return None
 

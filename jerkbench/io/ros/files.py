@@ -28,13 +28,9 @@ def bag_errors(path: Path, topic: str = "") -> Iterator[None]:
     except PermissionError as error:
         raise BagError(f"{path} cannot be read: {error.strerror}; give yourself the right to read it.") from error
     except Exception as error:
-        where = f"{path}, topic {topic}" if topic else f"{path}"
-        raise BagError(f"{where} cannot be read: {_reason(error)}. {way_out(path)}") from error
-
-
-def _reason(error: Exception) -> str:
-    message = " ".join(str(error).split()).rstrip(".")
-    return f"{type(error).__name__}: {message}" if message else type(error).__name__
+        where, message = f"{path}, topic {topic}" if topic else f"{path}", " ".join(str(error).split()).rstrip(".")
+        reason = f"{type(error).__name__}{': ' if message else ''}{message}"
+        raise BagError(f"{where} cannot be read: {reason}. {way_out(path)}") from error
 
 
 def way_out(path: Path) -> str:
@@ -60,10 +56,7 @@ def bag_files(path: Path) -> tuple[Path, ...]:
     """
     if path.is_dir():
         return (path,) if (path / "metadata.yaml").exists() else _parts(path)
-    if not path.is_file():
-        raise BagError(f"There is no bag {path}; correct the path.")
-    _check_content(path)
-    return (path,)
+    return (_checked(path),)
 
 
 def content_files(path: Path) -> tuple[Path, ...]:
@@ -96,9 +89,7 @@ def _parts(folder: Path) -> tuple[Path, ...]:
             f"{folder} holds {len(parts)} bags that are no parts of one ({', '.join(part.name for part in parts)}):"
             " give one of them; the parts of one are called NAME_0.bag, NAME_1.bag, ..."
         )
-    for part in parts:
-        _check_content(part)
-    return tuple(parts)
+    return tuple(map(_checked, parts))
 
 
 def _drive(part: Path) -> str:
@@ -112,10 +103,13 @@ def _number(path: Path) -> tuple[int, str]:
     return (int(match[2]) if match else -1, path.name)
 
 
-def _check_content(path: Path) -> None:
+def _checked(path: Path) -> Path:
+    """Return the path of a file whose content is what its suffix says."""
     try:
         with path.open("rb") as file:
             first = file.read(16)
+    except FileNotFoundError as error:
+        raise BagError(f"There is no bag {path}; correct the path.") from error
     except OSError as error:
         raise BagError(f"{path} cannot be read: {error.strerror}.") from error
     if not first:
@@ -128,3 +122,4 @@ def _check_content(path: Path) -> None:
         )
     if path.suffix != suffix:
         raise BagError(f"{path} is a {suffix} file by its content; rename it so that it ends in {suffix}.")
+    return path

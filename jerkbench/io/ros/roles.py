@@ -9,18 +9,16 @@ import numpy as np
 from jerkbench.errors import RecordingError
 from jerkbench.io.ros.bag import Bag, Messages, Topic, Wanted
 from jerkbench.io.sanitiser import (
-    DROPPED,
     MOST_MPS,
     MOST_MPS2,
     MOST_RADPS,
     Ledger,
+    frozen_rows,
     ordered,
     report_gaps,
     unit_quaternions,
     usual_delay_ns,
     with_late_enough_stamps,
-    without_bad_quaternions,
-    without_frozen_gyro,
     without_impossible,
     without_no_fix,
 )
@@ -154,10 +152,11 @@ def _imu(bag: Bag) -> tuple[str, str]:
         with np.errstate(over="ignore"):  # damage: the median does not mind
             length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
         if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
-            return topic.name, _chose("IMU", topic, f"it feels {length:.2f} m/s2", candidates)
-        in_g += [(topic, f"it feels {length:.2f}, which is gravity in g")] if abs(length - 1.0) < ONE_G_WITHIN else []
-    for topic, why in in_g:
-        return topic.name, _chose("IMU", topic, why, candidates)
+            return _chose("IMU", topic, f"it feels {length:.2f} m/s2", candidates)
+        if abs(length - 1.0) < ONE_G_WITHIN:
+            in_g.append(_chose("IMU", topic, f"it feels {length:.2f}, which is gravity in g", candidates))
+    if in_g:
+        return in_g[0]
     names = ", ".join(topic.name for topic in candidates)
     raise RecordingError(
         f"{bag.path} has no IMU topic that feels gravity ({names or 'none of type sensor_msgs/Imu'}); give imu_topic."
@@ -169,7 +168,7 @@ def _position(bag: Bag) -> tuple[str, str]:
     for topic in candidates:
         status = bag.read({topic.name: ["status"]})[topic.name]["status"]
         if (status >= 0).any():
-            return topic.name, _chose("positions", topic, "it has fixes", candidates)
+            return _chose("positions", topic, "it has fixes", candidates)
     raise RecordingError(
         f"{bag.path} has no topic with GNSS fixes (sensor_msgs/NavSatFix); give position_topic, an odometry in ECEF,"
         f" ENU or NED for example. There are: {', '.join(f'{t.name} ({t.msgtype})' for t in bag.topics)}."
@@ -180,7 +179,7 @@ def _velocity(bag: Bag) -> tuple[str, str]:
     for msgtype in (TWIST, ODOMETRY):
         candidates = _most_first(bag, msgtype)
         if candidates:
-            return candidates[0].name, _chose("velocities", candidates[0], "the most messages", candidates)
+            return _chose("velocities", candidates[0], "the most messages", candidates)
     return NONE, "No topic gives velocities (an odometry or a twist with covariance)."
 
 
@@ -189,10 +188,10 @@ def _most_first(bag: Bag, msgtype: str) -> list[Topic]:
     return sorted(topics, key=lambda topic: -topic.count)
 
 
-def _chose(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> str:
+def _chose(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> tuple[str, str]:
     rejected = [candidate.name for candidate in candidates if candidate is not topic]
     more = f"; not {', '.join(rejected)}" if rejected else ""
-    return f"Topic of the {quantity}, guessed: {topic.name} ({topic.count} messages; {why}{more})."
+    return topic.name, f"Topic of the {quantity}, guessed: {topic.name} ({topic.count} messages; {why}{more})."
 
 
 # Every topic through the sanitiser: stamps first, then the values that its roles use.
@@ -243,23 +242,19 @@ def is_ecef(position_m: np.ndarray) -> bool:
 def _possible(label: str, messages: Messages, plan: TopicPlan, ledger: Ledger) -> Messages:
     if messages.msgtype == IMU and "imu" in plan.roles(messages.topic):
         limits = [("linear_acceleration", MOST_MPS2), ("angular_velocity", MOST_RADPS)]
-        return without_frozen_gyro(label, without_impossible(label, messages, ledger, limits), ledger)
+        messages = without_impossible(label, messages, ledger, limits)
+        return ledger.drop(label, messages, "a frozen angular rate", frozen_rows(messages["angular_velocity"]))
     if "latitude" in messages.values:
         return without_no_fix(label, messages, ledger)
     if "position" in messages.values:
-        messages = _possible_pose(label, messages, ledger)
+        messages = without_impossible(label, messages, ledger, [("position", MOST_M)])
+        unit = unit_quaternions(messages["orientation"])
+        if unit.any():  # else it never gives any
+            messages = ledger.drop(label, messages, "an orientation that is no unit quaternion", ~unit)
+        if is_ecef(messages["position"]):
+            radius_m = np.linalg.norm(messages["position"], axis=1)
+            inside = (radius_m > EARTH_RADIUS_M[0]) & (radius_m < EARTH_RADIUS_M[1])
+            messages = ledger.drop(label, messages, "an ECEF position that is not on Earth", ~inside)
     if "linear" in messages.values:
         messages = without_impossible(label, messages, ledger, [("linear", MOST_MPS)])
-    return messages
-
-
-def _possible_pose(label: str, messages: Messages, ledger: Ledger) -> Messages:
-    messages = without_impossible(label, messages, ledger, [("position", MOST_M)])
-    if unit_quaternions(messages["orientation"]).any():  # else it never gives any
-        messages = without_bad_quaternions(label, messages, ledger)
-    if is_ecef(messages["position"]):
-        radius_m = np.linalg.norm(messages["position"], axis=1)
-        inside = (radius_m > EARTH_RADIUS_M[0]) & (radius_m < EARTH_RADIUS_M[1])
-        ledger.add(label, "an ECEF position that is not on Earth", ~inside, messages.bag_ns, DROPPED)
-        messages = messages.rows(inside)
     return messages

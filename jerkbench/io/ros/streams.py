@@ -26,20 +26,13 @@ from jerkbench.io.frames import (
     FLU_FROM_FRD,
     GYRO_UNITS,
     axes_matrix,
+    enu_from,
     swapped,
     turned_covariance,
 )
 from jerkbench.io.ros.bag import Messages
 from jerkbench.io.ros.roles import is_ecef
-from jerkbench.io.sanitiser import (
-    DROPPED,
-    MODES,
-    Ledger,
-    report_jumps,
-    sound_covariances,
-    unit_quaternions,
-    without_leaps,
-)
+from jerkbench.io.sanitiser import MODES, Ledger, leaping_rows, report_jumps, sound_covariances, unit_quaternions
 from jerkbench.recording import Heading, Imu, Origin, Position, Velocity
 
 CHOICES = {
@@ -162,6 +155,7 @@ class BagOptions:
 # Positions in their frames: geodetic, ECEF, a local plane.
 
 BagFrame = Literal["geodetic", "ecef", "enu", "ned"]
+COORDINATES = ("latitude", "longitude", "altitude")
 POSE_FRAMES = ("auto", "ecef", "enu", "ned")
 
 
@@ -196,13 +190,12 @@ def frame_of(messages: Messages, stated: str) -> BagFrame:
 def first_place(messages: Messages, frame: BagFrame, origin: tuple[float, ...]) -> Place:
     """Return where ENU begins: the given origin, or the first position."""
     if frame in ("enu", "ned"):
-        first = messages["position"][0]
-        return Place(None, first if frame == "enu" else ENU_FROM_NED @ first)
+        return Place(None, enu_from(frame) @ messages["position"][0])
     if origin:
         return Place(Origin(*origin))
     if frame == "ecef":
         return Place(ecef_to_origin(messages["position"][0]))
-    return Place(Origin(*(float(messages[name][0, 0]) for name in ("latitude", "longitude", "altitude"))))
+    return Place(Origin(*(float(messages[name][0, 0]) for name in COORDINATES)))
 
 
 def fixes_in_enu(messages: Messages, frame: BagFrame, place: Place) -> FloatArray:
@@ -217,26 +210,24 @@ def fixes_in_enu(messages: Messages, frame: BagFrame, place: Place) -> FloatArra
             " choose topics of one kind."
         )
     if place.origin is None:
-        position = messages["position"]
-        return np.asarray((position if frame == "enu" else position @ ENU_FROM_NED.T) - place.local_m)
+        return np.asarray(messages["position"] @ enu_from(frame).T - place.local_m)
     if frame == "ecef":
         return ecef_to_enu(messages["position"], place.origin)
-    lat, lon, height = (messages[name][:, 0] for name in ("latitude", "longitude", "altitude"))
-    return geodetic_to_enu(lat, lon, height, place.origin)
+    latitude, longitude, height = (messages[name][:, 0] for name in COORDINATES)
+    return geodetic_to_enu(latitude, longitude, height, place.origin)
 
 
 def axes_to_enu(frame: BagFrame, place: Place, covariance_order: str = "enu") -> FloatArray:
     """Return the matrix (3, 3) that turns vectors of the frame into ENU; of "geodetic" the covariance's."""
     if frame == "ecef" and place.origin is not None:
         return enu_axes(place.origin)
-    north_first = np.abs(ENU_FROM_NED) if frame == "geodetic" and covariance_order == "neu" else np.eye(3)
-    return np.asarray(ENU_FROM_NED if frame == "ned" else north_first)
+    north_first = frame == "geodetic" and covariance_order == "neu"
+    return np.asarray(np.abs(ENU_FROM_NED)) if north_first else enu_from(frame)
 
 
 def body_axes(frame: BagFrame) -> FloatArray:
     """Return the matrix (3, 3) that turns FLU into the body of orientations in ``frame``: FRD in NED, else FLU."""
-    matrix: FloatArray = FLU_FROM_FRD if frame == "ned" else np.eye(3)
-    return matrix
+    return FLU_FROM_FRD if frame == "ned" else np.eye(3)
 
 
 # The parts of a recording from cleaned messages, one role each.
@@ -268,7 +259,8 @@ def usable_fixes(messages: Messages, label: str, stated_frame: str, options: Bag
     frame = frame_of(messages, stated_frame)
     middle = messages.rows(np.array([len(messages) // 2]))  # the first may be the one that leaps
     messages = messages.with_values(enu_m=fixes_in_enu(messages, frame, first_place(middle, frame, ())))
-    messages = without_leaps(label, messages, ledger, "enu_m")
+    leaps = leaping_rows(np.asarray(messages.stamp_ns * 1e-9), messages["enu_m"])
+    messages = ledger.drop(label, messages, "a position that leaps out of its neighbours", leaps)
     report_jumps(label, messages, ledger, "enu_m", messages["status"][:, 0] if "status" in messages.values else None)
     if len(messages) < 2:
         raise RecordingError(f"{label}: {len(messages)} usable positions are left; at least 2 are needed.")
@@ -337,11 +329,10 @@ def heading_of(
 ) -> Heading:
     """Return the yaw of the orientations, with the sigma of their covariance."""
     frame = frame_of(messages, stated_frame) if "position" in messages.values else "enu"
-    covariance = messages["orientation_covariance"]
     turn = axes_to_enu(frame, place)
-    variance = turned_covariance(turn, covariance.reshape(-1, 3, 3))[:, 2, 2]
+    variance = turned_covariance(turn, messages["orientation_covariance"].reshape(-1, 3, 3))[:, 2, 2]
     good = unit_quaternions(messages["orientation"]) & (variance > 0) & (variance < WORST_HEADING_RAD**2)
-    ledger.add(label, "a heading without a usable covariance", ~good, messages.bag_ns, DROPPED)
-    dcm = turn @ dcm_from_quaternion(messages["orientation"][good]) @ body_axes(frame)
+    messages = ledger.drop(label, messages, "a heading without a usable covariance", ~good)
+    dcm = turn @ dcm_from_quaternion(messages["orientation"]) @ body_axes(frame)
     yaw_rad = euler_from_dcm(dcm)[:, 2] if good.any() else np.empty(0)
-    return Heading(seconds(messages.stamp_ns[good], zero_ns), yaw_rad, np.sqrt(variance[good]), source)
+    return Heading(seconds(messages.stamp_ns, zero_ns), yaw_rad, np.sqrt(variance[good]), source)

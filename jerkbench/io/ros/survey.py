@@ -92,7 +92,8 @@ def _oddities(messages: Messages) -> Iterator[str]:
         yield from _fixes(messages)
     elif "position" in messages.values:
         yield from _poses(messages)
-    yield from _covariances(messages)
+    for name in (name for name in COVARIANCES if name in messages.values):
+        yield f"{name.replace('_', ' ')}: {_level(messages[name][:, [0, 4, 8]])}"
 
 
 def _stamps(messages: Messages) -> Iterator[str]:
@@ -143,28 +144,17 @@ def _poses(messages: Messages) -> Iterator[str]:
         yield "every position is zero"
         return
     first = position[int(np.argmax(np.abs(position).any(axis=1)))]
-    yield f"first position {_numbers(first)} m: {_position_frame(position, first)}"
+    frame, (x, y) = "local", np.abs(first[:2])
+    if is_ecef(position):
+        frame = "ECEF, by its distance from the Earth's centre"
+    elif max(x, y) > UTM_M:
+        order = "north first: probably NED" if x > y and x > 1e6 else "east first: probably ENU"
+        frame = f"a map projection such as UTM, {order}"
+    yield f"first position {_numbers(first)} m: {frame}"
     if (~unit_quaternions(messages["orientation"])).all():
         yield "no orientation"
     elif "linear" in messages.values:
         yield from twist_frame(messages)
-
-
-def _position_frame(position: FloatArray, first: FloatArray) -> str:
-    if is_ecef(position):
-        return "ECEF, by its distance from the Earth's centre"
-    if np.abs(first[:2]).max() > UTM_M:
-        north_first = abs(first[0]) > abs(first[1]) and abs(first[0]) > 1e6
-        order = "north first: probably NED" if north_first else "east first: probably ENU"
-        return f"a map projection such as UTM, {order}"
-    return "local"
-
-
-def _covariances(messages: Messages) -> Iterator[str]:
-    for name in COVARIANCES:
-        if name in messages.values:
-            variances = messages[name][:, [0, 4, 8]]
-            yield f"{name.replace('_', ' ')}: {_level(variances)}"
 
 
 def _level(variances: FloatArray) -> str:

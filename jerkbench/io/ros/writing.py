@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from itertools import chain, repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -59,12 +59,7 @@ class Maker:
         """Return the stamp of a time since the start."""
         return self.start_ns + round(t_s * 1e9)
 
-    def header(self, t_s: float, frame_id: str) -> Any:  # noqa: ANN401 - a class that rosbags makes at run time
-        """Return a header."""
-        stamp = self.of("builtin_interfaces/msg/Time", *divmod(self.stamp_ns(t_s), 1_000_000_000))
-        return self.of("std_msgs/msg/Header", *([0] if self.ros1 else []), stamp, frame_id)
-
-    def of(self, msgtype: str, *values: Any) -> Any:  # noqa: ANN401 - as above
+    def of(self, msgtype: str, *values: Any) -> Any:  # noqa: ANN401 - a class that rosbags makes at run time
         """Return a message."""
         return self.store.types[msgtype](*values)
 
@@ -72,14 +67,30 @@ class Maker:
         """Return a Vector3, Point or Quaternion."""
         return self.of(f"geometry_msgs/msg/{name}", *(float(value) for value in values))
 
+    def stamped(self, t_s: float, frame_id: str, msgtype: str, *body: Any) -> Stamped:  # noqa: ANN401 - as above
+        """Return a message with a header."""
+        stamp = self.of("builtin_interfaces/msg/Time", *divmod(self.stamp_ns(t_s), 1_000_000_000))
+        header = self.of("std_msgs/msg/Header", *([0] if self.ros1 else []), stamp, frame_id)
+        return t_s, msgtype, self.of(msgtype, header, *body)
+
+    def imu(
+        self, t_s: float, frame_id: str, xyzw: FloatArray, yaw_variance: float, rate: FloatArray, force: FloatArray
+    ) -> Stamped:
+        """Return an Imu; covariances of zeros are none."""
+        none, turned = np.zeros(9), np.diag([0.0, 0.0, yaw_variance]).ravel()
+        body = (self.xyz(xyzw, "Quaternion"), turned, self.xyz(rate), none, self.xyz(force), none)
+        return self.stamped(t_s, frame_id, "sensor_msgs/msg/Imu", *body)
+
+    def twist(self, mps: FloatArray, covariance: FloatArray) -> Any:  # noqa: ANN401 - as above
+        """Return a TwistWithCovariance without a rotation."""
+        twist = self.of("geometry_msgs/msg/Twist", self.xyz(mps), self.xyz(np.zeros(3)))
+        return self.of("geometry_msgs/msg/TwistWithCovariance", twist, covariance.ravel())
+
 
 def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
     """Yield what the driver calls poiimu: orientation and covariances are zeros, that is, absent."""
-    name, zeros = "sensor_msgs/msg/Imu", np.zeros(9)
     for t, force, rate in zip(imu.t_s, imu.accel_mps2, imu.gyro_radps, strict=True):
-        absent = make.xyz(np.zeros(4), "Quaternion")
-        body = (absent, zeros, make.xyz(rate), zeros, make.xyz(force), zeros)
-        yield t, name, make.of(name, make.header(t, "FP_POI"), *body)
+        yield make.imu(t, "FP_POI", np.zeros(4), 0.0, rate, force)
 
 
 def whole_fixes(position: Position) -> BoolArray:
@@ -87,44 +98,33 @@ def whole_fixes(position: Position) -> BoolArray:
     return np.asarray(np.isfinite(position.enu_m).all(axis=1))
 
 
-def fix_messages(make: Maker, position: Position, origin: Origin) -> Iterator[Stamped]:
-    """Yield what the driver calls gnss1: covariance in the order north, east, up."""
-    whole = whole_fixes(position)
-    covariance = position.covariance_m2[whole][:, NEU][:, :, NEU]
-    yield from _fixes(make, position.t_s[whole], position.enu_m[whole], covariance, origin)
-
-
-def _fixes(
+def fix_messages(
     make: Maker, t_s: FloatArray, enu_m: FloatArray, covariance: FloatArray, origin: Origin
 ) -> Iterator[Stamped]:
-    name = "sensor_msgs/msg/NavSatFix"
+    """Yield what the driver calls gnss1: covariance in the order north, east, up."""
+    covariance = covariance[:, NEU][:, :, NEU]
     for t, place, matrix in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
         status = make.of("sensor_msgs/msg/NavSatStatus", RTK_FIXED, GPS)
         where = (float(value) for value in place)
-        yield t, name, make.of(name, make.header(t, "GNSS1"), status, *where, matrix.ravel(), KNOWN)
+        yield make.stamped(t, "GNSS1", "sensor_msgs/msg/NavSatFix", status, *where, matrix.ravel(), KNOWN)
 
 
 def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
     """Yield velocities in the recording's own frame; an axis that was not measured has the variance -1."""
-    name = "geometry_msgs/msg/TwistWithCovarianceStamped"
     present = np.isfinite(velocity.mps)
     rows = zip(velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True)
     for t, mps, covariance, measured in rows:
         six = np.zeros((6, 6))
         six[:3, :3] = np.where(np.outer(measured, measured), covariance, np.diag(np.where(measured, 0.0, NOT_MEASURED)))
-        twist = make.of("geometry_msgs/msg/Twist", make.xyz(np.nan_to_num(mps)), make.xyz(np.zeros(3)))
-        body = make.of("geometry_msgs/msg/TwistWithCovariance", twist, six.ravel())
-        yield t, name, make.of(name, make.header(t, velocity.frame), body)
+        twist = make.twist(np.nan_to_num(mps), six)
+        yield make.stamped(t, velocity.frame, "geometry_msgs/msg/TwistWithCovarianceStamped", twist)
 
 
 def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
     """Yield headings as u-blox's driver does: an Imu with nothing but a yaw and its variance."""
-    name, zeros = "sensor_msgs/msg/Imu", np.zeros(9)
     for t, yaw, sigma in zip(heading.t_s, heading.yaw_rad, heading.sigma_rad, strict=True):
-        turned = make.xyz(np.array([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)]), "Quaternion")
-        nothing = make.xyz(np.zeros(3))
-        body = (turned, np.diag([0.0, 0.0, sigma**2]).ravel(), nothing, zeros, nothing, zeros)
-        yield t, name, make.of(name, make.header(t, "enu"), *body)
+        turned = np.array([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
+        yield make.imu(t, "enu", turned, sigma**2, np.zeros(3), np.zeros(3))
 
 
 def whole_rows(reference: Reference) -> BoolArray:
@@ -145,34 +145,20 @@ def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Ite
     rows = whole_rows(reference)
     t_s, enu_m = reference.t_s[rows], reference.enu_m[rows]
     if reference.euler_rad is None:
-        yield from _fixes(make, t_s, enu_m, np.tile(1e-4 * np.eye(3), (len(t_s), 1, 1)), origin)
+        yield from fix_messages(make, t_s, enu_m, np.tile(1e-4 * np.eye(3), (len(t_s), 1, 1)), origin)
         return
     omega = dcm_from_euler(reference.euler_rad[rows])
-    xyzw = quaternion_from_dcm(enu_axes(origin).T @ omega)
-    poses = zip(t_s, enu_to_ecef(enu_m, origin), xyzw, strict=True)
-    if reference.velocity_mps is None:
-        name = "geometry_msgs/msg/PoseStamped"
-        yield from ((t, name, make.of(name, make.header(t, "FP_ECEF"), _pose(make, p, q))) for t, p, q in poses)
-        return
-    body_mps = np.einsum("nji,nj->ni", omega, reference.velocity_mps[rows])
-    for (t, p, q), v in zip(poses, body_mps, strict=True):
-        yield t, ODOMETRY, _odometry(make, t, p, q, v)
-
-
-def _pose(make: Maker, p: FloatArray, q: FloatArray) -> Any:  # noqa: ANN401 - a message
-    return make.of("geometry_msgs/msg/Pose", make.xyz(p, "Point"), make.xyz(q, "Quaternion"))
-
-
-def _odometry(make: Maker, t: float, p: FloatArray, q: FloatArray, v: FloatArray) -> Any:  # noqa: ANN401 - a message
-    twist = make.of("geometry_msgs/msg/Twist", make.xyz(v), make.xyz(np.zeros(3)))
-    small = 1e-4 * np.eye(6).ravel()
-    return make.of(
-        ODOMETRY,
-        make.header(t, "FP_ECEF"),
-        "FP_POI",
-        make.of("geometry_msgs/msg/PoseWithCovariance", _pose(make, p, q), small),
-        make.of("geometry_msgs/msg/TwistWithCovariance", twist, small),
-    )
+    xyzw, small = quaternion_from_dcm(enu_axes(origin).T @ omega), 1e-4 * np.eye(6)
+    body_mps = np.zeros_like(enu_m)
+    if reference.velocity_mps is not None:
+        body_mps = np.einsum("nji,nj->ni", omega, reference.velocity_mps[rows])
+    for t, p, q, v in zip(t_s, enu_to_ecef(enu_m, origin), xyzw, body_mps, strict=True):
+        pose = make.of("geometry_msgs/msg/Pose", make.xyz(p, "Point"), make.xyz(q, "Quaternion"))
+        if reference.velocity_mps is None:
+            yield make.stamped(t, "FP_ECEF", "geometry_msgs/msg/PoseStamped", pose)
+        else:
+            posed = make.of("geometry_msgs/msg/PoseWithCovariance", pose, small.ravel())
+            yield make.stamped(t, "FP_ECEF", ODOMETRY, "FP_POI", posed, make.twist(v, small))
 
 
 TOPICS = {
@@ -214,41 +200,36 @@ def write_bag(recording: Recording, path: Path) -> list[str]:
     return list(_left_out(recording, streams))
 
 
-@dataclass(frozen=True)
-class _Stream:
+class _Written(NamedTuple):
     """The messages of a topic; they are made when they are written, for those of hours would not fit into memory."""
 
-    msgtype: str
-    count: int
+    rows: int
     messages: Iterator[Stamped]
 
 
-def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _Stream]:
+def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _Written]:
     position, velocity = recording.position, recording.velocity
-    heading, reference = recording.heading, recording.reference
-    streams = {TOPICS["imu"]: _stream(len(recording.inertial.t_s), imu_messages(make, recording.inertial))}
+    heading, reference, imu = recording.heading, recording.reference, recording.inertial
+    streams = {TOPICS["imu"]: _Written(len(imu.t_s), imu_messages(make, imu))}
     if position is not None:
-        streams[TOPICS["position"]] = _stream(int(whole_fixes(position).sum()), fix_messages(make, position, origin))
+        rows = whole_fixes(position)
+        whole = position.t_s[rows], position.enu_m[rows], position.covariance_m2[rows]
+        streams[TOPICS["position"]] = _Written(int(rows.sum()), fix_messages(make, *whole, origin))
     if velocity is not None:
-        streams[TOPICS["velocity"]] = _stream(len(velocity.t_s), velocity_messages(make, velocity))
+        streams[TOPICS["velocity"]] = _Written(len(velocity.t_s), velocity_messages(make, velocity))
     if heading is not None:
-        streams[TOPICS["heading"]] = _stream(len(heading.t_s), heading_messages(make, heading))
-    truth = _stream(int(whole_rows(reference).sum()), reference_messages(make, reference, origin))
-    streams[ODOMETRY_TOPIC if truth.msgtype == ODOMETRY else REFERENCE_TOPIC] = truth
-    streams = {topic: stream for topic, stream in streams.items() if stream.count}
+        streams[TOPICS["heading"]] = _Written(len(heading.t_s), heading_messages(make, heading))
+    whole_odometry = reference.velocity_mps is not None and reference.euler_rad is not None
+    truth = _Written(int(whole_rows(reference).sum()), reference_messages(make, reference, origin))
+    streams[ODOMETRY_TOPIC if whole_odometry else REFERENCE_TOPIC] = truth
+    streams = {topic: stream for topic, stream in streams.items() if stream.rows}
     metadata = make.of(STRING, _metadata(recording, origin, make.start_ns, streams).to_json())
-    return {**streams, METADATA_TOPIC: _stream(1, iter([(float(recording.inertial.t_s[0]), STRING, metadata)]))}
+    return {**streams, METADATA_TOPIC: _Written(1, iter([(float(imu.t_s[0]), STRING, metadata)]))}
 
 
-def _stream(count: int, messages: Iterator[Stamped]) -> _Stream:
-    """The first message says of which type they are."""
-    first = next(messages, None)
-    return _Stream("", 0, iter(())) if first is None else _Stream(first[1], count, chain([first], messages))
-
-
-def _left_out(recording: Recording, streams: Mapping[str, _Stream]) -> Iterator[str]:
+def _left_out(recording: Recording, streams: Mapping[str, _Written]) -> Iterator[str]:
     position, velocity, reference = recording.position, recording.velocity, recording.reference
-    counts = {topic: stream.count for topic, stream in streams.items()}
+    counts = {topic: stream.rows for topic, stream in streams.items()}
     if position is not None and (lost := len(position.t_s) - counts.get(TOPICS["position"], 0)):
         yield f"{lost} of {len(position.t_s)} fixes lack an axis, and a NavSatFix has all three: they are left out."
     written = counts.get(ODOMETRY_TOPIC, counts.get(REFERENCE_TOPIC, 0))
@@ -256,9 +237,8 @@ def _left_out(recording: Recording, streams: Mapping[str, _Stream]) -> Iterator[
         yield f"{lost} of {len(reference.t_s)} rows of the reference lack what other rows have: they are left out."
     if not reference.scored.all():
         yield "Which rows of the reference are scored has no place in a bag: all of them will be."
-    if (position and position.true_covariance_m2 is not None) or (
-        velocity and velocity.true_covariance_m2ps2 is not None
-    ):
+    known = position and position.true_covariance_m2, velocity and velocity.true_covariance_m2ps2
+    if any(covariance is not None for covariance in known):
         yield "True covariances have no place in a bag: an oracle will see the reported ones."
 
 
@@ -282,7 +262,7 @@ def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Itera
     )
 
 
-def _write(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
+def _write(make: Maker, streams: Mapping[str, _Written], path: Path) -> None:
     """Write a ROS 1 bag, or the folder of a ROS 2 bag, of which its one file is kept."""
     if make.ros1:
         from rosbags import rosbag1
@@ -300,10 +280,11 @@ def _write(make: Maker, streams: Mapping[str, _Stream], path: Path) -> None:
         shutil.move(file, path)
 
 
-def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, _Stream]) -> None:  # noqa: ANN401 - one of two writers
-    bound = [
-        zip(stream.messages, repeat(writer.add_connection(topic, stream.msgtype, typestore=make.store)))
-        for topic, stream in streams.items()
-    ]
+def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, _Written]) -> None:  # noqa: ANN401 - one of two writers
+    bound = []
+    for topic, stream in streams.items():
+        first = next(stream.messages)
+        connection = writer.add_connection(topic, first[1], typestore=make.store)  # whose type the first message says
+        bound.append(zip(chain([first], stream.messages), repeat(connection)))
     for (t, msgtype, message), connection in heapq.merge(*bound, key=lambda pair: pair[0][0]):
         writer.write(connection, make.stamp_ns(t), serialise(message, msgtype))
