@@ -1,6 +1,6 @@
 """The simulated farm robot with sensors whose noise is white."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import ClassVar
 
 import numpy as np
@@ -150,41 +150,18 @@ class FieldWhite(Sensors):
     def truth(self, seed: int) -> Truth:
         """Return the true motion from t = 0 on, at the IMU's rate."""
         t_s = np.arange(round(self.duration_s * self.imu_rate_hz) + 1) / self.imu_rate_hz
-        terrain = draw_terrain(
-            stream(seed, "dataset", "terrain"),
-            self.heard("terrain", self.roughness),
-            self.roll_ratio_radpm,
-            self.hill_height_m,
-            self.hill_length_m,
-        )
+        hill = self.roll_ratio_radpm, self.hill_height_m, self.hill_length_m
+        terrain = draw_terrain(stream(seed, "dataset", "terrain"), self.heard("terrain", self.roughness), *hill)
         sizes = (self.heard("vibration", size) for size in (self.vibration_mps2, self.vibration_rad))
         vibration = draw_vibration(stream(seed, "dataset", "vibration"), *sizes)
         return simulate_truth(t_s, self._path(), terrain, vibration, self._ruts())
 
     def _path(self) -> Path:
-        return Path(
-            stand_s=self.stand_s,
-            ramp_s=self.ramp_s,
-            pass_s=self.pass_s,
-            turn_s=self.turn_s,
-            speed_mps=self.speed_mps,
-            turn_speed_mps=self.turn_speed_mps,
-            speed_change_s=self.speed_change_s,
-            heading_rad=self.heading_rad,
-        )
+        return Path(*(getattr(self, f.name) for f in fields(Path)))
 
     def _ruts(self) -> Ruts:
-        return Ruts(
-            times_s=self._rut_times(),
-            drop_m=self.rut_drop_m,
-            tau_s=self.rut_tau_s,
-            speed_dip_mps=self.rut_speed_dip_mps,
-            pitch_rad=self.rut_pitch_rad,
-            roll_rad=self.rut_roll_rad,
-        )
-
-    def _rut_times(self) -> tuple[float, ...]:
-        return self.rut_times_s if self.ruts else ()
+        ruts = Ruts(*(getattr(self, f"rut_{f.name}") for f in fields(Ruts)))
+        return ruts if self.ruts else replace(ruts, times_s=())
 
     def _false_force(self, t_s: FloatArray, seed: int) -> FloatArray | None:
         """Return (n, m, 3) within each of the n intervals between ``t_s``, or None where there is none."""
@@ -194,7 +171,7 @@ class FieldWhite(Sensors):
         inner = inner_times(t_s, round(self.sensor_rate_hz / self.imu_rate_hz))
         begin = self.stand_s + self.ramp_s
         impacts = draw_impacts(stream(seed, "dataset", "impacts"), impacts_per_s, begin, self.duration_s)
-        ruts = rut_force(inner, self._rut_times(), self.rut_force_mps2, self.rut_force_decay_s)
+        ruts = rut_force(inner, self._ruts().times_s, self.rut_force_mps2, self.rut_force_decay_s)
         return ruts + impact_force(inner, impacts, self.impact_mps2)
 
     @property
@@ -208,12 +185,11 @@ class FieldWhite(Sensors):
             "impacts_per_s": self.duration_s * self.impacts_per_s,
             "pass_s": self.duration_s / (self.pass_s + self.turn_s),
         }
-        for name, count in counts.items():
-            if count > MOST_SAMPLES:
-                raise PluginError(
-                    f"{self._what}: {name} is {getattr(self, name)}; over {self.duration_s:g} s it is more than memory"
-                    " should hold: shorten the drive, or correct it."
-                )
+        for name in (name for name, count in counts.items() if count > MOST_SAMPLES):
+            raise PluginError(
+                f"{self._what}: {name} is {getattr(self, name)}; over {self.duration_s:g} s it is more than memory"
+                " should hold: shorten the drive, or correct it."
+            )
 
     def _check_times(self) -> None:
         """Check that a pass has room for its speed changes, and that nothing happens before the robot moves."""
@@ -223,7 +199,7 @@ class FieldWhite(Sensors):
                 " for two speed changes."
             )
         earliest = self.stand_s + 10.0 * self.rut_tau_s  # there 1 - tanh^2 is below 1e-8
-        if any(t < earliest for t in self._rut_times()):
+        if any(t < earliest for t in self._ruts().times_s):
             raise PluginError(
                 f"{self._what}: rut_times_s is {self.rut_times_s}; the first rut can come at {earliest:g} s, when the"
                 " robot moves."

@@ -13,7 +13,7 @@ from jerkbench.io.text import parse_numbers, read_lines, require_increasing
 from jerkbench.plugins import register
 from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
-from jerkbench.simulation.motion import Drive, Way, WaypointPath, curve_way, smoothstep, smoothstep_rate, table_curve
+from jerkbench.simulation.motion import Drive, Way, WaypointPath, curve_way, table_curve
 from jerkbench.simulation.sensors import Sensors
 from jerkbench.simulation.terrain import draw_vibration
 from jerkbench.simulation.truth import Truth
@@ -93,17 +93,10 @@ class DrivenPath(Sensors):
     def truth(self, seed: int) -> tuple[Truth, float]:
         """Return the true motion from t = 0 on, at the IMU's rate, and how long it stands at the start [s]."""
         t_s, way, rest_s = self._table() if self.file else self._waypoints()
-        u = (t_s - rest_s) / self.ramp_s
         sizes = (self.heard("vibration", size) for size in (self.vibration_mps2, self.vibration_rad))
         vibration = draw_vibration(stream(seed, "dataset", "vibration"), *sizes)
-        shaking = vibration.at(t_s, smoothstep(u), smoothstep_rate(u) / self.ramp_s)
-        truth = Truth(
-            t_s=t_s,
-            enu_m=way.enu_m + shaking.enu_m,
-            velocity_mps=way.velocity_mps + shaking.velocity_mps,
-            euler_rad=way.euler_rad + shaking.euler_rad,
-        )
-        return truth, rest_s
+        shaking = vibration.grown(t_s, rest_s, self.ramp_s)
+        return Truth(t_s, *(own + more for own, more in zip(way, shaking, strict=True))), rest_s
 
     @property
     def _path(self) -> Path:

@@ -109,24 +109,18 @@ class Grade:
     def gyro(self, rate_hz: float) -> SensorErrors:
         """Errors of the gyro [rad/s] when a sample is the mean over 1/``rate_hz``."""
         per_hour = np.deg2rad(1.0) / 3600.0
-        return SensorErrors(
-            noise=float(np.deg2rad(self.angle_random_walk_deg_per_sqrt_h) / 60.0 * np.sqrt(rate_hz)),
-            turn_on=float(self.gyro_turn_on_deg_per_h * per_hour),
-            wander=float(self.gyro_instability_deg_per_h * per_hour / ALLAN_FLOOR),
-            scale=self.gyro_scale_ppm * 1e-6,
-            misalignment_rad=self.misalignment_mrad * 1e-3,
-        )
+        noise = float(np.deg2rad(self.angle_random_walk_deg_per_sqrt_h) / 60.0 * np.sqrt(rate_hz))
+        wander = float(self.gyro_instability_deg_per_h * per_hour / ALLAN_FLOOR)
+        axes = self.gyro_scale_ppm * 1e-6, self.misalignment_mrad * 1e-3
+        return SensorErrors(noise, float(self.gyro_turn_on_deg_per_h * per_hour), wander, *axes)
 
     def accelerometer(self, rate_hz: float) -> SensorErrors:
         """Errors of the accelerometer [m/s2] when a sample is the mean over 1/``rate_hz``."""
         per_mg = 1e-3 * GRAVITY_MPS2
-        return SensorErrors(
-            noise=float(self.velocity_random_walk_mps_per_sqrt_h / 60.0 * np.sqrt(rate_hz)),
-            turn_on=self.accel_turn_on_mg * per_mg,
-            wander=self.accel_instability_mg * per_mg / ALLAN_FLOOR,
-            scale=self.accel_scale_ppm * 1e-6,
-            misalignment_rad=self.misalignment_mrad * 1e-3,
-        )
+        noise = float(self.velocity_random_walk_mps_per_sqrt_h / 60.0 * np.sqrt(rate_hz))
+        wander = self.accel_instability_mg * per_mg / ALLAN_FLOOR
+        axes = self.accel_scale_ppm * 1e-6, self.misalignment_mrad * 1e-3
+        return SensorErrors(noise, self.accel_turn_on_mg * per_mg, wander, *axes)
 
 
 GRADES = {
@@ -155,10 +149,8 @@ def with_sensor_errors(true: FloatArray, errors: SensorErrors, interval_s: float
 
 def _deformation(errors: SensorErrors, seed: int, sensor: str) -> FloatArray:
     """I + M (3, 3)."""
-    draw = stream(seed, "dataset", sensor, "axes").standard_normal((3, 3))
-    sizes = np.full((3, 3), errors.misalignment_rad)
-    np.fill_diagonal(sizes, errors.scale)
-    return np.eye(3) + sizes * draw
+    sizes = np.where(np.eye(3), errors.scale, errors.misalignment_rad)
+    return np.asarray(np.eye(3) + sizes * stream(seed, "dataset", sensor, "axes").standard_normal((3, 3)))
 
 
 def _wandering(rows: int, sigma: float, interval_s: float, seed: int, sensor: str) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,22 +39,19 @@ def _weigh(waves: FloatArray, weights: FloatArray) -> FloatArray:
 def smoothstep(u: FloatArray) -> FloatArray:
     """S(u) = 10 u^3 - 15 u^4 + 6 u^5 from 0 to 1 over 0 <= u <= 1; its first two derivatives vanish at both ends."""
     w = np.clip(u, 0.0, 1.0)
-    step: FloatArray = w**3 * (10.0 + w * (6.0 * w - 15.0))
-    return step
+    return np.asarray(w**3 * (10.0 + w * (6.0 * w - 15.0)))
 
 
 def smoothstep_rate(u: FloatArray) -> FloatArray:
     """dS/du = 30 u^2 (1 - u)^2."""
     w = np.clip(u, 0.0, 1.0)
-    rate: FloatArray = 30.0 * (w * (1.0 - w)) ** 2
-    return rate
+    return np.asarray(30.0 * (w * (1.0 - w)) ** 2)
 
 
 def smoothstep_area(u: FloatArray) -> FloatArray:
     """Integral of S from 0 to u: u^4 (u^2 - 3 u + 5/2) up to u = 1, and u - 1/2 beyond."""
     w = np.clip(u, 0.0, 1.0)
-    area: FloatArray = (w * w) ** 2 * (w * (w - 3.0) + 2.5) + np.maximum(u - 1.0, 0.0)
-    return area
+    return np.asarray((w * w) ** 2 * (w * (w - 3.0) + 2.5) + np.maximum(u - 1.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -94,17 +92,15 @@ class Path:
 
     def speed_mps_at(self, t_s: FloatArray) -> FloatArray:
         """Horizontal speed (n,) at increasing times (n,)."""
-        speed = np.zeros_like(t_s)
-        for start, length, change in self._speed_changes(t_s):
-            speed += change * smoothstep((t_s - start) / length)
-        return speed
+        changes = self._speed_changes(t_s)
+        return np.asarray(sum(change * smoothstep((t_s - start) / length) for start, length, change in changes))
 
     def distance_m_at(self, t_s: FloatArray) -> FloatArray:
         """Horizontal distance (n,) driven since the start."""
-        distance = np.zeros_like(t_s)
-        for start, length, change in self._speed_changes(t_s):
-            distance += change * length * smoothstep_area((t_s - start) / length)
-        return distance
+        changes = self._speed_changes(t_s)
+        return np.asarray(
+            sum(change * length * smoothstep_area((t_s - start) / length) for start, length, change in changes)
+        )
 
     def yaw_rad_at(self, t_s: FloatArray) -> FloatArray:
         """Yaw (n,), not wrapped; each turn adds +-(pi w - sin(2 pi w)/2) with w = (t - t_0)/T in [0, 1]."""
@@ -133,8 +129,7 @@ Curve = Callable[[FloatArray, int], FloatArray]
 """From a parameter (n,) and the order of the derivative to (n, 3)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Way:
+class Way(NamedTuple):
     """A motion at n times: along a smooth path, or what vibration adds to one.
 
     Attributes:

@@ -24,24 +24,9 @@ from jerkbench.simulation.imu import GRADES, SensorErrors, coloured, perfect_imu
 from jerkbench.simulation.truth import Truth
 
 
-def measure_position(t_s: FloatArray, enu_m: FloatArray, sigma_m: tuple[float, ...], noise: FloatArray) -> Position:
-    """Return fixes; ``noise`` (m, 3) has unit variance, or is zero."""
-    return Position(t_s, enu_m + noise * np.asarray(sigma_m), _covariances(sigma_m, len(t_s)))
-
-
 def antenna_m(enu_m: FloatArray, euler_rad: FloatArray, arm_m: tuple[float, ...]) -> FloatArray:
     """Return where an antenna is (m, 3): p + Omega l, with the arm l forward, left, up of the body."""
     return np.asarray(enu_m + dcm_from_euler(euler_rad) @ np.asarray(arm_m)) if any(arm_m) else enu_m
-
-
-def measure_velocity(t_s: FloatArray, mps: FloatArray, sigma_mps: tuple[float, ...], noise: FloatArray) -> Velocity:
-    """Return velocities in ENU; ``noise`` (m, 3) has unit variance, or is zero."""
-    return Velocity(t_s, mps + noise * np.asarray(sigma_mps), _covariances(sigma_mps, len(t_s)))
-
-
-def measure_heading(t_s: FloatArray, yaw_rad: FloatArray, sigma_rad: float, noise: FloatArray) -> Heading:
-    """Return headings, wrapped to (-pi, pi]; ``noise`` (m,) has unit variance, or is zero."""
-    return Heading(t_s, wrap_angle(yaw_rad + sigma_rad * noise), np.full(len(t_s), sigma_rad))
 
 
 def white(seed: int, sensor: str, shape: tuple[int, ...], on: bool) -> FloatArray:
@@ -257,15 +242,17 @@ class Sensors(SlowErrors):
         taken = rows >= 0
         antenna = antenna_m(truth.enu_m[rows[taken]], truth.euler_rad[rows[taken]], self.lever_arm_error_m)
         noise = self._noise("position", fixes, 3, seed)[taken]
-        return measure_position(fixes.t_s[taken], antenna, self.position_sigma_m, noise)
+        sigma_m = self.position_sigma_m
+        return Position(fixes.t_s[taken], antenna + noise * np.asarray(sigma_m), _covariances(sigma_m, len(antenna)))
 
     def _velocity(self, fixes: Truth, seed: int) -> Velocity:
-        noise = self._noise("velocity", fixes, 3, seed)
-        return measure_velocity(fixes.t_s, fixes.velocity_mps, self.velocity_sigma_mps, noise)
+        sigma_mps = self.velocity_sigma_mps
+        mps = fixes.velocity_mps + self._noise("velocity", fixes, 3, seed) * np.asarray(sigma_mps)
+        return Velocity(fixes.t_s, mps, _covariances(sigma_mps, len(mps)))
 
     def _heading(self, fixes: Truth, seed: int) -> Heading:
-        noise = self._noise("heading", fixes, 1, seed)[:, 0]
-        return measure_heading(fixes.t_s, fixes.euler_rad[:, 2], self.heading_sigma_rad, noise)
+        yaw_rad = fixes.euler_rad[:, 2] + self.heading_sigma_rad * self._noise("heading", fixes, 1, seed)[:, 0]
+        return Heading(fixes.t_s, wrap_angle(yaw_rad), np.full(len(yaw_rad), self.heading_sigma_rad))
 
     def _noise(self, sensor: str, fixes: Truth, axes: int, seed: int) -> FloatArray:
         """Return (m, axes) of unit variance, white and coloured; zeros where the sensor is silent."""
@@ -282,11 +269,4 @@ def every(truth: Truth, ratio: float) -> Truth:
 
 def _reference(truth: Truth) -> Reference:
     euler = np.column_stack([truth.euler_rad[:, :2], wrap_angle(truth.euler_rad[:, 2])])
-    return Reference(
-        truth.t_s,
-        source="simulated truth",
-        independent=True,
-        enu_m=truth.enu_m,
-        velocity_mps=truth.velocity_mps,
-        euler_rad=euler,
-    )
+    return Reference(truth.t_s, "simulated truth", True, truth.enu_m, truth.velocity_mps, euler)  # noqa: FBT003 - independent

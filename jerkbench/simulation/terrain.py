@@ -4,11 +4,12 @@ It is sampled inside the accelerometer, at m times within each of its n samples.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.simulation.motion import Way, harmonics
+from jerkbench.simulation.motion import Way, harmonics, smoothstep, smoothstep_rate
 
 WAVES = 36
 SHORTEST_PER_M = 1.2
@@ -18,8 +19,7 @@ REFERENCE_PSD_M3 = 1024e-6
 TRACK_PER_M = 0.6
 
 
-@dataclass(frozen=True, eq=False)
-class Ground:
+class Ground(NamedTuple):
     """The ground under the robot at each time.
 
     Attributes:
@@ -121,13 +121,11 @@ class Ruts:
 
     def pulse(self, t_s: FloatArray) -> FloatArray:
         """Sum of B (n,) over the ruts."""
-        return np.asarray(sum((1.0 - np.tanh((t_s - t) / self.tau_s) ** 2 for t in self.times_s), np.zeros_like(t_s)))
+        return np.asarray(sum((1.0 - np.tanh((t_s - t) / self.tau_s) ** 2 for t in self.times_s), 0.0 * t_s))
 
     def steps(self, t_s: FloatArray) -> FloatArray:
         """Sum of H (n,): how many ruts it has dropped into."""
-        return np.asarray(
-            sum((0.5 * (1.0 + np.tanh((t_s - t) / self.tau_s)) for t in self.times_s), np.zeros_like(t_s))
-        )
+        return np.asarray(sum((0.5 * (1.0 + np.tanh((t_s - t) / self.tau_s)) for t in self.times_s), 0.0 * t_s))
 
 
 # Vibration of engine and tracks, as true motion.
@@ -156,6 +154,11 @@ class Vibration:
     frequency_radps: FloatArray
     sine: FloatArray
     cosine: FloatArray
+
+    def grown(self, t_s: FloatArray, begin_s: float, ramp_s: float) -> Way:
+        """Return the motion at times (n,) that grows over ``ramp_s`` from ``begin_s`` on."""
+        u = (t_s - begin_s) / ramp_s
+        return self.at(t_s, smoothstep(u), smoothstep_rate(u) / ramp_s)
 
     def at(self, t_s: FloatArray, envelope: FloatArray, envelope_rate: FloatArray) -> Way:
         """Return the motion at times (n,) under an envelope (n,) and its derivative [1/s]."""

@@ -1,11 +1,12 @@
 """The true motion: path, terrain, vibration and ruts put together."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.simulation.motion import Path, Way, smoothstep, smoothstep_rate
+from jerkbench.simulation.motion import Path
 from jerkbench.simulation.terrain import Ground, Ruts, Terrain, Vibration
 
 
@@ -26,8 +27,7 @@ class Truth:
     euler_rad: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Course:
+class Course(NamedTuple):
     """The motion in the plane, at n times.
 
     Attributes:
@@ -57,15 +57,16 @@ def simulate_truth(t_s: FloatArray, path: Path, terrain: Terrain, vibration: Vib
     """
     course = drive_course(t_s, path, ruts)
     ground = terrain.at(course.distance_m, course.en_m[:, 0])
-    shaking = _shake(t_s, path, vibration)
+    shaking = vibration.grown(t_s, path.stand_s, path.ramp_s)
     up = ground.height_m - ground.height_m[0] - ruts.drop_m * ruts.steps(t_s)
     climb = ground.slope[:, 0] * course.speed_mps + ground.slope[:, 1] * course.velocity_mps[:, 0]
+    tip = ruts.pulse(t_s)[:, None] * np.array([ruts.roll_rad, ruts.pitch_rad, 0.0])
     climb -= ruts.drop_m / (2.0 * ruts.tau_s) * ruts.pulse(t_s)
     return Truth(
         t_s=t_s,
         enu_m=np.column_stack([course.en_m, up]) + shaking.enu_m,
         velocity_mps=np.column_stack([course.velocity_mps, climb]) + shaking.velocity_mps,
-        euler_rad=_lean(course, ground) + _tip(t_s, ruts) + shaking.euler_rad,
+        euler_rad=_lean(course, ground) + tip + shaking.euler_rad,
     )
 
 
@@ -82,19 +83,8 @@ def drive_course(t_s: FloatArray, path: Path, ruts: Ruts) -> Course:
     return Course(speed[::2], distance, yaw[::2], velocity[::2], en)
 
 
-def _shake(t_s: FloatArray, path: Path, vibration: Vibration) -> Way:
-    u = (t_s - path.stand_s) / path.ramp_s
-    return vibration.at(t_s, smoothstep(u), smoothstep_rate(u) / path.ramp_s)
-
-
 def _lean(course: Course, ground: Ground) -> FloatArray:
     """Roll, pitch and yaw (n, 3) of a robot that lies on the ground."""
     forward = ground.slope[:, 0] + ground.slope[:, 1] * np.cos(course.yaw_rad)
     leftward = -ground.slope[:, 1] * np.sin(course.yaw_rad)
     return np.column_stack([np.arctan(leftward) + ground.roll_rad, -np.arctan(forward), course.yaw_rad])
-
-
-def _tip(t_s: FloatArray, ruts: Ruts) -> FloatArray:
-    """Roll, pitch and yaw (n, 3) that ruts add."""
-    tip: FloatArray = ruts.pulse(t_s)[:, None] * np.array([ruts.roll_rad, ruts.pitch_rad, 0.0])
-    return tip
