@@ -64,6 +64,17 @@ def nearest_rows(stamps_s: FloatArray, t_s: FloatArray) -> IntArray:
     return np.where(t_s - stamps_s[before] <= stamps_s[last] - t_s, before, last).astype(np.int64)
 
 
+def linear_at(stamps_s: FloatArray, values: FloatArray, t_s: FloatArray, gap_s: float) -> FloatArray:
+    """Return (m, k) ``values`` (n, k), n at least 2, at ``t_s`` (m,), linear between their stamps.
+
+    NaN before the first stamp, after the last, and between two that are further apart than ``gap_s``.
+    """
+    after = np.clip(np.searchsorted(stamps_s, t_s), 1, len(stamps_s) - 1)
+    known = (stamps_s[after] - stamps_s[after - 1] <= gap_s) & (t_s >= stamps_s[0]) & (t_s <= stamps_s[-1])
+    between = np.column_stack([np.interp(t_s, stamps_s, column) for column in values.T])
+    return np.where(known[:, None], between, np.nan)
+
+
 def streaks(flags: BoolArray) -> IntArray:
     """Return (k, 2) the first row of each streak of ``flags`` (n,) that are set, and the row after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))

@@ -28,6 +28,13 @@ class Once(Limited):
         """Return 1."""
         return 1
 
+    def require_range(self, low: str, high: str, unit: str, *, above: bool = False) -> None:
+        """Raise a PluginError unless 0 <= ``low`` <= ``high``, and finite; ``above``: above 0."""
+        least, most = getattr(self, low), getattr(self, high)
+        if not (0 <= least <= most < np.inf and (least or not above)):
+            rule = f"give 0 {'<' if above else '<='} {low.partition('_')[0]} <= {high.partition('_')[0]}."
+            raise PluginError(f"{least} to {most} {unit} is no range; {rule}")
+
 
 class Phased(Limited):
     """A disturbance whose replicates are phases of one recording: seed s has the phase s mod n, unless one is fixed."""
@@ -95,8 +102,7 @@ WindowTimes = tuple[tuple[float, ...], ...]
 def in_each(t_s: FloatArray, windows_s: FloatArray) -> BoolArray:
     """Return (m, k) whether a time lies in each of the windows (k, 2): begin <= t < end."""
     begin, end = windows_s.T
-    inside: BoolArray = (t_s[:, None] >= begin) & (t_s[:, None] < end)
-    return inside
+    return np.asarray((t_s[:, None] >= begin) & (t_s[:, None] < end))
 
 
 def in_any(t_s: FloatArray, windows_s: FloatArray) -> BoolArray:
@@ -106,9 +112,7 @@ def in_any(t_s: FloatArray, windows_s: FloatArray) -> BoolArray:
 
 def without(measured: AnyStream | None, windows_s: FloatArray) -> AnyStream | None:
     """Return the stream without the rows inside the windows (k, 2)."""
-    if measured is None:
-        return None
-    return rows_of(measured, ~in_any(measured.t_s, windows_s))
+    return None if measured is None else rows_of(measured, ~in_any(measured.t_s, windows_s))
 
 
 @dataclass(frozen=True)
@@ -141,9 +145,8 @@ class RegularWindows(Once):
         super().__post_init__()
         if self.count > 1 and not self.every_s >= self.length_s:
             raise PluginError(f"every_s is {self.every_s}; it must not be below length_s = {self.length_s}.")
-        for window in self._windows():
-            if len(window) != 2 or not window[0] < window[1]:
-                raise PluginError(f"The window {window} is no {self.fault}; give a begin and a later end, in seconds.")
+        for window in (window for window in self._windows() if len(window) != 2 or not window[0] < window[1]):
+            raise PluginError(f"The window {window} is no {self.fault}; give a begin and a later end, in seconds.")
 
     def _windows(self) -> WindowTimes:
         if self.count == 0:
@@ -158,6 +161,12 @@ class RegularWindows(Once):
 
 
 FixesOrVelocity = TypeVar("FixesOrVelocity", Position, Velocity)
+
+
+_FIELDS = {
+    Position: ("enu_m", "covariance_m2", "true_covariance_m2"),
+    Velocity: ("mps", "covariance_m2ps2", "true_covariance_m2ps2"),
+}
 
 
 def values_of(measured: Position | Velocity) -> FloatArray:
@@ -193,6 +202,18 @@ def roots_of(measured: Position | Velocity, R: FloatArray) -> FloatArray:
     return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], R, np.eye(3)))
 
 
+def in_space(random: np.random.Generator, rows: int, length_m: float = 1.0) -> FloatArray:
+    """Return vectors (rows, 3) of one length in random directions."""
+    direction = random.standard_normal((rows, 3))
+    return np.asarray(length_m * direction / np.linalg.norm(direction, axis=1, keepdims=True))
+
+
+def in_plane(random: np.random.Generator, rows: int) -> FloatArray:
+    """Return horizontal vectors (rows, 3) of length 1 in random directions."""
+    angle = random.uniform(0, 2 * np.pi, rows)
+    return np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+
+
 def with_errors(
     measured: FixesOrVelocity, errors: FloatArray, growth: FloatArray, *, reported_growth: FloatArray | float = 0.0
 ) -> FixesOrVelocity:
@@ -210,10 +231,7 @@ def with_errors(
 
 def changed(measured: FixesOrVelocity, values: FloatArray, reported: FloatArray, true: FloatArray) -> FixesOrVelocity:
     """Return measurements with other values (m, 3), and other reported and true covariances (m, 3, 3)."""
-    names = ("enu_m", "covariance_m2", "true_covariance_m2")
-    if isinstance(measured, Velocity):
-        names = ("mps", "covariance_m2ps2", "true_covariance_m2ps2")
-    changes: dict[str, Any] = dict(zip(names, (values, reported, true), strict=True))
+    changes: dict[str, Any] = dict(zip(_FIELDS[type(measured)], (values, reported, true), strict=True))
     return replace(measured, **changes)
 
 

@@ -98,17 +98,13 @@ class ImuVibration(Once):
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the vibration of ``seed`` on its IMU."""
         imu = recording.inertial
-        noise = self._noise(imu.t_s, seed)
-        accel = imu.accel_mps2 + self.accel_mps2 * noise[:, :3]
-        return replace(recording, imu=Imu(imu.t_s, accel, imu.gyro_radps + self.gyro_radps * noise[:, 3:]))
-
-    def _noise(self, t_s: FloatArray, seed: int) -> FloatArray:
-        """Return noise (n, 6) of unit variance, accelerometer and gyro."""
         random = own_stream(seed, "imu_vibration", self.stream)
         part = (self.highest_hz - self.lowest_hz) / SINES
         frequency_hz = self.lowest_hz + part * (np.arange(SINES) + random.uniform(size=SINES))
         sine, cosine = random.standard_normal((2, 6, SINES)) / np.sqrt(SINES)
-        return harmonics(t_s, 2.0 * np.pi * frequency_hz, sine, cosine)[0]
+        noise = harmonics(imu.t_s, 2.0 * np.pi * frequency_hz, sine, cosine)[0]
+        accel = imu.accel_mps2 + self.accel_mps2 * noise[:, :3]
+        return replace(recording, imu=Imu(imu.t_s, accel, imu.gyro_radps + self.gyro_radps * noise[:, 3:]))
 
 
 @register("disturbance", "dropout")
@@ -193,16 +189,13 @@ class WheelSlip(RegularWindows):
 
 def _along(velocity: Velocity, reference: Reference) -> FloatArray:
     """Return (h'v) h (m, 3), zero where it is not known."""
-    v = velocity.mps * [1.0, 1.0, 0.0]
     if velocity.frame in ("body", "speed"):
-        return np.asarray(np.nan_to_num(v * [1.0, 0.0, 0.0]))
-    yaw = np.full(len(v), np.nan)
+        return np.asarray(np.nan_to_num(velocity.mps * [1.0, 0.0, 0.0]))
+    level, yaw = velocity.mps[:, :2], np.full(len(velocity.t_s), np.nan)
     if reference.euler_rad is not None and len(reference.t_s):
         yaw = reference.euler_rad[nearest_rows(reference.t_s, velocity.t_s), 2]
-    h = np.column_stack([np.cos(yaw), np.sin(yaw), 0.0 * yaw])
-    level = v[:, :2]
-    along = np.einsum("mi,mi->m", h[:, :2], level)[:, None] * h
-    own_course = np.column_stack([level, np.zeros(len(v))])  # with h = v/|v| it is v itself
-    offset = np.where(np.isfinite(h[:, :1]), along, own_course)
-    complete = np.isfinite(level).all(axis=1, keepdims=True)
-    return np.where(complete, offset, 0.0)
+    h = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    along = np.einsum("mi,mi->m", h, level)[:, None] * h
+    offset = np.where(np.isfinite(h[:, :1]), along, level)  # with h = v/|v| it is v itself
+    offset[~np.isfinite(level).all(axis=1)] = 0.0
+    return np.column_stack([offset, np.zeros(len(offset))])

@@ -67,11 +67,9 @@ class Bursts(Once):
         """Check the ranges."""
         super().__post_init__()
         if not 0 < self.shortest_s <= self.longest_s:
-            raise PluginError(
-                f"A burst of {self.shortest_s} to {self.longest_s} s is none; give 0 < shortest <= longest."
-            )
-        if not 0 <= self.smallest_m <= self.largest_m:
-            raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
+            burst = f"A burst of {self.shortest_s} to {self.longest_s} s"
+            raise PluginError(f"{burst} is none; give 0 < shortest <= longest.")
+        self.require_range("smallest_m", "largest_m", "m")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the bursts of ``seed``.
@@ -87,8 +85,7 @@ class Bursts(Once):
     def _windows(self, random: np.random.Generator, recording: Recording) -> FloatArray:
         """Return (bursts, 2): the time that is left over is cut at random points into the gaps between the bursts."""
         lengths = random.uniform(self.shortest_s, self.longest_s, self.bursts)
-        if self.length_s is not None:
-            lengths = np.full(self.bursts, self.length_s)
+        lengths = lengths if self.length_s is None else np.full(self.bursts, self.length_s)
         cuts = np.sort(random.uniform(size=self.bursts))
         left_s = recording.duration_s - self.start_s - lengths.sum()
         if left_s < 0:
@@ -102,8 +99,7 @@ class Bursts(Once):
     def _sizes(self, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
         """Return offsets with their signs."""
         sizes = random.uniform(self.smallest_m, self.largest_m, shape)
-        if self.size_m is not None:
-            sizes = np.full(shape, self.size_m)
+        sizes = sizes if self.size_m is None else np.full(shape, self.size_m)
         return np.asarray(sizes * random.choice([-1.0, 1.0], shape))
 
     @abstractmethod

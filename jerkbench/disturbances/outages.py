@@ -6,7 +6,16 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import Phased, RegularWindows, displaced, fixes_of, in_each, own_stream, without
+from jerkbench.disturbances.common import (
+    Phased,
+    RegularWindows,
+    displaced,
+    fixes_of,
+    in_each,
+    in_plane,
+    own_stream,
+    without,
+)
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
@@ -200,14 +209,10 @@ class FalseReturn(OutageWindows):
         position = fixes_of(recording, "so none can be false; leave false_return out.")
         windows_s = self.windows_in(recording)
         false_s = np.column_stack([windows_s[:, 1], windows_s[:, 1] + self.false_s])
-        shift = in_each(position.t_s, false_s) @ self._offsets(len(windows_s), seed)
+        offsets = self.offset_m * in_plane(own_stream(seed, "false_return", self.stream), len(windows_s))
+        shift = in_each(position.t_s, false_s) @ offsets
         velocity = recording.velocity
         if velocity is not None and velocity.frame != "speed":
             velocity = without(velocity, np.concatenate([windows_s, false_s]))
         moved = without(displaced(position, shift), windows_s)
         return replace(self.announced_in(recording), position=moved, velocity=velocity)
-
-    def _offsets(self, windows: int, seed: int) -> FloatArray:
-        """Return (windows, 3) ENU."""
-        angle = own_stream(seed, "false_return", self.stream).uniform(0, 2 * np.pi, windows)
-        return self.offset_m * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, nearest_rows
+from jerkbench.arrays import nearest_rows
 from jerkbench.disturbances.common import (
     FROM_0_TO_1,
     OFFSET,
@@ -16,6 +16,8 @@ from jerkbench.disturbances.common import (
     displaced,
     fixes_of,
     in_each,
+    in_plane,
+    in_space,
     own_stream,
 )
 from jerkbench.errors import PluginError, RecordingError
@@ -55,8 +57,7 @@ class Outliers(Once):
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
-        if not 0 <= self.smallest_m <= self.largest_m < np.inf:
-            raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 <= smallest <= largest.")
+        self.require_range("smallest_m", "largest_m", "m")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the outliers of ``seed``.
@@ -65,20 +66,11 @@ class Outliers(Once):
             RecordingError: it has no position.
         """
         position = fixes_of(recording, "so none can be an outlier; leave it out.")
-        shift = self._offsets(len(position.t_s), seed)
-        shift[position.t_s < self.start_s] = 0.0
-        return replace(recording, position=displaced(position, shift))
-
-    def _offsets(self, m: int, seed: int) -> FloatArray:
-        """Return (m, 3) ENU, zero where a fix is none."""
-        random = own_stream(seed, "outliers", self.stream)
-        hit = random.uniform(size=m) < self.probability
-        direction = random.standard_normal((m, 3))
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        sizes = random.uniform(self.smallest_m, self.largest_m, m)
-        if self.size_m is not None:
-            sizes = np.full(m, self.size_m)
-        return np.asarray((sizes * hit)[:, None] * direction)
+        random, m = own_stream(seed, "outliers", self.stream), len(position.t_s)
+        hit = (random.uniform(size=m) < self.probability) & (position.t_s >= self.start_s)
+        direction, sizes = in_space(random, m), random.uniform(self.smallest_m, self.largest_m, m)
+        sizes = sizes if self.size_m is None else np.full(m, self.size_m)
+        return replace(recording, position=displaced(position, (sizes * hit)[:, None] * direction))
 
 
 @register("disturbance", "spike_sweep")
@@ -113,8 +105,7 @@ class SpikeSweep(Once):
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
-        if not 0 < self.smallest_m <= self.largest_m < np.inf:
-            raise PluginError(f"{self.smallest_m} to {self.largest_m} m is no range; give 0 < smallest <= largest.")
+        self.require_range("smallest_m", "largest_m", "m", above=True)
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with the spikes of ``seed``.
@@ -127,9 +118,8 @@ class SpikeSweep(Once):
         rows = np.unique(np.searchsorted(position.t_s, due_s))
         random = own_stream(seed, "spike_sweep", self.stream)
         sizes_m = random.permutation(np.geomspace(self.smallest_m, self.largest_m, len(rows)))
-        angle = random.uniform(0, 2 * np.pi, len(rows))
         shift = np.zeros((len(position.t_s), 3))
-        shift[rows, :2] = sizes_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        shift[rows] = sizes_m[:, None] * in_plane(random, len(rows))
         return replace(recording, position=displaced(position, shift))
 
 
@@ -168,8 +158,7 @@ class FalseFix(RegularWindows):
             RecordingError: it has no position.
         """
         position = fixes_of(recording, "so none can be false; leave false_fix out.")
-        direction = own_stream(seed, "false_fix", self.stream).standard_normal((len(self.windows), 3))
-        offsets = self.offset_m * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+        offsets = in_space(own_stream(seed, "false_fix", self.stream), len(self.windows), self.offset_m)
         return replace(recording, position=displaced(position, in_each(position.t_s, self.windows) @ offsets))
 
 
@@ -207,9 +196,8 @@ class LeverArm(Once):
         position = fixes_of(recording, "so no antenna can be moved; leave lever_arm out.")
         euler = recording.reference.euler_rad
         if euler is None or not len(euler):
-            raise RecordingError(
-                f"{recording.name} has no attitude in its reference, which lever_arm turns the arm with."
-            )
+            reason = "has no attitude in its reference, which lever_arm turns the arm with."
+            raise RecordingError(f"{recording.name} {reason}")
         at_fixes = euler[nearest_rows(recording.reference.t_s, position.t_s)]
         known = np.isfinite(at_fixes).all(axis=1, keepdims=True)
         arm = np.array([self.forward_m, self.left_m, self.up_m])

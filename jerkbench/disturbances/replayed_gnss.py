@@ -93,9 +93,8 @@ class ReplayedGnss(Once):
         position = fixes_of(recording, "so no receiver's errors can be laid over them.")
         trace = read_trace(trace_path(self.trace))
         laid = _laid(self._replayed(trace, position.t_s, seed), position, *_places(recording.reference, position))
-        note = (
-            f"The errors of its fixes are replayed: those of {trace.about.recording} against {trace.about.reference}."
-        )
+        told = f"those of {trace.about.recording} against {trace.about.reference}."
+        note = f"The errors of its fixes are replayed: {told}"
         return replace(recording, position=laid, notes=(*recording.notes, note))
 
     def _replayed(self, trace: Trace, t_s: FloatArray, seed: int) -> Replayed:
@@ -111,10 +110,8 @@ class ReplayedGnss(Once):
 
 def _laid(replayed: Replayed, position: Position, true: FloatArray, known: BoolArray) -> Position:
     """Return the fixes that are left, with their new places and covariances."""
-    keep = np.zeros(len(position.t_s), dtype=np.bool_)
-    keep[replayed.fixes] = True
-    own = rows_of(position, keep)
-    exact = known[keep]
+    keep = np.isin(np.arange(len(position.t_s)), replayed.fixes)
+    own, exact = rows_of(position, keep), known[keep]
     noisy = ~exact[:, None, None]
     return replace(
         own,

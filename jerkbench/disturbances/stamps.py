@@ -1,7 +1,7 @@
 """Errors of the stamps: later than the time at which the values were true, or off at random."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
+MEASURED = ("position", "velocity", "heading")
 LATE = Limit(lambda late: 0 <= late < np.inf, "a latency must be 0 s or more.")
 
 
@@ -34,13 +35,9 @@ class Latency(Once):
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with later stamps."""
-        end_s = recording.duration_s
-        return replace(
-            recording,
-            position=_later(recording.position, self.position_s, end_s),
-            velocity=_later(recording.velocity, self.velocity_s, end_s),
-            heading=_later(recording.heading, self.heading_s, end_s),
-        )
+        late_s, end_s = {name: getattr(self, f"{name}_s") for name in MEASURED}, recording.duration_s
+        later: dict[str, Any] = {name: _later(getattr(recording, name), late_s[name], end_s) for name in MEASURED}
+        return replace(recording, **later)
 
 
 def _later(measured: AnyStream | None, late_s: float, end_s: float) -> AnyStream | None:
@@ -82,19 +79,11 @@ class Jitter(Once):
             t_s = jittered(imu.t_s, self.imu_s, own_stream(seed, "jitter", self.stream, "imu"))
             t_s[[0, -1]] = imu.t_s[[0, -1]]
             imu = replace(imu, t_s=t_s)
-        return replace(
-            recording,
-            imu=imu,
-            position=self._restamped(recording.position, seed, "position"),
-            velocity=self._restamped(recording.velocity, seed, "velocity"),
-            heading=self._restamped(recording.heading, seed, "heading"),
-        )
-
-    def _restamped(self, measured: AnyStream | None, seed: int, name: str) -> AnyStream | None:
-        if measured is None:
-            return None
-        random = own_stream(seed, "jitter", self.stream, name)
-        return replace(measured, t_s=jittered(measured.t_s, self.measurement_s, random))
+        restamped: dict[str, Any] = {"imu": imu}
+        for name in (name for name in MEASURED if getattr(recording, name) is not None):
+            measured, random = getattr(recording, name), own_stream(seed, "jitter", self.stream, name)
+            restamped[name] = replace(measured, t_s=jittered(measured.t_s, self.measurement_s, random))
+        return replace(recording, **restamped)
 
 
 def jittered(t_s: FloatArray, sigma_s: float, random: np.random.Generator) -> FloatArray:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.arrays import BoolArray, FloatArray, linear_at, nearest_rows
 from jerkbench.disturbances.common import Once, Phased, fixes_of, rows_of
 from jerkbench.errors import RecordingError
 from jerkbench.parameters import Limit
@@ -161,18 +161,14 @@ class ScoreMoving(Once):
         counts = reference.scored & (horizontal_speed(reference, recording.name) > self.slowest_mps)
         if self.fix_s:
             fix_s = fixes_of(recording, "so none is near.").t_s
-            after = np.clip(np.searchsorted(fix_s, reference.t_s), 1, len(fix_s) - 1)
-            away_s = np.minimum(np.abs(fix_s[after] - reference.t_s), np.abs(fix_s[after - 1] - reference.t_s))
-            counts &= away_s <= self.fix_s
+            counts &= np.abs(fix_s[nearest_rows(fix_s, reference.t_s)] - reference.t_s) <= self.fix_s
         return replace(recording, reference=replace(reference, scored=self._thinned(reference.t_s, counts)))
 
     def _thinned(self, t_s: FloatArray, counts: BoolArray) -> BoolArray:
         """Return (k,) the first stamp of each interval that ``counts``."""
         places = np.flatnonzero(counts)
         _, first = np.unique(np.floor(t_s[places] * self.rate_hz + 1e-6), return_index=True)
-        thinned = np.zeros(len(t_s), dtype=np.bool_)
-        thinned[places[first]] = True
-        return thinned
+        return np.isin(np.arange(len(t_s)), places[first])
 
 
 def horizontal_speed(reference: Reference, name: str) -> FloatArray:
@@ -186,11 +182,5 @@ def horizontal_speed(reference: Reference, name: str) -> FloatArray:
     if places is None or known.sum() < 2:
         raise RecordingError(f"The reference of {name} has no positions, so that no speed is known.")
     own_s, own_m = reference.t_s[known], places[known]
-    moved = np.zeros((len(reference.t_s), 2))
-    inside = np.ones(len(reference.t_s), dtype=np.bool_)
-    for sign in (1.0, -1.0):
-        t_s = reference.t_s + sign * HALF_S
-        after = np.clip(np.searchsorted(own_s, t_s), 1, len(own_s) - 1)
-        inside &= (t_s >= own_s[0]) & (t_s <= own_s[-1]) & (own_s[after] - own_s[after - 1] <= SPEED_GAP_S)
-        moved += sign * np.column_stack([np.interp(t_s, own_s, own_m[:, axis]) for axis in (0, 1)])
-    return np.where(inside, np.hypot(*moved.T) / (2.0 * HALF_S), np.nan)
+    late, early = (linear_at(own_s, own_m[:, :2], reference.t_s + shift, SPEED_GAP_S) for shift in (HALF_S, -HALF_S))
+    return np.asarray(np.hypot(*(late - early).T) / (2.0 * HALF_S))

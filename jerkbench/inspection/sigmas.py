@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, linear_at
 from jerkbench.inspection.evidence import Diagnosis, correlation_of, diagnosis, slope, window_means, without_nan_rows
 from jerkbench.inspection.noise import Rest
 from jerkbench.recording import Imu, Position, Recording
@@ -125,11 +125,7 @@ def truth_at(recording: Recording, stream: str, t_s: FloatArray, near_s: float =
     values = reference.enu_m if stream == "position" else reference.velocity_mps
     if values is None or len(reference.t_s) < 2:
         return np.full((len(t_s), 3), np.nan)
-    after = np.clip(np.searchsorted(reference.t_s, t_s), 1, len(reference.t_s) - 1)
-    near = (reference.t_s[after] - reference.t_s[after - 1] <= near_s)[:, None]
-    inside = ((t_s >= reference.t_s[0]) & (t_s <= reference.t_s[-1]))[:, None]
-    truth = np.column_stack([np.interp(t_s, reference.t_s, values[:, axis]) for axis in range(3)])
-    return np.where(near & inside, truth, np.nan)
+    return linear_at(reference.t_s, values, t_s, near_s)
 
 
 def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: FloatArray) -> Sigma:

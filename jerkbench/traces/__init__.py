@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_times
+from jerkbench.arrays import BoolArray, FloatArray, frozen, linear_at, require, require_times
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.files import write_atomically
 from jerkbench.recording import Recording, Reference
@@ -257,9 +257,7 @@ def _at(reference: Reference, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     if values is None or usable.sum() < 2:
         return np.full((len(t_s), 3), np.nan), np.zeros(len(t_s), dtype=np.bool_)
     own_s, own_m = reference.t_s[usable], values[usable]
-    after = np.clip(np.searchsorted(own_s, t_s), 1, len(own_s) - 1)
-    near = own_s[after] - own_s[after - 1] <= NEAR_S
+    near = np.isfinite(linear_at(own_s, own_m, t_s, NEAR_S)).all(axis=1)
     exact = np.isin(np.round(t_s, 6), np.round(own_s, 6))
-    inside = (t_s >= own_s[0]) & (t_s <= own_s[-1])
-    true = np.column_stack([np.interp(t_s, own_s, own_m[:, axis]) for axis in range(3)])
-    return true, (near & inside) | exact
+    true = np.column_stack([np.interp(t_s, own_s, axis) for axis in own_m.T])
+    return true, near | exact
