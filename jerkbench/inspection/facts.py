@@ -11,7 +11,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.track import Track
 from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, is_coarse, select_headings
 from jerkbench.inspection.doctor import diagnoses
-from jerkbench.inspection.evidence import moving_speed_mps
+from jerkbench.inspection.evidence import moving_speed_mps, without_nan_rows
 from jerkbench.inspection.lags import LEAST_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags
 from jerkbench.inspection.noise import SHORTEST_REST_S, RestNoise, longest_rest, rest_noise
 from jerkbench.inspection.sigmas import Sigma, overstated_noise, stated_against_real_sigma, velocity_dependence
@@ -50,29 +50,24 @@ def _times(recording: Recording) -> Iterator[str]:
 
 
 def _streams(recording: Recording) -> Iterator[str]:
-    streams: dict[str, Stream | None] = {
-        "imu": recording.imu,
-        "position": recording.position,
-        "velocity": recording.velocity,
-        "heading": recording.heading,
-        "reference": None if recording.reference.empty else recording.reference,
-    }
-    for name, stream in streams.items():
-        yield f"{name:<10}" + ("none" if stream is None else _rates(stream) + _sigma(stream))
+    for name in ("imu", "position", "velocity", "heading", "reference"):
+        stream: Stream | None = getattr(recording, name)
+        if stream is None or (name == "reference" and recording.reference.empty):
+            yield f"{name:<10}none"
+        else:
+            rates = _rates(stream) if isinstance(stream, Velocity) else [_rate(stream.t_s)]
+            yield f"{name:<10}{'; '.join(rates)}{_sigma(stream)}"
 
 
-def _rates(stream: Stream) -> str:
+def _rates(velocity: Velocity) -> list[str]:
     """Rows and rate; where axes of a velocity were true at times of their own, of each of them."""
-    if not isinstance(stream, Velocity):
-        return _rate(stream.t_s)
-    velocity, measured = stream, np.isfinite(stream.mps)
+    measured = np.isfinite(velocity.mps)
     groups = [group for group in np.unique(measured, axis=0) if group.any()]
     if len(groups) < 2 or np.sum(groups, axis=0).max() > 1:
-        return _rate(velocity.t_s)
-    axes = np.array(AXES[velocity.frame])
-    times_s = [velocity.t_s[(measured == group).all(axis=1)] for group in groups]
-    rates = [_rate(t_s).lstrip() for t_s in times_s]
-    return "; ".join(f"{' and '.join(axes[group])} {rate}" for group, rate in zip(groups, rates, strict=True))
+        return [_rate(velocity.t_s)]
+    axes, rows = np.array(AXES[velocity.frame]), [(measured == group).all(axis=1) for group in groups]
+    rates = [_rate(velocity.t_s[own]).lstrip() for own in rows]
+    return [f"{' and '.join(axes[group])} {rate}" for group, rate in zip(groups, rates, strict=True)]
 
 
 def _rate(t_s: FloatArray) -> str:
@@ -101,20 +96,15 @@ def _inertial(recording: Recording) -> Iterator[str]:
     if imu is None:
         yield "no IMU: attitude, tilt and yaw do not apply; filters that take no acceleration run, from fix to fix"
         return
-    force = np.median(imu.accel_mps2, axis=0)
-    size = np.linalg.norm(force)
-    yield f"specific force (median) {np.array2string(force, precision=3)} m/s2, |f| {size:.3f}: {_up(force)}"
+    force, felt = np.median(imu.accel_mps2, axis=0), felt_axis(imu.accel_mps2)
+    size, turned = np.linalg.norm(force), "; a body in FLU feels it on +z: the axes need turning"
+    gravity = f"gravity is felt on {felt}{'' if felt == '+z' else turned}"
+    yield f"specific force (median) {np.array2string(force, precision=3)} m/s2, |f| {size:.3f}: {gravity}"
     if repeated := repeated_samples(imu):
         share = repeated / len(imu.t_s)
         yield f"{repeated} of {len(imu.t_s)} samples ({share:.1%}) repeat all values of the one before"
     rate = np.median(imu.gyro_radps, axis=0)
     yield f"angular rate (median) {np.array2string(np.degrees(rate), precision=3)} deg/s"
-
-
-def _up(force: FloatArray) -> str:
-    felt = felt_axis(force[None])
-    up = f"gravity is felt on {felt}"
-    return up if felt == "+z" else f"{up}; a body in FLU feels it on +z: the axes need turning"
 
 
 def findings_text(recording: Recording) -> str:
@@ -123,11 +113,9 @@ def findings_text(recording: Recording) -> str:
     speed_mps = float("nan") if recording.position is None else moving_speed_mps(recording.position)
     lines = [_lag_line(lag, speed_mps) for lag in lags]
     lines += [yaw_line(recording)] if recording.imu is not None else []
-    lines += [
-        f"{stream} against the slope of the positions: fast changes correlate by {correlation:.2f} (0: noise of its"
-        " own, 1: one is computed from the other)"
-        for stream, correlation in velocity_dependence(recording)
-    ]
+    for stream, correlation in velocity_dependence(recording):
+        alike = f"fast changes correlate by {correlation:.2f} (0: noise of its own, 1: one is computed from the other)"
+        lines.append(f"{stream} against the slope of the positions: {alike}")
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording, rest)]
     if recording.imu is not None:
         lines += _noise_lines(recording, rest_noise(recording, rest))
@@ -142,10 +130,8 @@ def _lag_line(lag: Lag, speed_mps: float) -> str:
     if np.isnan(lag.correlation):
         return f"{pair}: cannot be told, for too little of both overlaps in motion"
     if np.isfinite(lag.edge_s):
-        return (
-            f"{pair}: of those that were tried {lag.edge_s:+.2f} s, at their edge, fits best (correlation"
-            f" {lag.correlation:.2f}): the true one may lie beyond it; check both clocks"
-        )
+        best = f"of those that were tried {lag.edge_s:+.2f} s, at their edge, fits best"
+        return f"{pair}: {best} (correlation {lag.correlation:.2f}): the true one may lie beyond it; check both clocks"
     if np.isnan(lag.best_s):
         return f"{pair}: cannot be told (correlation {lag.correlation:.2f})"
     correlations = f"correlation {lag.correlation:.3f}, without a shift {lag.at_none:.3f}"
@@ -155,14 +141,12 @@ def _lag_line(lag: Lag, speed_mps: float) -> str:
         weak = "weak, and not sure" if lag.correlation < LEAST_CORRELATION else "not well known"
         fitting = f"{lag.best_s:+.2f} s fits best, and lags within {lag.within_s:.2f} s fit alike"
         line = f"{pair}: {weak}; {fitting} ({correlations})"
-    return line if abs(lag.best_s) < SHOWN_S else f"{line}{_effect(lag, speed_mps)}{_remedy(lag)}"
-
-
-def _effect(lag: Lag, speed_mps: float) -> str:
-    """What the lag does to a filter: its error along the track."""
-    if lag.stream not in ("imu", "position") or np.isnan(speed_mps):
-        return ""
-    return f"; at {speed_mps:.1f} m/s (median) it shifts places by {abs(lag.best_s) * speed_mps:.2g} m along the track"
+    if abs(lag.best_s) < SHOWN_S:
+        return line
+    if lag.stream in ("imu", "position") and np.isfinite(speed_mps):  # what it does to a filter
+        error_m = abs(lag.best_s) * speed_mps
+        line += f"; at {speed_mps:.1f} m/s (median) it shifts places by {error_m:.2g} m along the track"
+    return line + _remedy(lag)
 
 
 def _remedy(lag: Lag) -> str:
@@ -176,10 +160,8 @@ def _remedy(lag: Lag) -> str:
 
 def _sigma_line(sigma: Sigma) -> str:
     real, stated = (", ".join(f"{value:.3g}" for value in values) for values in (sigma.real, sigma.stated))
-    return (
-        f"{sigma.stream}, {sigma.basis}: {real} {sigma.unit}; stated {stated} {sigma.unit}: {sigma.ratio:.2f} times as"
-        f" large as stated ({sigma.rows} rows)"
-    )
+    times = f"{sigma.ratio:.2f} times as large as stated ({sigma.rows} rows)"
+    return f"{sigma.stream}, {sigma.basis}: {real} {sigma.unit}; stated {stated} {sigma.unit}: {times}"
 
 
 def _noise_lines(recording: Recording, noise: RestNoise | None) -> Iterator[str]:
@@ -189,18 +171,14 @@ def _noise_lines(recording: Recording, noise: RestNoise | None) -> Iterator[str]
         yield f"imu noise: not measured; the IMU shows no rest of {SHORTEST_REST_S:.0f} s, and {advice}"
         return
     begin_s, end_s, is_stated = noise.rest
-    yield (
-        f"imu noise over {end_s - begin_s:.0f} s of rest: gyro {noise.angle_random_walk_deg_per_sqrt_h:.3g}"
-        f" deg/sqrt(h), accelerometer {noise.velocity_random_walk_mps_per_sqrt_h:.3g} m/s/sqrt(h); nearest grade:"
-        f" {noise.grade}"
-    )
+    gyro = f"gyro {noise.angle_random_walk_deg_per_sqrt_h:.3g} deg/sqrt(h)"
+    accel = f"accelerometer {noise.velocity_random_walk_mps_per_sqrt_h:.3g} m/s/sqrt(h)"
+    yield f"imu noise over {end_s - begin_s:.0f} s of rest: {gyro}, {accel}; nearest grade: {noise.grade}"
     if not is_stated:
         yield f"the IMU shows that rest from {begin_s:.1f} to {end_s:.1f} s; {advice}"
     if np.isfinite(noise.gyro_instability_deg_per_h):
-        yield (
-            f"imu instability: gyro {noise.gyro_instability_deg_per_h:.3g} deg/h, accelerometer"
-            f" {noise.accel_instability_mg:.3g} mg"
-        )
+        accel = f"accelerometer {noise.accel_instability_mg:.3g} mg"
+        yield f"imu instability: gyro {noise.gyro_instability_deg_per_h:.3g} deg/h, {accel}"
 
 
 def yaw_line(recording: Recording) -> str:
@@ -213,10 +191,8 @@ def yaw_line(recording: Recording) -> str:
         return f"yaw: {YAW_UNKNOWN}"
     if isinstance(selected, Track):
         chords = selected.chords
-        line = (
-            f"yaw: from the track of the fixes, {len(chords.end_s)} courses, the first one known at"
-            f" {chords.end_s[0]:.2f} s; sigma {np.median(chords.sigma_rad):.2g} rad (median)"
-        )
+        line = f"yaw: from the track of the fixes, {len(chords.end_s)} courses, the first one known at"
+        line += f" {chords.end_s[0]:.2f} s; sigma {np.median(chords.sigma_rad):.2g} rad (median)"
         return f"{line}. {YAW_COARSE.capitalize()}" if is_coarse(selected) else line
     if selected is recording.heading:
         return f"yaw: from {len(selected.t_s)} headings of source {selected.source}"
@@ -235,15 +211,27 @@ def overview_figure(recording: Recording) -> Figure:
     track, speed, force, rate, sigma, allan = figure.subplots(3, 2).ravel()
     _draw_track(track, recording)
     _draw_speed(speed, recording)
-    for axes, label in ((force, "Specific force [m/s²]"), (rate, "Angular rate [deg/s]")):
+    imu, position, noise = recording.imu, recording.position, rest_noise(recording, longest_rest(recording))
+    forces, rates = (None, None) if imu is None else (imu.accel_mps2, np.degrees(imu.gyro_radps))
+    for axes, values, label in ((force, forces, "Specific force [m/s²]"), (rate, rates, "Angular rate [deg/s]")):
         axes.set_ylabel(label)
-        if recording.imu is None:
-            say(axes, "The recording has no IMU.")
-    if recording.imu is not None:
-        _draw_imu(force, recording.imu.t_s, recording.imu.accel_mps2)
-        _draw_imu(rate, recording.imu.t_s, np.degrees(recording.imu.gyro_radps))
-    _draw_sigma(sigma, recording)
-    _draw_allan(allan, recording)
+        _draw_axes(axes, imu, values, AXES["body"], 0.5, "The recording has no IMU.")
+    sigmas = None
+    if position is not None:
+        variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)
+        sigmas = np.sqrt(np.where(np.isfinite(position.enu_m), variances, np.nan))
+    sigma.set_ylabel("Stated sigma of position [m]")
+    _draw_axes(sigma, position, sigmas, AXES["enu"], 0.9, "The recording has no position.")
+    if position is not None:
+        sigma.set_ylim(bottom=0.0)
+    allan.set(xlabel="Averaging time [s]", ylabel="Allan deviation at rest")
+    if noise is None:
+        say(allan, "No rest of 5 s is known or found.")
+    else:
+        for k, (name, values) in enumerate(
+            (("gyro [rad/s]", noise.gyro_radps), ("accelerometer [m/s²]", noise.accel_mps2))
+        ):
+            allan.loglog(noise.tau_s, values.max(axis=1), color=OKABE_ITO[k], label=name)
     for axes in (speed, force, rate, sigma):
         axes.set_xlabel("Time [s]")
         for begin, end in recording.outages_s:
@@ -275,50 +263,32 @@ def _draw_track(axes: Axes, recording: Recording) -> None:
 
 def _draw_speed(axes: Axes, recording: Recording) -> None:
     axes.set_ylabel("Speed [m/s]")
-    truth = recording.reference.velocity_mps
-    if recording.velocity is None and truth is None:
+    truth, velocity = recording.reference.velocity_mps, recording.velocity
+    if velocity is None and truth is None:
         say(axes, "The recording has no velocity.")
         return
-    if recording.velocity is not None:
-        axes.plot(*_thin(*_speed(recording.velocity)), color=OKABE_ITO[0], linewidth=0.9, label="measured")
+    if velocity is not None:  # over ground in ENU, along the first axis of a body or a wheel
+        t_s, mps = without_nan_rows(velocity.t_s, velocity.mps[:, : 2 if velocity.frame == "enu" else 1])
+        shown = _thin(t_s, np.linalg.norm(mps, axis=1))
+        axes.plot(*shown, color=OKABE_ITO[0], linewidth=0.9, label="measured")
     if truth is not None:
         shown = _thin(recording.reference.t_s, np.linalg.norm(truth[:, :2], axis=1))
         axes.plot(*shown, color=REFERENCE, linewidth=0.7, linestyle="--", label="reference")
     axes.set_ylim(bottom=0.0)
 
 
-def _speed(velocity: Velocity) -> tuple[FloatArray, FloatArray]:
-    """Time and speed: over ground in ENU, along the first axis of a body or a wheel."""
-    axes = (0, 1) if velocity.frame == "enu" else (0,)
-    rows = np.isfinite(velocity.mps[:, axes]).all(axis=1)
-    return velocity.t_s[rows], np.linalg.norm(velocity.mps[rows][:, axes], axis=1)
-
-
-def _draw_imu(axes: Axes, stamps_s: FloatArray, values: FloatArray) -> None:
-    t_s, shown = _thin(stamps_s, values)
-    for axis, name in enumerate(("forward", "left", "up")):
-        axes.plot(t_s, shown[:, axis], color=OKABE_ITO[axis], linewidth=0.5, label=name)
-
-
-def _draw_sigma(axes: Axes, recording: Recording) -> None:
-    axes.set_ylabel("Stated sigma of position [m]")
-    if recording.position is None:
-        say(axes, "The recording has no position.")
+def _draw_axes(
+    axes: Axes,
+    stream: Imu | Position | None,
+    values: FloatArray | None,
+    names: tuple[str, ...],
+    width: float,
+    none: str,
+) -> None:
+    """Draw the three columns of values (n, 3) over the times of a stream; ``none`` says that there are none."""
+    if stream is None or values is None:
+        say(axes, none)
         return
-    variances = np.diagonal(recording.position.covariance_m2, axis1=1, axis2=2)
-    variances = np.where(np.isfinite(recording.position.enu_m), variances, np.nan)
-    t_s, shown = _thin(recording.position.t_s, np.sqrt(variances))
-    for axis, name in enumerate(("east", "north", "up")):
-        axes.plot(t_s, shown[:, axis], color=OKABE_ITO[axis], linewidth=0.9, label=name)
-    axes.set_ylim(bottom=0.0)
-
-
-def _draw_allan(axes: Axes, recording: Recording) -> None:
-    axes.set(xlabel="Averaging time [s]", ylabel="Allan deviation at rest")
-    noise = rest_noise(recording, longest_rest(recording))
-    if noise is None:
-        say(axes, "No rest of 5 s is known or found.")
-        return
-    names = {"gyro [rad/s]": noise.gyro_radps, "accelerometer [m/s²]": noise.accel_mps2}
-    for (name, values), colour in zip(names.items(), OKABE_ITO, strict=False):
-        axes.loglog(noise.tau_s, values.max(axis=1), color=colour, label=name)
+    t_s, shown = _thin(stream.t_s, values)
+    for axis, name in enumerate(names):
+        axes.plot(t_s, shown[:, axis], color=OKABE_ITO[axis], linewidth=width, label=name)

@@ -222,11 +222,11 @@ def guess_time_unit(stamps: FloatArray, named: str) -> Guess:
     for unit in STAMPS:
         if is_date(stamps, unit):
             return Guess("time_unit", unit, "measured", f"{stamps[0]:.0f} is a date of our time in {unit}")
-    scales = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-    fitting = [unit for unit, scale in scales.items() if RATES_HZ[0] <= scale / step <= RATES_HZ[1]]
+    rates = {unit: scale / step for unit, scale in {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}.items()}
+    fitting = [unit for unit, rate_hz in rates.items() if RATES_HZ[0] <= rate_hz <= RATES_HZ[1]]
     if len(fitting) == 1:
-        rate_hz = scales[fitting[0]] / step
-        return Guess("time_unit", fitting[0], "measured", f"the median step is {step:g}, which makes {rate_hz:g} Hz")
+        why = f"the median step is {step:g}, which makes {rates[fitting[0]]:g} Hz"
+        return Guess("time_unit", fitting[0], "measured", why)
     others = f"{' or '.join(fitting)} would fit" if fitting else "no unit makes a usual rate"
     return Guess("time_unit", fitting[0] if fitting else "s", "unsure", f"the median step is {step:g}: {others}")
 
@@ -234,11 +234,11 @@ def guess_time_unit(stamps: FloatArray, named: str) -> Guess:
 def guess_accel_unit(accel: FloatArray, named: str) -> Guess:
     """Return the unit of specific forces (n, 3), by the size of gravity."""
     size = float(np.median(np.linalg.norm(accel, axis=1)))
+    median = f"the median of |f| is {size:.3g}"
     for unit, gravity in (("m/s2", GRAVITY_MPS2), ("g", 1.0)):
         if abs(size / gravity - 1.0) < TOLERANCE:
-            why = f"the median of |f| is {size:.3g}, gravity is {gravity:g} {unit}"
-            return Guess("accel_unit", unit, "measured", why)
-    why = f"the median of |f| is {size:.3g}, which is gravity in no unit; is it without gravity?"
+            return Guess("accel_unit", unit, "measured", f"{median}, gravity is {gravity:g} {unit}")
+    why = f"{median}, which is gravity in no unit; is it without gravity?"
     return Guess("accel_unit", named or "m/s2", "unsure", why)
 
 
@@ -323,20 +323,16 @@ def guess_velocity_frame(recording: Recording, named: str) -> Guess:
 def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:
     """The fixes' velocity (n, 3) from second to second, and the mean of those measured; none where they are few."""
     position, velocity = recording.position, recording.velocity
-    if position is None or velocity is None:
-        return np.empty((0, 3)), np.empty((0, 3))
-    fix_s, places = without_nan_rows(position.t_s, position.enu_m)
-    t_s, mps = without_nan_rows(velocity.t_s, velocity.mps)
-    if not (len(fix_s) and len(t_s)):
-        return np.empty((0, 3)), np.empty((0, 3))
-    edges_s = np.arange(max(fix_s[0], t_s[0]), min(fix_s[-1], t_s[-1]), WINDOW_S)
-    if len(edges_s) < LEAST_EDGES:
-        return np.empty((0, 3)), np.empty((0, 3))
-    return mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
+    if position is not None and velocity is not None:
+        fix_s, places = without_nan_rows(position.t_s, position.enu_m)
+        t_s, mps = without_nan_rows(velocity.t_s, velocity.mps)
+        if len(fix_s) and len(t_s):
+            edges_s = np.arange(max(fix_s[0], t_s[0]), min(fix_s[-1], t_s[-1]), WINDOW_S)
+            if len(edges_s) >= LEAST_EDGES:
+                return mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
+    return np.empty((0, 3)), np.empty((0, 3))
 
 
 def _turning_text(turning: Turning) -> str:
-    return (
-        f"{turning.basis} turns {turning.factor:.3g} times as fast as the gyro's numbers (correlation"
-        f" {turning.correlation:.2f})"
-    )
+    turns = f"{turning.basis} turns {turning.factor:.3g} times as fast as the gyro's numbers"
+    return f"{turns} (correlation {turning.correlation:.2f})"

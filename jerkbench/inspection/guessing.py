@@ -2,7 +2,8 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -159,25 +160,26 @@ def guess_tables(*paths: Path) -> Draft:
             fit together.
     """
     draft = Draft(_streams([_table(path.resolve()) for path in paths]))
-    imu, position = draft.tables.get("imu"), draft.tables.get("position")
+    imu, position, velocity, reference = map(draft.tables.get, ("imu", "position", "velocity", "reference"))
     sensors = sensors_of(imu.names) if imu else None
     _times(draft)
     if imu and sensors:
         _imu(draft, imu, *sensors)
     if position:
-        _position(draft, position)
+        draft.name("it has places", position_file=draft.file("position"))
+        places = _places(draft, position, "position_columns", "position_frame")
+        _sigma(draft, position, np.asarray(np.isfinite(places).all(axis=1)))
     if sensors:
         _measure_imu(draft, sensors[1])
-    if "velocity" in draft.tables:
-        _velocity(draft, draft.tables["velocity"])
-    if "reference" in draft.tables:
-        _reference(draft, draft.tables["reference"])
-    if imu and position:
-        _shifts(draft)
-    if "reference" in draft.tables:
-        _outages(draft)
-    if imu:
-        _rest(draft)
+    if velocity:
+        _velocity(draft, velocity)
+    if reference:
+        _reference(draft, reference)
+    with suppress(
+        RecordingError
+    ):  # fixes and reference of two kinds: what the guesses lack is said where they are loaded
+        for guesses in (_shifts, _outages, _rest):
+            draft.add(*guesses(draft, draft.load()))
     return draft
 
 
@@ -261,12 +263,6 @@ def _imu(draft: Draft, table: GuessedTable, accel: Triple, gyro: Triple) -> None
     force = table.columns.numbers(accel.columns)
     force = force[np.isfinite(force).all(axis=1)]
     draft.add(guess_accel_unit(force, common_unit(accel.names, ACCEL_UNITS)), guess_upright(force))
-
-
-def _position(draft: Draft, table: GuessedTable) -> None:
-    draft.name("it has places", position_file=draft.file("position"))
-    places = _places(draft, table, "position_columns", "position_frame")
-    _sigma(draft, table, np.asarray(np.isfinite(places).all(axis=1)))
 
 
 def _places(draft: Draft, table: GuessedTable, columns: str, frame: str) -> FloatArray:
@@ -353,42 +349,35 @@ def _reference(draft: Draft, table: GuessedTable) -> None:
     draft.add(Guess("reference_independent", value=False, grade="unsure", why=why))
 
 
-def _shifts(draft: Draft) -> None:
+def _shifts(draft: Draft, recording: Recording) -> Iterator[Guess]:
     """Guess what is added to the stamps of streams that are late or early for sure."""
-    try:
-        lags = all_lags(draft.load())
-    except RecordingError:  # fixes and reference of two kinds: what the guesses lack is said where they are loaded
-        return
-    for lag in lags:
+    told = set(draft.guesses)
+    for lag in all_lags(recording) if {"imu", "position"} <= set(draft.tables) else ():
         strong = lag.sure and lag.correlation >= CLOCK_CORRELATION and abs(lag.lag_s) > 2 * lag.within_s
-        if strong and abs(lag.lag_s) >= LEAST_SHIFT_S and SHIFT_PARAMETERS[lag.stream] not in draft.guesses:
+        parameter = SHIFT_PARAMETERS[lag.stream]
+        if strong and abs(lag.lag_s) >= LEAST_SHIFT_S and parameter not in told:
+            told.add(parameter)
             why = f"it is {lag.lag_s:+.2f} s late against {lag.against}, give or take {lag.within_s:.2f} s"
-            draft.add(Guess(SHIFT_PARAMETERS[lag.stream], round(-lag.lag_s, 2), "measured", why))
+            yield Guess(parameter, round(-lag.lag_s, 2), "measured", why)
 
 
-def _outages(draft: Draft) -> None:
+def _outages(draft: Draft, recording: Recording) -> Iterator[Guess]:
     """Guess which gaps between fixes are outages to score: of five seconds, and of five times the usual step."""
-    try:
-        position = draft.load().position
-    except RecordingError:
-        return
-    if position is None or len(position.t_s) < LEAST_FIXES:
+    position = recording.position
+    if "reference" not in draft.tables or position is None or len(position.t_s) < LEAST_FIXES:
         return
     steps_s = np.diff(position.t_s)
     shortest_s = float(max(OUTAGE_S, OUTAGE_STEPS * np.median(steps_s)))
     if gaps := int((steps_s > shortest_s).sum()):
-        draft.add(Guess("outage_s", shortest_s, "measured", f"longer gaps: {gaps}, the longest {steps_s.max():.1f} s"))
+        yield Guess("outage_s", shortest_s, "measured", f"longer gaps: {gaps}, the longest {steps_s.max():.1f} s")
 
 
-def _rest(draft: Draft) -> None:
+def _rest(draft: Draft, recording: Recording) -> Iterator[Guess]:
     """Guess how long it stands still at the start, where it does."""
-    try:
-        rest = longest_rest(draft.load())
-    except RecordingError:
-        return
+    rest = longest_rest(recording) if "imu" in draft.tables else None
     if rest and rest.begin_s < SOON_S:
         why = "until then the IMU is quiet, and the fixes do not contradict"
-        draft.add(Guess("static_start_s", float(int(rest.end_s)), "measured", why))
+        yield Guess("static_start_s", float(int(rest.end_s)), "measured", why)
 
 
 def preset_text(draft: Draft, name: str) -> str:

@@ -147,20 +147,11 @@ def rest_noise(recording: Recording, rest: Rest | None = None) -> RestNoise | No
     rows = (imu.t_s >= rest.begin_s) & (imu.t_s < rest.end_s)
     tau_s, gyro = allan_deviation(imu.gyro_radps[rows], imu.nominal_interval_s)
     _, accel = allan_deviation(imu.accel_mps2[rows], imu.nominal_interval_s)
-    angle = np.degrees(_white(tau_s, gyro)) * 60.0
-    velocity = _white(tau_s, accel) * 60.0
-    long = rest.end_s - rest.begin_s >= FLOOR_NEEDS_S
-    return RestNoise(
-        rest=rest,
-        tau_s=tau_s,
-        gyro_radps=gyro,
-        accel_mps2=accel,
-        angle_random_walk_deg_per_sqrt_h=angle,
-        velocity_random_walk_mps_per_sqrt_h=velocity,
-        gyro_instability_deg_per_h=np.degrees(_floor(gyro)) * 3600.0 if long else float("nan"),
-        accel_instability_mg=_floor(accel) / GRAVITY_MPS2 * 1e3 if long else float("nan"),
-        grade=nearest_grade(angle, velocity),
-    )
+    walks = np.degrees(_white(tau_s, gyro)) * 60.0, _white(tau_s, accel) * 60.0
+    floors = np.degrees(_floor(gyro)) * 3600.0, _floor(accel) / GRAVITY_MPS2 * 1e3
+    if rest.end_s - rest.begin_s < FLOOR_NEEDS_S:
+        floors = float("nan"), float("nan")
+    return RestNoise(rest, tau_s, gyro, accel, *walks, *floors, nearest_grade(*walks))
 
 
 def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray]:
@@ -182,18 +173,11 @@ def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray,
 
 def nearest_grade(angle_random_walk_deg_per_sqrt_h: float, velocity_random_walk_mps_per_sqrt_h: float) -> str:
     """Return the grade whose two random walks are nearest, as ratios."""
-
-    def distance(name: str) -> float:
-        """Return how far the two ratios to the grade ``name`` are from 1, as logarithms."""
-        grade = GRADES[name]
-        ratios = (
-            angle_random_walk_deg_per_sqrt_h / grade.angle_random_walk_deg_per_sqrt_h,
-            velocity_random_walk_mps_per_sqrt_h / grade.velocity_random_walk_mps_per_sqrt_h,
-        )
-        with np.errstate(divide="ignore"):
-            return float(np.hypot(*np.log(ratios)))
-
-    return min(GRADES, key=distance)
+    measured = [angle_random_walk_deg_per_sqrt_h, velocity_random_walk_mps_per_sqrt_h]
+    walks = [(g.angle_random_walk_deg_per_sqrt_h, g.velocity_random_walk_mps_per_sqrt_h) for g in GRADES.values()]
+    with np.errstate(divide="ignore"):
+        away = np.hypot(*np.log(np.array(measured) / walks).T)
+    return list(GRADES)[int(np.argmin(away))]
 
 
 def _white(tau_s: FloatArray, deviation: FloatArray) -> float:

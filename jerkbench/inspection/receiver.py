@@ -83,12 +83,10 @@ class ReceiverErrors:
     @property
     def memory_s(self) -> FloatArray:
         """(3,) the lag at which the error's autocorrelation falls below 1/e; NaN where it does not, or is not known."""
-        below = self.correlation < np.exp(-1.0)
-        first = np.argmax(below, axis=0) if len(below) else np.zeros(3, dtype=int)
-        times = np.full(3, np.nan)
-        for axis in np.flatnonzero(below.any(axis=0)) if len(below) else ():
-            k = int(first[axis])
-            above, under = self.correlation[k - 1, axis], self.correlation[k, axis]
+        below, times = self.correlation < np.exp(-1.0), np.full(3, np.nan)
+        for axis in np.flatnonzero(below.any(axis=0)):
+            k = int(np.argmax(below[:, axis]))
+            above, under = self.correlation[k - 1 : k + 1, axis]
             part = (above - np.exp(-1.0)) / (above - under)
             times[axis] = self.lags_s[k - 1] + part * (self.lags_s[k] - self.lags_s[k - 1])
         return times
@@ -227,9 +225,6 @@ def receiver_figure(recording: Recording, errors: ReceiverErrors) -> Figure:
 
     figure = Figure(figsize=(9.0, 4.0), dpi=DOTS_PER_INCH, layout="constrained")
     sizes, memory = figure.subplots(1, 2)
-    if not errors.source:
-        say(sizes, "There is no reference.")
-        say(memory, "There is no reference.")
     for axis, name in enumerate(AXES if errors.source else ()):
         size = np.sort(np.abs(errors.standardised[np.isfinite(errors.standardised[:, axis]), axis]))
         expected = ndtri(0.5 + (np.arange(len(size)) + 0.5) / (2 * len(size)))
@@ -238,11 +233,14 @@ def receiver_figure(recording: Recording, errors: ReceiverErrors) -> Figure:
     if errors.source:
         sizes.loglog([0.01, 4], [0.01, 4], color="0.5", linestyle="--", label="as declared")
         memory.axhline(np.exp(-1.0), color="0.5", linestyle="--", label="1/e")
-        sizes.legend(frameon=False, fontsize="small")
-        memory.legend(frameon=False, fontsize="small")
+        for axes in (sizes, memory):
+            axes.legend(frameon=False, fontsize="small")
         sizes.set(xlim=(0.01, 5), ylim=(0.005, None))
         longest_s = np.nanmax([*errors.memory_s, errors.step_s])
         memory.set_xlim(0, min(10 * longest_s, errors.lags_s[-1]))
+    else:
+        say(sizes, "There is no reference.")
+        say(memory, "There is no reference.")
     sizes.set(xlabel="Expected |error| / declared sigma", ylabel="Measured |error| / declared sigma")
     memory.set(xlabel="Lag [s]", ylabel="Autocorrelation of the error")
     for axes in (sizes, memory):

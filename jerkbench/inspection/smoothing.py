@@ -96,27 +96,16 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     smoother, scale, freedom = _most_likely(alone)
     estimate = _robust(alone, smoother, scale, freedom)
     distance_m = np.sqrt(np.nansum((position.enu_m - estimate.position_m) ** 2, axis=1))
-    track = Reference(
-        position.t_s,
-        f"smoothed by {smoother.model}",
-        independent=False,
-        enu_m=estimate.position_m,
-        velocity_mps=estimate.velocity_mps,
-    )
+    places_m, mps = estimate.position_m, estimate.velocity_mps
+    source = f"smoothed by {smoother.model}"
+    track = Reference(position.t_s, source, independent=False, enu_m=places_m, velocity_mps=mps)
     truth_m = truth_at(recording, "position", position.t_s, LONGEST_GAP_S)
     errors_m = [np.linalg.norm(places - truth_m, axis=1) for places in (position.enu_m, estimate.position_m)]
     known = np.isfinite(errors_m[0])
     fixes_m, track_m = (float(np.sqrt(np.mean(error_m[known] ** 2))) if known.any() else 0.0 for error_m in errors_m)
-    return SmoothedTrack(
-        replace(alone, reference=track),
-        smoother,
-        scale,
-        freedom,
-        position.enu_m,
-        distance_m,
-        (fixes_m, track_m) if fixes_m else None,  # fixes that are their own reference have no error
-        recording.reference.source,
-    )
+    error_m = (fixes_m, track_m) if fixes_m else None  # fixes that are their own reference have no error
+    chosen, source = (smoother, scale, freedom), recording.reference.source
+    return SmoothedTrack(replace(alone, reference=track), *chosen, position.enu_m, distance_m, error_m, source)
 
 
 def _robust(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: float) -> Estimate:
