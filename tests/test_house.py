@@ -21,11 +21,11 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 337, 34
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 33_372
+MOST_CODE = 32_812
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 26
 """Modules that one other module imports; the aim is none."""
-MOST_CONSTANTS = 108
+MOST_CONSTANTS = 105
 """Names of constants in two or more modules."""
 
 DOUBLES = {"anywhere", "chosen"}
