@@ -1,22 +1,216 @@
-"""The board of a suite: every entry with its place, as a page that needs nothing else, and as Markdown."""
+"""The check of an entry: digests, hashes, completeness, its score from its rows, some rows again; and their board.
 
-from collections.abc import Mapping, Sequence
+The board has every entry with its place, as a page that needs nothing else, and as Markdown.
+"""
+
+import math
+import random
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.statistics.ranks import rank_range
 from jerkbench.files import write_text
+from jerkbench.jobs.key import data_fingerprint
+from jerkbench.jobs.preflight import require_inputs
+from jerkbench.jobs.progress import Progress
 from jerkbench.plain import plain
 from jerkbench.report.markup import environment
-from jerkbench.suite.entry import MANIFEST, Entry, read_entry
+from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins_digest
+from jerkbench.suite.entry import MANIFEST, PAGE, Entry, file_hashes, frozen_part, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring
-from jerkbench.suite.verify import CheckedEntry, missing_mistakes, verify
+from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring, score_as_json
+from jerkbench.tuning.entrant import Entrant, Site, Try, knobs_of, tried_settings
+from jerkbench.tuning.space import Setting
+
+TOLERANCE = 1e-9
+"""Relative, of a number that was computed once more."""
+
+
+class Key(NamedTuple):
+    """What tells the rows of an entry apart."""
+
+    method: str
+    scenario: int
+    tuned_on: str
+    seed: int
+
+
+def frozen_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
+    """Yield a sentence for each digest that is not the frozen one."""
+    for key, frozen in frozen_part(str(entry.manifest["suite"]), protocol).items():
+        if entry.manifest.get(key) != frozen:
+            yield (
+                f"The manifest's {key} is {entry.manifest.get(key)}, that of {protocol.name} {frozen}: the entry is of"
+                " another suite."
+            )
+
+
+def file_mistakes(entry: Entry) -> Iterator[str]:
+    """Yield a sentence for each file that was changed after it was made."""
+    stated = entry.manifest["files"]
+    for name, own in file_hashes(entry.folder).items():
+        if stated.get(name) != own:
+            yield f"{name} was changed after it was made: its hash is not that of the manifest."
+
+
+def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
+    """Return a sentence for each scenario whose rows are not all there, or more than once."""
+    own = Counter(Key(*key) for key in entry.rows[list(Key._fields)].itertuples(index=False))
+    wanted = Counter(_keys(entry, protocol))
+    wrong = Counter((key.scenario, key.method) for key in ((own - wanted) + (wanted - own)).elements())
+    names = dict(enumerate(scenario.name for scenario in protocol.scenarios))
+    return [
+        f"The rows of the {method} in {names.get(number, number)} are not those that {protocol.name} asks for: {count}"
+        " are missing or too many."
+        for (number, method), count in sorted(wrong.items())
+    ]
+
+
+def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
+    """Yield a sentence for each number of the score, and for the page, that the rows do not show."""
+    stated = entry.manifest["score"]
+    for key, own in score_as_json(entry.rows, protocol).items():
+        if not same(own, stated.get(key)):
+            yield f"The manifest says {key} = {stated.get(key)}, the rows show {own}."
+    page = (entry.folder / PAGE).read_text(encoding="utf-8", errors="replace")
+    if page != entry_scoring(protocol).page(entry.name, entry.rows):
+        yield "entry.md does not say what the rows show."
+
+
+def same(value: object, other: object) -> bool:
+    """Whether two values are the same, numbers to a relative 1e-9; NaN is NaN."""
+    if isinstance(value, float) and isinstance(other, (int, float)):
+        return math.isclose(value, other, rel_tol=TOLERANCE) or (math.isnan(value) and math.isnan(other))
+    return value == other
+
+
+def _keys(entry: Entry, protocol: SuiteProtocol) -> Iterator[Key]:
+    """Every row that there has to be."""
+    for method in (ENTRY, PLAIN):
+        settings: dict[str, Setting] = dict.fromkeys([GIVEN, *entry.settings.get(method, {})], ())
+        for number, scenario in enumerate(protocol.scenarios):
+            for tuned_on in half_settings(settings, scenario.half):
+                seeds = protocol.seeds_of(scenario, protocol.seeds_to_test_on)
+                yield from (Key(method, number, tuned_on, seed) for seed in seeds)
+
+
+@dataclass(frozen=True)
+class CheckedEntry:
+    """What a check found.
+
+    Attributes:
+        mistakes: what is wrong, a sentence each.
+        remarks: what could not be checked, or differs without being wrong.
+        rerun: rows of the entry's own method that were computed once more.
+    """
+
+    mistakes: tuple[str, ...]
+    remarks: tuple[str, ...]
+    rerun: int
+
+
+def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> CheckedEntry:
+    """Check an entry; two thirds of ``count`` rows are its own, the rest are the plain filter's.
+
+    The rows that are computed once more are drawn anew each time; of an entry that does not fit its hashes, none is.
+
+    Raises:
+        JerkbenchError: its suite is not known here, or its program may not run.
+    """
+    protocol = read_suite(str(entry.manifest.get("suite")))
+    missing = missing_mistakes(entry, protocol)
+    mistakes = [*frozen_mistakes(entry, protocol), *file_mistakes(entry), *missing]
+    if missing:
+        return CheckedEntry(tuple(mistakes), (), 0)
+    if mistakes:
+        count = 0
+    if entry.program and count and not run_programs:
+        raise JerkbenchError(
+            f"The rows of {entry.folder} come from the program {entry.program}, which does not run unasked; give"
+            " --run-programs if you trust it, or --rows 0 to check the files alone."
+        )
+    own = _checked(entry, ENTRY, entry.entrant, protocol, count - count // 3)
+    plain = _checked(entry, PLAIN, protocol.plain_entrant, protocol, count // 3)
+    mistakes += [*score_mistakes(entry, protocol), *own.mistakes, *plain.mistakes]
+    return CheckedEntry(tuple(mistakes), (*own.remarks, *plain.remarks), own.rerun)
+
+
+def _checked(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol, count: int) -> CheckedEntry:
+    """Check settings and rows of one of the two methods of an entry, where it can be made here."""
+    try:
+        digest = plugins_digest(entrant, protocol)
+        _require_data(entrant, protocol)
+        wrong = list(_settings_mistakes(entry, method, entrant, protocol))
+    except JerkbenchError as error:
+        sentence = f"The rows of {entrant.name} cannot be computed here, and are not checked: {error}"
+        return CheckedEntry((), (sentence,), 0)
+    if wrong:
+        return CheckedEntry(tuple(wrong), (), 0)
+    remarks: tuple[str, ...] = ()
+    if method == ENTRY and digest != entry.manifest.get("plugins"):
+        remarks = (f"The code of {entrant.name} here is not that of the entry; its rows are compared all the same.",)
+    rows = entry.rows[entry.rows["method"] == method]
+    sample = rows.iloc[random.SystemRandom().sample(range(len(rows)), min(count, len(rows)))]
+    return CheckedEntry(tuple(_row_mistakes(entry, method, entrant, sample, protocol)), remarks, len(sample))
+
+
+def _require_data(entrant: Entrant, protocol: SuiteProtocol) -> None:
+    """Require that what the rows are computed with is on this machine.
+
+    Raises:
+        JerkbenchError: a recording was not fetched, or a package is not installed.
+    """
+    jobs = [entrant.job(scenario, protocol.limits) for scenario in protocol.scenarios]
+    for job in jobs:
+        data_fingerprint(job.scenario.dataset, job.scenario.disturbances)
+    require_inputs(jobs[0], set())
+
+
+def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:
+    """Yield a sentence for each setting that the search of the suite does not try."""
+    space = knobs_of(entrant.job(protocol.scenarios[0], protocol.limits))
+    tried = tried_settings(protocol.trials, space)
+    for tuned_on, values in entry.settings[method].items():
+        allowed = tried[:1] if tuned_on == GIVEN else tried
+        setting = entry.setting(method, tuned_on)
+        if tuple(values) != space.names or not any(all(map(same, setting, own)) for own in allowed):
+            where = f"The setting of the {method} ({tuned_on})"
+            yield f"{where} is none that the search of {protocol.name} tries: {values}."
+
+
+def _row_mistakes(
+    entry: Entry, method: str, entrant: Entrant, sample: pd.DataFrame, protocol: SuiteProtocol
+) -> Iterator[str]:
+    """Compute rows once more, and yield a sentence for each that comes out differently."""
+    if sample.empty:
+        return
+    stored = sample.sort_values(["scenario", "tuned_on"]).to_dict("records")
+    scenarios = protocol.scenarios
+    settings = (entry.setting(method, own["tuned_on"]) for own in stored)
+    tries = [
+        Try(own["scenario"], scenarios[own["scenario"]], entrant, setting, k, [own["seed"]])
+        for k, (own, setting) in enumerate(zip(stored, settings, strict=True))
+    ]
+    with TemporaryDirectory(prefix="jerkbench-") as folder:
+        again = Site(Path(folder)).rows(tries, protocol.rules(), Progress(0)).to_dict("records")
+    for before, own in zip(stored, again, strict=True):
+        differing = (key for key in ("status", *protocol.numbers) if not same(before[key], own[key]))
+        if (key := next(differing, None)) is not None:
+            where = f"{scenarios[int(before['scenario'])].name}, seed {before['seed']}, {before['tuned_on']}"
+            yield f"The {method} in {where}: {key} is stored as {before[key]}, and comes out as {own[key]}."
+
+
+# The board: every entry with its place.
 
 Places = Sequence[tuple[int, int, int]]
 """A place, and the best and the worst within its range."""

@@ -1,11 +1,11 @@
-"""The folder of an entry: rows, settings, what it was made with, and its score."""
+"""An entry: its folder with rows, settings, what it was made with and its score; and the way of a method into it."""
 
 import hashlib
 import json
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,14 @@ import pyarrow.parquet as pq
 import yaml
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import write_atomically, write_text
+from jerkbench.files import cache_folder, write_atomically, write_text
+from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.plain import is_plain, plain
 from jerkbench.results.replay import program_of
-from jerkbench.suite.protocol import FROZEN, Frozen
-from jerkbench.tuning.entrant import Entrant
+from jerkbench.suite.campaign import ENTRY, PLAIN, SuiteCampaign, plugins_digest, scored_plain
+from jerkbench.suite.protocol import FROZEN, Frozen, SuiteProtocol, read_suite, require_recordings
+from jerkbench.suite.scores import entry_scoring, score_as_json
+from jerkbench.tuning.entrant import Entrant, Site
 from jerkbench.tuning.space import Setting
 from jerkbench.yaml_files import read_yaml
 
@@ -240,3 +243,55 @@ def file_hashes(folder: Path) -> dict[str, str]:
         OSError: one cannot be read.
     """
     return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in HASHED}
+
+
+# The way of a method into a suite: from its parts to its entry.
+
+
+def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) -> str:
+    """Tune and score an entrant, and write its entry to the folder of ``place``; returns its page.
+
+    Runs that are stored there are not done again; those of the plain filter are kept in the cache, for every entry.
+
+    Args:
+        scale: name of the suite.
+        entrant: the method.
+        name: what the board calls it.
+        place: where.
+        command: what was typed.
+
+    Raises:
+        JerkbenchError: it cannot be made or does not fit, or the suite is not the frozen one.
+    """
+    protocol = read_suite(scale)
+    campaign = SuiteCampaign(entrant, protocol, replace(place, folder=place.folder / "runs"), name)
+    require_recordings(scale, protocol)
+    levels, plain = scored_plain(protocol, replace(place, folder=plain_folder(protocol)))
+    scored = campaign.scored(levels)
+    both = {ENTRY: scored, PLAIN: plain}
+    rows = pd.concat([own.rows.assign(method=method) for method, own in both.items()], ignore_index=True)
+    page = entry_scoring(protocol).page(name, rows)
+    manifest = {
+        "entry": name,
+        **frozen_part(scale, protocol),
+        "method": entrant.parts,
+        "tuned": bool(campaign.space.knobs),
+        "command": command,
+        "code": code_digest(),
+        "plugins": plugins_digest(entrant, protocol),
+        "git_commit": git_commit(),
+        "versions": versions(),
+        "score": score_as_json(rows, protocol),
+    }
+    write_entry(place.folder, manifest, rows, {method: own.settings for method, own in both.items()}, page)
+    return page
+
+
+def plain_folder(protocol: SuiteProtocol) -> Path:
+    """Return where the runs of the plain filter are kept for every entry."""
+    return cache_folder("suite") / f"{protocol.name}-rows"
+
+
+def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
+    """Return what the manifest of each entry of a suite has to say."""
+    return {"suite": scale, "protocol": protocol.digest, "data": list(FROZEN[scale].data)}

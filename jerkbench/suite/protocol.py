@@ -5,6 +5,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -171,9 +172,14 @@ class AttitudeSuite(SuiteProtocol):
     hand: Mapping[str, tuple[int, ...]]
 
     @property
+    def trial_count(self) -> int:
+        """How many trials there are."""
+        return sum(map(len, self.hand.values()))
+
+    @property
     def domains(self) -> tuple[str, ...]:
         """The domains: the trials, where there are any, and the simulated fields."""
-        return (*([HAND] if any(self.hand.values()) else []), *self.fields)
+        return (*([HAND] if self.trial_count else []), *self.fields)
 
     @property
     def searches(self) -> tuple[str, ...]:
@@ -282,40 +288,16 @@ class Frozen:
     searches: tuple[str, ...] = HALVES
 
 
+KINDS = {"faults": SuiteProtocol, "drives": DriveSuite, "attitude": AttitudeSuite}
+
 FROZEN = {
-    "v1": Frozen(
-        protocol="1d88f1baae4c",
-        data=(
-            *("90c4b231", "4cc1d53f", "6e2f0306", "cbf76c17", "28256383", "33d4f817", "4a767dcd", "2bea5d71"),
-            *("259e8eb9", "575a3f23", "67947eb3", "0ea6ad9e", "03dadda7", "7e935b7f", "fc41deb0", "4e4d5848"),
-            *("87067f89", "64bc12c4", "0a2adf53", "35dd97e3", "8271d941", "98b6e02b", "cb777b18", "ea8f8833"),
-        ),
-    ),
-    "v2": Frozen("a81d3228b547", ("61fa2d34",), DriveSuite, ("drives",)),
-    "v2-tiny": Frozen("172079cf7a5a", ("f6d92334",), DriveSuite, ("drives",)),
-    "tiny": Frozen(
-        protocol="c8613f7239bd", data=("c7cb2e2d", "a9681d79", "2cef4710", "41700fac", "9e31e6df", "7f9195ec")
-    ),
-    "attitude-v1": Frozen(
-        "5255c08c840d",
-        (
-            *("5e5c4ecb", "d615a6ac", "8d95027e", "b3a83245", "d57beb6c", "300ce697", "c3da44a5", "c5aed814"),
-            *("4bd480ed", "48744b21", "bb61e341", "cf51c83c", "1dd900a8", "3eb4018d", "6925cd38", "e394b60c"),
-            *("7e62796b", "c8734c8c", "a4645342", "fcb8bead", "4d1eff0c", "f7be6479", "fb1a55c1", "21b8c5f5"),
-            "0648cacc",
-        ),
-        AttitudeSuite,
-        ("hand first", "hand second", "drive first", "drive second"),
-    ),
-    "attitude-tiny": Frozen(
-        "6dc25bed7045", ("40a6f056", "4cf6d4d0", "5c5843fa"), AttitudeSuite, ("drive first", "drive second")
-    ),
+    name: Frozen(known["protocol"], tuple(known["data"]), KINDS[known["kind"]], tuple(known["searches"]))
+    for name, known in json.loads(Path(__file__).with_name("frozen.json").read_text(encoding="utf-8")).items()
 }
-"""Never edited: what changes is a new suite with a name of its own."""
+"""From frozen.json, which is never edited: what changes is a new suite with a name of its own."""
 
 
 # The digests of the recordings of a suite: whether they are those on which the others were scored.
-
 
 STRETCHES = 16
 """Each array is cut into so many; what is hashed is mean and mean square of each."""

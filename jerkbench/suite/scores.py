@@ -4,9 +4,11 @@ Of filters that navigate over scenarios of faults (v1) or random drives (v2), by
 by the tilt.
 """
 
-from collections.abc import Iterable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -16,6 +18,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.evaluation.statistics.intervals import few_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
 from jerkbench.evaluation.statistics.ranks import over_scenarios
+from jerkbench.files import filled_template
 from jerkbench.report.tables.writers import passive
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels, suite_losses
 from jerkbench.suite.protocol import HAND, AttitudeSuite, DriveSuite, SuiteProtocol
@@ -72,13 +75,6 @@ def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: b
     return entry - plain
 
 
-def how_tuned(rows: pd.DataFrame, protocol: SuiteProtocol) -> str:
-    """Say how the entry of some rows was tuned."""
-    half = " a half" if isinstance(protocol, AttitudeSuite) else ""
-    tuned = (rows.loc[rows["method"] == ENTRY, "tuned_on"] != GIVEN).any()
-    return f"tuned, {protocol.trials} settings{half}" if tuned else "not tuned"
-
-
 IMU_HZ = 100.0
 """Steps a second of the simulated fields."""
 
@@ -111,21 +107,6 @@ def ratio_word(low: float, high: float, margin: float) -> str:
     return f"{shown}, by less than {100 * margin:g} %" if shown and verdict is Verdict.EQUAL else shown or str(verdict)
 
 
-def score_line(name: str, score: EntryScore, more: str, how: str) -> str:
-    """Return what came out of the entry ``name``, in one line."""
-    return passive(
-        f"{name}: {score['ratio']:.3f} of the tuned plain filter [{score['low']:.3f}, {score['high']:.3f}],"
-        f" {score['verdict']}; {more}; lost {100 * score['lost']:.1f} %; {how}."
-    )
-
-
-def score_page(lines: Iterable[str], about: str, heads: str, table: Iterable[Iterable[object]]) -> str:
-    """Return a page as Markdown: lines, what they mean, and a table with ``heads``."""
-    rows = [f"| {' | '.join(map(str, row))} |" for row in table]
-    rule = "---".join("|" * heads.count("|"))
-    return "\n".join(["\n\n".join([*lines, about]), heads, rule, *rows, ""])
-
-
 def sorted_by(value: float, text: str) -> BoardValue:
     """Return a field that is sorted by a number."""
     return BoardValue(text, f"{value:.9g}")
@@ -142,26 +123,75 @@ def ratio_field(score: EntryScore) -> BoardValue:
 
 
 @dataclass(frozen=True)
-class ByPosition:
+class EntryScoring(ABC):
+    """How the entries of a suite are scored and shown.
+
+    Attributes:
+        protocol: of the suite.
+    """
+
+    kind: ClassVar[str]
+    """By which `about.md.jinja` tells what is compared with what."""
+
+    protocol: SuiteProtocol
+
+    @property
+    def about(self) -> str:
+        """What is compared with what, on the board."""
+        return " ".join(self._about(board=self.kind, page="").split())
+
+    def _about(self, **where: str) -> str:
+        template = Path(__file__).with_name("about.md.jinja")
+        return filled_template(template, p=self.protocol, plain=self.protocol.plain_entrant.name, **where)
+
+    @property
+    @abstractmethod
+    def heads(self) -> tuple[str, ...]:
+        """What stands above the fields on the board."""
+
+    @abstractmethod
+    def score(self, rows: pd.DataFrame) -> EntryScore:
+        """Return the score that the rows show."""
+
+    @abstractmethod
+    def fields(self, rows: pd.DataFrame) -> list[BoardValue]:
+        """Return the fields of an entry on the board."""
+
+    @abstractmethod
+    def costs(self, rows: pd.DataFrame) -> Mapping[str, FloatArray]:
+        """Return what ranks are of, and (S, n) logarithms of ratios that each is found from; the first sorts."""
+
+    @abstractmethod
+    def page(self, name: str, rows: pd.DataFrame) -> str:
+        """Return the page of an entry: a line with its score, and a table."""
+
+    def _page(self, lines: Iterable[str], heads: Sequence[str], table: Iterable[Iterable[object]]) -> str:
+        """A page as Markdown: lines, what they mean, and a table with ``heads``."""
+        about = self._about(page=self.kind, board="")
+        rows = [f"| {' | '.join(map(str, row))} |" for row in (heads, *table)]
+        return "\n".join(["\n\n".join([*lines, about]), rows[0], f"|{'---|' * len(heads)}", *rows[1:], ""])
+
+    def _line(self, name: str, score: EntryScore, more: str, rows: pd.DataFrame) -> str:
+        """What came out of the entry ``name``, in one line."""
+        half = " a half" if self.kind == "attitude" else ""
+        tuned = (rows.loc[rows["method"] == ENTRY, "tuned_on"] != GIVEN).any()
+        how = f"tuned, {self.protocol.trials} settings{half}" if tuned else "not tuned"
+        return passive(
+            f"{name}: {score['ratio']:.3f} of the tuned plain filter [{score['low']:.3f}, {score['high']:.3f}],"
+            f" {score['verdict']}; {more}; lost {100 * score['lost']:.1f} %; {how}."
+        )
+
+
+@dataclass(frozen=True)
+class ByPosition(EntryScoring):
     """The position RMSE over scenarios of faults.
 
     Its score is over families of faults, with a 95 % interval over families and seeds. ``worst`` names the scenario
     where the entry is worst, with ``worst_ratio``; ``nominal`` is the ratio where nothing is wrong: the price.
     """
 
-    protocol: SuiteProtocol
+    kind = "faults"
     heads = ("ratio to tuned plain [95 %]", "verdict", "worst scenario", "nothing wrong", "lost [%]", "ns a step")
-
-    @property
-    def about(self) -> str:
-        """What is compared with what."""
-        protocol = self.protocol
-        return (
-            f"{protocol.name} (digest {protocol.digest}): {len(protocol.scenarios)} scenarios, {protocol.test_seeds}"
-            f" seeds each. Ratios of the position RMSE to {' + '.join(protocol.plain.values())}, tuned with the same"
-            f" {protocol.trials} settings on the other half of the faults; below 1 is better. Times are those of the"
-            " machine that made the entry."
-        )
 
     def ratios(self, rows: pd.DataFrame, *, as_given: bool = False) -> FloatArray:
         """Return (S, n) the logarithms of ratios of each scenario and seed."""
@@ -197,12 +227,9 @@ class ByPosition:
         more = f"worst {score['worst']} {score['worst_ratio']:.2f}; nothing wrong {score['nominal']:.3f}"
         lost = (rows[rows["method"] == ENTRY].set_index("scenario")["status"] != "ok").groupby("scenario").sum()
         ratios = np.exp(self.ratios(rows).mean(axis=1))
-        return score_page(
-            [score_line(f"{name} on {protocol.name}", score, more, how_tuned(rows, protocol))],
-            ABOUT_POSITION.format(plain=" + ".join(protocol.plain.values())),
-            "| scenario | ratio | lost runs |",
-            ((own.name, f"{ratios[k]:.3f}", lost[k]) for k, own in enumerate(protocol.scenarios)),
-        )
+        table = ((own.name, f"{ratios[k]:.3f}", lost[k]) for k, own in enumerate(protocol.scenarios))
+        line = self._line(f"{name} on {protocol.name}", score, more, rows)
+        return self._page([line], ("scenario", "ratio", "lost runs"), table)
 
     def costs(self, rows: pd.DataFrame) -> Mapping[str, FloatArray]:
         """Return what ranks are of, and (S, n) logarithms of ratios that each is found from; the first sorts."""
@@ -221,18 +248,12 @@ class ByPosition:
         ]
 
 
-ABOUT_POSITION = """\
-Ratios of the position RMSE to the plain filter ({plain}), tuned with the same budget; below 1 is better. What is tuned
-on one half of the faults is scored on the other, on seeds that no search has seen. A lost run counts a hundred times
-the plain filter's level.
-"""
-
 NOTICEABLE = 1.03
 """A ratio above this counts as worse on a drive."""
 
 
 @dataclass(frozen=True)
-class ByDrives:
+class ByDrives(EntryScoring):
     """The position RMSE over random drives.
 
     Its score is over ``n`` drives; the interval holds for as many entries at once as the suite says. ``nominal`` is the
@@ -240,6 +261,7 @@ class ByDrives:
     3 %; ``worst_kind`` the kind of fault among whose drives the ratio is largest, which is ``worst_ratio``.
     """
 
+    kind = "drives"
     protocol: DriveSuite
 
     @property
@@ -247,19 +269,6 @@ class ByDrives:
         """What stands above the fields on the board."""
         ratio = f"ratio to tuned plain [95 % for {self.protocol.entries} entries at once]"
         return "n", ratio, "verdict", "without a fault", "worse by 3 % on [%]", "worst kind", "lost [%]", "ns a step"
-
-    @property
-    def about(self) -> str:
-        """What is compared with what."""
-        protocol = self.protocol
-        return (
-            f"{protocol.name} (digest {protocol.digest}): n = {protocol.test_seeds} random drives, each with a field, a"
-            f" speed and up to three faults of its own. Ratios of the position RMSE to"
-            f" {' + '.join(protocol.plain.values())}, tuned with the same {protocol.trials} settings on"
-            f" {protocol.tune_seeds} other drives; below 1 is better. One rule for all verdicts: the interval over"
-            f" drives, at 5 % for {protocol.entries} entries at once; within {100 * protocol.margin:g} % is equal. The"
-            " luck of the one tuning is not in the interval. Times are those of the machine that made the entry."
-        )
 
     def ratios(self, rows: pd.DataFrame, *, as_given: bool = False) -> FloatArray:
         """Return (n,) the logarithms of ratios of each drive."""
@@ -296,19 +305,11 @@ class ByDrives:
 
     def page(self, name: str, rows: pd.DataFrame) -> str:
         """Return the page of an entry: a line, and the ratio by number and by kind of faults."""
-        protocol, score, d = self.protocol, self.score(rows), self.ratios(rows)
+        score, d = self.score(rows), self.ratios(rows)
         more = f"without a fault {score['nominal']:.3f}; worst kind {score['worst_kind']} {score['worst_ratio']:.2f}"
-        plain = " + ".join(protocol.plain.values())
-        return score_page(
-            [
-                score_line(
-                    f"{name} on {protocol.name} (n = {score['n']} drives)", score, more, how_tuned(rows, protocol)
-                )
-            ],
-            ABOUT_DRIVES.format(plain=plain, tuned=protocol.tune_seeds, n=score["n"], entries=protocol.entries),
-            "| drives with | n | ratio |",
-            ((kind, of.sum(), f"{np.exp(d[of].mean()):.3f}") for kind, of in self.members().items()),
-        )
+        line = self._line(f"{name} on {self.protocol.name} (n = {score['n']} drives)", score, more, rows)
+        table = ((kind, of.sum(), f"{np.exp(d[of].mean()):.3f}") for kind, of in self.members().items())
+        return self._page([line], ("drives with", "n", "ratio"), table)
 
     def costs(self, rows: pd.DataFrame) -> Mapping[str, FloatArray]:
         """Return what ranks are of: drives."""
@@ -329,19 +330,12 @@ class ByDrives:
         ]
 
 
-ABOUT_DRIVES = """\
-Ratios of the position RMSE to the plain filter ({plain}), tuned with the same budget; below 1 is better. Each drive has
-its own field, speed and faults. What is tuned on {tuned} drives is scored on {n} others. A lost run counts a hundred
-times the error of the plain filter at its defaults on that drive. The interval is over drives, at 5 % for {entries}
-entries at once. The luck of the one tuning is not in it.
-"""
-
 LOST_DEG = 180.0
 """What a lost run counts among the errors: the largest that there is."""
 
 
 @dataclass(frozen=True)
-class ByTilt:
+class ByTilt(EntryScoring):
     """The inclination RMSE in each domain.
 
     Each domain has a score of its own, over ``n`` trials, or drives (a drive has every fault), with a 95 % interval.
@@ -349,6 +343,7 @@ class ByTilt:
     ``worst`` is the trial or fault of that run.
     """
 
+    kind = "attitude"
     protocol: AttitudeSuite
 
     @property
@@ -356,20 +351,6 @@ class ByTilt:
         """What stands above the fields on the board: the same for each domain."""
         several = ("ratio to tuned plain [95 %]", "verdict", "median [deg]", "worst [deg]", "lost [%]")
         return tuple(f"{domain}: {head}" for domain in self.protocol.domains for head in several)
-
-    @property
-    def about(self) -> str:
-        """What is compared with what."""
-        protocol = self.protocol
-        trials = sum(map(len, protocol.hand.values()))
-        counts = {domain: f"n = {trials} trials of BROAD" for domain in [HAND] if trials}
-        counts |= dict.fromkeys(protocol.fields, f"n = {protocol.test_seeds} simulated drives")
-        domains = ", ".join(f"{domain} ({count})" for domain, count in counts.items())
-        return (
-            f"{protocol.name} (digest {protocol.digest}). Tuned and scored apart: {domains}. Ratios of the inclination"
-            f" RMSE to {protocol.plain_entrant.name}, tuned with the same {protocol.trials} settings on the other half;"
-            " below 1 is better."
-        )
 
     def ratios(self, rows: pd.DataFrame, domain: str, *, as_given: bool = False) -> FloatArray:
         """Return (n,) logarithms of ratios of each trial of a hand, or of each drive as the mean over its faults."""
@@ -411,13 +392,12 @@ class ByTilt:
     def page(self, name: str, rows: pd.DataFrame) -> str:
         """Return the page of an entry: a line for each domain, and the errors in each scenario."""
         protocol = self.protocol
-        how, lines = how_tuned(rows, protocol), []
+        lines = []
         for domain, own in self.scores(rows).items():
             more = f"median {own['median_deg']:.2f} deg, worst {own['worst_deg']:.2f} deg ({own['worst']})"
-            lines.append(score_line(f"{name} on {protocol.name}, {domain} (n = {own['n']})", own, more, how))
-        about = ABOUT_TILT.format(plain=protocol.plain_entrant.name)
-        heads = "| domain | trial or fault | error [deg] | plain [deg] | lost runs |"
-        return score_page(lines, about, heads, [row for domain in protocol.domains for row in self._rows(rows, domain)])
+            lines.append(self._line(f"{name} on {protocol.name}, {domain} (n = {own['n']})", own, more, rows))
+        heads = ("domain", "trial or fault", "error [deg]", "plain [deg]", "lost runs")
+        return self._page(lines, heads, [row for domain in protocol.domains for row in self._rows(rows, domain)])
 
     def _rows(self, rows: pd.DataFrame, domain: str) -> Iterable[tuple[object, ...]]:
         """Domain, trial or fault, error of the entry and of the plain filter [deg], lost runs."""
@@ -445,16 +425,6 @@ class ByTilt:
                 number_field(100 * own["lost"], ".1f"),
             )
         ]
-
-
-ABOUT_TILT = """\
-Errors of the inclination, the angle between the estimated and the true vertical; no heading is needed. Ratios are to
-the plain filter ({plain}), tuned with the same budget; below 1 is better. What is tuned on one half of a domain is
-scored on its other half. A lost run counts 180 deg, and a hundred times the plain filter's level.
-"""
-
-EntryScoring = ByPosition | ByDrives | ByTilt
-"""How the entries of a suite are scored and shown."""
 
 
 def entry_scoring(protocol: SuiteProtocol) -> EntryScoring:

@@ -161,7 +161,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import Workers, processors
-    from jerkbench.suite.enter import enter
+    from jerkbench.suite.entry import enter
     from jerkbench.tuning.entrant import Site
 
     entrant = (_attitude_entrant if chosen.scale.startswith(ATTITUDES) else _entrant)(chosen.words)
@@ -226,8 +226,8 @@ def suite_verify_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no entry.
     """
+    from jerkbench.suite.board import verify
     from jerkbench.suite.entry import read_entry
-    from jerkbench.suite.verify import verify
 
     checked = verify(read_entry(chosen.entry), chosen.rows, run_programs=chosen.run_programs)
     for sentence in (*checked.mistakes, *checked.remarks):

@@ -15,12 +15,11 @@ import yaml
 from commands import verb
 from jerkbench.errors import RecordingError
 from jerkbench.io.files import VARIABLE
-from jerkbench.suite.board import Board, html
+from jerkbench.suite.board import Board, file_mistakes, frozen_mistakes, html, missing_mistakes, score_mistakes
 from jerkbench.suite.campaign import half_settings, seen
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
 from jerkbench.suite.scores import BoardValue, ByTilt, entry_scoring
-from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 DIGESTS = {"attitude-v1": "5255c08c840d", "attitude-tiny": "6dc25bed7045"}
 PROTOCOL = read_suite("attitude-v1")

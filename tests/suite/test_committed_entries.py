@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from commands import verb
+from jerkbench.suite.board import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import read_suite
 from jerkbench.suite.scores import ByPosition
-from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 FOLDER = Path(__file__).parents[2] / "results" / "suite-v1"
 ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{MANIFEST}"))

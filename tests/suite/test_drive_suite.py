@@ -14,10 +14,10 @@ from jerkbench import plugins
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
+from jerkbench.suite.board import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 from jerkbench.suite.entry import MANIFEST, read_entry
 from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
 from jerkbench.suite.scores import ByDrives
-from jerkbench.suite.verify import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 
 DIGESTS = {"v2": "a81d3228b547", "v2-tiny": "172079cf7a5a"}
 TINY = read_suite("v2-tiny")

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from commands import jerkbench
-from jerkbench.suite.verify import TOLERANCE
+from jerkbench.suite.board import TOLERANCE
 
 OLDER = {
     "NUMBA_CPU_NAME": "x86-64-v2",
