@@ -40,7 +40,7 @@ from jerkbench.jobs.key import code_digest, versions
 from jerkbench.jobs.progress import Progress
 from jerkbench.parameters import SWITCH, Range, ranges_of
 from jerkbench.recording import Imu, Recording, Reference, Velocity
-from jerkbench.tuning.samplers import Sobol
+from jerkbench.tuning.space import Sobol
 
 TiltSetting = Mapping[str, float]
 """Values of the ranges, and 0 or 1 of the switches."""

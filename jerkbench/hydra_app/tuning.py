@@ -31,8 +31,8 @@ from jerkbench.report.tables.writers import passive
 from jerkbench.tuning.entrant import Site
 from jerkbench.tuning.evaluate import objective_of, trial_table
 from jerkbench.tuning.outcome import (
-    EXPORTS,
     TUNED_PARTS,
+    exports,
     preset_words,
     record,
     tuning_page,
@@ -260,8 +260,8 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     scenarios = [case.labels.scenario for case in tuning.cases.tune]
     trials = trial_table(outcome.trials, tuning.space.names, scenarios)
     write_text(folder / "trials.csv", trials.to_csv(index=False, lineterminator="\n"))
-    for name, export in EXPORTS.items() if not is_attitude_only(tuning.job.method.filter) else ():
-        write_text(folder / "export" / name, export(tuning))
+    for name, text in exports(tuning).items() if not is_attitude_only(tuning.job.method.filter) else ():
+        write_text(folder / "export" / name, text)
     print(page)
     if figures:
         from jerkbench.report.plots.style import save_figure

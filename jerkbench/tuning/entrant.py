@@ -21,8 +21,7 @@ from jerkbench.jobs.run import run_missing
 from jerkbench.optional import is_attitude_only
 from jerkbench.parameters import ranges_of
 from jerkbench.results.store import Store
-from jerkbench.tuning.samplers import sampler_of
-from jerkbench.tuning.space import Setting, Space, space_of
+from jerkbench.tuning.space import Setting, Space, sampler_of, space_of
 
 ERROR = "position_rmse"
 """The metric that is tuned for."""

@@ -1,7 +1,8 @@
 """What a tuning leaves: its page and curves, presets of ours, settings for other programs with what does not map."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +12,7 @@ from omegaconf import OmegaConf
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.judgement import judged
 from jerkbench.evaluation.statistics.over_seeds import log_ratios
-from jerkbench.files import write_text
-from jerkbench.report.tables.writers import plain_table
+from jerkbench.files import filled_template, write_text
 from jerkbench.tuning.evaluate import Trials
 from jerkbench.tuning.search import SearchOutcome, Tuning, equal_budgets
 from jerkbench.tuning.space import Space
@@ -21,9 +21,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+HERE = Path(__file__).parent
+
+
 def tuning_page(tuning: Tuning) -> str:
     """Return the page of one tuned method, as Markdown."""
-    return "\n".join([f"# {tuning.name}, tuned", "", *_spent(tuning), "", *_knobs(tuning), "", *_worth(tuning), ""])
+    return filled_template(
+        HERE / "tuning.md.jinja",
+        {"shown": partial(_shown, tuning)},
+        tuning=tuning,
+        objective=tuning.effort.objective,
+        budget=equal_budgets({tuning.name: tuning.outcome}),
+        knobs=list(zip(tuning.space.knobs, tuning.setting, knob_intervals(tuning.space, tuning.outcome), strict=True)),
+        cases=list(zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)),
+        curve=budget_curve(tuning.outcome.trials),
+        restarts=[float(restart.score.chosen.mean()) for restart in tuning.restarts],
+        warnings=warnings(tuning),
+    )
 
 
 def tunings_table(tunings: Sequence[Tuning]) -> str:
@@ -88,39 +102,6 @@ def warnings(tuning: Tuning) -> list[str]:
     elif chosen >= before:
         sentences.append("On runs that were not seen the tuned setting is no better than the one before the search.")
     return sentences
-
-
-def _spent(tuning: Tuning) -> Iterator[str]:
-    effort = tuning.effort
-    yield f"Objective: {effort.objective.name}; {effort.objective.meaning}."
-    yield f"Split: {tuning.cases.split}."
-    budget = equal_budgets({tuning.name: tuning.outcome})
-    yield f"{budget} Sampler {effort.budget.sampler}, {len(tuning.space.knobs)} knobs."
-
-
-def _knobs(tuning: Tuning) -> Iterator[str]:
-    columns = zip(tuning.space.knobs, tuning.setting, knob_intervals(tuning.space, tuning.outcome), strict=True)
-    yield plain_table(
-        ("knob", "before", "tuned", "cannot be told apart", "range"),
-        ((k.name, f"{k.start:.4g}", f"{v:.4g}", f"{a:.3g} to {b:.3g}", k.bounds) for k, v, (a, b) in columns),
-    )
-
-
-def _worth(tuning: Tuning) -> Iterator[str]:
-    yield "On runs that the search has not seen:"
-    yield ""
-    cases = zip(tuning.cases.test, tuning.score.before, tuning.score.chosen, strict=True)
-    lines = ((case.labels.scenario, *(_shown(tuning, loss) for loss in both)) for case, *both in cases)
-    yield plain_table(("scenario", "before", "tuned"), lines)
-    yield ""
-    yield f"Lost runs: {tuning.score.lost} of {tuning.score.runs} (before: {tuning.score.lost_before})."
-    curve = ", ".join(f"{size}: {_shown(tuning, loss)}" for size, loss in budget_curve(tuning.outcome.trials))
-    yield f"Best of the trials so far, on the runs tuned on: {curve}."
-    if len(tuning.restarts) > 1:
-        losses = np.array([restart.score.chosen.mean() for restart in tuning.restarts])
-        low, high = _shown(tuning, losses.min()), _shown(tuning, losses.max())
-        yield f"{len(losses)} searches, with other scrambles, come to {low} to {high}; that much is luck."
-    yield from warnings(tuning)
 
 
 def _shown(tuning: Tuning, losses: Any) -> str:  # noqa: ANN401 - a number or an array
@@ -285,78 +266,29 @@ CORRELATION_H = 1.0
 """Correlation time of KF-GINS' biases where our filter has a random walk."""
 
 
-def robot_localization(tuning: Tuning) -> str:
-    """Return the part of an ekf_node's parameters that the setting decides."""
-    values, rows, decided = _values(tuning), list(UNDECIDED), False
-    comments = [
-        "robot_localization (ROS 2, ekf_node). Units: those of its state, variances per second.",
-        "Maps: process noise. Does not map: the reported covariances (the node takes them from the messages: multiply",
-        f"  them there, position by {values['r_scale.position']:g}, velocity by {values['r_scale.velocity']:g}); an",
-        "  accelerometer bias (it has no such state); the IMU as an input (it takes acceleration as a measurement).",
-    ]
-    density = _velocity_density(tuning, values)
+def exports(tuning: Tuning) -> dict[str, str]:
+    """Return the files of other programs, by their names: what the setting decides of them, and what does not map."""
+    values, spec = _values(tuning), tuning.job.spec
+    density, walk = _velocity_density(tuning, values), values.get("filter.accel_walk_mps2_per_sqrt_s")
+    noise, rows = _imu_noise(values, density), list(UNDECIDED)
     if density is not None:
-        rows[6:9], decided = [density] * 3, True
-        comments.append("process_noise_covariance, vx vy vz: sigma_a^2 dt0 [m2/s3].")
-    if (walk := values.get("filter.accel_walk_mps2_per_sqrt_s")) is not None:
-        rows[12:15], decided = [walk**2] * 3, True
-        comments.append("process_noise_covariance, ax ay az: sigma_w^2 [m2/s5].")
-    comments += _adaptation(tuning, values)
-    body = []
-    if decided:
-        comments.append("The rest of process_noise_covariance was not tuned: the defaults of robot_localization.")
-        diagonal = [row if k == j else 0.0 for k, row in enumerate(rows) for j in range(15)]
-        body.append(f"    process_noise_covariance: [{', '.join(f'{value:.6g}' for value in diagonal)}]")
-    else:
-        comments.append("This filter decides no process noise of the node: keep your own process_noise_covariance.")
-    for gate in _gate(values):
-        body += [f"    odom0_{part}_rejection_threshold: {gate:.4g}" for part in ("pose", "twist")]
-    return _file(comments, ["ekf_filter_node:", f"  ros__parameters:{'' if body else ' {}'}", *body])
-
-
-def kf_gins(tuning: Tuning) -> str:
-    """Return the ``imunoise`` of a KF-GINS configuration."""
-    values = _values(tuning)
-    comments = [
-        "KF-GINS (kf-gins.yaml, imunoise). Units: deg/sqrt(h), m/s/sqrt(h), deg/h, mGal, h.",
-        "Maps: noise of the IMU and its biases. Does not map: the reported covariances (the standard deviations in its",
-        f"  GNSS file: multiply those of the position by {math.sqrt(values['r_scale.position']):g}).",
-    ]
-    noise = _imu_noise(tuning, values)
-    lines = {name: value for name, value in noise.items() if value is not None}
-    comments += [f"Not decided by this filter, keep your own: {name}." for name, v in noise.items() if v is None]
-    comments += _adaptation(tuning, values)
-    axes = [f"  {name}: [{', '.join([f'{value:.6g}'] * 3)}]" for name, value in lines.items() if name != "corrtime"]
-    time = [f"  corrtime: {lines['corrtime']:.6g}"] if "corrtime" in lines else []
-    return _file(comments, ["imunoise:", *axes, *time])
-
-
-def eskf15(tuning: Tuning) -> str:
-    """Return a preset of our eskf15, an experiment for `jerkbench run --config-dir`."""
-    values = _values(tuning)
-    name = tuning.job.spec["filter"]["name"]
-    comments = [
-        "jerkbench's eskf15, as an experiment. Maps: sigma_a as velocity random walk, the reported R.",
-        "Does not map: the gyro (eskf15 estimates the attitude itself), the noise of jerk or turn.",
-    ]
-    if name == "eskf15":
-        own = {k.partition(".")[2]: v for k, v in values.items() if k.startswith("filter.")}
-        comments = ["jerkbench's eskf15, as an experiment: the tuned filter itself."]
-    else:
-        density = _velocity_density(tuning, values)
-        own = {} if density is None else {"velocity_random_walk_mps_per_sqrt_h": math.sqrt(density * HOUR_S)}
-    told = [f"  {part}: {values[f'r_scale.{part}']:.6g}" for part in ("position", "velocity")]
-    body = ["defaults:", "  - override /filter: eskf15", "  - _self_"]
-    body += ["filter:", *(f"  {key}: {value:.6g}" for key, value in own.items())] if own else []
-    return f"# @package _global_\n{_file(comments + _adaptation(tuning, values), [*body, 'r_scale:', *told])}"
-
-
-EXPORTS: dict[str, Callable[[Tuning], str]] = {
-    "robot_localization.yaml": robot_localization,
-    "kf-gins.yaml": kf_gins,
-    "eskf15.yaml": eskf15,
-}
-"""What each file of other programs is made by."""
+        rows[6:9] = [density] * 3
+    if walk is not None:
+        rows[12:15] = [walk**2] * 3
+    own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith("filter.")}
+    told = {
+        "values": values,
+        "density": density,
+        "walk": walk,
+        "diagonal": np.diag(rows).ravel().tolist() if (density, walk) != (None, None) else [],
+        "noise": noise,
+        "vrw": noise["vrw"],
+        "own": own if spec["filter"]["name"] == "eskf15" else None,
+        "gate": _gate(values),
+        "adaptation": _adaptation(str(spec["adaptation"]["name"]), _gate(values)),
+    }
+    names = ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
+    return {name: filled_template(HERE / f"{name}.jinja", {"g": "{:.6g}".format}, **told) for name in names}
 
 
 def _values(tuning: Tuning) -> dict[str, float]:
@@ -382,39 +314,34 @@ def _velocity_density(tuning: Tuning, values: dict[str, float]) -> float | None:
     return None
 
 
-def _imu_noise(tuning: Tuning, values: dict[str, float]) -> dict[str, float | None]:
+def _imu_noise(values: dict[str, float], density: float | None) -> dict[str, float | None]:
     """The entries of ``imunoise``; None: the filter says nothing of it."""
-    density = _velocity_density(tuning, values)
-    vrw = None if density is None else math.sqrt(density * HOUR_S)
-    arw, gyro = (values.get(f"filter.{n}") for n in ("angle_random_walk_deg_per_sqrt_h", "gyro_instability_deg_per_h"))
+    noise: dict[str, float | None] = dict.fromkeys(("arw", "vrw", "gbstd", "abstd", "corrtime"))
+    noise["vrw"] = None if density is None else math.sqrt(density * HOUR_S)
     instability, walk = (values.get(f"filter.{n}") for n in ("accel_instability_mg", "bias_mps2_per_sqrt_s"))
     if instability is not None:
-        hours = values["filter.accel_correlation_s"] / HOUR_S
-        return {"arw": arw, "vrw": vrw, "gbstd": gyro, "abstd": instability * MGAL_PER_MG, "corrtime": hours}
-    if walk is None:
-        return {"arw": None, "vrw": vrw, "gbstd": None, "abstd": None, "corrtime": None}
-    sigma = walk * math.sqrt(CORRELATION_H * HOUR_S / 2.0)  # of a Gauss-Markov process with that walk: 2 sigma^2/tau
-    return {"arw": None, "vrw": vrw, "gbstd": None, "abstd": 1e5 * sigma, "corrtime": CORRELATION_H}
+        noise["arw"] = values.get("filter.angle_random_walk_deg_per_sqrt_h")
+        noise["gbstd"] = values.get("filter.gyro_instability_deg_per_h")
+        noise |= {"abstd": instability * MGAL_PER_MG, "corrtime": values["filter.accel_correlation_s"] / HOUR_S}
+    elif walk is not None:  # of a Gauss-Markov process with that walk: 2 sigma^2/tau
+        noise |= {"abstd": 1e5 * (walk * math.sqrt(CORRELATION_H * HOUR_S / 2.0)), "corrtime": CORRELATION_H}
+    return noise
 
 
-def _gate(values: dict[str, float]) -> list[float]:
+def _gate(values: dict[str, float]) -> float | None:
     """The Mahalanobis distance beyond which a block is dropped, where the adaptation is such a gate."""
     if (probability := values.get("adaptation.probability")) is None:
-        return []
+        return None
     from scipy.stats import chi2
 
-    return [math.sqrt(float(chi2.ppf(probability, 3)))]
+    return math.sqrt(float(chi2.ppf(probability, 3)))
 
 
-def _adaptation(tuning: Tuning, values: dict[str, float]) -> list[str]:
-    name = tuning.job.spec["adaptation"]["name"]
+def _adaptation(name: str, gate: float | None) -> str:
+    """Say what becomes of an adaptation; nothing of none."""
+    if name == "chi2" and gate:
+        distance = f"sqrt(chi2(p, 3)) = {gate:.4g}"
+        return f"The adaptation chi2 is a gate, {distance}, in robot_localization; it maps nowhere else."
     if name == "none":
-        return []
-    if name == "chi2" and (gates := _gate(values)):
-        distance = f"sqrt(chi2(p, 3)) = {gates[0]:.4g}"
-        return [f"The adaptation chi2 is a gate, {distance}, in robot_localization; it maps nowhere else."]
-    return [f"Does not map: the adaptation {name}; without it the tuned noises need not be the best."]
-
-
-def _file(comments: list[str], lines: list[str]) -> str:
-    return "\n".join([*(f"# {comment}" for comment in comments), *lines, ""])
+        return ""
+    return f"Does not map: the adaptation {name}; without it the tuned noises need not be the best."

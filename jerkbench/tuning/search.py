@@ -12,8 +12,7 @@ from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.tuning.entrant import Site
 from jerkbench.tuning.evaluate import Evaluator, Objective, Trials, joined_trials, require_scorable
-from jerkbench.tuning.samplers import sampler_of
-from jerkbench.tuning.space import Setting, Space
+from jerkbench.tuning.space import Setting, Space, sampler_of
 from jerkbench.tuning.splits import Cases
 
 SETTINGS_AT_ONCE = 16
