@@ -30,7 +30,7 @@ from hostile_results import QUIET, SWEEP, answered, sign
 from markdown_it import MarkdownIt
 
 from jerkbench.jobs.labels import Labels
-from jerkbench.plain import is_plain
+from jerkbench.notices import is_plain
 
 PATIENCE_S = 120
 """An answer that takes longer hangs."""

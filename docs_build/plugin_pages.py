@@ -7,7 +7,15 @@ from docstring import Docstring, parsed, prose
 from gallery import FIGURES
 
 from jerkbench import plugins
-from jerkbench.catalogue import CatalogueEntry, docstrings, entries, home, plugin_class, preset_files, shown_json
+from jerkbench.plugins.catalogue import (
+    CatalogueEntry,
+    docstrings,
+    entries,
+    home,
+    plugin_class,
+    preset_files,
+    shown_json,
+)
 
 TITLES = {
     "dataset": "Data sets",

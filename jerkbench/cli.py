@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import NoReturn
 
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
-from jerkbench.plain import plain_output
+from jerkbench.notices import plain_output
 from jerkbench.presets import take_folders
-from jerkbench.removed import refuse_removed
+from jerkbench.renamed import refuse_removed
 from jerkbench.verbs import parser
 
 RUN_HELP = """\

@@ -2,8 +2,8 @@
 
 Each kind (`Dataset`, `Disturbance`, `AttitudeFilter`, `Filter` (kinematic), `Estimator` (any other filter),
 `Adaptation`, `Engine`, `Metric`) has one contract, and behind it its optional parts, each a Protocol of its own; those
-that several kinds may have come first. `jerkbench.optional` lists them. A plugin that has an optional part is asked for
-it; one whose part is misspelt is refused when it is registered.
+that several kinds may have come first. `jerkbench.plugins.optional` lists them. A plugin that has an optional part is
+asked for it; one whose part is misspelt is refused when it is registered.
 """
 
 from collections.abc import Callable, Hashable, Sequence

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.notebook import shown, stamps_text
+from jerkbench.recording import shown, stamps_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -129,7 +129,7 @@ def _read(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
     from yaml import YAMLError
 
-    from jerkbench.yaml_files import require_small
+    from jerkbench.files import require_small
 
     try:
         require_small(path.read_text(encoding="utf-8"), path)

@@ -11,9 +11,8 @@ Each check raises an AssertionError whose sentence says what is not as it must b
 `check_plugin` looks at the class as well (frozen, documented, hashable); the others at what their kind promises.
 """
 
-from jerkbench.conformance.adaptation import check_adaptation
-from jerkbench.conformance.filters import check_engine, check_filter
-from jerkbench.conformance.plugin import check_attitude, check_dataset, check_disturbance, check_metric, check_plugin
+from jerkbench.plugins.checks import check_attitude, check_dataset, check_disturbance, check_metric, check_plugin
+from jerkbench.plugins.method_checks import check_adaptation, check_engine, check_filter
 
 __all__ = [
     "check_adaptation",

@@ -12,56 +12,65 @@ ORDER = [
         "errors",
         "arrays",
         "files",
-        "notebook",
         "notices",
         "parameters",
-        "plain",
         "random_streams",
-        "removed",
         "renamed",
         "presets",
-        "yaml_files",
         "compilation",
         "kalman",
     ],
-    ["recording", "estimate"],
+    ["recording"],
+    ["estimate"],
     ["geometry", "measurements"],
     ["timeline"],
     ["sums"],
     ["contracts"],
-    ["optional"],
+    ["plugins.optional"],
     ["kinematic"],
     ["inertial", "linear", "plugins", "simulation", "io", "traces"],
     ["datasets", "disturbances", "attitude"],
     ["filters", "adaptation"],
     ["engines", "evaluation"],
-    ["conformance"],
+    ["plugins.requirements"],
+    ["plugins.method_checks"],
+    ["plugins.checks"],
     ["testing", "report"],
     ["inspection"],
     ["jobs"],
     ["results"],
     ["tuning"],
-    ["audit", "suite", "hydra_app", "catalogue", "api", "fetching", "authoring"],
+    ["audit", "suite", "hydra_app", "plugins.catalogue", "api", "fetching", "plugins.new"],
     ["verbs"],
     ["cli"],
     ["__main__"],
 ]
+"""The modules of `plugins` beside the registry have places of their own: their names have a dot."""
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}
 PACKAGE = Path(jerkbench.__file__).parent
+
+
+def part(*names):
+    """The part of a module of the package, by the names on the way to it."""
+    return ".".join(names[:2]) if names[0] == "plugins" and len(names) > 1 else names[0]
+
+
+def part_of(path):
+    return part(*path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
 
 
 def imports(path):
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("jerkbench."):
-            yield node.module.split(".")[1]
+            yield part(*node.module.split(".")[1:])
         elif isinstance(node, ast.ImportFrom) and node.module == "jerkbench":
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.Import):
-            yield from (a.name.split(".")[1] for a in node.names if a.name.startswith("jerkbench."))
+            yield from (part(*a.name.split(".")[1:]) for a in node.names if a.name.startswith("jerkbench."))
 
 
 def test_every_part_of_the_package_has_its_place():
-    parts = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in PACKAGE.rglob("*.py")}
+    parts = {part_of(path) for path in PACKAGE.rglob("*.py")}
 
     assert parts - {"__init__"} <= set(STAGE)
 
@@ -70,7 +79,7 @@ def test_every_part_of_the_package_has_its_place():
 def test_nothing_imports_from_a_later_stage():
     backwards = []
     for path in sorted(PACKAGE.rglob("*.py")):
-        own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        own = part_of(path)
         if own != "__init__":
             later = [name for name in imports(path) if name in STAGE and STAGE[name] > STAGE[own]]
             sideways = [n for n in imports(path) if n in STAGE and n != own and STAGE[n] == STAGE[own] > 0]

@@ -10,7 +10,7 @@ import pytest
 from commands import SHORT, verb
 from jerkbench.errors import PluginError
 from jerkbench.files import write_text
-from jerkbench.plain import plain
+from jerkbench.notices import plain
 from jerkbench.presets import ASKED, environment_variable
 from jerkbench.report.markup import policy
 from jerkbench.report.tables.writers import csv_escaped, inert, latex_escaped, markdown_grid

@@ -5,9 +5,10 @@ from typing import ClassVar
 
 import pytest
 
-from jerkbench import contracts, optional, plugins
+from jerkbench import contracts, plugins
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.metrics.position import PositionRmse
+from jerkbench.plugins import optional
 
 
 def refusal(kind, cls):

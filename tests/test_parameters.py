@@ -7,9 +7,9 @@ from typing import Annotated
 import pytest
 
 from jerkbench import plugins
-from jerkbench.catalogue import show_text
-from jerkbench.conformance.plugin import _check_ranges
 from jerkbench.parameters import DefaultOrigin, Range, origins_of, ranges_of
+from jerkbench.plugins.catalogue import show_text
+from jerkbench.plugins.checks import _check_ranges
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ from omegaconf import OmegaConf
 
 from jerkbench import notices, plugins
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.catalogue import list_text, show_text
 from jerkbench.errors import PluginError
 from jerkbench.jobs.job import metric_names
 from jerkbench.jobs.names import choose
+from jerkbench.plugins.catalogue import list_text, show_text
 
 
 def test_every_kind_has_plugins_and_each_says_in_one_line_what_it_is():

@@ -6,9 +6,9 @@ import pytest
 from commands import swept, verb
 from jerkbench import plugins
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.catalogue import list_text, listed_json, show_text, shown_json
-from jerkbench.conformance.plugin import check_plugin
 from jerkbench.parameters import Provenance, provenance_of
+from jerkbench.plugins.catalogue import list_text, listed_json, show_text, shown_json
+from jerkbench.plugins.checks import check_plugin
 
 METHODS = [
     (kind, name)

@@ -6,7 +6,7 @@ from omegaconf import OmegaConf
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.words import cluster_named
-from jerkbench.removed import REMOVED, refuse_removed
+from jerkbench.renamed import REMOVED, refuse_removed
 
 TYPED = [
     (("run", "-m", "cluster=loky"), "cluster=local"),

@@ -40,7 +40,8 @@ def test_more_seeds_than_can_be_run_are_refused_at_once():
 
 
 @pytest.mark.parametrize(
-    ("words", "place"), [(["list"], "jerkbench.catalogue.list_text"), (["run"], "jerkbench.hydra_app.app.prepared_app")]
+    ("words", "place"),
+    [(["list"], "jerkbench.plugins.catalogue.list_text"), (["run"], "jerkbench.hydra_app.app.prepared_app")],
 )
 def test_a_worker_that_died_is_no_matter_of_paths(tmp_path, monkeypatch, words, place):
     def die(_):
@@ -66,7 +67,8 @@ def test_less_memory_than_the_libraries_need_is_refused_at_once(tmp_path, words)
 
 
 @pytest.mark.parametrize(
-    ("words", "place"), [(["list"], "jerkbench.catalogue.list_text"), (["run"], "jerkbench.hydra_app.app.prepared_app")]
+    ("words", "place"),
+    [(["list"], "jerkbench.plugins.catalogue.list_text"), (["run"], "jerkbench.hydra_app.app.prepared_app")],
 )
 def test_too_little_memory_is_a_sentence(tmp_path, monkeypatch, words, place):
     def fill(_):

@@ -8,11 +8,11 @@ import pytest
 import yaml
 
 from commands import verb
-from jerkbench import yaml_files
+from jerkbench import files
 from jerkbench.errors import JerkbenchError
+from jerkbench.files import DEEPEST, MOST_VALUES, read_yaml
 from jerkbench.report.compared import read_tolerances
 from jerkbench.suite.entry import SETTINGS, read_entry
-from jerkbench.yaml_files import DEEPEST, MOST_VALUES, read_yaml
 
 ENTRIES = Path(__file__).parents[1] / "results"
 BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -43,13 +43,13 @@ def test_a_bomb_in_a_preset_is_refused_at_once(tmp_path, bomb):
     assert time.process_time() - began < 20
 
 
-@pytest.mark.parametrize("loader", [yaml.SafeLoader, yaml_files.LOADER], ids=["python", "libyaml"])
+@pytest.mark.parametrize("loader", [yaml.SafeLoader, files.LOADER], ids=["python", "libyaml"])
 @pytest.mark.parametrize("text", [DEEP, DEEP.replace("[", "{").replace("]", "}"), "- " * 900 + "x"])
 def test_a_depth_is_one_sentence_whichever_library_refuses_it(tmp_path, monkeypatch, loader, text):
     """libyaml 0.2.6 has a limit of its own, which older ones and the library in Python lack."""
-    monkeypatch.setattr(yaml_files, "LOADER", loader)
+    monkeypatch.setattr(files, "LOADER", loader)
     with pytest.raises(JerkbenchError, match="stands for more than 100000 values, or has lists nested more than 100"):
-        yaml_files.require_small(text, tmp_path / "deep.yaml")
+        files.require_small(text, tmp_path / "deep.yaml")
 
 
 def test_interpolations_that_multiply_are_refused_at_once(tmp_path):

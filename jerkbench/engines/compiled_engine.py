@@ -9,8 +9,8 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
-from jerkbench.optional import clocked
 from jerkbench.plugins import register
+from jerkbench.plugins.optional import clocked
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline
 

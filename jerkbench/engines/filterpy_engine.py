@@ -22,8 +22,8 @@ from jerkbench.kalman import (
     squared_distance_by,
     without_measured,
 )
-from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.plugins import register
+from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
 from jerkbench.timeline import Recorder, Timeline
 
 COVARIANCE_FORMS = ("joseph", "paper")

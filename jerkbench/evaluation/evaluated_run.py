@@ -11,7 +11,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts, position_error_m
 from jerkbench.evaluation.sums import sums_of
-from jerkbench.optional import has_methods
+from jerkbench.plugins.optional import has_methods
 from jerkbench.recording import Recording
 from jerkbench.sums import Streamed, Sums
 

@@ -11,8 +11,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.kalman import squared_distance, updated
-from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.parameters import DefaultOrigin, Limited, Range
+from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Recorder, Timeline, kept_timeline

@@ -24,9 +24,9 @@ from jerkbench.filters.common import (
 )
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
 from jerkbench.kalman import is_healthy, squared_distance, updated
-from jerkbench.optional import clocked, empty_memory, wants_truth
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Limited, Provenance
 from jerkbench.plugins import register
+from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
 from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
 

@@ -22,7 +22,7 @@ from jerkbench.hydra_app.configuration import Schema
 from jerkbench.jobs.job import Noise
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import choose, noise_of
-from jerkbench.optional import preferred_attitude
+from jerkbench.plugins.optional import preferred_attitude
 from jerkbench.presets import config_folder
 
 COMPOSED_GROUPS = (*GROUPS, "disturbance", "noise")

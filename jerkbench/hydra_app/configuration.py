@@ -17,15 +17,14 @@ from yaml import YAMLError
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
+from jerkbench.files import require_small
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import GROUPS, labels_of
-from jerkbench.optional import preferred_attitude
+from jerkbench.plugins.optional import preferred_attitude
 from jerkbench.presets import environment_variable
-from jerkbench.removed import refuse_removed
-from jerkbench.renamed import RENAMED, new_name
+from jerkbench.renamed import RENAMED, new_name, refuse_removed
 from jerkbench.report import Choice, figures_choice
 from jerkbench.timeline import RScale
-from jerkbench.yaml_files import require_small
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
 """The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""

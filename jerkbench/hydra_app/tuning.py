@@ -24,7 +24,7 @@ from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
-from jerkbench.optional import is_attitude_only
+from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.presets import user_folders
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.tables.writers import passive
@@ -32,7 +32,7 @@ from jerkbench.tuning.entrant import Site
 from jerkbench.tuning.evaluate import objective_of, trial_table
 from jerkbench.tuning.outcome import (
     TUNED_PARTS,
-    exports,
+    other_programs,
     preset_words,
     record,
     tuning_page,
@@ -260,7 +260,7 @@ def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None
     scenarios = [case.labels.scenario for case in tuning.cases.tune]
     trials = trial_table(outcome.trials, tuning.space.names, scenarios)
     write_text(folder / "trials.csv", trials.to_csv(index=False, lineterminator="\n"))
-    for name, text in exports(tuning).items() if not is_attitude_only(tuning.job.method.filter) else ():
+    for name, text in other_programs(tuning).items() if not is_attitude_only(tuning.job.method.filter) else ():
         write_text(folder / "export" / name, text)
     print(page)
     if figures:

@@ -18,7 +18,7 @@ from jerkbench.hydra_app.typed_words import arranged_words, hydra_sentence
 from jerkbench.jobs.cluster import Cluster
 from jerkbench.jobs.job import Job
 from jerkbench.presets import config_folder, folder_words, preset
-from jerkbench.removed import refuse_removed
+from jerkbench.renamed import refuse_removed
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from jerkbench.kinematic.loop import APART, runs_of
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.kinematic.runs import run_alone, run_packs
-from jerkbench.optional import clocked
+from jerkbench.plugins.optional import clocked
 from jerkbench.recording import Imu
 from jerkbench.sums import ErrorWeights, Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths

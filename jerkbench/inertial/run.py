@@ -24,7 +24,7 @@ from jerkbench.inertial.update import (
     widened,
 )
 from jerkbench.kalman import has_factor
-from jerkbench.optional import clocked, empty_memory, wants_truth
+from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
 from jerkbench.recording import Heading, Imu
 from jerkbench.timeline import Recorder, Timeline
 

@@ -22,8 +22,7 @@ from typing import Any, NamedTuple, Protocol, Self
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.notices import shared_notices
-from jerkbench.plain import keep_output_plain
+from jerkbench.notices import keep_output_plain, shared_notices
 
 
 class ClusterError(JerkbenchError):

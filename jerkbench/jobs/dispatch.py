@@ -22,7 +22,7 @@ from jerkbench.jobs.cluster import ClusterError, Lent, Workers
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, versions
 from jerkbench.jobs.sources import plugin_digest
-from jerkbench.plain import keep_output_plain
+from jerkbench.notices import keep_output_plain
 from jerkbench.plugins import is_own
 
 # The identity of a plan's code: what a worker must have before it runs anything of the plan.

@@ -23,7 +23,7 @@ from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, require_data, versions
 from jerkbench.jobs.sources import plugin_digest
-from jerkbench.optional import part_read
+from jerkbench.plugins.optional import part_read
 from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
 from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
 

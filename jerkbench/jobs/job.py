@@ -24,9 +24,8 @@ from jerkbench.errors import PluginError
 from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.jobs.labels import GROUPS, Labels, default_labels
-from jerkbench.notices import notify
-from jerkbench.optional import on_request
-from jerkbench.plain import plain
+from jerkbench.notices import notify, plain
+from jerkbench.plugins.optional import on_request
 from jerkbench.timeline import RScale, scale_of
 
 # The names of the metrics of a cell: those that are asked for, or those by default.
@@ -346,7 +345,7 @@ def _new_part(kind: str, config: Mapping[str, Any]) -> _Part:
 def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
     """Refuse a plugin from elsewhere that lacks a method, which would show late and in nobody's words."""
     if not plugins.is_own(type(plugin)):
-        from jerkbench.conformance.requirements import require_methods
+        from jerkbench.plugins.requirements import require_methods
 
         try:
             require_methods(kind, plugin)

@@ -23,7 +23,7 @@ COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
     *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("optional", "random_streams", "renamed", "sums", "tuning/splits"),
+    *("plugins/optional", "random_streams", "renamed", "sums", "tuning/splits"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "sums")),
     "evaluation/statistics/correlated_errors",

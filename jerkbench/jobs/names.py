@@ -10,7 +10,7 @@ from jerkbench.contracts import Estimator, PerSeed
 from jerkbench.errors import PluginError, unknown
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import labels_of
-from jerkbench.optional import is_attitude_only, lacks_imu, preferred_attitude, uses_imu
+from jerkbench.plugins.optional import is_attitude_only, lacks_imu, preferred_attitude, uses_imu
 from jerkbench.presets import default_names, merged_values, preset, preset_names
 from jerkbench.renamed import new_name
 

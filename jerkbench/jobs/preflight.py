@@ -12,9 +12,9 @@ from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job
-from jerkbench.optional import has_methods
-from jerkbench.plain import plain
+from jerkbench.notices import plain
 from jerkbench.plugins import is_own
+from jerkbench.plugins.optional import has_methods
 from jerkbench.recording import Recording
 
 
@@ -94,7 +94,7 @@ def _complaints(job: Job) -> Iterator[tuple[str, str]]:
     """Kind and name of each plugin from elsewhere that does not keep its contract, and what is the matter."""
     for kind, name, plugin in job.parts():
         if not is_own(type(plugin)):
-            from jerkbench.conformance.plugin import complaint
+            from jerkbench.plugins.checks import complaint
 
             if sentence := complaint(kind, plugin):
                 yield f"{kind} {name}", sentence

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from jerkbench.plain import plain_output, styled
+from jerkbench.notices import plain_output, styled
 
 # A sign of life from work that has nothing to show yet: a line after a quarter of a minute, then
 # one a minute.

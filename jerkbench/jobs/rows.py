@@ -19,8 +19,8 @@ from jerkbench.jobs.inputs import KEPT_INPUTS, Inputs, shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import processor_kind
 from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, unfit
-from jerkbench.optional import part_read
-from jerkbench.plain import plain
+from jerkbench.notices import plain
+from jerkbench.plugins.optional import part_read
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Timeline, build_timeline

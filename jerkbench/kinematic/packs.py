@@ -13,7 +13,7 @@ from jerkbench.compilation.vectors import WIDE
 from jerkbench.contracts import Filter
 from jerkbench.kinematic.arguments import Model, Score, Steps
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart
-from jerkbench.optional import axis_models
+from jerkbench.plugins.optional import axis_models
 from jerkbench.sums import Run
 from jerkbench.timeline import Timeline, step_lengths
 

@@ -25,7 +25,7 @@ from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
 from jerkbench.kinematic.arguments import AT_ONCE, EACH, NEVER, Packed, Rules, Whole
 from jerkbench.notices import notify
-from jerkbench.optional import asked_in_lanes, changes_nothing, memory_size, wants_truth
+from jerkbench.plugins.optional import asked_in_lanes, changes_nothing, memory_size, wants_truth
 
 # The methods as the author of an adaptation writes them: what each is given, and what it returns.
 

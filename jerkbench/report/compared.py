@@ -9,14 +9,14 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jerkbench.conformance.requirements import JunitCase, junit
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.evaluation.statistics.intervals import loss_bound
+from jerkbench.files import read_yaml
+from jerkbench.plugins.requirements import JunitCase, junit
 from jerkbench.report.analysis.changes import Change, change_rows
 from jerkbench.report.analysis.columns import METHOD, Combination, quantity
 from jerkbench.report.tables.terminal import print_grid
 from jerkbench.report.tables.writers import markdown_grid
-from jerkbench.yaml_files import read_yaml
 
 KEY = "tolerances"
 """The list in the file."""

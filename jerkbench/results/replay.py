@@ -19,7 +19,7 @@ from jerkbench.jobs.key import code_digest, require_data, versions
 from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.preflight import plugins_in_words
 from jerkbench.jobs.rows import Row, job_rows, run_seed
-from jerkbench.plain import plain
+from jerkbench.notices import plain
 from jerkbench.recording import Recording
 from jerkbench.report.analysis.columns import SCENARIO_FACTORS
 from jerkbench.results.content import Stored

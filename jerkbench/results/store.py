@@ -14,8 +14,7 @@ import pyarrow.compute as pc
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Job
-from jerkbench.notices import notify
-from jerkbench.plain import plain
+from jerkbench.notices import notify, plain
 from jerkbench.results.content import (
     Content,
     ShownSeeds,

@@ -13,8 +13,8 @@ from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
 from jerkbench.jobs.labels import Labels, contradiction
+from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of
-from jerkbench.plain import plain
 from jerkbench.report.analysis.columns import FACTORS, FLOOR, SCENARIO_FACTORS, WHY
 from jerkbench.report.analysis.runs import SPENDS
 from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number

@@ -23,7 +23,7 @@ from jerkbench.files import write_text
 from jerkbench.jobs.key import data_fingerprint
 from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
-from jerkbench.plain import plain
+from jerkbench.notices import plain
 from jerkbench.report.markup import environment
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins_digest
 from jerkbench.suite.entry import MANIFEST, PAGE, Entry, file_hashes, frozen_part, read_entry

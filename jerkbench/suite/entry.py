@@ -15,16 +15,15 @@ import pyarrow.parquet as pq
 import yaml
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import cache_folder, write_atomically, write_text
+from jerkbench.files import cache_folder, read_yaml, write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.plain import is_plain, plain
+from jerkbench.notices import is_plain, plain
 from jerkbench.results.replay import program_of
 from jerkbench.suite.campaign import ENTRY, PLAIN, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.protocol import FROZEN, Frozen, SuiteProtocol, read_suite, require_recordings
 from jerkbench.suite.scores import entry_scoring, score_as_json
 from jerkbench.tuning.entrant import Entrant, Site
 from jerkbench.tuning.space import Setting
-from jerkbench.yaml_files import read_yaml
 
 ROWS, SETTINGS, PAGE, MANIFEST = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
 HASHED = (ROWS, SETTINGS, PAGE)

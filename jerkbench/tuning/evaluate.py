@@ -17,7 +17,7 @@ from jerkbench.jobs.job import Job
 from jerkbench.jobs.plan import MOST_TASKS
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
-from jerkbench.optional import is_attitude_only
+from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.recording import Recording
 from jerkbench.timeline import RScale
 from jerkbench.tuning.entrant import Site

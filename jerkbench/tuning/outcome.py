@@ -266,7 +266,7 @@ CORRELATION_H = 1.0
 """Correlation time of KF-GINS' biases where our filter has a random walk."""
 
 
-def exports(tuning: Tuning) -> dict[str, str]:
+def other_programs(tuning: Tuning) -> dict[str, str]:
     """Return the files of other programs, by their names: what the setting decides of them, and what does not map."""
     values, spec = _values(tuning), tuning.job.spec
     density, walk = _velocity_density(tuning, values), values.get("filter.accel_walk_mps2_per_sqrt_s")

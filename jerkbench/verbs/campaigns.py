@@ -187,7 +187,7 @@ def _attitude_entrant(words: Sequence[str]) -> "Entrant":
     """An attitude filter, or a program: of that the attitude of the data set is never asked."""
     from jerkbench import plugins
     from jerkbench.errors import PluginError
-    from jerkbench.optional import is_attitude_only
+    from jerkbench.plugins.optional import is_attitude_only
     from jerkbench.tuning.entrant import Entrant
 
     given = words if any(word.startswith("filter=") for word in words) else ["filter=attitude_only", *words]

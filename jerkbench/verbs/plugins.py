@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jerkbench.verbs.arguments import ANSWER_FORMAT, argument, output, print_json, verb
 
 if TYPE_CHECKING:
-    from jerkbench.authoring import CheckedPlugin
+    from jerkbench.plugins.new import CheckedPlugin
 
 
 @verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), ANSWER_FORMAT)
@@ -22,7 +22,7 @@ def list_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: no such kind.
     """
-    from jerkbench.catalogue import list_text, listed_json
+    from jerkbench.plugins.catalogue import list_text, listed_json
 
     if chosen.format == "json":
         print_json(listed_json(chosen.kind))
@@ -44,7 +44,7 @@ def show_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: there is none of that name.
     """
-    from jerkbench.catalogue import kind_of, show_text, shown_json
+    from jerkbench.plugins.catalogue import kind_of, show_text, shown_json
 
     if chosen.name is None and "=" in chosen.kind:  # as `run` takes it
         chosen.kind, _, chosen.name = chosen.kind.partition("=")
@@ -70,7 +70,7 @@ def new_verb(chosen: argparse.Namespace) -> None:
     Raises:
         PluginError: no such kind, no possible name, one that is taken, or there is something in the folder.
     """
-    from jerkbench.authoring import write_package
+    from jerkbench.plugins.new import write_package
 
     for path in write_package(chosen.kind, chosen.name, chosen.out or Path(chosen.name)):
         print(path)
@@ -98,7 +98,7 @@ def _json(package: str, checked: "Sequence[CheckedPlugin]") -> str:
 
 
 def _junit(package: str, checked: "Sequence[CheckedPlugin]") -> str:
-    from jerkbench.conformance.requirements import JunitCase, junit
+    from jerkbench.plugins.requirements import JunitCase, junit
 
     def sentences(plugin: "CheckedPlugin", severity: str) -> tuple[str, ...]:
         return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)
@@ -129,7 +129,7 @@ def check_verb(chosen: argparse.Namespace) -> None:
         PluginError: there is no such package, or it has no plugin.
         SystemExit: 1, where a plugin does not keep its contract.
     """
-    from jerkbench.authoring import check_package
+    from jerkbench.plugins.new import check_package
 
     checked = check_package(chosen.package)
     print(FINDINGS[chosen.format](chosen.package, checked))

@@ -9,8 +9,8 @@ import textbook
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.optional import empty_memory
 from jerkbench.plugins import create
+from jerkbench.plugins.optional import empty_memory
 from plain_filter import assert_follows, run_plain
 from rough import rough_timeline
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jerkbench.filters.kinematic import Jerk
-from jerkbench.optional import empty_memory
 from jerkbench.plugins import create
+from jerkbench.plugins.optional import empty_memory
 
 BLOCKS = (slice(0, 3), slice(3, 6))
 

@@ -10,7 +10,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.sage_husa import SageHusa
 from jerkbench.adaptation.scalar_r import ScalarR
 from jerkbench.errors import PluginError
-from jerkbench.optional import empty_memory
+from jerkbench.plugins.optional import empty_memory
 
 ALL_ROWS = np.arange(6)
 

@@ -7,9 +7,9 @@ from sequences import sequence
 
 from jerkbench import plugins
 from jerkbench.compilation.methods import address_of, ask, compiled_method, fill_by, parameter_vector
-from jerkbench.conformance.samples import STATES, ordinary
 from jerkbench.kinematic.plugin_call import ADAPT, FADE, GAIN, PRIOR
-from jerkbench.optional import empty_memory
+from jerkbench.plugins.optional import empty_memory
+from jerkbench.plugins.requirements import STATES, ordinary
 
 NAMES = plugins.names("adaptation")
 METHODS = {method.name: method for method in (FADE, PRIOR, ADAPT, GAIN)}

@@ -9,10 +9,10 @@ from omegaconf import OmegaConf
 from jerkbench.attitude.alignment import TiltStart, tilt_start
 from jerkbench.attitude.gravity_update import ADAPTATIONS
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.catalogue import docstrings
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import create, get
+from jerkbench.plugins.catalogue import docstrings
 from jerkbench.recording import Heading, Imu, Recording, Reference, Velocity
 
 G = 9.81

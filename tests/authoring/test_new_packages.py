@@ -8,7 +8,7 @@ import tomllib
 import pytest
 
 from commands import environment, verb
-from jerkbench.authoring import EXAMPLES, class_name
+from jerkbench.plugins.new import EXAMPLES, class_name
 
 MOST_LINES = 40
 

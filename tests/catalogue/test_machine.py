@@ -6,7 +6,7 @@ import pytest
 
 from commands import verb
 from jerkbench import plugins
-from jerkbench.catalogue import list_text, listed_json, shown_json
+from jerkbench.plugins.catalogue import list_text, listed_json, shown_json
 
 
 def test_every_name_that_a_person_reads_is_in_the_json(tmp_path):

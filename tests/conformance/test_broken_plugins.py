@@ -10,7 +10,6 @@ import pytest
 from jerkbench import testing
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.conformance.samples import small_recording, true_attitude
 from jerkbench.disturbances.imu import ImuBias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
@@ -18,6 +17,7 @@ from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
+from jerkbench.plugins.requirements import small_recording, true_attitude
 from jerkbench.sums import Streamed
 
 

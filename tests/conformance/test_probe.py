@@ -8,7 +8,6 @@ import pytest
 
 from jerkbench import plugins, testing
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.conformance.plugin import complaint
 from jerkbench.disturbances.imu import ImuBias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
@@ -18,6 +17,7 @@ from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.rows import job_rows
+from jerkbench.plugins.checks import complaint
 from made_jobs import with_method
 
 

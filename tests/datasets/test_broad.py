@@ -6,11 +6,11 @@ import pytest
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.conformance.plugin import check_plugin
 from jerkbench.datasets.broad import Broad
 from jerkbench.errors import RecordingError
 from jerkbench.evaluation.metrics.attitude import Inclination
 from jerkbench.filters.attitude_only import AttitudeOnlyFilter
+from jerkbench.plugins.checks import check_plugin
 
 RATE_HZ, REST_S, TURN_S = 100.0, 4.0, 2.0
 TURN_RAD = 0.5

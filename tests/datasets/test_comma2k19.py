@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jerkbench.conformance.plugin import check_plugin
 from jerkbench.datasets.comma2k19 import Comma2k19
 from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.plugins.checks import check_plugin
 
 LATITUDE, LONGITUDE, HEIGHT = np.radians(37.0), np.radians(-122.0), 30.0
 LOG_S = 1000.0

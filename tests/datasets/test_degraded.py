@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from jerkbench.conformance.plugin import check_plugin
 from jerkbench.errors import RecordingError
 from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
+from jerkbench.plugins.checks import check_plugin
 
 FAR_M = 1.5
 """Over a longer interval the reference is not taken linearly."""

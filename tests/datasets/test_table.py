@@ -8,13 +8,13 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jerkbench.conformance.plugin import check_plugin
-from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.writing import write_table
 from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
+from jerkbench.plugins.checks import check_plugin
+from jerkbench.plugins.requirements import small_recording
 from jerkbench.recording import Origin
 
 START_NS = 1_403_636_579_763_555_584

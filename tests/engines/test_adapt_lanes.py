@@ -14,7 +14,7 @@ from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
 from jerkbench.compilation.lanes import above, chosen
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.kinematic import Baseline, Jerk
-from jerkbench.optional import asked_in_lanes
+from jerkbench.plugins.optional import asked_in_lanes
 
 
 @pytest.fixture(scope="module")

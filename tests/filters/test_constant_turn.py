@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jerkbench import plugins
-from jerkbench.conformance.plugin import check_plugin
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import no_attitude
 from jerkbench.filters.constant_turn import ConstantTurn, after_turn, turn_jacobian
 from jerkbench.filters.kinematic import ConstantVelocity
+from jerkbench.plugins.checks import check_plugin
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.timeline import build_timeline
 

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.inspection.sigmas import velocity_dependence
+from jerkbench.plugins.requirements import small_recording
 from jerkbench.recording import Position, Velocity
 
 

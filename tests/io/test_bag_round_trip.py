@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import jerkbench
-from jerkbench.conformance.samples import small_recording
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import RecordingError
 from jerkbench.io.ros.writing import write_bag
+from jerkbench.plugins.requirements import small_recording
 from jerkbench.recording import Reference, Velocity
 
 FIELD = {"duration_s": 20.0, "stand_s": 3.0}

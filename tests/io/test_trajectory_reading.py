@@ -8,10 +8,10 @@ import pytest
 from pymap3d import enu2geodetic
 from scipy.spatial.transform import Rotation
 
-from jerkbench.conformance.samples import small_recording
 from jerkbench.errors import RecordingError
 from jerkbench.io.trajectory import estimate_at_reference
 from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
+from jerkbench.plugins.requirements import small_recording
 
 START, SPEED = np.array([10.0, -5.0, 2.0]), np.array([1.0, 2.0, -0.1])
 EULER = np.array([0.1, -0.2, 0.7])

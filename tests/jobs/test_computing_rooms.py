@@ -11,8 +11,8 @@ from jerkbench.plugins import PACKAGES, _registry
 PACKAGE = Path(jerkbench.__file__).parent
 RUNNING = ("jobs/rows", "tuning/splits")
 NO_NUMBERS = {
-    *("api", "conformance", "errors", "fetching", "files", "notebook", "notices", "parameters", "places", "plain"),
-    *("plugins", "presets"),
+    *("api", "errors", "fetching", "files", "notices", "parameters", "places", "presets"),
+    *(f"plugins/{name}" for name in ("__init__", "checks", "requirements")),
     *(f"jobs/{name}" for name in ("key", "names", "preflight", "sources")),
 }
 """Rooms and modules that refuse, name or say something; what they import is not followed."""

@@ -9,9 +9,9 @@ import pytest
 import yaml
 
 from commands import jerkbench, verb
-from jerkbench.authoring import class_name
 from jerkbench.compilation.module_cache import COMPILED
 from jerkbench.files import cache_folder
+from jerkbench.plugins.new import class_name
 from jerkbench.suite.entry import HASHED
 from jerkbench.suite.protocol import read_suite
 from jerkbench.suite.scores import ByPosition

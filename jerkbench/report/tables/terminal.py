@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from jerkbench.plain import plain, styled
+from jerkbench.notices import plain, styled
 from jerkbench.report.analysis.columns import FACTORS, metric_columns, quantity
 from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
 from jerkbench.report.tables.table_model import ABSENT, Table, TableCell, TextPart, parts

@@ -11,7 +11,7 @@ from itertools import zip_longest
 from typing import Any
 
 from jerkbench.evaluation.statistics.intervals import share_interval
-from jerkbench.plain import plain
+from jerkbench.notices import plain
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.markup import render
 from jerkbench.report.tables.table_model import ABSENT, Ratio, Table, TableCell, TextPart, parts

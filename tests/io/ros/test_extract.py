@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bag_maker import Drive
-from jerkbench.conformance.requirements import identical
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.io.ros import extract
+from jerkbench.plugins.requirements import identical
 
 
 @pytest.fixture
@@ -118,8 +118,8 @@ def test_one_that_is_too_large_for_the_bound_is_kept_alone(bag, tmp_path, monkey
 
 
 def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):
-    from jerkbench.conformance.samples import small_recording
     from jerkbench.io.ros.writing import write_bag
+    from jerkbench.plugins.requirements import small_recording
 
     write_bag(small_recording(), tmp_path / "own.mcap")
     first = RosBag(str(tmp_path / "own.mcap")).load(0)

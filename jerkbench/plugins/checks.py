@@ -11,9 +11,25 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import BoolArray
-from jerkbench.conformance.adaptation import check_adaptation, probe_adaptation
-from jerkbench.conformance.filters import axis_model_of, check_engine, check_filter, require_initial_variances
-from jerkbench.conformance.requirements import (
+from jerkbench.contracts import Filter
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.errors import PluginError, unknown
+from jerkbench.estimate import Attitude, Estimate
+from jerkbench.filters.gnss_only import GnssOnly
+from jerkbench.filters.kinematic import Baseline
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of
+from jerkbench.plugins import create, is_own
+from jerkbench.plugins.method_checks import (
+    axis_model_of,
+    check_adaptation,
+    check_engine,
+    check_filter,
+    probe_adaptation,
+    require_initial_variances,
+)
+from jerkbench.plugins.optional import is_attitude_only
+from jerkbench.plugins.requirements import (
     Plugin,
     Unfit,
     changes_itself,
@@ -23,18 +39,10 @@ from jerkbench.conformance.requirements import (
     require_methods,
     require_shape,
     require_that,
+    small_recording,
+    small_timeline,
+    true_attitude,
 )
-from jerkbench.conformance.samples import small_recording, small_timeline, true_attitude
-from jerkbench.contracts import Filter
-from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.errors import PluginError, unknown
-from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.gnss_only import GnssOnly
-from jerkbench.filters.kinematic import Baseline
-from jerkbench.geometry import dcm_from_euler
-from jerkbench.optional import is_attitude_only
-from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of
-from jerkbench.plugins import create, is_own
 from jerkbench.recording import Recording
 
 # The checks of a data set and of a disturbance.

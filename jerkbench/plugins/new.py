@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from jerkbench import plugins
-from jerkbench.conformance.plugin import CHECKS, STAGES
-from jerkbench.conformance.requirements import changes_itself
 from jerkbench.errors import PluginError, article, unknown
-from jerkbench.files import write_text
+from jerkbench.files import filled_template, write_text
 from jerkbench.jobs.preflight import reason_of
+from jerkbench.plugins.checks import CHECKS, STAGES
+from jerkbench.plugins.requirements import changes_itself
 
 # The plugins that a package offers: by its distribution, its module or its folder.
 
@@ -295,13 +295,9 @@ def _require_name(group: str, name: str) -> None:
 
 
 def _filled(template: str, kind: str, name: str) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     example = EXAMPLES[kind]
-    environment = Environment(  # noqa: S701 - it writes Python and TOML, no HTML
-        loader=PackageLoader("jerkbench.authoring"), undefined=StrictUndefined, keep_trailing_newline=True
-    )
-    return environment.get_template(template).render(
+    return filled_template(
+        Path(__file__).parent / "templates" / template,
         kind=kind,
         name=name,
         group=example.group,
