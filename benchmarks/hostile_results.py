@@ -24,8 +24,8 @@ import pyarrow.parquet as pq
 
 from jerkbench.cli import main
 from jerkbench.errors import NOT_COMPARABLE
-from jerkbench.results.parts import REQUIRED_COLUMNS, content_of, part_name
-from jerkbench.results.store import Store
+from jerkbench.jobs.parts import REQUIRED_COLUMNS, content_of, part_name
+from jerkbench.jobs.store import Store
 
 Rng = np.random.Generator
 STRANGE = (

@@ -20,14 +20,15 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.jobs.blocks import RowBlock, block_of
 from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.manifest import write_manifest
+from jerkbench.jobs.parts import RowBlock
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.rows import Result, job_rows
+from jerkbench.jobs.run import block_of
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import load_study, write_study
 from jerkbench.report.tables.terminal import print_beginning
-from jerkbench.results.manifest import write_manifest
-from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_study
 
 FILTERS, ADAPTATIONS = ("jerk", "baseline"), ("none", "mtf", "huber", "sage_husa")
 BUNDLE = 64

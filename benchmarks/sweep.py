@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench.evaluation.sums import scored
-from jerkbench.jobs.blocks import block_of
 from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.job import Job, Protocol, build
 from jerkbench.jobs.rows import Result, job_rows
-from jerkbench.results.store import Store
+from jerkbench.jobs.run import block_of
+from jerkbench.jobs.store import Store
 from jerkbench.timeline import build_timeline
 
 ONCE, EACH = "once a recording", "each run"

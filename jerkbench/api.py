@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from jerkbench.jobs.study import Study
     from jerkbench.report.tables.table_model import Table
-    from jerkbench.results.study import Study
 
 __all__ = ["Part", "disturb", "estimate", "evaluate", "figure", "load", "report", "run", "sweep", "table"]
 
@@ -146,7 +146,7 @@ def sweep(
     Raises:
         JerkbenchError: something is unknown or does not fit, or every combination was left out.
     """
-    from jerkbench.results.study import concluded
+    from jerkbench.jobs.study import concluded
 
     axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
     protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
@@ -160,7 +160,7 @@ def _run(jobs: Iterator[Job], folder: Path, workers: int) -> dict[str, Sequence[
     from jerkbench.jobs.cluster import Workers
     from jerkbench.jobs.plan import planned
     from jerkbench.jobs.run import run_missing
-    from jerkbench.results.store import Store
+    from jerkbench.jobs.store import Store
 
     plan = planned(jobs)
     for sentence in plan.refused:
@@ -234,10 +234,9 @@ def report(
         JerkbenchError: there are no results.
     """
     from jerkbench.jobs.cluster import processors
+    from jerkbench.jobs.replay import tell_left_out
+    from jerkbench.jobs.study_figures import REPORT, Request, write_report
     from jerkbench.report import figures_choice
-    from jerkbench.results.replay import tell_left_out
-    from jerkbench.results.study_figures import Request
-    from jerkbench.results.study_report import REPORT, write_report
 
     opened = _opened(study)
     written = Path(path) if path else opened.folder / REPORT
@@ -249,7 +248,7 @@ def report(
 
 
 def _opened(study: "Study | Path | str") -> "Study":
-    from jerkbench.results.study import Study
+    from jerkbench.jobs.study import Study
 
     return Study.open(study) if isinstance(study, Path | str) else study
 

@@ -1,7 +1,7 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.jobs.blocks import RowBlock
-from jerkbench.results.store import Store
+from jerkbench.jobs.parts import RowBlock
+from jerkbench.jobs.store import Store
 
 LABELS = {
     "dataset": "field",

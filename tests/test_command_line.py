@@ -11,7 +11,7 @@ from omegaconf.errors import ConfigAttributeError
 
 from commands import SHORT, environment, jerkbench, swept, verb
 from jerkbench.cli import main
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 from stored_cells import drop
 
 CELLS = ["filter=baseline,jerk,gnss_only", "adaptation=none,mtf"]
@@ -427,16 +427,16 @@ main(sys.argv[1:])
 """
 PAUSING = """
 import signal
-from jerkbench.jobs import blocks
+from jerkbench.jobs import run
 
-def pausing(writer, job, result, add=blocks.Writer.add, count=[0]):
+def pausing(writer, job, result, add=run.Writer.add, count=[0]):
     add(writer, job, result)
     count[0] += 1
     if count[0] > 3:
         signal.pause()  # until Ctrl-C, however slow its sender is
 
-blocks.Writer.add = pausing
-blocks.HELD_S = 0.0
+run.Writer.add = pausing
+run.HELD_S = 0.0
 """
 
 

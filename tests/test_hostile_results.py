@@ -16,14 +16,14 @@ import pytest
 
 from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.app import End, conclude_study
+from jerkbench.hydra_app.app import conclude_study, ended_by
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.manifest import read_manifest
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.run import run_missing
-from jerkbench.results.manifest import read_manifest
-from jerkbench.results.store import Store
-from jerkbench.results.study import load_study
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import load_study
 from stored_cells import store_cell
 
 DAMAGES = 200
@@ -55,11 +55,14 @@ def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.jobs.blocks.HELD_S", 0.0)
-        with End() as end:
+        patched.setattr("jerkbench.jobs.run.HELD_S", 0.0)
+        code = 0
+        try:
             run_missing(plan, store)
+        except (OSError, JerkbenchError) as error:
+            code = ended_by(error)
     conclude_study(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
-    return end.code
+    return code
 
 
 @pytest.fixture(scope="module")
@@ -238,10 +241,7 @@ def test_a_method_without_any_error_has_no_ratio(whole, tmp_path):
 
 
 def test_a_worker_that_died_is_not_told_as_a_result_that_cannot_be_stored(capsys):
-    end = End()
-    with end:
-        raise ChildProcessError("the process that ran it died")
-    assert end.code == 1
+    assert ended_by(ChildProcessError("the process that ran it died")) == 1
     printed = capsys.readouterr().err
     assert "the process that ran it died" in printed
     assert "stored" not in printed

@@ -38,7 +38,6 @@ ORDER = [
     ["testing", "report"],
     ["inspection"],
     ["jobs"],
-    ["results"],
     ["tuning"],
     ["audit", "suite", "hydra_app", "plugins.catalogue", "api", "fetching", "plugins.new"],
     ["verbs"],

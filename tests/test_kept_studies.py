@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from commands import verb
-from jerkbench.jobs.blocks import RowBlock
-from jerkbench.results.store import Store
-from jerkbench.results.study import load_study
+from jerkbench.jobs.parts import RowBlock
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import load_study
 from stored_cells import about, put, row
 
 RESULTS = Path(__file__).parents[1] / "results"

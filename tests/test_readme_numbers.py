@@ -11,8 +11,8 @@ from experiment_scripts import experiment
 from jerkbench.audit.answer import answered
 from jerkbench.audit.page import answer_summary, audit_page
 from jerkbench.audit.rows import read_rows
+from jerkbench.jobs.study import load_study
 from jerkbench.report.tables.table_model import number
-from jerkbench.results.study import load_study
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

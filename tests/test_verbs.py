@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from commands import swept, verb
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 from stored_cells import put, store_cell
 
 WORDS = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,gnss_outage", "seeds=2"]

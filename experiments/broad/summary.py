@@ -6,8 +6,8 @@ python experiments/broad/summary.py results/broad
 import sys
 from pathlib import Path
 
+from jerkbench.jobs.study import load_study
 from jerkbench.report.tables.table_model import number
-from jerkbench.results.study import load_study
 
 METRIC, FLOOR = "inclination_rmse_deg", "inclination_floor_deg"
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from jerkbench.jobs.study import load_study
 from jerkbench.report.tables.table_model import number
-from jerkbench.results.study import load_study
 
 COLUMNS = {"withhold": "position_rmse_m", "withhold+twelve_outages": "outage_rmse_m"}
 METHOD = ["filter", "adaptation", "noise"]

@@ -21,7 +21,7 @@ from jerkbench.audit.rows import AuditRows, cubes, read_rows
 from jerkbench.evaluation.statistics.drives_and_tunings import crossed_intervals
 from jerkbench.evaluation.statistics.intervals import student_intervals
 from jerkbench.evaluation.statistics.judgement import LEVEL
-from jerkbench.results.study import load_study
+from jerkbench.jobs.study import load_study
 from jerkbench.tuning.entrant import FaultScenario
 
 CLAIMED = AuditMethod("jerk", "mtf")

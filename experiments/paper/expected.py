@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from jerkbench.results.study import load_study
+from jerkbench.jobs.study import load_study
 
 POSITION = "position_rmse_m"
 

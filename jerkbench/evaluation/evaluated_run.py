@@ -64,7 +64,7 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
 #
 # A new column is a new metric, one file in `metrics`, also where nothing of the estimate enters (`position_bound`);
 # here the answers are only put together. What a row says of the run itself, `RUN`, is filled by
-# `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.results.parts`.
+# `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.jobs.parts`.
 
 RUN = ("seed", "replicate", "status", "reason")
 """The columns of a run's row between its labels and its metrics."""

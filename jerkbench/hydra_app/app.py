@@ -6,8 +6,8 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from shutil import rmtree
+from typing import Any
 
 import hydra
 from hydra.core.config_loader import ConfigLoader
@@ -38,16 +38,16 @@ from jerkbench.hydra_app.words import Words, cluster_of
 from jerkbench.jobs.cluster import LOCAL, Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
+from jerkbench.jobs.manifest import stretches
 from jerkbench.jobs.names import refusal, require_sensible
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.preflight import first_complaints, first_remarks
-from jerkbench.jobs.progress import Progress, Pulse, duration
+from jerkbench.jobs.progress import Progress, duration, pulse
 from jerkbench.jobs.run import run_missing
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import Study, concluded, load_study
 from jerkbench.presets import config_folder, folder_words
 from jerkbench.report import Choice, figures_choice
-from jerkbench.results.manifest import stretches
-from jerkbench.results.store import Store
-from jerkbench.results.study import Study, concluded, load_study
 
 
 def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
@@ -72,7 +72,7 @@ class Conclude(Callback):
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
         """Forget the order of an earlier sweep that did not come to its end."""
-        forget_order(study_folder(config))
+        rmtree(study_folder(config) / ORDER_FOLDER, ignore_errors=True)
 
     def on_multirun_end(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
         """Write and print the table of the sweep, in planned order; exits as our own launcher would."""
@@ -117,12 +117,12 @@ def one(config: DictConfig) -> None:
         engine, model = job.method.engine, job.method.filter
         if drawing and isinstance(engine, Preparing) and not isinstance(model, Estimator):
             engine.prepare(model)  # what a trajectory needs and sums do not: to compile it takes as long as all else
-        with Pulse(lambda seconds: f"Running for {duration(seconds)}."):
+        with pulse(lambda seconds: f"Running for {duration(seconds)}."):
             run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
         _show(plan, store, config)
         if not drawing:
             return
-        from jerkbench.results.study_figures import draw_single
+        from jerkbench.jobs.study_figures import draw_single
 
         for path in draw_single(plan.jobs[0], study_folder(config), pdf=config.figures_pdf):
             print(f"Figure: {path}")
@@ -232,7 +232,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     """
     if not config.report:
         return 0
-    from jerkbench.results.study_report import present
+    from jerkbench.jobs.study_figures import present
 
     try:
         choice = figures_choice(config.figures)
@@ -264,78 +264,60 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
         SystemExit: a run failed, or the sweep was interrupted.
     """
     plan, cluster = _planned(loader, config, jobs)
-    store, end = Store(study_folder(config)), End()
+    store = Store(study_folder(config))
     if config.dry:
         tell(plan, store, config)
-    else:
-        with end, Workers(cluster, config.workers or processors()) as workers:
-            for end.look in looks_left(planned_looks(plan, config.seeds, config.max_seeds), store):
-                run_missing(end.look.plan, store, workers)
-                draws = end.look.plan.draws
-                if end.look.last or not undecided(load_study(store.folder.parent, draws), end.look.level):
+        return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
+    every = planned_looks(plan, config.seeds, config.max_seeds)
+    code, look = 0, every[0]
+    try:
+        with Workers(cluster, config.workers or processors()) as workers:
+            for look in looks_left(every, store):
+                run_missing(look.plan, store, workers)
+                if look.last or not undecided(load_study(store.folder.parent, look.plan.draws), look.level):
                     break
-        if code := _concluded(end, store, config):
-            raise SystemExit(code)
+    except (KeyboardInterrupt, OSError, JerkbenchError) as error:
+        code = ended_by(error)
+    if code := _concluded(look, code, store, config):
+        raise SystemExit(code)
     return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
 
 
-class End:
-    """The end of a sweep, also of one that cannot go on: what is done is stored, and can be concluded.
-
-    Attributes:
-        look: the last that was begun.
-        code: exit code of a sweep that did not come to its end, or 0.
-    """
-
-    look: Look
-    code = 0
-
-    def __enter__(self) -> Self:
-        """Begin."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> bool:
-        """Say why it ended; an input at fault ends the command."""
-        if isinstance(error, KeyboardInterrupt):
-            self.code = INTERRUPTED
-            sentence = "Interrupted. What is done is stored; the same command goes on from there."
-        elif isinstance(error, ClusterError | ChildProcessError):
-            self.code, sentence = FAILED, f"jerkbench: the sweep ends here: {error}"
-        elif isinstance(error, OSError):
-            self.code = FAILED
-            sentence = f"jerkbench: the sweep ends here, because a result cannot be stored: {error}."
-        elif isinstance(error, JerkbenchError):
-            exit_with(error)
-        if self.code:
-            print(sentence, file=sys.stderr)
-        return bool(self.code)
+def ended_by(error: KeyboardInterrupt | OSError | JerkbenchError) -> int:
+    """Say why a sweep does not come to its end, and return its exit code; an input at fault ends the command."""
+    if isinstance(error, KeyboardInterrupt):
+        print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
+        return INTERRUPTED
+    if isinstance(error, ClusterError | ChildProcessError):
+        print(f"jerkbench: the sweep ends here: {error}", file=sys.stderr)
+    elif isinstance(error, OSError):
+        print(f"jerkbench: the sweep ends here, because a result cannot be stored: {error}.", file=sys.stderr)
+    else:
+        exit_with(error)
+    return FAILED
 
 
 def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]]) -> tuple[Plan, Cluster]:
     """The cells of a sweep, and where they run; says what is left out, and what is to be known of the rest."""
     try:
-        with Pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
+        with pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
             composed = compose_jobs(loader, config, jobs)
             plan = planned(configured_job(job.plain, job.choices, job.overrides) for job in composed)
         cluster = cluster_of(config)
     except JerkbenchError as error:
         exit_with(error)
-    for line in (
-        *plan.refused,
-        *first_complaints(plan.jobs),
-        *first_remarks(plan.jobs, shared_inputs()),
-    ):
+    for line in (*plan.refused, *first_complaints(plan.jobs), *first_remarks(plan.jobs, shared_inputs())):
         print(line, file=sys.stderr)
     if not plan.jobs:
         exit_with(PluginError("There is nothing to run: every combination was left out."))
     return plan, cluster
 
 
-def _concluded(end: End, store: Store, config: DictConfig) -> int:
-    """Write and print what came of a sweep; returns its exit code."""
-    code, plan = end.code, end.look.plan
+def _concluded(look: Look, code: int, store: Store, config: DictConfig) -> int:
+    """Write and print what came of a sweep that ended with ``code`` in a look; returns its exit code."""
+    plan = look.plan
     try:
-        study = conclude_study(store, plan.draws, config, end.look.level if config.max_seeds else None)
+        study = conclude_study(store, plan.draws, config, look.level if config.max_seeds else None)
     except OSError as error:
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         return FAILED
@@ -352,12 +334,6 @@ ORDER_FOLDER = ".order"
 """In the study's folder: a file for each job, named by its number."""
 
 
-def forget_order(folder: Path) -> None:
-    """Delete what an earlier sweep has left."""
-    for path in _files(folder):
-        path.unlink(missing_ok=True)
-
-
 def note_place(folder: Path, number: int, job: Job) -> None:
     """Note what the job ``number`` is: a cell, and its seeds."""
     write_text(folder / ORDER_FOLDER / f"{number:07d}", json.dumps([job.key, list(job.draws)]))
@@ -366,14 +342,8 @@ def note_place(folder: Path, number: int, job: Job) -> None:
 def take_order(folder: Path) -> dict[str, list[int]]:
     """Return the cells of all jobs in order, each with its seeds, and delete the notes."""
     found: dict[str, set[int]] = {}
-    for path in _files(folder):
+    for path in sorted(path for path in (folder / ORDER_FOLDER).glob("*") if path.name.isdecimal()):
         key, draws = json.loads(path.read_text(encoding="utf-8"))
         found.setdefault(key, set()).update(draws)
-    forget_order(folder)
-    if (folder / ORDER_FOLDER).is_dir():
-        (folder / ORDER_FOLDER).rmdir()
+    rmtree(folder / ORDER_FOLDER, ignore_errors=True)
     return {key: sorted(draws) for key, draws in found.items()}
-
-
-def _files(folder: Path) -> list[Path]:
-    return sorted(path for path in (folder / ORDER_FOLDER).glob("*") if path.name.isdecimal())

@@ -3,7 +3,7 @@
 import dataclasses
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 from typing import Any, NamedTuple
 
@@ -14,15 +14,14 @@ from jerkbench.evaluation.statistics.judgement import Verdict
 from jerkbench.evaluation.statistics.seeds import FIRST, levels, looks
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.labels import Labels
+from jerkbench.jobs.manifest import stretches
 from jerkbench.jobs.plan import Plan, in_order, missing
 from jerkbench.jobs.progress import duration
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import Study
 from jerkbench.report.analysis.runs import VerdictRule
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import main_metric
-from jerkbench.results.content import Stored
-from jerkbench.results.manifest import stretches
-from jerkbench.results.store import Store
-from jerkbench.results.study import Study
 
 AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
 MOST_AUTO_SEEDS = 400
@@ -63,14 +62,15 @@ def planned_looks(plan: Plan, first: int, most: int) -> list[Look]:
     if most <= first or not any(job.scenario.seeded for job in plan.jobs):
         return [Look(plan, 0.05, last=True)]
     sizes = looks(most, first)
-    plans = (dataclasses.replace(plan, jobs=tuple(_with_seeds(job, size) for job in plan.jobs)) for size in sizes)
+    plans = (Plan(tuple(_with_seeds(job, size) for job in plan.jobs), plan.refused) for size in sizes)
     return [Look(own, float(level), size == most) for own, size, level in zip(plans, sizes, levels(sizes), strict=True)]
 
 
 def looks_left(planned: Sequence[Look], store: Store) -> Sequence[Look]:
     """Return the last look whose runs are all stored, and those after it; the runs of a look are in the next one."""
     known = store.known(planned[-1].plan.draws)
-    return planned[max((k for k, look in enumerate(planned) if _done(look, known)), default=0) :]
+    done = [not any(missing(job, known.get(job.key, ())) for job in look.plan.jobs) for look in planned]
+    return planned[max((k for k, whole in enumerate(done) if whole), default=0) :]
 
 
 def undecided(study: Study, level: float) -> int:
@@ -84,10 +84,6 @@ def _with_seeds(job: Job, seeds: int) -> Job:
         return job
     draws = {seed for first, _ in stretches(job.draws) for seed in range(first, first + seeds)}
     return dataclasses.replace(job, draws=in_order(draws))
-
-
-def _done(look: Look, known: Mapping[str, Collection[int]]) -> bool:
-    return not any(missing(job, known.get(job.key, ())) for job in look.plan.jobs)
 
 
 # The forecast of a sweep: what would run, what is there already, and about how long it takes.
@@ -119,8 +115,16 @@ def forecast(plan: Plan, store: Store, workers: int) -> Iterator[str]:
 def _time(plan: Plan, left: Mapping[str, int], store: Store, workers: int) -> str:
     beside = store.folder.parents[1].glob("*/cells")
     stored = [cell for cells in sorted(beside) if cells.is_dir() for cell in Store(cells.parent).read()[0]]
-    times_s = _run_times_s(stored)
-    seconds = float(sum(_run_s(job, times_s) * left[job.key] for job in plan.jobs if left[job.key]))
+    times_s = defaultdict(list)
+    for cell in stored:
+        for names in _names(cell.metadata["spec"]):
+            times_s[names].append(cell.metadata["seconds"] / max(len(cell.table), 1))
+    run_s = {  # as the cells took that are most like it
+        job.key: next((float(np.median(times_s[names])) for names in _names(job.spec) if names in times_s), np.nan)
+        for job in plan.jobs
+        if left[job.key]
+    }
+    seconds = sum(run_s[key] * left[key] for key in run_s)
     if not np.isfinite(seconds):
         return "How long it takes is not known: no cell of the same data set is stored here yet."
     time, measured = duration(max(seconds / workers, 1.0)), _count(len(stored), "stored cell")
@@ -139,17 +143,3 @@ def _names(spec: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """The names of all of `ALIKE`, of all but the last, and so on."""
     names = tuple(spec[kind]["name"] for kind in ALIKE)
     return [names[:count] for count in range(len(names), 0, -1)]
-
-
-def _run_times_s(known: Sequence[Stored]) -> dict[tuple[str, ...], float]:
-    """The median time of a run of the cells with the same names [s]."""
-    times_s = defaultdict(list)
-    for cell in known:
-        for names in _names(cell.metadata["spec"]):
-            times_s[names].append(cell.metadata["seconds"] / max(len(cell.rows), 1))
-    return {names: float(np.median(own)) for names, own in times_s.items()}
-
-
-def _run_s(job: Job, times_s: Mapping[tuple[str, ...], float]) -> float:
-    """The time of a run of a cell [s], as what is most like it took; NaN where nothing is."""
-    return next((times_s[names] for names in _names(job.spec) if names in times_s), np.nan)

@@ -45,36 +45,33 @@ def ranges_listed(overrides: Sequence[Override]) -> list[Override]:
 
 
 def _count(override: Override) -> int:
-    value = override.value()
-    if isinstance(value, RangeSweep):
-        return _length(value, str(override.input_line))
+    if isinstance(override.value(), RangeSweep):
+        return _decimals(override)[2]
     return len(list(override.sweep_iterator())) if override.is_discrete_sweep() else 1
-
-
-def _length(values: RangeSweep, typed: str) -> int:
-    start, stop, step = _decimals(values)
-    if not (start.is_finite() and stop.is_finite() and step.is_finite() and step):
-        raise PluginError(f"{typed}: start, stop and step of a range are finite numbers, the step not 0.")
-    count = math.ceil((stop - start) / step)
-    if count < 1:
-        raise PluginError(f"{typed} has no values: a range goes from its start to before its stop.")
-    return count
 
 
 def _listed(override: Override) -> Override:
     value = override.value()
     if not isinstance(value, RangeSweep):
         return override
-    start, _, step = _decimals(value)
-    whole = all(isinstance(number, int) for number in (value.start, value.stop, value.step))
-    numbers: list[Any] = [start + k * step for k in range(_length(value, str(override.input_line)))]
-    choices = ChoiceSweep(tags=value.tags, list=[int(n) if whole else float(n) for n in numbers], shuffle=value.shuffle)
+    start, step, count = _decimals(override)
+    kind = int if all(isinstance(number, int) for number in (value.start, value.stop, value.step)) else float
+    numbers: list[Any] = [kind(start + k * step) for k in range(count)]
+    choices = ChoiceSweep(tags=value.tags, list=numbers, shuffle=value.shuffle)
     return replace(override, value_type=ValueType.CHOICE_SWEEP, _value=choices)
 
 
-def _decimals(values: RangeSweep) -> tuple[Decimal, Decimal, Decimal]:
-    """Start, stop and step as they were typed."""
-    return Decimal(str(values.start)), Decimal(str(values.stop)), Decimal(str(values.step))
+def _decimals(override: Override) -> tuple[Decimal, Decimal, int]:
+    """Start and step of a range as they were typed, and how many values it has."""
+    values: Any = override.value()
+    typed = override.input_line
+    start, stop, step = (Decimal(str(number)) for number in (values.start, values.stop, values.step))
+    if not (start.is_finite() and stop.is_finite() and step.is_finite() and step):
+        raise PluginError(f"{typed}: start, stop and step of a range are finite numbers, the step not 0.")
+    count = math.ceil((stop - start) / step)
+    if count < 1:
+        raise PluginError(f"{typed} has no values: a range goes from its start to before its stop.")
+    return start, step, count
 
 
 class Address(NamedTuple):

@@ -40,7 +40,7 @@ from jerkbench.tuning.outcome import (
     write_presets,
 )
 from jerkbench.tuning.search import Budget, Effort, Tuning, tune
-from jerkbench.tuning.space import R_STREAMS, Space, space_of
+from jerkbench.tuning.space import R_STREAMS, space_of
 from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
 
 # The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
@@ -140,17 +140,15 @@ def _options(words: Sequence[str]) -> TuneOptions:
 
 def _combinations(words: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """Return every combination of the values that are separated by commas."""
-    return tuple(itertools.product(*map(_values, words)))
-
-
-def _values(word: str) -> list[str]:
-    try:
-        override = OverridesParser.create().parse_override(word)
-    except HydraException as error:
-        raise PluginError(no_assignment(word)) from error
-    if not override.is_sweep_override():
-        return [word]
-    return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+    several = []
+    for word in words:
+        try:
+            override = OverridesParser.create().parse_override(word)
+        except HydraException as error:
+            raise PluginError(no_assignment(word)) from error
+        key, sweeps = override.get_key_element(), override.is_sweep_override()
+        several.append([f"{key}={value}" for value in override.sweep_string_iterator()] if sweeps else [word])
+    return tuple(itertools.product(*several))
 
 
 def tune_all(words: TuneWords) -> None:
@@ -166,28 +164,29 @@ def tune_all(words: TuneWords) -> None:
     chosen = cluster_of(config)
     count = config.workers or processors()
     workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
-    effort = _effort(options, threads, alone=is_attitude_only(jobs[0][0].method.filter))
+    usual = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
+    objective = objective_of(usual if options.objective == "auto" else options.objective)
+    budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
+    effort = Effort(objective, budget, options.restarts, threads)
     for job in itertools.chain.from_iterable(jobs):
         require_sensible(job)
-    measured = _streams(jobs[0])
+    drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
+    measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
     spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in jobs]
     cases = [cases_of(scenarios, options, config.first_seed) for scenarios in jobs]
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in jobs])
-    with workers:
-        tunings = _tuned(names, cases, spaces, effort, Site(folder, workers))
+    settings = len(names) * budget.trials * effort.restarts
+    with workers, Progress(settings, doing="Tuning", unit="settings") as progress:
+        advance, site = partial(progress.advance, ()), Site(folder, workers)
+        several = zip(names, cases, spaces, strict=True)
+        tunings = [tune(name, own, space, effort, site, advance) for name, own, space in several]
     for tuning, method in zip(tunings, words.methods, strict=True):
         own = folder / tuning.name
         command = _command(tuning, own / "conf", words, method)
         _write(tuning, own, command, figures=figures_choice(config.figures) is not Choice.NONE)
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
-
-
-def _streams(jobs: Sequence[Job]) -> list[str]:
-    """The streams that the recording of any scenario has, of those whose R is tuned."""
-    recordings = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs]
-    return [name for name in R_STREAMS if any(getattr(recording, name) is not None for recording in recordings)]
 
 
 def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Cases:
@@ -203,22 +202,6 @@ def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Case
     if split == "time":
         return by_time(jobs, seeds, options.share)
     return (by_recordings if split == "recordings" else by_families)(jobs, options.held_out, seeds)
-
-
-def _effort(options: TuneOptions, threads: int, *, alone: bool) -> Effort:
-    name = ("inclination" if alone else "rmse") if options.objective == "auto" else options.objective
-    budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
-    return Effort(objective_of(name), budget, options.restarts, threads)
-
-
-def _tuned(
-    names: Sequence[str], cases: Sequence[Cases], spaces: Sequence[Space], effort: Effort, runs: Site
-) -> list[Tuning]:
-    count = len(names) * effort.budget.trials * effort.restarts
-    methods = zip(names, cases, spaces, strict=True)
-    with Progress(count, doing="Tuning", unit="settings") as progress:
-        advance = partial(progress.advance, ())
-        return [tune(name, own, space, effort, runs, advance) for name, own, space in methods]
 
 
 def _names(jobs: Sequence[Job]) -> list[str]:

@@ -5,7 +5,7 @@ import dataclasses
 import re
 import sys
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -26,7 +26,8 @@ MAPPING_WORD = re.compile(rf"\+*(?:{'|'.join((*GROUPS, 'disturbance'))})=(?:\[.*
 """A plugin with its parameters in one mapping, as Python code gives it; Hydra has names only."""
 
 
-BRACED = re.compile(r"(filter\.(?:command|file|label))=([^'\"].*)", flags=re.DOTALL)
+QUOTE, ESCAPED = "'", "\\'"
+BRACED = re.compile(r"\A(filter\.(?:command|file|label))=([^'\"].*)\Z", flags=re.DOTALL)
 """Parameters whose values are text with braces, blanks or parentheses, of which Hydra's grammar has its own opinion."""
 
 
@@ -36,12 +37,7 @@ def quoted(typed: Sequence[str]) -> list[str]:
     >>> quoted(["filter.command=./mine {recording} {out}"])
     ["filter.command='./mine {recording} {out}'"]
     """
-    return [_in_quotes(match) if (match := BRACED.fullmatch(word)) else word for word in typed]
-
-
-def _in_quotes(match: re.Match[str]) -> str:
-    value = match[2].replace("'", "\\'")
-    return f"{match[1]}='{value}'"
+    return [BRACED.sub(lambda match: f"{match[1]}='{match[2].replace(QUOTE, ESCAPED)}'", word) for word in typed]
 
 
 def refuse_mappings(typed: Sequence[str]) -> None:
@@ -91,8 +87,6 @@ def swept(typed: Sequence[str], group: str) -> str:
 
 def _by_itself(word: str) -> str:
     """The same in words that Hydra takes; where it is a sweep, an example."""
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
     override = OverridesParser.create().parse_override(word)
     group, value = override.key_or_group, override.value()
     several: list[Any] = value if isinstance(value, list) else [value]
@@ -100,13 +94,11 @@ def _by_itself(word: str) -> str:
     if not all(isinstance(part, dict) and "name" in part for part in parts):
         return "disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]"
     names = [str(part["name"]) for part in parts]
-    chosen = names[0] if len(names) == 1 else f"[{','.join(names)}]"
-    return " ".join([f"{group}={chosen}", *(word for part in parts for word in _parameters(group, part))])
-
-
-def _parameters(group: str, part: dict[str, Any]) -> list[str]:
-    owner = f"{group}.{part['name']}" if group == "disturbance" else group
-    return as_words(owner, {key: value for key, value in part.items() if key != "name"})
+    typed = [f"{group}={names[0] if len(names) == 1 else '[' + ','.join(names) + ']'}"]
+    for name, part in zip(names, parts, strict=True):
+        owner = f"{group}.{name}" if group == "disturbance" else group
+        typed += as_words(owner, {key: value for key, value in part.items() if key != "name"})
+    return " ".join(typed)
 
 
 # The words behind `jerkbench run`, checked before Hydra sees them, and in the order in which it
@@ -167,32 +159,19 @@ def _check(word: str) -> None:
         override = OverridesParser.create().parse_override(word)
     except HydraException as error:
         raise PluginError(unreadable(word)) from error
-    if not override.key_or_group:
+    key = override.key_or_group
+    if not key:
         raise PluginError(no_assignment(word))
     if override.is_delete():
-        _check_deletion(override)
-    elif _is_group(override.key_or_group):
-        if override.key_or_group == "cluster" and isinstance(override.value(), (ChoiceSweep, list)):
+        if key in NO_GROUPS or (key in NAMED_GROUPS and key != "experiment"):
+            raise PluginError(f"~{key}: a run cannot be without {key}; leave it out for the default, or give {key}=...")
+    elif key in NAMED_GROUPS or key.startswith("hydra/"):
+        value = override.value()
+        if key == "cluster" and isinstance(value, (ChoiceSweep, list)):
             raise PluginError(f"{word}: a sweep runs on one cluster; give one of {', '.join(_names('cluster'))}.")
-        for value in _values(override):
-            _check_name(override.key_or_group, value, word)
-
-
-def _is_group(key: str) -> bool:
-    return key in NAMED_GROUPS or key.startswith("hydra/")
-
-
-def _check_deletion(override: Override) -> None:
-    key = override.key_or_group
-    if key in NO_GROUPS or (key in NAMED_GROUPS and key != "experiment"):
-        raise PluginError(f"~{key}: a run cannot be without {key}; leave it out for the default, or give {key}=...")
-
-
-def _values(override: Override) -> list[Any]:
-    value = override.value()
-    if isinstance(value, ChoiceSweep):
-        return [Override._convert_value(item) for item in value.list]  # noqa: SLF001 - what a single value goes through
-    return [value]
+        convert = Override._convert_value  # noqa: SLF001 - what a single value goes through
+        for one in [convert(item) for item in value.list] if isinstance(value, ChoiceSweep) else [value]:
+            _check_name(key, one, word)
 
 
 def _check_name(group: str, value: object, word: str) -> None:
@@ -238,22 +217,22 @@ def hydra_sentence(error: Exception, typed: Sequence[str] = ()) -> str:
         error: what Hydra raised.
         typed: the words behind `jerkbench run`.
     """
-    text = "\n".join(_chain(error))
-    return _of_words(text, typed) or _of_configuration(text, typed)
-
-
-def _of_words(text: str, typed: Sequence[str]) -> str:
-    """Return the sentence for a word that no configuration allows, or an empty string."""
-    disturbance = re.search(r"Could not override 'disturbance\.(\w+)([^']*)'", text)
-    if disturbance:
+    messages, cause = list[str](), cast("BaseException | None", error)
+    while cause is not None:
+        messages.append(str(cause))
+        cause = cause.__cause__
+    text = "\n".join(messages)
+    if disturbance := re.search(r"Could not override 'disturbance\.(\w+)([^']*)'", text):
         return _under_its_name(disturbance[1], typed, inside=bool(disturbance[2]))
-    return several_in_one(typed) if "is not a subclass of" in text else ""
+    if "is not a subclass of" in text and (sentence := several_in_one(typed)):
+        return sentence
+    return _of_configuration(text, typed)
 
 
 def _under_its_name(key: str, typed: Sequence[str], *, inside: bool) -> str:
     """A key below ``disturbance`` that is no chosen one: a parameter, or one that is not chosen, or nothing known."""
     known = plugins.names("disturbance")
-    if owners := [] if inside else [name for name in known if _has(name, key)]:
+    if owners := [] if inside else [name for name in known if key in _parameters("disturbance", name)]:
         chosen = {name for word in typed if word.startswith("disturbance=") for name in re.findall(r"\w+", word)}
         meant = [name for name in owners if name in chosen] or owners
         examples = " or ".join(f"disturbance.{name}.{key}=..." for name in meant)
@@ -263,26 +242,21 @@ def _under_its_name(key: str, typed: Sequence[str], *, inside: bool) -> str:
     return unknown("disturbance", key, known)
 
 
-def _has(disturbance: str, parameter: str) -> bool:
-    return parameter in {f.name for f in dataclasses.fields(plugins.get("disturbance", disturbance))}
+def _parameters(kind: str, name: str) -> set[str]:
+    return {f.name for f in dataclasses.fields(plugins.get(kind, name))}
 
 
 def _of_configuration(text: str, typed: Sequence[str]) -> str:
-    missing = re.search(r"Could not (?:find|load) '([\w/]+)/([^'/]+)'", text)
-    if missing:
+    if missing := re.search(r"Could not (?:find|load) '([\w/]+)/([^'/]+)'", text):
         return _no_choice(missing[1], missing[2], _options(text))
-    several = re.search(r"Ambiguous value for argument '([^']+)'", text)
-    if several:
+    if several := re.search(r"Ambiguous value for argument '([^']+)'", text):
         return f"{several[1]} has several values; add -m to run them all, or put a list into [brackets]."
-    key = re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text)
-    if key:
-        full = re.search(r"full_key: (\S+)", text)
+    full = re.search(r"full_key: (\S+)", text)
+    if key := re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text):
         if key[1] == "experiment":
             return NO_PACKAGE_LINE
         return _no_option(key[2], full[1] if full else key[1], typed)
-    value = re.search(r"(Value .*)", text)
-    if value:
-        full = re.search(r"full_key: (\S+)", text)
+    if value := re.search(r"(Value .*)", text):
         return f"{full[1] if full else 'An option'}: {value[1].rstrip('.')}."
     lines = (line.strip() for line in text.splitlines() if line.strip())
     return " ".join(line for line in lines if not line.startswith(UNHELPFUL))
@@ -322,8 +296,8 @@ def _addressed(full_key: str, several: str) -> str:
     """The key with the name of the first of the swept plugins that has such a parameter."""
     group, _, parameter = full_key.partition(".")
     swept_names = [name for name in several.partition("=")[2].split(",") if name in _plugin_names(group)]
-    having = [n for n in swept_names if parameter in {f.name for f in dataclasses.fields(plugins.get(group, n))}]
-    return f"{group}.{next(iter(having), 'NAME')}.{parameter}"
+    having = (name for name in swept_names if parameter in _parameters(group, name))
+    return f"{group}.{next(having, 'NAME')}.{parameter}"
 
 
 def _fields_of(schema: str, full_key: str) -> list[str]:
@@ -332,11 +306,6 @@ def _fields_of(schema: str, full_key: str) -> list[str]:
     fields = next((dataclasses.fields(c) for c in (Schema, Noise, ToldR, *classes) if c.__name__ == schema), ())
     owner, dot, _ = full_key.rpartition(".")
     return [f"{owner}{dot}{f.name}" for f in fields if f.name != "name"]
-
-
-def _chain(error: BaseException | None) -> list[str]:
-    """Return the messages of the error and of its causes."""
-    return [] if error is None else [str(error), *_chain(error.__cause__)]
 
 
 def _options(text: str) -> list[str]:

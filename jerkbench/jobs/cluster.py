@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from multiprocessing.context import SpawnContext, SpawnProcess
-from types import ModuleType, TracebackType
-from typing import Any, NamedTuple, Protocol, Self
+from types import ModuleType
+from typing import Any, NamedTuple, Protocol
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
@@ -84,16 +84,14 @@ class OwnPool(Executor):
         told: Future[Any] = Future()
         told.set_running_or_notify_cancel()
         while True:
-            worker = self._idle.pop() if self._idle else self._started()
+            if not self._idle:
+                executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
+                self._all.append(_Worker(executor, executor.submit(_import, plugins.modules_of_user())))
+            worker = self._idle.pop() if self._idle else self._all[-1]
             with suppress(BrokenProcessPool):  # it has died while it had nothing to do
                 done = worker.executor.submit(work, *arguments, **named)
                 done.add_done_callback(partial(self._tell, worker, told))
                 return told
-
-    def _started(self) -> _Worker:
-        executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
-        self._all.append(_Worker(executor, executor.submit(_import, plugins.modules_of_user())))
-        return self._all[-1]
 
     def _tell(self, worker: _Worker, told: "Future[Any]", done: "Future[Any]") -> None:
         """Pass on what became of some work; a process that has died is not given any more."""
@@ -184,25 +182,14 @@ LOCAL = Local()
 """The own pool of processes."""
 
 
-class Workers:
+class Workers(ExitStack):
     """The workers of a command, which are opened when the first task comes, and closed at its end."""
 
     def __init__(self, cluster: Cluster = LOCAL, count: int = 1) -> None:
         """Take ``count`` processes where the cluster starts them itself; with one of `LOCAL`, this process works."""
+        super().__init__()
         self._cluster, self._count = cluster, count
-        self._stack = ExitStack()
         self._lent: Lent | None = None
-
-    def __enter__(self) -> Self:
-        """Nothing is opened yet."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close what was opened."""
-        self._lent = None
-        self._stack.__exit__(kind, error, trace)
 
     def lent(self, tasks: int) -> Lent | None:
         """Return who does so many tasks; None: this process.
@@ -211,8 +198,8 @@ class Workers:
             ClusterError: the cluster cannot be opened.
         """
         if self._lent is None and (self._cluster != LOCAL or min(self._count, tasks) > 1):
-            self._stack.enter_context(shared_notices())
-            self._lent = self._stack.enter_context(self._cluster.open(self._count))
+            self.enter_context(shared_notices())
+            self._lent = self.enter_context(self._cluster.open(self._count))
         return self._lent
 
 

@@ -14,6 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -27,12 +28,11 @@ from jerkbench.plugins import is_own
 
 # The identity of a plan's code: what a worker must have before it runs anything of the plan.
 
-SENT = ("audit", "jobs", "results", "suite", "tuning")
+SENT = ("audit", "jobs", "suite", "tuning")
 """Rooms whose objects are sent to workers, besides those that compute."""
 
 
-@dataclass(frozen=True, order=True)
-class Foreign:
+class Foreign(NamedTuple):
     """A plugin from elsewhere.
 
     Attributes:
@@ -65,25 +65,22 @@ class Identity:
 
 def identity_of(jobs: Iterable[Job]) -> Identity:
     """Return what a worker must have to run ``jobs``."""
-    plugins = {foreign for job in jobs for part in job.parts() if (foreign := _foreign(*part)) is not None}
-    return Identity(code_digest(*SENT), tuple(versions().items()), tuple(sorted(plugins)))
+    parts = ((f"{kind} {name}", type(plugin)) for job in jobs for kind, name, plugin in job.parts())
+    classes: set[tuple[str, Any]] = {(name, cls) for name, cls in parts if not is_own(cls)}
+    foreign = sorted(Foreign(name, cls.__module__, cls.__qualname__, plugin_digest(cls)) for name, cls in classes)
+    return Identity(code_digest(*SENT), tuple(versions().items()), tuple(foreign))
 
 
 @cache
 def worker_refusal(identity: Identity) -> str:
     """Return why this process may not run what belongs to ``identity``, or an empty string."""
-    host = socket.gethostname()
-    own = versions()
-    differing = [
-        f"{name} {own.get(name, 'missing')} for {wanted}"
-        for name, wanted in identity.versions
-        if own.get(name) != wanted
-    ]
-    if differing:
-        return f"The worker on {host} has {', '.join(differing)}; install the plan's versions there."
-    if identity.code != code_digest(*SENT):
+    host, own, code = socket.gethostname(), versions(), code_digest(*SENT)
+    differing = [(name, own.get(name, "missing"), wanted) for name, wanted in identity.versions]
+    if unlike := [f"{name} {there} for {wanted}" for name, there, wanted in differing if there != wanted]:
+        return f"The worker on {host} has {', '.join(unlike)}; install the plan's versions there."
+    if identity.code != code:
         return (
-            f"The worker on {host} has other code of jerkbench (hash {code_digest(*SENT)[:12]}) than the plan "
+            f"The worker on {host} has other code of jerkbench (hash {code[:12]}) than the plan "
             f"({identity.code[:12]}); install the same there."
         )
     return next((sentence for foreign in identity.plugins if (sentence := _lacking(foreign, host))), "")
@@ -92,9 +89,7 @@ def worker_refusal(identity: Identity) -> str:
 def _lacking(foreign: Foreign, host: str) -> str:
     """Say that a plugin is missing here, or is another."""
     try:
-        cls: Any = importlib.import_module(foreign.module)
-        for name in foreign.qualname.split("."):
-            cls = getattr(cls, name)
+        cls = attrgetter(foreign.qualname)(importlib.import_module(foreign.module))
     except Exception as error:  # noqa: BLE001 - whatever a third party's module raises
         return (
             f"The worker on {host} lacks the {foreign.name} ({foreign.module}): {type(error).__name__}: {error}. "
@@ -103,16 +98,6 @@ def _lacking(foreign: Foreign, host: str) -> str:
     if plugin_digest(cls) != foreign.digest:
         return f"The worker on {host} has another version of the {foreign.name} ({foreign.module}); install the same."
     return ""
-
-
-def _foreign(kind: str, name: str, plugin: object) -> Foreign | None:
-    cls: Any = type(plugin)
-    return None if is_own(cls) else _of_class(f"{kind} {name}", cls)
-
-
-@cache
-def _of_class(name: str, cls: type) -> Foreign:
-    return Foreign(name, cls.__module__, cls.__qualname__, plugin_digest(cls))
 
 
 _Task = TypeVar("_Task")
@@ -196,7 +181,12 @@ class _Dispatch(Generic[_Task, _Result]):
 
     def __init__(self, order: Order[_Task, _Result], lent: Lent) -> None:
         self.order, self.lent = order, lent
-        self.groups = [deque(self._bundles(group)) for group in order.groups]
+        self.groups = [
+            deque(_Bundle(list(own)) for _, own in groupby(group, order.bundle))
+            if lent.elsewhere
+            else deque(_Bundle([task]) for task in group)
+            for group in order.groups
+        ]
         self.lost: deque[_Bundle[_Task]] = deque()
         self.running: dict[Future[list[Any]], tuple[_Bundle[_Task], deque[_Bundle[_Task]]]] = {}
         self.freed: list[deque[_Bundle[_Task]]] = []
@@ -218,11 +208,6 @@ class _Dispatch(Generic[_Task, _Result]):
             for future in self.running if not self.lent.trouble() else ():
                 future.cancel()
 
-    def _bundles(self, group: Sequence[_Task]) -> Iterator[_Bundle[_Task]]:
-        if not self.lent.elsewhere:
-            return (_Bundle([task]) for task in group)
-        return (_Bundle(list(tasks)) for _, tasks in groupby(group, self.order.bundle))
-
     def _send(self) -> Iterator[tuple[_Task, _Result | Exception]]:
         """Send as many bundles as there is room for; what cannot even be packed comes back at once."""
         while len(self.running) < self.lent.slots() and (group := self._group()) is not None:
@@ -232,13 +217,14 @@ class _Dispatch(Generic[_Task, _Result]):
             if not bundle.tasks:
                 continue
             try:
-                pack = packed(self.order, bundle.tasks, elsewhere=self.lent.elsewhere)
+                identity = self.order.identity() if self.lent.elsewhere else None
+                parcel = Parcel(identity, str(Path.cwd()), pickle.dumps((self.order.work, bundle.tasks)))
             except Exception as error:  # noqa: BLE001 - a plugin decides on what pickling raises
                 for task in bundle.tasks:
                     yield from self._failed(task, error)
                 continue
             try:
-                future = self.lent.executor.submit(run_packed, pack)
+                future = self.lent.executor.submit(run_packed, parcel)
             except Exception as error:
                 if trouble := self.lent.trouble():
                     raise ClusterError(trouble) from error
@@ -260,8 +246,11 @@ class _Dispatch(Generic[_Task, _Result]):
         self.freed = [] if group is self.lost else [group]
         try:
             results = future.result()
-        except (ClusterError, CancelledError) as error:
-            raise self._ended(error) from error
+        except ClusterError:
+            raise
+        except CancelledError as error:
+            trouble = self.lent.trouble() or "The cluster has cancelled what was on its way."
+            raise ClusterError(trouble) from error
         except JerkbenchError as error:
             for task in bundle.tasks:
                 yield from self._failed(task, error)
@@ -297,11 +286,6 @@ class _Dispatch(Generic[_Task, _Result]):
         reason = died if said == died else f"{died} ({said})"
         yield from ((task, ChildProcessError(reason)) for task in bundle.tasks)
 
-    def _ended(self, error: BaseException) -> ClusterError:
-        if isinstance(error, ClusterError):
-            return error
-        return ClusterError(self.lent.trouble() or "The cluster has cancelled what was on its way.")
-
 
 class RefusedError(ClusterError):
     """A worker that has other code, versions or plugins than the plan."""
@@ -322,17 +306,7 @@ class Parcel:
     content: bytes
 
 
-def packed(order: Order[_Task, _Result], tasks: Sequence[_Task], *, elsewhere: bool) -> Parcel:
-    """Pack some tasks.
-
-    Raises:
-        Exception: they cannot be pickled; a plugin decides on what is raised.
-    """
-    identity = order.identity() if elsewhere else None
-    return Parcel(identity, str(Path.cwd()), pickle.dumps((order.work, list(tasks))))
-
-
-def run_packed(pack: Parcel) -> list[Any]:
+def run_packed(parcel: Parcel) -> list[Any]:
     """Run the tasks of a bundle, in a worker; returns the result of each, or what it raised.
 
     Where the time is up they are those of the first tasks only.
@@ -340,25 +314,22 @@ def run_packed(pack: Parcel) -> list[Any]:
     Raises:
         RefusedError: this worker is not fit for the plan.
     """
-    if pack.identity and (sentence := worker_refusal(pack.identity)):
+    if parcel.identity and (sentence := worker_refusal(parcel.identity)):
         raise RefusedError(sentence)
-    _prepare(pack.folder)
-    work, tasks = pickle.loads(pack.content)  # noqa: S301 - from the process that planned, by way of its own cluster
+    _prepare(parcel.folder)
+    work, tasks = pickle.loads(parcel.content)  # noqa: S301 - from the process that planned, by way of its own cluster
     results: list[Any] = []
     begun = time.monotonic()
-    while len(results) < len(tasks) and (not results or time.monotonic() - begun < BUNDLE_S):
-        results.append(_outcome(work, tasks[len(results)]))
+    for task in tasks:
+        try:
+            results.append(work(task))
+        except JerkbenchError as error:
+            results.append(error)
+        except Exception as error:  # noqa: BLE001 - of anybody's own classes, as text, which can always be sent
+            results.append(ChildProcessError(f"{type(error).__name__}: {error}"))
+        if time.monotonic() - begun >= BUNDLE_S:
+            break
     return results
-
-
-def _outcome(work: Callable[[_Task], _Result], task: _Task) -> _Result | Exception:
-    """What came of a task; errors of anybody's own classes as text, which can always be sent."""
-    try:
-        return work(task)
-    except JerkbenchError as error:
-        return error
-    except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes failed rows
-        return ChildProcessError(f"{type(error).__name__}: {error}")
 
 
 @cache

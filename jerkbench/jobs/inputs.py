@@ -1,17 +1,15 @@
 """The inputs that the filters of a sweep share: recording, attitude, timeline, scoring."""
 
-import dataclasses
 import hashlib
-import json
 import os
+import pickle
+import zlib
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import datetime
 from functools import cache, lru_cache, partial
 from pathlib import Path
-from typing import Any, cast
-from zipfile import BadZipFile
+from typing import cast
 
 import numpy as np
 
@@ -24,22 +22,11 @@ from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, require_data, versions
 from jerkbench.jobs.sources import plugin_digest
 from jerkbench.plugins.optional import part_read
-from jerkbench.recording import ErrorLaw, Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import Recording
 from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
-
-RECORDING_PARTS = {
-    "imu": Imu,
-    "reference": Reference,
-    "position": Position,
-    "velocity": Velocity,
-    "heading": Heading,
-    "origin": Origin,
-}
-LAW = "drawn"
-"""The law of the errors: numbers, besides three of the parts."""
 
 SIMULATED = "simulated"
 """The kind of cache that holds simulated recordings."""
@@ -51,7 +38,7 @@ MOST_CACHED_BYTES = 2_000_000_000
 
 def simulated(dataset: Dataset, seed: int) -> Recording:
     """Return the recording of ``seed``: the one that is kept, or a new one, which then is."""
-    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.npz"
+    path = cache_folder(SIMULATED) / f"simulated_{_key(dataset, seed)}.recording"
     kept = _read(path)
     if kept is not None:
         return kept
@@ -70,43 +57,26 @@ def _key(dataset: Dataset, seed: int) -> str:
 
 
 def _write(recording: Recording, path: Path) -> None:
-    """Write the arrays of a recording, and as JSON the rest."""
-    arrays: dict[str, Any] = {}
-    rest: dict[str, Any] = {}
-    for part in ("", LAW, *RECORDING_PARTS):
-        owner = getattr(recording, part) if part else recording
-        for each in dataclasses.fields(owner) if owner is not None else ():
-            value = getattr(owner, each.name)
-            if isinstance(value, np.ndarray):
-                arrays[f"{part}.{each.name}"] = value
-            elif each.name not in (*RECORDING_PARTS, LAW):
-                rest[f"{part}.{each.name}"] = value.isoformat() if isinstance(value, datetime) else value
-    write_atomically(path, lambda partial: np.savez(partial, rest=json.dumps(rest), **arrays))
+    """Write a recording: a checksum, what it is, and its arrays beside it."""
+    arrays: list[pickle.PickleBuffer] = []
+    described = pickle.dumps(recording, 5, buffer_callback=arrays.append)
+    content = pickle.dumps((described, [bytes(array.raw()) for array in arrays]))
+    checksum = zlib.crc32(content).to_bytes(4, "little")
+    write_atomically(path, lambda partial: partial.write_bytes(checksum + content))
 
 
 def _read(path: Path) -> Recording | None:
     """The recording at ``path``, or None where there is none that is whole."""
-    try:
-        with path.open("rb") as file, np.load(file) as kept:
-            values = dict(kept)
-        values |= json.loads(values.pop("rest").item())
-        parts: dict[str, Any] = {
-            name: cls(**own) for name, cls in RECORDING_PARTS.items() if (own := _of(name, values))
-        }
-        law, own = _of(LAW, values), _of("", values)
-        drawn = ErrorLaw(parts["imu"], parts["position"], parts["velocity"], **law) if law else None
-        start = own.pop("start_utc")
-        own |= {"start_utc": None if start is None else datetime.fromisoformat(start), "notes": tuple(own["notes"])}
-        with suppress(OSError):
-            os.utime(path)  # used just now: others go first
-        return Recording(**own, **parts, drawn=drawn)
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile):
+    content = b""
+    with suppress(OSError):
+        content = path.read_bytes()
+    if len(content) <= 4 or zlib.crc32(content[4:]).to_bytes(4, "little") != content[:4]:
         return None
-
-
-def _of(part: str, values: dict[str, Any]) -> dict[str, Any]:
-    """The fields of one part, by name."""
-    return {name.partition(".")[2]: value for name, value in values.items() if name.partition(".")[0] == part}
+    with suppress(OSError):
+        os.utime(path)  # used just now: others go first
+    described, arrays = pickle.loads(content[4:])  # noqa: S301 - of our own cache, as machine code is
+    recording: Recording = pickle.loads(described, buffers=arrays)  # noqa: S301 - as above
+    return recording
 
 
 KEPT_INPUTS = 32

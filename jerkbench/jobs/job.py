@@ -24,7 +24,8 @@ from jerkbench.errors import PluginError
 from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.jobs.labels import GROUPS, Labels, default_labels
-from jerkbench.notices import notify, plain
+from jerkbench.notices import notify
+from jerkbench.notices import plain as plain_text
 from jerkbench.plugins.optional import on_request
 from jerkbench.timeline import RScale, scale_of
 
@@ -283,32 +284,22 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job
         PluginError: something is unknown or does not fit together.
     """
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
-    one = {kind: _part(kind, {**spec[kind], **(noise if kind == "filter" else {})}) for kind in GROUPS}
+    plugin, plain = {}, {}
+    for kind in GROUPS:
+        plugin[kind], plain[kind] = _part(kind, {**spec[kind], **(noise if kind == "filter" else {})})
     several, r_scale = [_part("disturbance", part) for part in spec["disturbance"]], scale_of(spec.get("r_scale"))
-    scenario = Scenario(
-        one["dataset"].plugin,
-        tuple(part.plugin for part in several),
-        one["attitude"].plugin,
-        {
-            "dataset": one["dataset"].plain,
-            "disturbance": [part.plain for part in several],
-            "attitude": one["attitude"].plain,
-        },
-    )
-    own = {kind: one[kind] for kind in ("filter", "adaptation", "engine")}
-    plain = {**{kind: part.plain for kind, part in own.items()}, "r_scale": dataclasses.asdict(r_scale)}
-    method = Method(**{kind: part.plugin for kind, part in own.items()}, r_scale=r_scale, plain=plain)
+    driven = {"dataset": plain["dataset"], "disturbance": [d.plain for d in several], "attitude": plain["attitude"]}
+    scenario = Scenario(plugin["dataset"], tuple(d.plugin for d in several), plugin["attitude"], driven)
+    own = ("filter", "adaptation", "engine")
+    navigates = {**{kind: plain[kind] for kind in own}, "r_scale": dataclasses.asdict(r_scale)}
+    method = Method(plugin["filter"], plugin["adaptation"], plugin["engine"], r_scale, navigates)
     names = metric_names(spec.get("metrics") or (), seeded=scenario.seeded)
     metrics = tuple(_part("metric", {"name": name}).plugin for name in names)
     scoring = Scoring(metrics, names, protocol.burn_in_s, protocol.divergence_limit_m)
-    named = _labels(labels or default_labels({**scenario.plain, **plain}), method.filter)
-    return Job(named, scenario, method, scoring, scenario.draws(protocol))
-
-
-def _labels(labels: Labels, model: Filter | Estimator) -> Labels:
-    """The labels as plain text, with the name that the filter gives itself."""
-    own = labels._replace(filter=model.table_label) if isinstance(model, Labelled) else labels
-    return Labels(*map(plain, own))
+    labels = labels or default_labels({**driven, **navigates})
+    if isinstance(method.filter, Labelled):
+        labels = labels._replace(filter=method.filter.table_label)
+    return Job(Labels(*map(plain_text, labels)), scenario, method, scoring, scenario.draws(protocol))
 
 
 class _Part(NamedTuple):
@@ -338,12 +329,8 @@ def _made(kind: str, cls: type, config: str) -> _Part:
 
 
 def _new_part(kind: str, config: Mapping[str, Any]) -> _Part:
-    plugin = _whole(kind, plugins.create(kind, config))
-    return _Part(plugin, {"name": config["name"], **dataclasses.asdict(plugin)})
-
-
-def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
-    """Refuse a plugin from elsewhere that lacks a method, which would show late and in nobody's words."""
+    """Make a plugin; one from elsewhere that lacks a method is refused: it would show late and in nobody's words."""
+    plugin = plugins.create(kind, config)
     if not plugins.is_own(type(plugin)):
         from jerkbench.plugins.requirements import require_methods
 
@@ -351,4 +338,4 @@ def _whole(kind: str, plugin: Any) -> Any:  # noqa: ANN401 - as above
             require_methods(kind, plugin)
         except AssertionError as error:
             raise PluginError(str(error)) from error
-    return plugin
+    return _Part(plugin, {"name": config["name"], **dataclasses.asdict(plugin)})

@@ -47,7 +47,12 @@ def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[
     """Names of the choices, with the parameters that the overrides set in parentheses."""
     changed = _parameters(overrides)
     names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}
-    disturbance = _disturbance_label(spec, choices, overrides, changed)
+    listed = [word.partition("=")[2].strip("[]") for word in overrides if word.startswith("disturbance=")]
+    typed = (listed[-1] if listed else str(choices.get("disturbance") or "")).split(",")
+    ran = [d["name"] for d in spec["disturbance"]]
+    chosen = [name.strip() for name in typed if name.strip()] or ran  # presets too, in their order
+    also = [name for name in ran if name not in chosen and f"disturbance.{name}" in changed]
+    disturbance = joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*chosen, *also])
     noise = _with_told(_noise_label(spec, choices, changed), spec)
     return Labels(disturbance=disturbance, noise=noise, **names)
 
@@ -69,17 +74,6 @@ def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
         if wrong:
             return f"{kind}={wrong[0]} is {', '.join(sorted(map(str, names)))}"
     return ""
-
-
-def _disturbance_label(
-    spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str], changed: dict[str, list[str]]
-) -> str:
-    """The chosen names, presets too, in their order; parameters stand with the plugin that they belong to."""
-    listed = [word.partition("=")[2].strip("[]") for word in overrides if word.startswith("disturbance=")]
-    chosen = listed[-1] if listed else str(choices.get("disturbance") or "")
-    names = [name.strip() for name in chosen.split(",") if name.strip()] or [d["name"] for d in spec["disturbance"]]
-    also = [d["name"] for d in spec["disturbance"] if d["name"] not in names and f"disturbance.{d['name']}" in changed]
-    return joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*names, *also])
 
 
 def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass
+from functools import partial
 from typing import Any
 
 from jerkbench import plugins
@@ -146,36 +147,25 @@ def _split(kind: str, part: Part) -> tuple[str, dict[str, Any]]:
     """The name, and the parameters given with it; of a plugin itself, those that are not its defaults."""
     if isinstance(part, str):
         return part, {}
-    if is_plugin(part):
-        return _registered(kind, part), _changed(part)
+    if is_plugin(part):  # stored results know it by its name
+        name = next((name for name in plugins.names(kind) if plugins.get(kind, name) is type(part)), "")
+        if not name:
+            own = type(part).__name__
+            raise PluginError(
+                f"{own} has no name to store results by; write @jerkbench.register('{kind}', NAME) above it."
+            )
+        usual = {f.name: f.default_factory() if callable(f.default_factory) else f.default for f in fields(part)}
+        return name, {key: value for key, value in asdict(part).items() if value != usual[key]}
     if "name" not in part:
         raise PluginError(f"{kind} is {dict(part)}, which has no name; give {{'name': ..., parameter: value}}.")
     parameters = {key: dict(value) if isinstance(value, Mapping) else value for key, value in part.items()}
     return str(parameters.pop("name")), parameters
 
 
-def _registered(kind: str, plugin: object) -> str:
-    """The name of a plugin that somebody has made; stored results know it by that."""
-    for name in plugins.names(kind):
-        if plugins.get(kind, name) is type(plugin):
-            return name
-    own = type(plugin).__name__
-    raise PluginError(f"{own} has no name to store results by; write @jerkbench.register('{kind}', NAME) above it.")
-
-
-def _changed(plugin: Any) -> dict[str, Any]:  # noqa: ANN401 - a dataclass
-    values = asdict(plugin)
-    usual = {f.name: f.default_factory() if callable(f.default_factory) else f.default for f in fields(plugin)}
-    return {name: value for name, value in values.items() if value != usual[name]}
-
-
 def words(owner: str, parameters: Mapping[str, Any]) -> list[str]:
     """Return parameters as overrides of the command line."""
-    return [f"{owner}.{key}={_word(value)}" for key, value in parameters.items()]
-
-
-def _word(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"), default=str)
+    dumps = partial(json.dumps, separators=(",", ":"), default=str)
+    return [f"{owner}.{key}={value if isinstance(value, str) else dumps(value)}" for key, value in parameters.items()]
 
 
 # The refusal of a combination: a filter that does not take the data set, or the adaptation.

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from jerkbench.contracts import PerSeed
@@ -110,7 +110,8 @@ def grouped(
 ) -> list[list[Task]]:
     """Tasks that share their recordings and attitudes, together; groups that share the data set follow each other.
 
-    A task has no more seeds than a process keeps recordings. The numbers of the bundles depend on ``jobs`` alone.
+    Those of a bundle that can share their calls are one. A task has no more seeds than a process keeps recordings. The
+    numbers of the bundles depend on ``jobs`` alone.
 
     Args:
         jobs: those of the plan.
@@ -122,30 +123,24 @@ def grouped(
         scenario = job.scenario
         each_alone = isinstance(job.method.filter, PerSeed)  # a program of the user's
         wanted = job.draws if remaining is None else remaining.get(job.key, ())
-        for block, draws in _blocks(job.draws, set(wanted), 1 if each_alone else KEPT_INPUTS):
-            near = groups.setdefault((scenario.dataset, scenario.data, block), {})
+        wanted, size = set(wanted), 1 if each_alone else KEPT_INPUTS
+        for begin in range(0, len(job.draws), size):
+            block = job.draws[begin : begin + size]
+            draws = block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
+            near = groups.setdefault((scenario.dataset, scenario.data, begin), {})
             near.setdefault((scenario.disturbances, scenario.attitude), []).append(Task((job,), draws))
-    numbered = _numbered([group for near in groups.values() for group in near.values()], least)
-    return [tasks for group in numbered if (tasks := _joined([task for task in group if task.draws]))]
-
-
-def _joined(tasks: Sequence[Task]) -> list[Task]:
-    """Join the tasks of a bundle that can share their calls."""
-    shared = itertools.groupby(tasks, lambda task: (task.bundle, task.draws, shared_call(task.jobs[0])))
-    together = [list(own) for _, own in shared]
-    return [own[0]._replace(jobs=tuple(task.jobs[0] for task in own)) for own in together]
-
-
-def _numbered(groups: list[list[Task]], least: int) -> list[list[Task]]:
-    """Number the bundles, which are few enough to go round and long enough to share; one of each group is shorter."""
-    size = min(max(math.ceil(sum(map(len, groups)) / BUNDLES), least), MOST_TASKS)
-    number = itertools.count()
-    bundled = [[(next(number), group[k : k + size]) for k in range(0, len(group), size)] for group in groups]
-    return [[task._replace(bundle=n) for n, tasks in group for task in tasks] for group in bundled]
-
-
-def _blocks(draws: Sequence[int], wanted: set[int], size: int) -> Iterator[tuple[int, Sequence[int]]]:
-    """Number and seeds of each block of ``size`` of the ``draws``, as far as they are ``wanted``: maybe none."""
-    for begin in range(0, len(draws), size):
-        block = draws[begin : begin + size]
-        yield begin, block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
+    several = [group for near in groups.values() for group in near.values()]
+    # Bundles are few enough to go round and long enough to share; one of each group is shorter.
+    size = min(max(math.ceil(sum(map(len, several)) / BUNDLES), least), MOST_TASKS)
+    number, cut = itertools.count(), list[list[Task]]()
+    for group in several:
+        tasks = []
+        for k in range(0, len(group), size):
+            n = next(number)
+            left = [task._replace(bundle=n) for task in group[k : k + size] if task.draws]
+            for _, own in itertools.groupby(left, lambda task: (task.draws, shared_call(task.jobs[0]))):
+                first, *others = own
+                tasks.append(first._replace(jobs=(*first.jobs, *(task.jobs[0] for task in others))))
+        if tasks:
+            cut.append(tasks)
+    return cut

@@ -3,7 +3,7 @@
 import os
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
@@ -30,17 +30,13 @@ def require_inputs(job: Job, checked: set[tuple[object, object]]) -> None:
     """
     for part in (job.scenario.attitude, job.method.filter):
         if isinstance(part, Requiring) and (job.scenario.dataset, part) not in checked:
-            _ask(part, job)
+            try:
+                part.require(lambda: job.scenario.dataset.load(job.draws[0]))
+            except JerkbenchError:
+                raise
+            except Exception:  # noqa: BLE001, S110 - a plugin that breaks becomes a row that says so, when it is run
+                pass
             checked.add((job.scenario.dataset, part))
-
-
-def _ask(part: Requiring, job: Job) -> None:
-    try:
-        part.require(lambda: job.scenario.dataset.load(job.draws[0]))
-    except JerkbenchError:
-        raise
-    except Exception:  # noqa: BLE001 - a plugin that breaks becomes a row that says so, when it is run
-        return
 
 
 TRACEBACK = "JERKBENCH_TRACEBACK"
@@ -118,27 +114,17 @@ def first_remarks(jobs: Sequence[Job], inputs: Inputs) -> list[str]:
     drives = {job.scenario.dataset: job for job in recorded}
     firsts: dict[object, Job] = {}
     for job in recorded:
-        firsts.setdefault((job.scenario.dataset, job.scenario.disturbances, job.scenario.attitude), job)
-    remarks = dict.fromkeys(line for job in firsts.values() for line in _first_remarks(job, inputs))
-    return [*(line for job in drives.values() for line in _mistakes(job, inputs)), *remarks]
-
-
-def _mistakes(job: Job, inputs: Inputs) -> list[str]:
-    """What is surely wrong with a recorded drive, without disturbances."""
-    try:
-        recording = inputs.undisturbed(job.scenario.dataset, job.draws[0])
-    except Exception:  # noqa: BLE001 - what cannot be loaded becomes a row that says so, when it is run
-        return []
-    return [f"{_name(job)}: {diagnosis}" for diagnosis in first_diagnoses(recording)]
-
-
-def _first_remarks(job: Job, inputs: Inputs) -> list[str]:
-    if not isinstance(job.scenario.attitude, Remarking):
-        return []
-    try:
-        return _remarks(job, inputs.recording(job.scenario, job.draws[0]))
-    except Exception:  # noqa: BLE001 - as above
-        return []
+        firsts.setdefault(job.scenario, job)
+    mistakes, remarks = list[str](), list[str]()
+    for job in drives.values():
+        with suppress(Exception):  # what cannot be loaded becomes a row that says so, when it is run
+            drive = inputs.undisturbed(job.scenario.dataset, job.draws[0])
+            mistakes += [f"{_name(job)}: {diagnosis}" for diagnosis in first_diagnoses(drive)]
+    for job in firsts.values():
+        if isinstance(job.scenario.attitude, Remarking):
+            with suppress(Exception):  # as above
+                remarks += _remarks(job, inputs.recording(job.scenario, job.draws[0]))
+    return [*mistakes, *dict.fromkeys(remarks)]
 
 
 # The notes on a job: where the reference comes from, what the recording and its filters have to

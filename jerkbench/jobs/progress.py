@@ -3,10 +3,10 @@
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from time import monotonic
-from types import TracebackType
 from typing import Self
 
 from rich.console import Console
@@ -22,40 +22,30 @@ FIRST_S = 15.0
 EVERY_S = 60.0
 
 
-class Pulse:
-    """Says from a thread of its own that the work inside ``with`` goes on."""
+@contextmanager
+def pulse(
+    line: Callable[[float], str],
+    write: Callable[[str], object] | None = None,
+    first_s: float = FIRST_S,
+    every_s: float = EVERY_S,
+) -> Iterator[None]:
+    """Say ``line`` of the seconds that have passed while the work inside ``with`` goes on; from a thread of its own."""
+    said = write or partial(print, file=sys.stderr, flush=True)
+    ended, began = threading.Event(), monotonic()
 
-    def __init__(
-        self,
-        line: Callable[[float], str],
-        write: Callable[[str], object] | None = None,
-        first_s: float = FIRST_S,
-        every_s: float = EVERY_S,
-    ) -> None:
-        """Prepare to say ``line`` of the seconds that have passed, on standard error or by ``write``."""
-        self._line, self._write = line, write or _to_standard_error
-        self._first_s, self._every_s = first_s, every_s
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._beat, daemon=True)
+    def beat() -> None:
+        wait_s = first_s
+        while not ended.wait(wait_s):
+            said(line(monotonic() - began))
+            wait_s = every_s
 
-    def __enter__(self) -> Self:
-        """Begin to count."""
-        self._began = monotonic()
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Say no more."""
-        self._ended.set()
-        self._thread.join()
-
-    def _beat(self) -> None:
-        wait_s = self._first_s
-        while not self._ended.wait(wait_s):
-            self._write(self._line(monotonic() - self._began))
-            wait_s = self._every_s
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def duration(seconds: float) -> str:
@@ -63,11 +53,6 @@ def duration(seconds: float) -> str:
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 99.5 * 60 else f"{seconds / 3600:.1f} h"
-
-
-def _to_standard_error(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
 
 
 class Progress:
@@ -91,11 +76,10 @@ class Progress:
             TextColumn("{task.fields[trouble]}"),
         )
         self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)))
-        self._plain = ExitStack()
+        self._stack = ExitStack()
         self._left = count - already
         self._drawn = self._left > 0
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
-        self._pulse = None if self._bar.console.is_terminal else Pulse(self._line, self._write)
         if already:
             self._bar.console.print(f"{already} of {count} {unit} are done already.")
 
@@ -115,21 +99,16 @@ class Progress:
     def __enter__(self) -> Self:
         """Start drawing, unless nothing is left to do."""
         if self._drawn:
-            self._bar.start()
-            self._plain.enter_context(plain_output())  # what is printed meanwhile goes through the bar
-            if self._pulse:
-                self._pulse.__enter__()
+            self._bar.start()  # a bar that was never there would leave an empty line
+            self._stack.callback(self._bar.stop)
+            self._stack.enter_context(plain_output())  # what is printed meanwhile goes through the bar
+            if not self._bar.console.is_terminal:
+                self._stack.enter_context(pulse(self._line, self._write))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop drawing."""
-        if self._drawn:  # a bar that was never there would leave an empty line
-            if self._pulse:
-                self._pulse.__exit__(kind, error, trace)
-            self._plain.close()
-            self._bar.stop()
+        self._stack.close()
 
     def _line(self, seconds: float) -> str:
         """Return the progress as a line, for a reader of a file or a pipe."""

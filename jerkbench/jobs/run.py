@@ -13,23 +13,29 @@ from functools import cache, partial
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
-from jerkbench.jobs.blocks import RowStore, Writer
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, identity_of, outcomes
 from jerkbench.jobs.job import Job
+from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.jobs.parts import RowBlock
 from jerkbench.jobs.plan import Plan, grouped, missing
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import Done, Result, Task, failed_rows, work
+from jerkbench.jobs.rows import Result, Task, failed_rows, work
+from jerkbench.jobs.store import Store
 from jerkbench.notices import notify
 
 POLL_S = 1.0
 """So long we wait before we look again for what other processes have done."""
+
+HELD_S = 1.0
+"""So long a result waits for others at most, while results come: so much is lost with the process."""
+HELD_ROWS = 20_000
+"""And so many rows are kept in memory."""
 
 LOCKS_FOLDER = ".locks"
 """The folder of the locks, in the study's."""
@@ -37,7 +43,7 @@ LOCKS_FOLDER = ".locks"
 
 def run_missing(
     plan: Plan,
-    store: RowStore,
+    store: Store,
     workers: Workers | None = None,
     *,
     strict: bool = False,
@@ -82,12 +88,18 @@ def run_missing(
             )
             lent = workers.lent(sum(map(len, groups))) if workers and groups else None
             for task, outcome in outcomes(order, lent):
-                done = _done(task, outcome, strict=strict)
-                for job, result in zip(task.jobs, done.results, strict=True):
+                if not isinstance(outcome, Exception):
+                    results = outcome.results
+                elif strict:
+                    raise outcome
+                else:  # its process could not say what became of it
+                    reason = f"{type(outcome).__name__}: {outcome}"
+                    results = [Result(failed_rows(job, task.draws, reason), []) for job in task.jobs]
+                for job, result in zip(task.jobs, results, strict=True):
                     writer.add(job, result)
                     to_do[job.key].difference_update(row["seed"] for row in result.rows)
                     bar.advance([row["status"] for row in result.rows], count=not to_do[job.key])
-                shared.settle(task.bundle, sum(len(result.rows) for result in done.results))
+                shared.settle(task.bundle, sum(len(result.rows) for result in results))
             left = _wait_for_others([job for job in left if to_do[job.key]], known, bar)
 
 
@@ -105,7 +117,7 @@ def _shown(progress: Progress | None, jobs: int, done: int) -> Iterator[Progress
 class KnownSeeds(dict[str, set[int]]):
     """The seeds of the jobs of a plan that are stored, by key, as far as was looked."""
 
-    def __init__(self, store: RowStore, jobs: Sequence[Job]) -> None:
+    def __init__(self, store: Store, jobs: Sequence[Job]) -> None:
         """Know nothing yet."""
         super().__init__()
         self._store, self._keys, self._files = store, [job.key for job in jobs], set[str]()
@@ -121,16 +133,6 @@ class KnownSeeds(dict[str, set[int]]):
         return [job for job in jobs if missing(job, self.get(job.key, ()))]
 
 
-def _done(task: Task, outcome: Done | Exception, *, strict: bool) -> Done:
-    """The rows of a task; failed ones, where its process could not say what became of it."""
-    if not isinstance(outcome, Exception):
-        return outcome
-    if strict:
-        raise outcome
-    reason = f"{type(outcome).__name__}: {outcome}"
-    return Done([Result(failed_rows(job, task.draws, reason), []) for job in task.jobs])
-
-
 def _wait_for_others(left: Sequence[Job], known: KnownSeeds, progress: Progress) -> list[Job]:
     """Return what other processes have not done either, after a moment if there is any."""
     waiting = known.unfinished(left) if left else []
@@ -139,6 +141,66 @@ def _wait_for_others(left: Sequence[Job], known: KnownSeeds, progress: Progress)
         notify("another process is running the rest of this sweep; its results are waited for")
         time.sleep(POLL_S)
     return waiting
+
+
+# Rows on their way into the store.
+
+
+class Writer:
+    """Results on their way into a store: those of many tasks become one file of it.
+
+    What is held is stored at the end, whatever has ended it.
+
+    Attributes:
+        store: where they go.
+    """
+
+    def __init__(self, store: Store) -> None:
+        """Write into ``store``."""
+        self.store = store
+        self._held: list[RowBlock] = []
+        self._written = time.monotonic()
+
+    def __enter__(self) -> Self:
+        """Begin with nothing."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Store what is held."""
+        self.flush()
+
+    def add(self, job: Job, result: Result) -> None:
+        """Take rows of a job."""
+        if result.rows:
+            self._held.append(block_of(job, result))
+        if time.monotonic() - self._written > HELD_S or sum(len(block.rows) for block in self._held) > HELD_ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Store what is held as one file."""
+        if self._held:
+            self.store.write_blocks(self._held)
+        self._held = []
+        self._written = time.monotonic()
+
+
+def block_of(job: Job, result: Result) -> RowBlock:
+    """Return the runs of ``result`` as they are stored."""
+    about = {
+        "labels": job.labels._asdict(),
+        "spec": job.spec,
+        "protocol": job.scoring.limits,
+        "data": job.scenario.data,
+        "notes": result.notes,
+        "code": code_digest(),
+        "versions": versions(),
+        "commit": git_commit(),
+        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "seconds": round(result.seconds + result.inputs_s, 3),
+        "run_s": float(f"{result.seconds / len(result.rows):.4g}"),
+        "processor": result.processor,
+    }
+    return RowBlock(job.key, len(job.draws), result.rows, about)
 
 
 # Bundles that are shared with other processes.
@@ -174,12 +236,10 @@ class Locks:
                 self.mark.touch()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Give up what is still locked; the last process clears the folder."""
-        for name in list(self._held):
-            self._release(name)
+        while self._held:
+            self._held.popitem()[1].release()
         with suppress(OSError):  # what is left does no harm
             self.mark.unlink(missing_ok=True)
             if all(self._left_behind(path) for path in self._folder.glob("*.process")):
@@ -189,14 +249,12 @@ class Locks:
 
     def take(self, bundle: int) -> bool:
         """Lock a bundle; False where another process has it."""
-        return self._take(self._path(bundle))
+        return self._take(self._folder / f"{self._plan}.{bundle}")
 
     def release(self, bundle: int) -> None:
         """Give up a bundle."""
-        self._release(self._path(bundle).name)
-
-    def _path(self, bundle: int) -> Path:
-        return self._folder / f"{self._plan}.{bundle}"
+        if lock := self._held.pop(f"{self._plan}.{bundle}", None):
+            lock.release()
 
     def _take(self, path: Path) -> bool:
         lock = FileLock(f"{path}.lock", timeout=0, thread_local=False)
@@ -210,16 +268,12 @@ class Locks:
         self._held[path.name] = lock
         return True
 
-    def _release(self, name: str) -> None:
-        if lock := self._held.pop(name, None):
-            lock.release()
-
     def _left_behind(self, mark: Path) -> bool:
         """Whether the process of a mark has ended."""
-        if not self._take(mark):
-            return False
-        self._release(mark.name)
-        return True
+        ended = self._take(mark)
+        if lock := self._held.pop(mark.name, None):
+            lock.release()
+        return ended
 
 
 class Shared:
@@ -241,13 +295,10 @@ class Shared:
         if not self._taken[bundle]:
             return []
         self._known.look()
-        done = [task for task in tasks if self._is_done(task)]
+        done = [task for task in tasks if all(self._known.get(job.key, set()) >= {*task.draws} for job in task.jobs)]
         for task in done:
             self.settle(bundle, task.runs)
         return [task for task in tasks if task not in done]
-
-    def _is_done(self, task: Task) -> bool:
-        return all(self._known.get(job.key, set()).issuperset(task.draws) for job in task.jobs)
 
     def settle(self, bundle: int, runs: int) -> None:
         """Count runs of a bundle as done; with the last one the bundle is anybody's again."""

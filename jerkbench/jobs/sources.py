@@ -146,17 +146,12 @@ def _place(top: str) -> Path | None:
     return Path(place).resolve() if place else None
 
 
-def _distributed(installed: Distribution) -> Iterator[NamedFile]:
-    """Yield every file that was installed with it."""
+def _whole(installed: Distribution, top: str) -> Iterator[NamedFile]:
+    """Yield every file of a distribution, and what was put into the package's folder later."""
     for file in installed.files or ():
         path = Path(str(file.locate()))
         if path.is_file() and CACHES not in file.parts and not file.parts[0].endswith(".dist-info"):
             yield str(file), path
-
-
-def _whole(installed: Distribution, top: str) -> Iterator[NamedFile]:
-    """Yield every file of a distribution, and what was put into the package's folder later."""
-    yield from _distributed(installed)
     if (place := _place(top)) is not None and place.is_dir():
         yield from _loose(top, required=False)
 

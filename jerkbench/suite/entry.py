@@ -17,8 +17,8 @@ import yaml
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import cache_folder, read_yaml, write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.jobs.replay import program_of
 from jerkbench.notices import is_plain, plain
-from jerkbench.results.replay import program_of
 from jerkbench.suite.campaign import ENTRY, PLAIN, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.protocol import FROZEN, Frozen, SuiteProtocol, read_suite, require_recordings
 from jerkbench.suite.scores import entry_scoring, score_as_json

@@ -18,9 +18,9 @@ from jerkbench.jobs.names import job_of_parts, refusal
 from jerkbench.jobs.plan import Plan, joined_jobs, sharing_scenarios
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.run import run_missing
+from jerkbench.jobs.store import Store
 from jerkbench.parameters import ranges_of
 from jerkbench.plugins.optional import is_attitude_only
-from jerkbench.results.store import Store
 from jerkbench.tuning.space import Setting, Space, sampler_of, space_of
 
 ERROR = "position_rmse"

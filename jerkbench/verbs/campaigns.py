@@ -162,25 +162,21 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import Workers, processors
     from jerkbench.suite.entry import enter
-    from jerkbench.tuning.entrant import Site
+    from jerkbench.tuning.entrant import Entrant, Site
 
-    entrant = (_attitude_entrant if chosen.scale.startswith(ATTITUDES) else _entrant)(chosen.words)
+    if chosen.scale.startswith(ATTITUDES):
+        entrant = _attitude_entrant(chosen.words)
+    else:
+        spec = _spec(chosen.words, ENTRANT_GROUPS, "filter=jerk adaptation=mtf adaptation.window=3")
+        entrant = Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
     name = chosen.name or entrant.name
-    folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / (
-        re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
-    )
+    stem = re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
+    folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / stem
     scale = [] if chosen.scale == DEFAULT_SUITE else ["--scale", chosen.scale]
     command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
     with Workers(cluster_named(chosen.cluster), chosen.workers or processors()) as workers:
         print(enter(chosen.scale, entrant, name, Site(folder, workers), command))
     print(f"Written to {folder}.")
-
-
-def _entrant(words: Sequence[str]) -> "Entrant":
-    from jerkbench.tuning.entrant import Entrant
-
-    spec = _spec(words, ENTRANT_GROUPS, "filter=jerk adaptation=mtf adaptation.window=3")
-    return Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
 
 
 def _attitude_entrant(words: Sequence[str]) -> "Entrant":

@@ -70,6 +70,7 @@ def completions(line: str) -> list[str]:
 
 
 def _possible(words: Sequence[str], current: str) -> Iterator[str]:
+    from jerkbench import plugins
     from jerkbench.verbs import parser as whole
 
     parser = whole()
@@ -83,7 +84,8 @@ def _possible(words: Sequence[str], current: str) -> Iterator[str]:
         yield from (name for action in parser._actions for name in action.option_strings)  # noqa: SLF001 - no public name
     behind = words[place:]
     if words[:1] in (["show"], ["list"]):
-        yield from _kinds_or_names(behind)
+        kinds = [*plugins.KINDS, "noise", "experiment"]
+        yield from kinds if not behind else _names(behind[0]) if behind[0] in kinds else ()
     elif words[:1] == ["run"] or any(action.dest == "words" for action in parser._actions):  # noqa: SLF001
         yield from _settings(behind, current)
     elif words[:2] == ["data", "fetch"]:
@@ -99,16 +101,6 @@ def _verbs_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPar
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - as above
             return dict(action.choices)
     return {}
-
-
-def _kinds_or_names(behind: Sequence[str]) -> Iterator[str]:
-    from jerkbench import plugins
-
-    kinds = [*plugins.KINDS, "noise", "experiment"]
-    if not behind:
-        yield from kinds
-    elif behind[0] in kinds:
-        yield from _names(behind[0])
 
 
 def _names(kind: str) -> list[str]:
@@ -143,16 +135,10 @@ def _chosen(words: Sequence[str]) -> Iterator[tuple[str, str]]:
 def _parameters(words: Sequence[str], group: str) -> Iterator[str]:
     """GROUP.PARAMETER= of a group's plugins; of a disturbance GROUP.NAME.PARAMETER=."""
     from jerkbench import plugins
+    from jerkbench.presets import preset
 
     for kind, name in _chosen(words):
         if kind == group and kind in plugins.KINDS:
-            plugin = name if name in plugins.names(kind) else _under(kind, name)
+            plugin = name if name in plugins.names(kind) else str(preset(kind, name)["name"])
             owner = f"{kind}.{name}" if kind == "disturbance" else kind
             yield from (f"{owner}.{field.name}=" for field in dataclasses.fields(plugins.get(kind, plugin)))
-
-
-def _under(kind: str, name: str) -> str:
-    """The plugin that a preset sets parameters of."""
-    from jerkbench.presets import preset
-
-    return str(preset(kind, name)["name"])

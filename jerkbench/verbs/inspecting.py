@@ -9,6 +9,8 @@ from jerkbench.verbs.arguments import argument, output, require_new, verb
 from jerkbench.verbs.recordings import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.figure import Figure
 
     from jerkbench.contracts import Dataset
@@ -49,25 +51,16 @@ def _print_guesses(chosen: argparse.Namespace) -> None:
     from jerkbench.inspection.guessing import guess_tables
 
     draft = guess_tables(*(Path(source).expanduser() for source in chosen.source))
-    _print_draft(draft)
-    if chosen.preset is not None:
-        _write_preset(draft, chosen.preset)
-    print()
-    try:
-        recording = draft.load()
-    except RecordingError as error:  # what the guesses lack is an answer
-        print(f"No recording can be made of it as it is: {error}")
-    else:
-        _describe(recording, Tables(**draft.settings), chosen.figure)
-
-
-def _print_draft(draft: "Draft") -> None:
     for guess in draft.guesses.values():
         print(guess)
     if draft.unused:
         print(f"not used: {', '.join(draft.unused)}; columns of an attitude or of the truth go to reference_...")
     unsure = [guess.parameter for guess in draft.guesses.values() if guess.grade == "unsure"]
     print(f"Say yourself: {', '.join(unsure)}." if unsure else "Nothing is unsure.")
+    if chosen.preset is not None:
+        _write_preset(draft, chosen.preset)
+    print()
+    _describe_if_whole(draft.load, Tables(**draft.settings), chosen.figure)
 
 
 def _write_preset(draft: "Draft", preset: Path) -> None:
@@ -76,11 +69,8 @@ def _write_preset(draft: "Draft", preset: Path) -> None:
 
     path = preset_path(preset)
     require_new(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = preset_text(draft, path.stem)
-    write_text(path, text)
-    folder = path.parent.parent
-    print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {folder} dataset={path.stem}")
+    write_text(path, preset_text(draft, path.stem))
+    print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {path.parents[1]} dataset={path.stem}")
 
 
 SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
@@ -129,30 +119,29 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.io.ros.survey import survey
 
     with open_bag(dataset.path) as bag:
-        for line in survey(bag):
-            print(line)
+        print(*survey(bag), "", sep="\n")
+    _describe_if_whole(lambda: dataset.load(chosen.seed), dataset, chosen.figure)
+
+
+def _describe_if_whole(load: "Callable[[], Recording]", dataset: "Dataset", figure: Path | None) -> None:
     try:
-        recording = dataset.load(chosen.seed)
-    except RecordingError as error:  # the bag can be read: what it lacks is an answer
-        print(f"\nNo recording can be made of it as it is: {error}")
+        recording = load()
+    except RecordingError as error:  # the source can be read: what it lacks is an answer
+        print(f"No recording can be made of it as it is: {error}")
     else:
-        print()
-        _describe(recording, dataset, chosen.figure)
+        _describe(recording, dataset, figure)
 
 
 def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -> None:
-    from jerkbench.inspection.facts import facts_text
+    import numpy as np
+
+    from jerkbench.inspection.facts import facts_text, overview_figure
 
     print(facts_text(recording))
     shifts = {name: getattr(dataset, name, None) for name in SHIFT_PARAMETERS}
-    shifts_text = [
-        f"{name}={value}" for name, value in shifts.items() if (any(value) if isinstance(value, tuple) else value)
-    ]
-    if shifts_text:
-        print(f"Times are shifted already by {', '.join(shifts_text)}: what is left of the lags is above.")
+    if shifted := [f"{name}={value}" for name, value in shifts.items() if np.any(value)]:
+        print(f"Times are shifted already by {', '.join(shifted)}: what is left of the lags is above.")
     if figure is not None:
-        from jerkbench.inspection.facts import overview_figure
-
         _save(overview_figure(recording), figure)
 
 

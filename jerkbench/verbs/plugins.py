@@ -1,8 +1,6 @@
 """The verbs of plugins: `list`, `show`, `new`, `check`."""
 
 import argparse
-import json
-from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,44 +78,9 @@ BROKEN = 1
 """Exit code where a plugin does not keep its contract."""
 
 
-def _text(_: str, checked: "Sequence[CheckedPlugin]") -> str:
-    lines = []
-    for plugin in checked:
-        title = f"{plugin.kind} {plugin.name}"
-        lines += [f"{title}: {finding.severity}: {finding.sentence}" for finding in plugin.findings]
-        lines += [] if plugin.failed else [f"{title}: keeps its contract."]
-    return "\n".join(lines)
-
-
-def _json(package: str, checked: "Sequence[CheckedPlugin]") -> str:
-    plugins = [
-        {"kind": p.kind, "name": p.name, "ok": not p.failed, "findings": [f._asdict() for f in p.findings]}
-        for p in checked
-    ]
-    return json.dumps({"package": package, "ok": all(p["ok"] for p in plugins), "plugins": plugins}, indent=2)
-
-
-def _junit(package: str, checked: "Sequence[CheckedPlugin]") -> str:
-    from jerkbench.plugins.requirements import JunitCase, junit
-
-    def sentences(plugin: "CheckedPlugin", severity: str) -> tuple[str, ...]:
-        return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)
-
-    cases = [JunitCase(p.kind, p.name, sentences(p, "error"), sentences(p, "notice")) for p in checked]
-    return junit(f"jerkbench check {package}", cases).rstrip()
-
-
-FINDINGS: "Mapping[str, Callable[[str, Sequence[CheckedPlugin]], str]]" = {
-    "text": _text,
-    "json": _json,
-    "junit": _junit,
-}
-"""Formats of the answer."""
-
-
 @verb(
     argument("package", help="a folder with a pyproject.toml, an installed distribution, or a module"),
-    argument("--format", choices=tuple(FINDINGS), default="text", help="default: text"),
+    argument("--format", choices=("text", "json", "junit"), default="text", help="default: text"),
 )
 def check_verb(chosen: argparse.Namespace) -> None:
     """Check whether the plugins of a package keep their contracts.
@@ -130,8 +93,26 @@ def check_verb(chosen: argparse.Namespace) -> None:
         SystemExit: 1, where a plugin does not keep its contract.
     """
     from jerkbench.plugins.new import check_package
+    from jerkbench.plugins.requirements import JunitCase, junit
+
+    def sentences(plugin: "CheckedPlugin", severity: str) -> tuple[str, ...]:
+        return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)
 
     checked = check_package(chosen.package)
-    print(FINDINGS[chosen.format](chosen.package, checked))
+    if chosen.format == "json":
+        plugins = [
+            {"kind": p.kind, "name": p.name, "ok": not p.failed, "findings": [f._asdict() for f in p.findings]}
+            for p in checked
+        ]
+        print_json({"package": chosen.package, "ok": all(p["ok"] for p in plugins), "plugins": plugins})
+    elif chosen.format == "junit":
+        cases = [JunitCase(p.kind, p.name, sentences(p, "error"), sentences(p, "notice")) for p in checked]
+        print(junit(f"jerkbench check {chosen.package}", cases).rstrip())
+    else:
+        for plugin in checked:
+            for finding in plugin.findings:
+                print(f"{plugin.kind} {plugin.name}: {finding.severity}: {finding.sentence}")
+            if not plugin.failed:
+                print(f"{plugin.kind} {plugin.name}: keeps its contract.")
     if any(plugin.failed for plugin in checked):
         raise SystemExit(BROKEN)

@@ -5,14 +5,11 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from jerkbench.contracts import Dataset
 from jerkbench.errors import JerkbenchError, PluginError, unknown
 from jerkbench.verbs.arguments import argument, output, require_new, verb
-
-if TYPE_CHECKING:
-    from jerkbench.jobs.job import Job
 
 # The recording behind the words of a person: a file or folder, or the name of a data set.
 
@@ -64,25 +61,19 @@ def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:
     Raises:
         PluginError: nothing of that name, no data set for the file, or a parameter that does not fit.
     """
+    from jerkbench import plugins
     from jerkbench.jobs.names import choose
 
     parameters = _parameters(words)
     path = Path(source).expanduser()
-    if path.exists():
-        return _created(choose("dataset", {**parameters, "name": name or _by_content(path)}).plain, str(path))
-    if name is not None or path.name != source or path.suffix:
+    if not path.exists() and (name is not None or path.name != source or path.suffix):
         raise PluginError(f"There is no file or folder {source}; correct the path.")
-    return _created(choose("dataset", {**parameters, "name": source}).plain)
-
-
-def _created(plain: dict[str, Any], path: str | None = None) -> Dataset:
-    """Make the data set; its first parameter is the file or folder that it reads."""
-    from jerkbench import plugins
-
-    if path is not None:
-        plain = {**plain, dataclasses.fields(plugins.get("dataset", plain["name"]))[0].name: path}
-    created: Dataset = plugins.create("dataset", plain)
-    return created
+    called = (name or _by_content(path)) if path.exists() else source
+    plain = choose("dataset", {**parameters, "name": called}).plain
+    if path.exists():  # its first parameter is the file or folder that it reads
+        plain = {**plain, dataclasses.fields(plugins.get("dataset", plain["name"]))[0].name: str(path)}
+    dataset: Dataset = plugins.create("dataset", plain)
+    return dataset
 
 
 def _parameters(words: Sequence[str]) -> dict[str, Any]:
@@ -90,8 +81,7 @@ def _parameters(words: Sequence[str]) -> dict[str, Any]:
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
-    wrong = [word for word in words if "=" not in word]
-    if wrong:
+    if wrong := [word for word in words if "=" not in word]:
         raise PluginError(f"'{wrong[0]}' is no parameter; give KEY=VALUE.")
     try:
         parsed = OmegaConf.to_container(OmegaConf.from_dotlist([_text_if_a_sign(word) for word in words]))
@@ -109,6 +99,8 @@ def _text_if_a_sign(word: str) -> str:
 
 def _by_content(path: Path) -> str:
     """The data set that the suffix of a file names, or what a folder holds."""
+    from jerkbench import plugins
+
     suffixes = [path.suffix] if path.is_file() else sorted({inside.suffix for inside in path.iterdir()})
     fitting = [SUFFIXES[suffix] for suffix in suffixes if suffix in SUFFIXES]
     if path.is_dir():
@@ -116,20 +108,11 @@ def _by_content(path: Path) -> str:
     fitting = list(dict.fromkeys(fitting))
     if len(fitting) == 1:
         return fitting[0]
-    why = (
-        f"could be of {' or '.join(fitting)}"
-        if fitting
-        else "has no suffix, and holds nothing, that tells its data set"
-    )
-    raise PluginError(f"{path} {why}; give --dataset NAME ({', '.join(_readers())}).")
-
-
-def _readers() -> list[str]:
-    """Data sets that read files."""
-    from jerkbench import plugins
-
-    names = plugins.names("dataset")
-    return [n for n in names if dataclasses.fields(plugins.get("dataset", n))[0].name in ("file", "folder")]
+    nothing = "has no suffix, and holds nothing, that tells its data set"
+    why = f"could be of {' or '.join(fitting)}" if fitting else nothing
+    first = {name: dataclasses.fields(plugins.get("dataset", name))[0].name for name in plugins.names("dataset")}
+    readers = ", ".join(name for name, parameter in first.items() if parameter in ("file", "folder"))
+    raise PluginError(f"{path} {why}; give --dataset NAME ({readers}).")
 
 
 TARGETS = {
@@ -209,32 +192,24 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: the folder is there, a format or a word is unknown, or a format lacks something.
     """
     from jerkbench.hydra_app.words import composed
-    from jerkbench.io.recording_folder import FORMATS
+    from jerkbench.io.recording_folder import FORMATS, write_recording, write_reference
+    from jerkbench.jobs.inputs import shared_inputs
 
     folder: Path = chosen.folder
     for name in chosen.format:
         if name not in FORMATS:
             raise JerkbenchError(unknown("format", name, FORMATS))
     require_new(folder)
-    job = composed(chosen.words).job()
+    job, inputs = composed(chosen.words).job(), shared_inputs()
     for draw in job.draws:
-        for path in _write_seed(job, draw, folder / str(draw), chosen):
+        recording, own = inputs.recording(job.scenario, draw), folder / str(draw)
+        attitude = inputs.attitude(recording, job.scenario.attitude)
+        source = {"made_of": {"seed": draw, **job.scenario.plain}}
+        for path in write_recording(recording, attitude, own, chosen.format, source):
             print(path)
-
-
-def _write_seed(job: "Job", draw: int, folder: Path, chosen: argparse.Namespace) -> list[Path]:
-    from jerkbench.io.recording_folder import write_recording, write_reference
-    from jerkbench.jobs.inputs import shared_inputs
-
-    inputs = shared_inputs()
-    recording = inputs.recording(job.scenario, draw)
-    source = {"seed": draw, **job.scenario.plain}
-    attitude = inputs.attitude(recording, job.scenario.attitude)
-    paths = write_recording(recording, attitude, folder, chosen.format, {"made_of": source})
-    if chosen.without_reference:
-        return paths
-    write_reference(recording, folder / "reference.csv")
-    return [*paths, folder / "reference.csv"]
+        if not chosen.without_reference:
+            write_reference(recording, own / "reference.csv")
+            print(own / "reference.csv")
 
 
 @verb(

@@ -21,11 +21,10 @@ from jerkbench.verbs.arguments import (
 )
 
 if TYPE_CHECKING:
-    from jerkbench.report.analysis.changes import Change
+    from jerkbench.jobs.study import Study
     from jerkbench.report.analysis.study_verdicts import StudyVerdicts
     from jerkbench.report.compared import MetricChanges, Tolerances
     from jerkbench.report.tables.table_model import Table
-    from jerkbench.results.study import Study
 
 NOTHING_COMPARED = (
     "Nothing can be compared: no cell without adaptation, or with the baseline filter (--baseline FACTOR=NAME takes "
@@ -68,10 +67,10 @@ def table_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
+    from jerkbench.jobs.study import load_study, tagged
     from jerkbench.report.analysis.runs import parse_baseline
     from jerkbench.report.analysis.study_verdicts import study_verdicts
     from jerkbench.report.tables.summary import main_metric, summarise
-    from jerkbench.results.study import load_study, tagged
 
     study = load_study(chosen.folder)
     study = tagged(study, chosen.tag) if chosen.tag else study
@@ -85,7 +84,7 @@ def table_verb(chosen: argparse.Namespace) -> None:
         return
     _write(table, chosen.format)
     if chosen.costs:
-        from jerkbench.results.replay import COLUMN, step_costs, tell_left_out
+        from jerkbench.jobs.replay import COLUMN, step_costs, tell_left_out
 
         tell_left_out(study, run_programs=chosen.run_programs)
         if len(costs := step_costs(study, run_programs=chosen.run_programs)):
@@ -152,12 +151,11 @@ def figures_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
     from jerkbench.jobs.cluster import processors
+    from jerkbench.jobs.replay import tell_left_out
+    from jerkbench.jobs.study import load_study
+    from jerkbench.jobs.study_figures import FIGURES, LIMIT, Request, draw_study
     from jerkbench.report import Choice
     from jerkbench.report.plots.style import BETWEEN
-    from jerkbench.results.replay import tell_left_out
-    from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures import LIMIT, Request, draw_study
-    from jerkbench.results.study_report import FIGURES
 
     out = chosen.out or chosen.folder / FIGURES
     counted = chosen.scenarios.isdecimal()
@@ -174,7 +172,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     )
     study = load_study(chosen.folder)
     tell_left_out(study, run_programs=chosen.run_programs)
-    for picture in draw_study(study, request, processors()).pictures:
+    for picture in draw_study(study, request, processors())[0]:
         for ending in ("png", "pdf") if chosen.pdf else ("png",):
             print(out / f"{picture.name}.{ending}")
 
@@ -202,10 +200,9 @@ def report_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or the file cannot be one.
     """
     from jerkbench.jobs.cluster import processors
-    from jerkbench.results.replay import tell_left_out
-    from jerkbench.results.study import load_study
-    from jerkbench.results.study_figures import Request
-    from jerkbench.results.study_report import REPORT, write_report
+    from jerkbench.jobs.replay import tell_left_out
+    from jerkbench.jobs.study import load_study
+    from jerkbench.jobs.study_figures import REPORT, Request, write_report
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT
@@ -228,7 +225,7 @@ def pack_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or some are damaged.
     """
-    from jerkbench.results.store import Store
+    from jerkbench.jobs.store import Store
 
     path = Store(chosen.folder).pack()
     print(f"{path}: {path.stat().st_size / 1024:.0f} KiB")
@@ -244,7 +241,7 @@ def cite_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: the folder cannot be read.
     """
-    from jerkbench.results.bibliography import entries_of, own_entry
+    from jerkbench.jobs.bibliography import entries_of, own_entry
 
     print("\n\n".join(entries_of(chosen.folder) if chosen.folder else [own_entry()]))
 
@@ -309,11 +306,34 @@ def compare_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
         SystemExit: 3, where B is worse than it may be; 4, where nothing is, but B lacks results that A has.
     """
-    from jerkbench.report.compared import WRITERS, StudyComparison, print_comparison
+    from jerkbench.jobs.selection import in_the_place_of, named_study, require_alike, selected
+    from jerkbench.jobs.study import load_study
+    from jerkbench.report.analysis.changes import changes
+    from jerkbench.report.analysis.findings import varying_factors
+    from jerkbench.report.compared import (
+        WRITERS,
+        MetricChanges,
+        StudyComparison,
+        Tolerances,
+        print_comparison,
+        read_tolerances,
+    )
+    from jerkbench.report.tables.summary import main_metric
 
-    first, second, chosen_of = _studies(chosen)
-    tolerances = _tolerances(chosen)
-    parts = _parts(chosen, first, second, tolerances)
+    named = (named_study(chosen.first), named_study(chosen.second))
+    first, second = (selected(load_study(of.folder), of.chosen) for of in named)
+    second, chosen_of = in_the_place_of(first, second, {**named[0].chosen, **named[1].chosen})
+    require_alike(first, second)
+    tolerances = Tolerances(otherwise=chosen.fail_above)
+    if chosen.tolerances is not None:
+        tolerances = read_tolerances(chosen.tolerances, chosen.fail_above)
+    rule, varying = chosen_rule(chosen), varying_factors(first.rows)
+    metrics = [chosen.metric] if chosen.metric else tolerances.metrics(main_metric(first.rows), first.rows.columns)
+    parts = []
+    for metric in metrics:
+        changed = changes(first.rows, second.rows, metric, rule)
+        allowed = [tolerances.percent(metric, change.combination) for change in changed]
+        parts.append(MetricChanges(metric, changed, varying, allowed))
     has_tolerances = tolerances.otherwise is not None or bool(tolerances.rules)
     sentences, code = _failures(parts, first, second, chosen.tolerances) if has_tolerances else ([], 0)
     comparison = StudyComparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], bool(code))
@@ -327,46 +347,6 @@ def compare_verb(chosen: argparse.Namespace) -> None:
         raise SystemExit(code)
 
 
-def _studies(chosen: argparse.Namespace) -> "tuple[Study, Study, list[str]]":
-    """Both studies, with one method of each under the same name where methods were chosen, and a sentence about it."""
-    from jerkbench.results.selection import in_the_place_of, named_study, require_alike, selected, told
-    from jerkbench.results.study import load_study
-
-    named = (named_study(chosen.first), named_study(chosen.second))
-    first, second = (selected(load_study(of.folder), of.chosen) for of in named)
-    methods = (named[0].chosen, named[1].chosen)
-    sentences = told(first, second, methods)
-    second = in_the_place_of(first, second, methods)
-    require_alike(first, second)
-    return first, second, sentences
-
-
-def _tolerances(chosen: argparse.Namespace) -> "Tolerances":
-    from jerkbench.report.compared import Tolerances, read_tolerances
-
-    if chosen.tolerances is None:
-        return Tolerances(otherwise=chosen.fail_above)
-    return read_tolerances(chosen.tolerances, chosen.fail_above)
-
-
-def _parts(
-    chosen: argparse.Namespace, first: "Study", second: "Study", tolerances: "Tolerances"
-) -> "list[MetricChanges]":
-    from jerkbench.report.analysis.changes import changes
-    from jerkbench.report.analysis.findings import varying_factors
-    from jerkbench.report.compared import MetricChanges
-    from jerkbench.report.tables.summary import main_metric
-
-    rule, varying = chosen_rule(chosen), varying_factors(first.rows)
-    metrics = [chosen.metric] if chosen.metric else tolerances.metrics(main_metric(first.rows), first.rows.columns)
-    parts = []
-    for metric in metrics:
-        changed = changes(first.rows, second.rows, metric, rule)
-        allowed = [tolerances.percent(metric, change.combination) for change in changed]
-        parts.append(MetricChanges(metric, changed, varying, allowed))
-    return parts
-
-
 def _notes(
     chosen: argparse.Namespace,
     first: "Study",
@@ -374,14 +354,20 @@ def _notes(
     parts: "Sequence[MetricChanges]",
     tolerances: "Tolerances",
 ) -> list[str]:
+    from jerkbench.jobs.selection import other_methods
     from jerkbench.report.analysis.changes import notes_of_tests, other_leaders
     from jerkbench.report.analysis.study_verdicts import study_verdicts
-    from jerkbench.results.selection import other_methods
 
     rule, method, changed = chosen_rule(chosen), chosen_method(chosen), parts[0].changes
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
     notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
-    notes += [READING_NOTE, *notes_of_tests(changed), *_left_out(changed, first, second)]
+    notes += [READING_NOTE, *notes_of_tests(changed)]
+    counts = (("A", first.combinations - len(changed)), ("B", second.combinations - len(changed)))
+    notes += [f"{count} combinations of {name} alone are left out." for name, count in counts if count]
+    damaged = (("A", first.damaged), ("B", second.damaged))
+    notes += [f"Damaged in {name}, and left out: {', '.join(files)}." for name, files in damaged if files]
+    if absent := sum(change.absent for change in changed):
+        notes.append(f"{absent} runs of A have no run of the same seed in B.")
     notes += tolerances.idle((part.metric, change.combination) for part in parts for change in part.changes)
     verdicts = (study_verdicts(study.rows, parts[0].metric, method, rule) for study in (first, second))
     return [*notes, *other_leaders(*(of.standings for of in verdicts))]
@@ -410,14 +396,3 @@ def _counted(part: "MetricChanges", file: Path | None) -> str:
     by = f"{limits.pop():g} %" if len(limits) == 1 and file is None else f"{file} allows"
     subject = "combinations" if file is None else f"combinations, by {part.metric},"
     return f"{sum(part.worse)} of {len(part.changes)} {subject} are worse by more than {by}."
-
-
-def _left_out(changed: "Sequence[Change]", first: "Study", second: "Study") -> list[str]:
-    """Return sentences about the results that the comparison leaves out."""
-    counts = (("A", first.combinations - len(changed)), ("B", second.combinations - len(changed)))
-    notes = [f"{count} combinations of {name} alone are left out." for name, count in counts if count]
-    for name, study in (("A", first), ("B", second)):
-        if study.damaged:
-            notes.append(f"Damaged in {name}, and left out: {', '.join(study.damaged)}.")
-    absent = sum(change.absent for change in changed)
-    return [*notes, f"{absent} runs of A have no run of the same seed in B."] if absent else notes

@@ -4,13 +4,10 @@ import argparse
 import re
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.verbs.arguments import RUN_PROGRAMS, argument, output, verb
-
-if TYPE_CHECKING:
-    from jerkbench.results.replay import StoredRow
 
 DIFFERENT = 1
 """Exit code where a number is another."""
@@ -34,8 +31,8 @@ def rerun_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there is no such row, or its data have changed.
         SystemExit: 1, where a number is another.
     """
+    from jerkbench.jobs.replay import equal_or_nan, replay_differences, stored_row
     from jerkbench.report.tables.terminal import print_grid
-    from jerkbench.results.replay import equal_or_nan, replay_differences, stored_row
 
     row = stored_row(chosen.folder, chosen.row, run_programs=chosen.run_programs)
     numbers = replay_differences(row)
@@ -46,11 +43,6 @@ def rerun_verb(chosen: argparse.Namespace) -> None:
     print(f"{differing} of {len(numbers)} numbers differ.")
     if differing:
         raise SystemExit(DIFFERENT)
-
-
-NOTHING_ASKED = (
-    "What is to be exported? Give --tum FOLDER for trajectories, --updates FILE.csv for the adapted R, or both."
-)
 
 
 @verb(
@@ -69,28 +61,22 @@ def export_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: nothing is, there is no such row, its data have changed, or it has no reference or no updates.
     """
-    from jerkbench.results.replay import stored_row
-    from jerkbench.results.tum import write_updates
+    from jerkbench.evaluation.counted_rows import counted_rows
+    from jerkbench.jobs.replay import stored_row, write_tum_pair, write_updates
 
     if chosen.tum is None and chosen.updates is None:
-        raise JerkbenchError(NOTHING_ASKED)
+        raise JerkbenchError(
+            "What is to be exported? Give --tum FOLDER for trajectories, --updates FILE.csv for the adapted R, or both."
+        )
     row = stored_row(chosen.folder, chosen.row, run_programs=chosen.run_programs)
+    recording, estimate = row.run()
     if chosen.tum is not None:
-        _write_trajectories(chosen, row)
+        counted = counted_rows(estimate, recording, row.job.scoring.burn_in_s)
+        for path in write_tum_pair(chosen.tum, recording, estimate, counted):
+            print(path)
     if chosen.updates is not None:
-        _, estimate = row.run()
         write_updates(chosen.updates, estimate.updates)
         print(chosen.updates)
-
-
-def _write_trajectories(chosen: argparse.Namespace, row: "StoredRow") -> None:
-    from jerkbench.evaluation.counted_rows import counted_rows
-    from jerkbench.results.tum import write_tum_pair
-
-    recording, estimate = row.run()
-    counted = counted_rows(estimate, recording, row.job.scoring.burn_in_s)
-    for path in write_tum_pair(chosen.tum, recording, estimate, counted):
-        print(path)
 
 
 WORD = re.compile(r"[+~]*[A-Za-z_][\w./@]*=")

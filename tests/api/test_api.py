@@ -15,8 +15,8 @@ from jerkbench.hydra_app.configuration import Schema, configured_job, register_h
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import job_of_parts
+from jerkbench.jobs.study import load_study
 from jerkbench.presets import config_folder, default_names
-from jerkbench.results.study import load_study
 from made_jobs import with_data
 
 DRIVE = {"name": "rtklib", "folder": "anywhere"}

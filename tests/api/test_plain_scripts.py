@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from commands import PATIENCE_S, environment
-from jerkbench.results.study import load_study
+from jerkbench.jobs.study import load_study
 
 SWEEP = """
 from jerkbench import api

@@ -15,7 +15,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.disturbances.imu import ImuBias
 from jerkbench.errors import JerkbenchError
 from jerkbench.filters.kinematic import Jerk
-from jerkbench.results.study import Study, load_study
+from jerkbench.jobs.study import Study, load_study
 
 ROOT = Path(__file__).parents[2]
 SHORT = {"name": "field", "duration_s": 12}

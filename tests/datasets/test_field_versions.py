@@ -11,8 +11,8 @@ from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.jobs.names import choose
+from jerkbench.jobs.study import load_study
 from jerkbench.plugins import create
-from jerkbench.results.study import load_study
 
 KEPT = Path(__file__).parents[2] / "results" / "paper20"
 GOLDEN = {

@@ -9,7 +9,7 @@ from jerkbench.hydra_app.looks import forecast
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.plan import planned
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 
 FIELD = {"name": "field", "duration_s": 12}
 

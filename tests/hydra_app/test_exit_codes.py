@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 from commands import SHORT, verb
-from jerkbench.results import study
+from jerkbench.jobs import study
 
 
 def test_a_single_run_that_diverged_is_a_result(tmp_path):

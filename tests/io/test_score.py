@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from commands import swept, verb
-from jerkbench.results.study import load_study
+from jerkbench.jobs.study import load_study
 
 SCENARIO = ["dataset=field", "dataset.duration_s=30", "disturbance=outliers"]
 

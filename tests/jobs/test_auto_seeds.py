@@ -8,9 +8,9 @@ import pytest
 from commands import swept
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.looks import typed
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import load_study
 from jerkbench.report.analysis.runs import VerdictRule
-from jerkbench.results.store import Store
-from jerkbench.results.study import load_study
 
 SHORT = ("dataset.duration_s=40", "figures=false", "workers=1")
 

@@ -11,7 +11,7 @@ from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.run import run_missing
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 
 
 def write(path, radius_m):

@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from jerkbench.jobs import progress as progress_module
-from jerkbench.jobs.progress import Progress, Pulse, duration
+from jerkbench.jobs.progress import Progress, duration, pulse
 
 
 def test_what_is_left_is_counted(capsys):
@@ -27,7 +27,7 @@ def test_without_anything_left_there_is_no_bar(capsys):
 
 
 def test_a_pipe_hears_how_far_it_is(capsys, monkeypatch):
-    monkeypatch.setattr(progress_module, "Pulse", partial(Pulse, first_s=0.01, every_s=0.01))
+    monkeypatch.setattr(progress_module, "pulse", partial(pulse, first_s=0.01, every_s=0.01))
     with Progress(4) as progress:
         progress.advance(["diverged"])
         err = ""
@@ -39,7 +39,7 @@ def test_a_pipe_hears_how_far_it_is(capsys, monkeypatch):
 
 def test_a_pulse_ends_with_its_work():
     said = []
-    with Pulse(lambda seconds: f"{seconds:.0f} s", said.append, first_s=0.0, every_s=0.001):
+    with pulse(lambda seconds: f"{seconds:.0f} s", said.append, first_s=0.0, every_s=0.001):
         while not said:
             time.sleep(0.001)
     count = len(said)

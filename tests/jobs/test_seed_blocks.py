@@ -5,13 +5,12 @@ import pytest
 
 from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs import run as loop
-from jerkbench.jobs.blocks import block_of
 from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import Result, Task, job_rows, work
-from jerkbench.jobs.run import run_missing
-from jerkbench.results.store import Store
+from jerkbench.jobs.run import block_of, run_missing
+from jerkbench.jobs.store import Store
 
 SEEDS = 2 * KEPT_INPUTS + 3
 SPEC = {

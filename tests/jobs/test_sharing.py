@@ -8,14 +8,13 @@ from commands import PATIENCE_S
 from jerkbench.jobs import plan as planning
 from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs import run as loop
-from jerkbench.jobs.blocks import Writer, block_of
 from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import Result, job_rows
-from jerkbench.jobs.run import KnownSeeds, Locks, Shared, run_missing
-from jerkbench.results.store import Store
+from jerkbench.jobs.run import KnownSeeds, Locks, Shared, Writer, block_of, run_missing
+from jerkbench.jobs.store import Store
 
 
 def cell(duration_s, seeds):

@@ -17,7 +17,7 @@ from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import Plan, grouped, planned
 from jerkbench.jobs.rows import job_rows, work
 from jerkbench.jobs.run import run_missing
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 from made_jobs import with_method
 
 SEEDS = KEPT_INPUTS + 3

@@ -11,7 +11,7 @@ import yaml
 from scipy import stats
 
 from commands import jerkbench, verb
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 
 SMALL = ["dataset.duration_s=12", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=2", "workers=1"]
 FAST = [*SMALL, "trials=4", "figures=false"]

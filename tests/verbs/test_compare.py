@@ -6,7 +6,7 @@ import json
 import pytest
 
 from commands import verb
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 from stored_cells import LABELS, about, row, store_cell
 
 YAML = """\

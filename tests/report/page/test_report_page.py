@@ -13,13 +13,13 @@ import pandas as pd
 import pytest
 
 from commands import swept
+from jerkbench.jobs.replay import stored_row
+from jerkbench.jobs.store import Store
 from jerkbench.report.analysis.review import Evidence, review
 from jerkbench.report.drawings import Picture
 from jerkbench.report.page.cells import nees_verdict
 from jerkbench.report.page.page import Results, page
 from jerkbench.report.page.script_data import Stretch
-from jerkbench.results.replay import stored_row
-from jerkbench.results.store import Store
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from commands import verb
+from jerkbench.jobs.study import load_study
 from jerkbench.report.tables.summary import summarise
 from jerkbench.report.tables.terminal import blocks, groups, terminal_table
-from jerkbench.results.study import load_study
 
 ROOT = Path(__file__).parents[3]
 STUDIES = ("paper20", "error_budget")

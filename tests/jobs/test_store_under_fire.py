@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from commands import PATIENCE_S, SHORT, environment, swept, verb
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 from processes import alive, children_of
 from stored_cells import drop
 

@@ -6,9 +6,9 @@ from commands import verb
 from jerkbench import api
 from jerkbench.filters.command import Command
 from jerkbench.jobs.job import replaced
-from jerkbench.results.replay import program_of, runnable
-from jerkbench.results.store import Store
-from jerkbench.results.study import load_study
+from jerkbench.jobs.replay import program_of, runnable
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import load_study
 from stored_cells import put
 
 PROGRAM = """#!/bin/sh

@@ -31,34 +31,24 @@ def write_manifest(
     """
     from filelock import FileLock
 
+    keys = list(seeds)
     with FileLock(folder / ".manifest.lock"):
-        _write_manifest(folder, seeds, notes, command, level, tags)
-
-
-def _write_manifest(
-    folder: Path,
-    seeds: Mapping[str, Sequence[int]],
-    notes: Sequence[str],
-    command: Sequence[str],
-    level: float | None,
-    tags: Sequence[str],
-) -> None:
-    before, keys = read_manifest(folder), list(seeds)
-    known = before.get("seeds", {})
-    manifest = {
-        "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
-        "last": keys,
-        "seeds": {**known, **{key: _with(known.get(key, ()), stretches(own)) for key, own in seeds.items() if own}},
-        "notes": {**before.get("notes", {}), **{key: list(notes) for key in keys}},
-        "levels": {**before.get("levels", {}), **(dict.fromkeys(keys, level) if level is not None else {})},
-        "tags": _tagged(before.get("tags", {}), keys, tags),
-        "command": list(command),
-        "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "versions": versions(),
-        "commit": git_commit(),
-        "host": {"system": platform.platform(), "machine": platform.machine(), "processors": os.cpu_count()},
-    }
-    write_text(folder / MANIFEST, json.dumps(manifest, indent=1))
+        before = read_manifest(folder)
+        shown, notes_of, levels, tags_of = (before.get(name, {}) for name in ("seeds", "notes", "levels", "tags"))
+        manifest = {
+            "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
+            "last": keys,
+            "seeds": {**shown, **{key: _with(shown.get(key, ()), stretches(own)) for key, own in seeds.items() if own}},
+            "notes": {**notes_of, **{key: list(notes) for key in keys}},
+            "levels": {**levels, **(dict.fromkeys(keys, level) if level is not None else {})},
+            "tags": {**tags_of, **{key: list(dict.fromkeys([*tags_of.get(key, []), *tags])) for key in keys if tags}},
+            "command": list(command),
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "versions": versions(),
+            "commit": git_commit(),
+            "host": {"system": platform.platform(), "machine": platform.machine(), "processors": os.cpu_count()},
+        }
+        write_text(folder / MANIFEST, json.dumps(manifest, indent=1))
 
 
 def stretches(seeds: Sequence[int]) -> list[list[int]]:
@@ -76,11 +66,6 @@ def _with(before: Iterable[Sequence[int]], own: list[list[int]]) -> list[list[in
     """Add seeds to those that are shown: what has none of them stays, as the shards of other processes."""
     apart = [[*old] for old in before if not any(old[0] < sum(new) and new[0] < sum(old) for new in own)]
     return sorted([*apart, *own])
-
-
-def _tagged(before: Mapping[str, list[str]], keys: Sequence[str], tags: Sequence[str]) -> dict[str, list[str]]:
-    added = {key: list(dict.fromkeys([*before.get(key, []), *tags])) for key in keys} if tags else {}
-    return {**before, **added}
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -103,11 +88,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def _is_entry(name: str, value: object) -> bool:
     """Whether an entry is what a manifest has: no hash says whether the file was damaged."""
-    if name in LISTS:
-        return _are_texts(value)
     if name in MAPPINGS:
         return isinstance(value, dict) and all(map(MAPPINGS[name], value.values()))
-    return True
+    return name not in LISTS or _are_texts(value)
 
 
 def _are_texts(value: object) -> bool:

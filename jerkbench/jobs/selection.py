@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, NotComparableError, unknown
+from jerkbench.jobs.conditions import DECIDING_SCORES, LABELLED_PARTS, Conditions, differing_conditions
 from jerkbench.jobs.labels import bare
+from jerkbench.jobs.study import Study
 from jerkbench.renamed import new_label
 from jerkbench.report.analysis.columns import FACTORS, METHOD, Combination, require_factors
-from jerkbench.results.conditions import DECIDING_SCORES, LABELLED_PARTS, Conditions, differing_conditions
-from jerkbench.results.study import Study
 
 
 class NamedStudy(NamedTuple):
@@ -92,17 +92,22 @@ def named_part(study: Study, names: Sequence[str], factors: Sequence[str]) -> St
     return study.only(study.keys[fits])
 
 
-def in_the_place_of(first: Study, second: Study, chosen: tuple[Mapping[str, str], Mapping[str, str]]) -> Study:
-    """Return ``second`` with the chosen method called what it is called in ``first``, so that the two are compared.
+def in_the_place_of(first: Study, second: Study, chosen: Mapping[str, str]) -> tuple[Study, list[str]]:
+    """Return ``second`` with the chosen method called what it is called in ``first``, and a sentence about it.
+
+    Args:
+        first: a study.
+        second: what is compared with it.
+        chosen: values of factors in either; empty: no method was chosen.
 
     Raises:
         JerkbenchError: one has several methods where the other has one.
     """
-    factors = [factor for factor in FACTORS if any(factor in of for of in chosen)]
-    names = {factor: _only_value(first, factor) for factor in factors}
-    for factor in factors:
-        _only_value(second, factor)
-    return replace(second, rows=second.rows.assign(**names))
+    factors = [factor for factor in FACTORS if factor in chosen]
+    names, own = ({factor: _only_value(study, factor) for factor in factors} for study in (first, second))
+    a, b = (" + ".join(several.values()) for several in (names, own))
+    told = [f"{b} of B is compared with {a} of A, and stands under its name."] if chosen else []
+    return replace(second, rows=second.rows.assign(**names)), told
 
 
 def _only_value(study: Study, factor: str) -> str:
@@ -113,15 +118,6 @@ def _only_value(study: Study, factor: str) -> str:
             f"for example {study.folder}:{factor}={values[0]}."
         )
     return values[0]
-
-
-def told(first: Study, second: Study, chosen: tuple[Mapping[str, str], Mapping[str, str]]) -> list[str]:
-    """Return a sentence about what stands for what, where methods were chosen."""
-    if not any(chosen):
-        return []
-    factors = [factor for factor in FACTORS if any(factor in of for of in chosen)]
-    a, b = (" + ".join(_only_value(study, factor) for factor in factors) for study in (first, second))
-    return [f"{b} of B is compared with {a} of A, and stands under its name."]
 
 
 # The comparability of two studies: conditions that differ, and combinations that one of them lacks.

@@ -7,9 +7,9 @@ import pytest
 
 from commands import SHORT, verb
 from jerkbench.files import write_text
-from jerkbench.jobs import blocks
-from jerkbench.results.manifest import MANIFEST, read_manifest
-from jerkbench.results.store import Store
+from jerkbench.jobs import run
+from jerkbench.jobs.manifest import MANIFEST, read_manifest
+from jerkbench.jobs.store import Store
 
 WORDS = ("run", "-m", *SHORT, "filter=jerk,baseline", "adaptation=none,mtf")
 
@@ -22,7 +22,7 @@ def expected(tmp_path_factory):
 
 
 def interrupted_after(cells, monkeypatch):
-    add = blocks.Writer.add
+    add = run.Writer.add
 
     def adding(writer, job, result, seen=[0]):  # noqa: B006 - a count
         add(writer, job, result)
@@ -30,8 +30,8 @@ def interrupted_after(cells, monkeypatch):
         if seen[0] > cells:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(blocks.Writer, "add", adding)
-    monkeypatch.setattr(blocks, "HELD_S", 0.0)
+    monkeypatch.setattr(run.Writer, "add", adding)
+    monkeypatch.setattr(run, "HELD_S", 0.0)
 
 
 @pytest.mark.slow

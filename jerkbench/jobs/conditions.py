@@ -3,10 +3,11 @@
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 from jerkbench.jobs.labels import bare
-from jerkbench.results.content import Content
+from jerkbench.jobs.parts import Stored
 
 LABELLED_PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
 """Parts of a cell that a label stands for; the noise is a parameter of the filter."""
@@ -47,25 +48,25 @@ def conditions(cells: Iterable[Mapping[str, Any]]) -> list[Conditions]:
     return [{part: _of_part(part, cell, known) for part in LABELLED_PARTS} for cell in kept]
 
 
-def with_one_name(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the metadata of each cell; parts of one name and the same parameters have one label, the shortest.
+def with_one_name(cells: Sequence[Stored]) -> list[Stored]:
+    """Return the cells; parts of one name and the same parameters have one label, the shortest.
 
     So ``mtf`` and ``mtf(window=1)``, whose window is 1 unless one says otherwise, are one method.
     """
-    labels, known = [dict(cell["labels"]) for cell in cells], dict[object, ConditionValues]()
+    labels, known = [dict(cell.metadata["labels"]) for cell in cells], dict[object, ConditionValues]()
     for part in LABELLED_PARTS:
         spelled = Counter(map(bare, {label[part] for label in labels}))
         groups: dict[object, list[dict[str, str]]] = {}
         for cell, label in zip(cells, labels, strict=True):
             if spelled[bare(label[part])] > 1:
                 noise = label["noise"] if part == "filter" else ""
-                alike = bare(label[part]), noise, tuple(_of_part(part, cell, known).items())
+                alike = bare(label[part]), noise, tuple(_of_part(part, cell.metadata, known).items())
                 groups.setdefault(alike, []).append(label)
         for group in groups.values():
             name = min((label[part] for label in group), key=lambda text: (len(text), text))
             for label in group:
                 label[part] = name
-    return [{**cell, "labels": label} for cell, label in zip(cells, labels, strict=True)]
+    return [replace(cell, metadata={**cell.metadata, "labels": own}) for cell, own in zip(cells, labels, strict=True)]
 
 
 def told_apart(
@@ -82,15 +83,22 @@ def told_apart(
     labels = [dict(cell["labels"]) for cell in cells]
     remarks = []
     for part in LABELLED_PARTS:
-        for label, places in _of_one_label(cells, part).items():
+        names = (part, "noise") if part == "filter" else (part,)  # a filter's parameters are those of its noise too
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for place, cell in enumerate(cells):
+            groups.setdefault(tuple(cell["labels"][name] for name in names), []).append(place)
+        for label, places in groups.items():
             varying = _varying(list({id(known[place][part]): known[place][part] for place in places}.values()))
             if varying:
-                remarks.append(_remark(part, label[0], varying))
+                differing = " and ".join(f"{name} ({', '.join(texts.values())})" for name, texts in varying.items())
+                remarks.append(
+                    f"The results of {part} {label[0]} differ in {differing}: they have different names here and are"
+                    " not compared."
+                )
                 for place in places:
-                    of_cell = (
-                        (n.removeprefix(f"{part}."), texts[known[place][part][n]]) for n, texts in varying.items()
-                    )
-                    labels[place][part] = with_parameters(label[0], list(map("=".join, of_cell)))
+                    own = known[place][part]
+                    of_cell = [f"{n.removeprefix(f'{part}.')}={texts[own[n]]}" for n, texts in varying.items()]
+                    labels[place][part] = with_parameters(label[0], of_cell)
     return labels, remarks
 
 
@@ -110,15 +118,6 @@ def _of_part(part: str, cell: Mapping[str, Any], known: dict[object, ConditionVa
         for name, plugin in zip(BESIDE.get(part, ()), others, strict=True):
             known[which] |= _parameters(name, plugin)
     return known[which]
-
-
-def _of_one_label(cells: Sequence[Mapping[str, Any]], part: str) -> dict[tuple[str, ...], list[int]]:
-    """The places of the cells whose part has one label; a filter's parameters are those of its noise too."""
-    names = (part, "noise") if part == "filter" else (part,)
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for place, cell in enumerate(cells):
-        groups.setdefault(tuple(cell["labels"][name] for name in names), []).append(place)
-    return groups
 
 
 def differing_conditions(first: Conditions, second: Conditions, parts: Iterable[str]) -> list[str]:
@@ -184,40 +183,19 @@ def _text(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
-def _remark(part: str, label: str, varying: Mapping[str, Mapping[str, str]]) -> str:
-    differing = " and ".join(f"{name} ({', '.join(texts.values())})" for name, texts in varying.items())
-    return f"The results of {part} {label} differ in {differing}: they have different names here and are not compared."
-
-
 # Which cells of a study are shown, of several with one name.
 
 
-class Current(NamedTuple):
-    """The cells that are shown.
-
-    Attributes:
-        places: of the cells.
-        outdated: how many others there are of the same labels.
-        others: how many runs there are of the stored cells besides, with seeds that are not shown.
-    """
-
-    places: list[int]
-    outdated: int
-    others: int
-
-
-def current(content: Content, order: Mapping[str, int], preferred: Collection[str]) -> Current:
+def current(cells: Sequence[Stored], order: Mapping[str, int], preferred: Collection[str]) -> list[Stored]:
     """Choose the cells that are shown: of the same labels a preferred one, else the newest.
 
     Args:
-        content: all cells.
+        cells: all of them.
         order: place of each key in the sweeps; cells that are not in it come last, by their labels.
         preferred: keys that are taken before others.
     """
-    names, keys = [tuple(cell["labels"].values()) for cell in content.metadata], content.keys
-    rank = [(key in preferred, cell["created"]) for key, cell in zip(keys, content.metadata, strict=True)]
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for place in sorted(range(len(names)), key=lambda place: (order.get(keys[place], len(order)), names[place])):
-        groups.setdefault(names[place], []).append(place)
-    places = [max(group, key=lambda place: rank[place]) for group in groups.values()]
-    return Current(places, len(keys) - len(places), content.others)
+    groups: dict[tuple[str, ...], list[Stored]] = {}
+    named = [(order.get(cell.key, len(order)), tuple(cell.metadata["labels"].values()), cell) for cell in cells]
+    for _, labels, cell in sorted(named, key=lambda entry: entry[:2]):
+        groups.setdefault(labels, []).append(cell)
+    return [max(own, key=lambda cell: (cell.key in preferred, cell.metadata["created"])) for own in groups.values()]

@@ -1,4 +1,4 @@
-"""The figures of a study: of each scenario the runs of some methods made once more, drawn in processes side by side."""
+"""The figures of a study, drawn in processes side by side: some runs of each scenario once more; and its report."""
 
 import hashlib
 import re
@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,17 +18,24 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import position_error_length_m
-from jerkbench.files import write_atomically
+from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import each_result
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.labels import bare
+from jerkbench.jobs.manifest import read_manifest
+from jerkbench.jobs.parts import Stored
 from jerkbench.jobs.progress import Progress
+from jerkbench.jobs.replay import StoredRow, row_of, runnable
 from jerkbench.jobs.rows import run_seed
+from jerkbench.jobs.selection import named_part
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import Study
 from jerkbench.recording import Recording
 from jerkbench.report import Choice
 from jerkbench.report.analysis.columns import METHOD, SCENARIO_FACTORS, competes
+from jerkbench.report.analysis.runs import RULE, VerdictRule
 from jerkbench.report.drawings import (
     Drawing,
     Methods,
@@ -42,11 +50,6 @@ from jerkbench.report.drawings import (
 from jerkbench.report.page.script_data import Stretch, largest_of_steps
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric
-from jerkbench.results.content import Stored
-from jerkbench.results.replay import StoredRow, row_of, runnable
-from jerkbench.results.selection import named_part
-from jerkbench.results.store import Store
-from jerkbench.results.study import Study
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,17 +140,8 @@ class Picturing:
     steps: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    """What a report shows of runs.
-
-    Attributes:
-        pictures: the figures.
-        stretches: errors over time, of each scenario.
-    """
-
-    pictures: tuple[Picture, ...] = ()
-    stretches: tuple[Stretch, ...] = ()
+Drawn = tuple[tuple[Picture, ...], tuple[Stretch, ...]]
+"""What a report shows of runs: the figures, and the errors over time of each scenario."""
 
 
 def draw_study(study: Study, request: Request, workers: int) -> Drawn:
@@ -164,7 +158,7 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
         JerkbenchError: the study has no such method, scenario or seed.
     """
     if request.choice is Choice.NONE:
-        return Drawn()
+        return (), ()
     jobs = _jobs(study, request)
     done: dict[str, Drawn] = {}
     slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
@@ -172,10 +166,8 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
         for job, result in each_result(draw, slowest_first, processes):
             done[job.scenario] = result
             progress.advance()
-    return Drawn(
-        tuple(picture for job in jobs for picture in done[job.scenario].pictures),
-        tuple(stretch for job in jobs for stretch in done[job.scenario].stretches),
-    )
+    pictures, stretches = zip(*(done[job.scenario] for job in jobs), strict=True)
+    return tuple(chain(*pictures)), tuple(chain(*stretches))
 
 
 def _jobs(study: Study, request: Request) -> list[Picturing]:
@@ -216,23 +208,17 @@ def _requested(study: Study, request: Request) -> Study:
 def draw(job: Picturing) -> Drawn:
     """Draw the figures of ``job``; none where its runs cannot be run again, which is told on standard error."""
     if job.rows is not None:
-        return Drawn(tuple(_picture(drawing, job) for drawing in of_rows(job.rows, job.palette)))
+        return tuple(_picture(drawing, job) for drawing in of_rows(job.rows, job.palette)), ()
     try:
-        stored, _ = Store(job.study).read(list(job.cells))
-        cells = ranked(
-            [
-                replace(cell, metadata={**cell.metadata, "labels": job.cells[cell.key]})
-                for cell in runnable(stored, run_programs=job.request.run_programs)
-            ],
-            job.metric,
-        )
+        stored = runnable(Store(job.study).read(list(job.cells))[0], run_programs=job.request.run_programs)
+        named = [replace(cell, metadata={**cell.metadata, "labels": job.cells[cell.key]}) for cell in stored]
+        cells = ranked(named, job.metric)
         drawings = [] if job.methods is None else of_scene(_scene(job, cells, job.methods), job.palette)
         pictures = tuple(_picture(drawing, job) for drawing in drawings)
-        stretch = _stretch(job, cells) if job.steps else None
-        return Drawn(pictures, (stretch,) if stretch else ())
+        return pictures, tuple(_stretch(job, cells)) if job.steps else ()
     except JerkbenchError as error:
         print(f"jerkbench: no figures of {job.scenario}: {error}", file=sys.stderr)
-        return Drawn()
+        return (), ()
 
 
 def _picture(drawing: Drawing, job: Picturing) -> Picture:
@@ -260,10 +246,12 @@ def _scene(job: Picturing, cells: Sequence[Stored], wanted: Methods) -> Scene:
     if not cells:
         raise JerkbenchError("each of its methods is a stored program, which runs only with --run-programs.")
     chosen = _chosen(cells, wanted)
-    rows = {method: row_of(stored, job.request.seed, run_programs=True) for method, stored in chosen.items()}
+    rows = {method: row_of(cell, job.request.seed, run_programs=True) for method, cell in chosen.items()}
     runs = {method: row.run() for method, row in rows.items()}
     best, row = next(iter(rows.items()))
     recording, estimate = runs[best]
+    stored = chosen[best].rows
+    seeds = stored["seed"][(stored["status"] == "ok") & (stored["replicate"] == "seed")].tolist()[:SEEDS]
     return Scene(
         job.scenario,
         stem=file_stem([job.scenario]),
@@ -272,7 +260,7 @@ def _scene(job: Picturing, cells: Sequence[Stored], wanted: Methods) -> Scene:
         estimates={method: estimate for method, (_, estimate) in runs.items()},
         tilts=_tilts(row, estimate),
         best=best,
-        best_runs=tuple(_best_runs(chosen[best])),
+        best_runs=tuple(row_of(chosen[best], seed, run_programs=True).run() for seed in seeds or [None]),
         burn_in_s=row.job.scoring.burn_in_s,
     )
 
@@ -282,14 +270,9 @@ def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
     if not isinstance(attitude, Tilt):
         return {row.job.labels.attitude: own}
     varied = {adapt: replace(scenario, attitude=replace(attitude, adapt=adapt)) for adapt in TILTS}
-    jobs = {adapt: replace(row.job, scenario=own) for adapt, own in varied.items()}
-    return {f"tilt + {adapt}": replace(row, job=job).run()[1] for adapt, job in jobs.items()}
-
-
-def _best_runs(stored: Stored) -> Iterator[tuple[Recording, Estimate]]:
-    good = stored.rows[(stored.rows["status"] == "ok") & (stored.rows["replicate"] == "seed")]
-    seeds: list[int | None] = [int(seed) for seed in list(good["seed"])[:SEEDS]]
-    return (row_of(stored, seed, run_programs=True).run() for seed in seeds or [None])
+    return {
+        f"tilt + {adapt}": replace(row, job=replace(row.job, scenario=own)).run()[1] for adapt, own in varied.items()
+    }
 
 
 def _chosen(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
@@ -354,8 +337,8 @@ def steps_of(scenarios: Iterable[SceneCells]) -> int:
     return int(np.clip(KEPT_ERRORS // max(1, lines), *STRETCH_STEPS))
 
 
-def _stretch(job: Picturing, cells: Sequence[Stored]) -> Stretch | None:
-    """Run one run of each of the best and of the user's own cells again; None where the position is not known.
+def _stretch(job: Picturing, cells: Sequence[Stored]) -> Iterator[Stretch]:
+    """Run one run of each of the best and of the user's own cells again; nothing where the position is not known.
 
     Raises:
         JerkbenchError: they cannot be run again.
@@ -365,7 +348,7 @@ def _stretch(job: Picturing, cells: Sequence[Stored]) -> Stretch | None:
     runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
     recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
     if not recordings:
-        return None
+        return
     t_s, first = recordings[0].reference.t_s, next(iter(rows.values()))
     edges_s = np.linspace(t_s[0], t_s[-1], min(job.steps, len(t_s)) + 1)
     errors_m = {
@@ -374,7 +357,7 @@ def _stretch(job: Picturing, cells: Sequence[Stored]) -> Stretch | None:
     }
     draw = f"{'seed' if first.job.scenario.seeded else 'phase'} {first.draw}"
     step_s = float(edges_s[1] - edges_s[0])
-    return Stretch(job.scenario, draw, float(edges_s[0]), step_s, recordings[0].outages_s, errors_m)
+    yield Stretch(job.scenario, draw, float(edges_s[0]), step_s, recordings[0].outages_s, errors_m)
 
 
 # The figures of a single run: titles, names of files.
@@ -419,27 +402,88 @@ def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:
 
 def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
     """Draw trajectory and errors of the first seed; returns the files."""
-    recording, estimate = run_seed(job, job.draws[0])
-    return draw_run(job, with_title(recording, job, job.draws[0]), estimate, folder / "figures", pdf=pdf)
-
-
-def draw_run(job: Job, recording: Recording, estimate: Estimate, folder: Path, *, pdf: bool = False) -> list[Path]:
-    """Draw the trajectory and the errors of one run, with the recording's name above; returns the files."""
     from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure
     from jerkbench.report.plots.style import save_figure
     from jerkbench.report.plots.trajectory import trajectory_figure
 
-    labels = job.labels
-    estimates = {f"{labels.filter} + {labels.adaptation}": estimate}
-    name = file_stem(labels)
+    recording, estimate = run_seed(job, job.draws[0])
     errors = partial(error_figure, burn_in_s=job.scoring.burn_in_s)
     drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
     if estimate.attitude_only:
         drawn = {"inclination": inclination_figure}
     paths = []
-    for kind, draw in drawn.items():
-        figure = draw(recording, estimates)
+    titled = with_title(recording, job, job.draws[0])
+    for kind, draw_kind in drawn.items():
+        figure = draw_kind(titled, {f"{job.labels.filter} + {job.labels.adaptation}": estimate})
         for ending in ("png", "pdf") if pdf else ("png",):
-            paths.append(folder / f"{name}-{kind}.{ending}")
+            paths.append(folder / "figures" / f"{file_stem(job.labels)}-{kind}.{ending}")
             save_figure(figure, paths[-1])
     return paths
+
+
+# The report of a study as one HTML file.
+
+FIGURES, REPORT = "figures", "report.html"
+PROVENANCE = ("command", "finished", "commit", "versions", "host")
+"""Entries of the manifest that the report shows."""
+
+OTHERWISE = {
+    Choice.FEW: "figures=all draws those of every scenario, figures=none leaves them out",
+    Choice.ALL: "figures=few draws those that carry a finding, figures=none leaves them out",
+}
+"""What one can ask for instead."""
+
+
+def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, run_programs: bool = False) -> None:
+    """Draw the figures of a study and write its report; say so before, because it takes a while.
+
+    Args:
+        study: the study.
+        workers: number of processes.
+        choice: which figures.
+        pdf: whether each is a PDF, too.
+        run_programs: whether programs of stored cells may run; without it they are left out.
+    """
+    figures, report = study.folder / FIGURES, study.folder / REPORT
+    if choice is not Choice.NONE:
+        print(f"Drawing the figures ({OTHERWISE[choice]}).", flush=True)
+    write_report(study, report, Request(choice, out=figures, pdf=pdf, run_programs=run_programs), workers)
+    if choice is not Choice.NONE:
+        print(f"Figures: {figures}")
+    print(f"Report: {report}")
+
+
+def write_report(
+    study: Study,
+    path: Path,
+    request: Request,
+    workers: int,
+    method: tuple[str, ...] | None = None,
+    rule: VerdictRule = RULE,
+) -> None:
+    """Draw the figures of a study and write its report as one HTML file.
+
+    Args:
+        study: the study.
+        path: of the file.
+        request: which figures.
+        workers: number of processes that draw.
+        method: factors that a method is made of; None: those by default.
+        rule: by which methods are judged.
+    """
+    from jerkbench.report.page.page import Results, page
+
+    pictures, stretches = draw_study(study, request, workers)
+    stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
+    manifest, labels = read_manifest(study.folder), study.labels
+    results = Results(
+        name=study.folder.resolve().name,
+        rows=study.rows,
+        keys=list(study.keys),
+        about={cell.key: {**cell.metadata, "labels": labels[cell.key]} for cell in stored},
+        notes=study.notes,
+        provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
+        rule=rule,
+        method=method,
+    )
+    write_text(path, page(results, pictures, stretches))

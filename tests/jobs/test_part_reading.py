@@ -8,8 +8,8 @@ import pytest
 
 READ_FIVE_TIMES = """
 import os
-from jerkbench.jobs.blocks import RowBlock
-from jerkbench.results.parts import content_digest, content_of, part_of, table_of
+from jerkbench.jobs.parts import RowBlock
+from jerkbench.jobs.parts import content_digest, content_of, part_of, table_of
 from stored_cells import about, row
 
 content = content_of(table_of([RowBlock("abc", 1, [row()], about())]))

@@ -7,11 +7,10 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.blocks import RowBlock
-from jerkbench.results import store as store_of_cells
-from jerkbench.results.manifest import read_manifest, write_manifest
-from jerkbench.results.parts import PartFiles
-from jerkbench.results.store import MANY_PARTS, Store
+from jerkbench.jobs import store as store_of_cells
+from jerkbench.jobs.manifest import read_manifest, write_manifest
+from jerkbench.jobs.parts import RowBlock
+from jerkbench.jobs.store import MANY_PARTS, Store
 from stored_cells import about, row, store_cell
 
 ROWS = [row()]
@@ -175,15 +174,15 @@ def test_many_small_parts_become_one_with_the_same_cells(store):
 def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, monkeypatch):
     for k in range(MANY_PARTS):
         store_cell(store, f"a{k:x}", ROWS, ABOUT)
-    load, calls = PartFiles.load, []
+    load, calls = Store.load, []
 
-    def joined_meanwhile(opened, name, columns):
+    def joined_meanwhile(opened, name, columns=None):
         calls.append(name)
         if len(calls) == 3:
             Store(store.folder).compact()
         return load(opened, name, columns)
 
-    monkeypatch.setattr(PartFiles, "load", joined_meanwhile)
+    monkeypatch.setattr(Store, "load", joined_meanwhile)
     assert len(store.read()[0]) == MANY_PARTS
 
 
@@ -213,10 +212,10 @@ def test_the_manifest_says_which_seeds_are_shown_and_a_cell_that_lacks_one_is_no
     store_cell(store, "abc", [row(0.1 * k, k) for k in range(5)], ABOUT)
     seeds = {"abc": range(1, 4)}
     write_manifest(store.folder.parent, seeds, [], ["jerkbench"])
-    content, _ = store.content()
+    (cell,), _ = store.read()
 
-    assert list(store.read()[0][0].rows["seed"]) == [1, 2, 3]
-    assert content.others == 2
+    assert list(cell.rows["seed"]) == [1, 2, 3]
+    assert cell.others == 2
     assert store.read(shown={"abc": [[0, 6]]}) == ([], [])
     assert list(store.read(shown={})[0][0].rows["seed"]) == [0, 1, 2, 3, 4]
     store.pack()

@@ -1,8 +1,11 @@
 """The store: the runs of a study's cells in parts, written at once and atomically, found again by their cells' keys."""
 
+import os
+import re
 import time
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from itertools import groupby
 from pathlib import Path
 from uuid import uuid4
 
@@ -12,21 +15,26 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.blocks import RowBlock
+from jerkbench.files import exists
 from jerkbench.jobs.job import Job
-from jerkbench.notices import notify, plain
-from jerkbench.results.content import (
-    Content,
+from jerkbench.jobs.manifest import read_manifest
+from jerkbench.jobs.parts import (
+    CELL,
+    KEY,
+    PART_NAME,
+    RowBlock,
     ShownSeeds,
     Stored,
-    codes_of,
+    cells_of,
     concatenated,
-    content_of_tables,
+    content_of,
     frame,
     ordered_runs,
+    part_name,
+    part_of,
+    table_of,
 )
-from jerkbench.results.manifest import read_manifest
-from jerkbench.results.parts import CELL, KEY, PartFiles, table_of
+from jerkbench.notices import notify, plain
 
 SEEN_COLUMNS = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
@@ -47,6 +55,12 @@ JOINED = 100_000
 MANY_PARTS = 16
 """Small parts from which on they are joined."""
 
+OLD = re.compile("[0-9a-f]{20}")
+"""The name of a file with one cell, as it was stored before there were parts: its key."""
+
+LISTINGS = 20
+"""So often the files are listed again, where some of them have just been joined."""
+
 
 class Store:
     """The cells of one study."""
@@ -55,7 +69,6 @@ class Store:
         """Open the store below ``folder`` (the study's), or a folder of cells itself; nothing is written yet."""
         below = folder / "cells"
         self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
-        self.files = PartFiles(self.folder)
 
     def prepare(self) -> list[str]:
         """Make the folder, clear away what a killed process has left half-written, and set damaged files aside.
@@ -77,8 +90,8 @@ class Store:
                         partial.unlink()
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
-        damaged = [name for name, table in self.files.each(SEEN_COLUMNS) if table is None]
-        for path in map(self.files.path, damaged):
+        damaged = [name for name, table in self._each(SEEN_COLUMNS) if table is None]
+        for path in map(self._path, damaged):
             with suppress(FileNotFoundError):  # another process has just set it aside
                 path.rename(path.with_name(f"{path.name}.damaged"))
         if damaged:
@@ -91,7 +104,7 @@ class Store:
         Raises:
             JerkbenchError: no reader would take them for rows.
         """
-        self.files.put(table_of(blocks))
+        self._put(table_of(blocks))
 
     def known(self, keys: Iterable[str], *, failed: bool = False, seen: set[str] | None = None) -> dict[str, set[int]]:
         """Return the seeds of the runs of ``keys`` that are stored; of those that failed only where ``failed`` asks.
@@ -99,38 +112,27 @@ class Store:
         Files that are ``seen`` are left out; those that are read now are seen then.
         """
         known: dict[str, set[int]] = {}
-        tables, _ = self._tables(list(keys), SEEN_COLUMNS, seen)
-        for table in tables:
-            wanted = table if failed else table.filter(pc.not_equal(table["status"].cast(pa.string()), "failed"))
-            codes, seeds = codes_of(wanted[KEY]), wanted["seed"].to_numpy()
-            names, order = wanted[KEY].combine_chunks().dictionary_encode().dictionary.to_pylist(), np.argsort(codes)
-            for places in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
-                known.setdefault(names[codes[places[0]]], set()).update(seeds[places].tolist())
+        for table in self._tables(list(keys), SEEN_COLUMNS, seen)[0]:
+            runs = (table[name].cast(pa.string()) for name in (KEY, "status"))
+            for key, status, seed in zip(*(own.to_pylist() for own in (*runs, table["seed"])), strict=True):
+                if failed or status != "failed":
+                    known.setdefault(key, set()).add(seed)
         return known
 
     def read(
         self, keys: Iterable[str] | None = None, shown: ShownSeeds | None = None
     ) -> tuple[list[Stored], list[str]]:
-        """Return the cells that `content` has, in the order of ``keys``, and the names of damaged files."""
-        wanted = None if keys is None else list(keys)
-        content, damaged = self.content(wanted, shown)
-        cells = {cell.key: cell for cell in content.stored()} if content else {}
-        return [cells[key] for key in (sorted(cells) if wanted is None else wanted) if key in cells], damaged
-
-    def content(
-        self, keys: Sequence[str] | None = None, shown: ShownSeeds | None = None
-    ) -> tuple[Content | None, list[str]]:
-        """Return the whole cells among ``keys`` in one table, and the names of damaged files.
+        """Return the whole cells among ``keys``, in their order, and the names of damaged files.
 
         Args:
-            keys: default: all.
+            keys: default: all, sorted.
             shown: the seeds of each cell that are; default: those of the manifest.
         """
-        tables, damaged = self._tables(keys)
-        if not tables:
-            return None, damaged
-        known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None else shown
-        return content_of_tables(tables, known), damaged
+        wanted = None if keys is None else list(keys)
+        tables, damaged = self._tables(wanted)
+        known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None and tables else shown or {}
+        cells = {cell.key: cell for cell in (cells_of(tables, known) if tables else ())}
+        return [cells[key] for key in (sorted(cells) if wanted is None else wanted) if key in cells], damaged
 
     def rows(self, jobs: Sequence[Job], metrics: Sequence[str]) -> pd.DataFrame:
         """Return the runs of some jobs, in their order and that of their seeds; without a status: not stored.
@@ -152,18 +154,13 @@ class Store:
                 "seed": np.concatenate([[*job.draws] for job in jobs]) if jobs else [],
             }
         )
-        stored = self._rows({job.key for job in jobs}, metrics)
+        tables, _ = self._tables([*{job.key for job in jobs}], [KEY, *RUN_COLUMNS, "cell.created", *metrics])
+        stored = pd.DataFrame()
+        if tables:
+            table = concatenated(tables)
+            stored = frame(table.take(pa.array(ordered_runs(table))), table.column_names).rename(columns=RUN_COLUMNS)
+        stored = stored.reindex(columns=[KEY, *RUN_COLUMNS.values(), *metrics]).astype({"run_s": float})
         return asked.merge(stored, on=[KEY, "seed"], how="left").drop(columns=KEY)
-
-    def _rows(self, keys: Collection[str], metrics: Sequence[str]) -> pd.DataFrame:
-        """The stored runs of ``keys``, each once."""
-        tables, _ = self._tables(list(keys), [KEY, *RUN_COLUMNS, "cell.created", *metrics])
-        if not tables:
-            return pd.DataFrame(columns=[KEY, *RUN_COLUMNS.values(), *metrics])
-        table = concatenated(tables)
-        rows = frame(table.take(pa.array(ordered_runs(table)[1])), table.column_names)
-        rows = rows.rename(columns=RUN_COLUMNS).reindex(columns=[KEY, *RUN_COLUMNS.values(), *metrics])
-        return rows.assign(run_s=rows["run_s"].astype(float))
 
     def keys_from(self, beginning: str) -> list[str]:
         """The keys that begin so, of all cells that are there, whole, damaged or begun."""
@@ -172,21 +169,15 @@ class Store:
         return sorted(key for key in keys if key.startswith(beginning))
 
     def compact(self) -> None:
-        """Join small parts, where there are many."""
-        parts = self.files.each([KEY])
-        small = [(name, table.num_rows) for name, table in parts if table is not None and table.num_rows < SMALL_ROWS]
-        if len(small) >= MANY_PARTS:
-            for names in _stretches(small):
-                self._join(names)
-
-    def _join(self, names: Sequence[str]) -> None:
-        """Join some parts, unless another process is just doing so."""
-        try:
-            tables = [table for name in names if (table := self.files.load(name, None)) is not None]
-        except FileNotFoundError:
-            return
-        if len(tables) == len(names):
-            self.files.replace(names, concatenated(tables))
+        """Join small parts, where there are many, unless another process is just doing so."""
+        small = {name: len(table) for name, table in self._each([KEY]) if table is not None and len(table) < SMALL_ROWS}
+        joined = dict(zip(small, np.cumsum(list(small.values())) // JOINED, strict=True))
+        for _, group in groupby(small if len(small) >= MANY_PARTS else (), joined.get):
+            names = list(group)
+            with suppress(FileNotFoundError):
+                tables = [table for name in names if (table := self.load(name)) is not None]
+                if len(tables) == len(names):
+                    self._replace(names, concatenated(tables))
 
     def pack(self) -> Path:
         """Join all whole cells into one part, each run once, and delete every other file; returns that part's path.
@@ -194,12 +185,14 @@ class Store:
         Raises:
             JerkbenchError: there is no cell, or a file is damaged.
         """
-        content, damaged = self.content(shown={})
+        cells, damaged = self.read(shown={})
         if damaged:
             raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
-        if content is None or not content.keys:
+        if not cells:
             raise JerkbenchError(f"{self.folder} holds no results.")
-        return self.files.replace([name for name, _ in list(self.files.each())], content.table)
+        return self._replace(self._names(), pa.concat_tables([cell.table for cell in cells]).combine_chunks())
+
+    # Its files: listed, loaded, written atomically, replaced.
 
     def _tables(
         self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
@@ -207,7 +200,7 @@ class Store:
         """The rows of ``keys`` in each file that is not ``seen``, and the names of the files that are damaged."""
         tables, damaged = [], []
         wanted = None if keys is None else pa.array(keys, pa.string())
-        for name, table in self.files.each(columns, seen):
+        for name, table in self._each(columns, seen):
             if table is None:
                 damaged.append(name)
                 continue
@@ -216,18 +209,72 @@ class Store:
                 tables.append(own)
         return tables, damaged
 
+    def _each(
+        self, columns: list[str] | None = None, seen: set[str] | None = None
+    ) -> Iterator[tuple[str, pa.Table | None]]:
+        """Each file by its name, with its rows (default: whole); None where it is damaged.
 
-def _stretches(parts: Sequence[tuple[str, int]]) -> Iterator[list[str]]:
-    """The names of parts, with their numbers of rows, in stretches of no more than `JOINED` rows."""
-    names: list[str] = []
-    rows = 0
-    for name, count in parts:
-        if names and rows + count > JOINED:
-            yield names
-            names, rows = [], 0
-        names.append(name)
-        rows += count
-    yield names
+        Files that are ``seen`` are left out; those that were given are then.
+        """
+        seen = set() if seen is None else seen
+        for _ in range(LISTINGS):
+            vanished = False
+            for name in self._names():
+                if name in seen:
+                    continue
+                try:
+                    yield name, self.load(name, columns)
+                    seen.add(name)
+                except FileNotFoundError:
+                    vanished = True
+            if not vanished:
+                return
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.parquet"
+
+    def _names(self) -> list[str]:
+        names = sorted(path.stem for path in self.folder.glob("*.parquet"))
+        if old := next(filter(OLD.fullmatch, names), None):
+            raise JerkbenchError(
+                f"{self._path(old)} has a format of earlier versions, which is no longer read; run the study's command"
+                " (it stands in manifest.json) again into a new one (study=NAME)."
+            )
+        return names
+
+    def load(self, name: str, columns: list[str] | None = None) -> pa.Table | None:
+        """Load a file, or some of its columns; None where it is not as it was written.
+
+        Raises:
+            FileNotFoundError: it is gone.
+        """
+        path, match = self._path(name), PART_NAME.fullmatch(name)
+        if not match or (exists(path) and not path.is_file()):  # a pipe would be waited for
+            return None
+        try:
+            return part_of(path.read_bytes(), match[1], columns)
+        except PermissionError as error:
+            raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
+
+    def _put(self, table: pa.Table) -> Path:
+        """Write rows as a new part, at once and whole; returns its path."""
+        content = content_of(table)
+        path = self._path(part_name(content))
+        self.folder.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.stem}.{os.getpid()}.partial")  # no .parquet: nobody lists it
+        try:
+            partial.write_bytes(content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+        return path
+
+    def _replace(self, names: Sequence[str], table: pa.Table) -> Path:
+        """Store rows of some parts as one, then delete these; a reader in between sees rows twice, never none."""
+        path = self._put(table)
+        for name in names:
+            self._path(name).unlink(missing_ok=True)
+        return path
 
 
 def set_aside(names: list[str]) -> str:

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from commands import verb
-from jerkbench.results.replay import replay_differences, stored_row
-from jerkbench.results.study import load_study
+from jerkbench.jobs.replay import replay_differences, stored_row
+from jerkbench.jobs.study import load_study
 
 MADE = Path(__file__).parent / "made_with_020"
 MEANS = ["0.0287", "0.0284", "0.0297", "0.0295", "1.03", "0.0284", "1.11", "0.0295"]

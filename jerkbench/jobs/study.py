@@ -1,6 +1,6 @@
 """A study's folder: its rows, tables and manifest, made from the cells that are there, as often as one likes."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -8,25 +8,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
+from jerkbench.jobs.conditions import Conditions, conditions, current, told_apart, with_one_name
 from jerkbench.jobs.labels import Labels, contradiction
+from jerkbench.jobs.manifest import read_manifest, stretches, write_manifest
+from jerkbench.jobs.parts import HEAD_COLUMNS, Stored, frame
+from jerkbench.jobs.store import Store, damaged
 from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of
 from jerkbench.report.analysis.columns import FACTORS, FLOOR, SCENARIO_FACTORS, WHY
 from jerkbench.report.analysis.runs import SPENDS
-from jerkbench.report.tables.writers import csv_escaped, csv_line, csv_number
-from jerkbench.results.conditions import Conditions, Current, conditions, current, told_apart, with_one_name
-from jerkbench.results.content import Content, frame
-from jerkbench.results.manifest import read_manifest, stretches, write_manifest
-from jerkbench.results.parts import HEAD_COLUMNS
-from jerkbench.results.store import Store, damaged
+from jerkbench.report.tables.writers import inert
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from jerkbench.report.tables.table_model import Table
 
 TAGS = "tags"
@@ -111,24 +109,22 @@ def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -
     """
     manifest = read_manifest(folder)
     named = {key: stretches(own) for key, own in (seeds or {}).items()}
-    content, broken = Store(folder).content(shown={**manifest.get("seeds", {}), **named})
-    if content is None or not content.keys:
+    every, broken = Store(folder).read(shown={**manifest.get("seeds", {}), **named})
+    if not every:
         held = f"no results but {len(broken)} damaged files" if broken else "no results"
         raise JerkbenchError(f"{folder} holds {held}; `jerkbench run` writes them there (cells/*.parquet).")
-    content = replace(content, metadata=with_one_name(content.metadata))
     order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *named]))}
-    chosen = current(content, order, set(named or manifest.get("last", [])))
-    cells = [content.metadata[place] for place in chosen.places]
-    keys = [content.keys[place] for place in chosen.places]
+    chosen = current(with_one_name(every), order, set(named or manifest.get("last", [])))
+    cells, keys = [cell.metadata for cell in chosen], [cell.key for cell in chosen]
     known = conditions(cells)
     labels, unlike = told_apart(cells, known)
-    rows, counts = _rows(content, chosen.places, labels)
+    rows, counts = _rows(chosen, labels)
     spent = [level for key in keys if (level := manifest.get("levels", {}).get(key)) is not None]
     rows.attrs.update({SPENDS: min(spent)} if spent else {})
     notes = [
         *unlike,
         *study_notes(keys, cells, manifest),
-        *remarks_on(cells, chosen, broken),
+        *remarks_on(cells, len(every) - len(chosen), sum(cell.others for cell in every), broken),
         *not_as_published(cells),
         *worse_than_fixes(rows, cells),
     ]
@@ -139,13 +135,11 @@ def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -
     return Study(folder, rows, tuple(notes), of_rows, code_of(cells), by_key, tuple(broken), tuple(unlike))
 
 
-def _rows(
-    content: Content, places: Sequence[int], labels: Sequence[Mapping[str, str]]
-) -> tuple[pd.DataFrame, list[int]]:
+def _rows(cells: Sequence[Stored], labels: Sequence[Mapping[str, str]]) -> tuple[pd.DataFrame, list[int]]:
     """The rows of some cells, in this order and with these labels, and the number of rows of each."""
-    orders = {id(content.columns[place]): content.columns[place] for place in places}
-    rows = frame(content.rows_in_order(places), dict.fromkeys([*HEAD_COLUMNS, *chain(*orders.values())]))
-    counts = [int(content.starts[place + 1] - content.starts[place]) for place in places]
+    columns = dict.fromkeys([*HEAD_COLUMNS, *chain(*{id(cell.columns): cell.columns for cell in cells}.values())])
+    rows = frame(pa.concat_tables([cell.table for cell in cells]).combine_chunks(), columns)
+    counts = [len(cell.table) for cell in cells]
     for name in Labels._fields:
         rows[name] = pd.Series(np.repeat(np.array([own[name] for own in labels], dtype=object), counts), dtype="str")
     return rows, counts
@@ -189,31 +183,15 @@ def write_study(study: Study) -> "Table":
     return write_tables(study.rows, study.folder, study.notes)
 
 
-# rows.csv.
-
-
-ROWS_AS_TEXT = 20_000
-"""So many rows are in memory as text."""
-
-
 def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
-    """Write a header and one line a row; what is missing is empty."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(csv_line(csv_escaped(str(name)) for name in rows.columns))
-        for begin in range(0, len(rows), ROWS_AS_TEXT):
-            file.writelines(_lines(rows.iloc[begin : begin + ROWS_AS_TEXT]))
+    """Write a header and one line a row; what is missing is empty, and no text is a formula or steers a terminal."""
 
+    def neutral(value: Any) -> Any:  # noqa: ANN401 - a text, or what stands for none
+        return plain(inert(value)) if isinstance(value, str) else value
 
-def _lines(rows: pd.DataFrame) -> Iterator[str]:
-    columns = [_texts(rows.iloc[:, place]) for place in range(rows.shape[1])]
-    return map(csv_line, zip(*columns, strict=True))
-
-
-def _texts(column: pd.Series) -> list[str]:
-    if column.dtype == np.float64:
-        return list(map(csv_number, column.tolist()))
-    missing = column.isna().to_numpy()
-    return ["" if absent else csv_escaped(str(value)) for value, absent in zip(column.tolist(), missing, strict=True)]
+    texts = {str(name): rows[name] for name in rows if not pd.api.types.is_numeric_dtype(rows[name])}
+    written = {name: own.map({value: neutral(value) for value in own.unique()}) for name, own in texts.items()}
+    rows.assign(**written).rename(columns=neutral).to_csv(path, index=False, lineterminator="\n")
 
 
 # The sentences below a study's tables: notes on its cells, their code, and remarks about what is left out.
@@ -242,8 +220,15 @@ def code_of(cells: Sequence[CellMetadata]) -> str:
     return f"{len(named)} versions of the code" if len(named) > 1 else f"commit {named.pop()}"
 
 
-def remarks_on(cells: Sequence[CellMetadata], chosen: Current, broken: list[str]) -> list[str]:
-    """Return remarks about the cells that are shown, and about those that are left out."""
+def remarks_on(cells: Sequence[CellMetadata], outdated: int, unseen: int, broken: list[str]) -> list[str]:
+    """Return remarks about the cells that are shown, and about what is left out.
+
+    Args:
+        cells: the metadata of those that are shown.
+        outdated: how many others there are of the same labels.
+        unseen: how many of their runs have seeds that are not shown.
+        broken: names of damaged files.
+    """
     remarks = []
     codes = {(cell["code"], tuple(sorted(cell["versions"].items()))) for cell in cells}
     if len(codes) > 1:
@@ -251,11 +236,11 @@ def remarks_on(cells: Sequence[CellMetadata], chosen: Current, broken: list[str]
     if len(kinds := {kind for cell in cells if (kind := cell.get("processor"))}) > 1:
         named = ", ".join(sorted({kind.partition(":")[0] for kind in kinds}))
         remarks.append(f"These results come from {len(kinds)} kinds of processors ({named}): last bits may differ.")
-    if others := chosen.outdated:
-        which = "1 result of the same name" if others == 1 else f"{others} results of the same names"
-        remarks.append(f"{which} with other settings, code or data {'is' if others == 1 else 'are'} left out.")
-    if others := chosen.others:
-        which = "1 stored run is" if others == 1 else f"{others} stored runs are"
+    if outdated:
+        which = "1 result of the same name" if outdated == 1 else f"{outdated} results of the same names"
+        remarks.append(f"{which} with other settings, code or data {'is' if outdated == 1 else 'are'} left out.")
+    if unseen:
+        which = "1 stored run is" if unseen == 1 else f"{unseen} stored runs are"
         remarks.append(f"{which} left out: the last command asked for other seeds.")
     if wrong := list(dict.fromkeys(filter(None, (contradiction(cell["labels"], cell["spec"]) for cell in cells)))):
         told = "; ".join(map(plain, wrong[:MOST_TOLD]))
@@ -287,14 +272,11 @@ def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[CellMetadata]) -> lis
         return []
     run = rows[rows["status"] != "failed"]
     errors = run[ERROR_COLUMN].where(run["status"] == "ok", float("inf"))
-    medians = errors.groupby([run[key].astype(str) for key in FACTORS]).median()
-    scenarios: dict[tuple[str, ...], dict[tuple[str, ...], float]] = {}
-    for labels, median in zip(medians.index.tolist(), medians.tolist(), strict=True):
-        scenarios.setdefault(labels[: len(SCENARIO_FACTORS)], {})[labels[len(SCENARIO_FACTORS) :]] = median
+    medians: Any = errors.groupby([run[key].astype(str) for key in FACTORS]).median()
     losing = {}
-    for scenario, methods in scenarios.items():
-        floor = min((error for method, error in methods.items() if method[0] == FLOOR), default=float("nan"))
-        if worse := {method: error for method, error in methods.items() if error > WORSE_RATIO * floor}:
+    for scenario, methods in medians.groupby(level=[*SCENARIO_FACTORS]):
+        floor = methods[methods.index.get_level_values("filter") == FLOOR].min()
+        if len(worse := methods[methods > WORSE_RATIO * floor].sort_values(ascending=False, kind="stable")):
             losing[scenario] = _losers(scenario, worse, floor)
     if not losing:
         return []
@@ -302,18 +284,14 @@ def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[CellMetadata]) -> lis
     return [*list(losing.values())[:MOST_TOLD], *_advice(cells, {scenario[-1] for scenario in losing}), *more]
 
 
-def _losers(scenario: tuple[str, ...], worse: Mapping[tuple[str, ...], float], floor: float) -> str:
-    ranked = sorted(worse.items(), key=lambda pair: -pair[1])
-    named = [
-        f"{'+'.join(m for m in method if m not in ('none', 'default'))} ({_shown(error)})" for method, error in ranked
-    ]
+def _losers(scenario: tuple[str, ...], worse: "pd.Series[float]", floor: float) -> str:
+    named = []
+    for labels, error_m in zip(worse.index.tolist(), worse.tolist(), strict=True):
+        method = "+".join(name for name in labels[len(SCENARIO_FACTORS) :] if name not in ("none", "default"))
+        named.append(f"{method} ({f'{error_m:.3g} m' if error_m < float('inf') else 'lost'})")
     more = f" and {len(named) - MOST_TOLD} more" if len(named) > MOST_TOLD else ""
     where, worst = ", ".join(scenario), ", ".join(named[:MOST_TOLD])
     return f"Worse than {FLOOR} ({floor:.3g} m), which has no IMU, in {where}: {worst}{more}."
-
-
-def _shown(error_m: float) -> str:
-    return f"{error_m:.3g} m" if error_m < float("inf") else "lost"
 
 
 def _advice(cells: Sequence[CellMetadata], attitudes: set[str]) -> list[str]:

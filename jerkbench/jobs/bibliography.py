@@ -8,7 +8,7 @@ from typing import Any
 
 from jerkbench import plugins
 from jerkbench.contracts import Cited
-from jerkbench.results.store import Store
+from jerkbench.jobs.store import Store
 
 DOI = re.compile(r"doi:(10\.\d{4,}/[^\s,;]*[^\s,;.:)])")
 """As docstrings have it."""

@@ -5,16 +5,16 @@ import re
 import pytest
 
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
-from jerkbench.jobs.blocks import RowBlock
 from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.manifest import write_manifest
+from jerkbench.jobs.parts import RowBlock
 from jerkbench.jobs.plan import planned
+from jerkbench.jobs.selection import other_methods, require_alike
+from jerkbench.jobs.store import Store
+from jerkbench.jobs.study import load_study, write_study
 from jerkbench.report.analysis.findings import findings
 from jerkbench.report.analysis.study_verdicts import study_verdicts
 from jerkbench.report.tables.summary import summarise
-from jerkbench.results.manifest import write_manifest
-from jerkbench.results.selection import other_methods, require_alike
-from jerkbench.results.store import Store
-from jerkbench.results.study import load_study, write_study
 from stored_cells import LABELS, about, put, row, store_cell
 
 KEYS_OF_TWO = ("a" * 20, "b" * 20)
