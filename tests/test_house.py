@@ -19,9 +19,9 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 327, 33
+MOST_FILES, MOST_FOLDERS = 322, 32
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 32_691
+MOST_CODE = 32_381
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 26
 """Modules that one other module imports; the aim is none."""
