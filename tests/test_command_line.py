@@ -157,7 +157,7 @@ BAD = [
     (["noise.accel_mps2=much"], "noise.accel_mps2: Value 'much'"),
     (["seeds=many"], "seeds: Value 'many'"),
     (["seeds=0"], "seeds is 0; at least one run is needed."),
-    (["adaptation=mtf", "adaptation.window=0"], "mtf.window is 0"),
+    (["adaptation=mtf", "adaptation.window=0"], "mtf: window is 0"),
     (["metrics=[position_rms]"], "Did you mean 'position_rmse'?"),
     (["dataset=rtklib"], "run `jerkbench data fetch rtklib_drive_0708`, or give dataset.folder=FOLDER"),
     (["dataset=rtklib", "dataset.folder=nowhere"], "nowhere"),

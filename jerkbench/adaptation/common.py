@@ -114,6 +114,15 @@ def gaussian_kernel(error: float, bandwidth: float) -> float:
     return math.exp(-0.5 * ((error / bandwidth) * (error / bandwidth)))
 
 
+LARGE = 100.0
+"""Its exponential is a number, and larger than the inverse of any weight that is kept."""
+
+
+def inverse_kernel(error: float, bandwidth: float, smallest: float) -> float:
+    """Return the inverse of the same, which is not taken below ``smallest``."""
+    return min(math.exp(min(0.5 * ((error / bandwidth) * (error / bandwidth)), LARGE)), 1.0 / smallest)
+
+
 PASSES = 50
 """After so many the iteration ends, wherever it is."""
 
@@ -138,13 +147,15 @@ class Stack(NamedTuple):
 
         S = J C^-1 J' = H P~ H' + R~,    v = S^-1 y,    r = C^-1 J' v,    x = x- + B_p r_p
 
-    H selects from the first six rows of the lower triangle B_p: past them r is zero, and is left out.
+    H selects from the first six rows of the lower triangle B_p: past them r is zero, and is left out. The weights are
+    kept as their inverses, C^-1, because a division takes as long as ten products.
 
     Attributes:
         Up: (p, n) of B_p'.
         columns: (p + m, m) those of J, one a row.
+        shares: (p + m, m) those of J C^-1.
         y: (m,) innovation.
-        weights: (p + m,) diagonal of C, those of the prior first.
+        inverses: (p + m,) diagonal of C^-1, those of the prior first.
         residual: (p + m,) r.
         S: (m, m) its lower triangle.
         M: (m, m) factors of S.
@@ -154,8 +165,9 @@ class Stack(NamedTuple):
 
     Up: FloatArray
     columns: FloatArray
+    shares: FloatArray
     y: FloatArray
-    weights: FloatArray
+    inverses: FloatArray
     residual: FloatArray
     S: FloatArray
     M: FloatArray
@@ -167,7 +179,8 @@ def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArra
     """Return the stack before the first pass, with weights of 1."""
     n, m, p = len(P), len(rows), min(SEEN, len(P))
     Up, Ur = root_of(P, p), root_of(R, m)
-    columns, stacked = np.empty((p + m, m), P.dtype), np.empty((2, p + m), P.dtype)
+    both, stacked = np.empty((2, p + m, m), P.dtype), np.empty((2, p + m), P.dtype)
+    columns = both[0]
     matrices, v, steps = np.zeros((2, m, m), P.dtype), np.empty(m, P.dtype), np.zeros((2, n), P.dtype)
     for c in range(p + m):
         stacked[0, c] = 1.0
@@ -176,7 +189,7 @@ def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArra
             columns[c, i] = Up[c, rows[i]]
         for c in range(m):
             columns[p + c, i] = Ur[c, i]
-    return Stack(Up, columns, innovation, stacked[0], stacked[1], matrices[0], matrices[1], v, steps)
+    return Stack(Up, columns, both[1], innovation, stacked[0], stacked[1], matrices[0], matrices[1], v, steps)
 
 
 def settle(stack: Stack, x: FloatArray) -> float:
@@ -185,22 +198,25 @@ def settle(stack: Stack, x: FloatArray) -> float:
     factorise(stack.S, stack.M)
     solve(stack.M, stack.y, stack.v)
     for c in range(len(stack.residual)):
-        stack.residual[c] = dot(stack.columns[c], stack.v) / stack.weights[c]
+        stack.residual[c] = dot(stack.shares[c], stack.v)
     _take_step(stack)
     return still_moves(stack.steps[0], stack.steps[1], x)
 
 
 def _fill_covariance(stack: Stack) -> None:
-    S = stack.S
-    for i in range(len(S)):
+    """Fill S; B_p and B_r are lower triangles, so the first rows have no part of the last columns."""
+    S, columns, shares, p, m = stack.S, stack.columns, stack.shares, len(stack.Up), len(stack.v)
+    for c in range(p + m):
+        for i in range(m):
+            shares[c, i] = columns[c, i] * stack.inverses[c]
+    for i in range(m):
         for j in range(i + 1):
-            S[i, j] = 0.0
-    for c in range(len(stack.weights)):
-        column, inverse = stack.columns[c], 1.0 / stack.weights[c]
-        for i in range(len(S)):
-            share = column[i] * inverse
-            for j in range(i + 1):
-                S[i, j] += share * column[j]
+            total = 0.0
+            for c in range(j + 1 + p - m):
+                total += shares[c, i] * columns[c, j]
+            for c in range(p, p + j + 1):
+                total += shares[c, i] * columns[c, j]
+            S[i, j] = total
 
 
 def _take_step(stack: Stack) -> None:
@@ -208,7 +224,7 @@ def _take_step(stack: Stack) -> None:
     step, before = stack.steps[0], stack.steps[1]
     for s in range(len(step)):
         moved = 0.0
-        for c in range(len(stack.Up)):
+        for c in range(min(s + 1, len(stack.Up))):
             moved += stack.Up[c, s] * stack.residual[c]
         before[s], step[s] = step[s], moved
 
@@ -217,11 +233,14 @@ def weighed_prior(P: FloatArray, stack: Stack) -> FloatArray:
     """Return P~ = P + B_p (C_p^-1 - 1) B_p'."""
     Pw = P.copy()
     for c in range(len(stack.Up)):
-        excess = 1.0 / stack.weights[c] - 1.0
+        excess = stack.inverses[c] - 1.0
         for s in range(c, len(P)):
             share = excess * stack.Up[c, s]
-            for t in range(c, len(P)):
+            for t in range(c, s + 1):
                 Pw[s, t] += share * stack.Up[c, t]
+    for s in range(len(P)):
+        for t in range(s):
+            Pw[t, s] = Pw[s, t]
     return Pw
 
 
@@ -231,9 +250,8 @@ def gain_of(stack: Stack) -> FloatArray:
     HP, K = np.zeros((m, n), stack.v.dtype), np.empty((n, m), stack.v.dtype)
     for i in range(m):
         for c in range(len(stack.Up)):
-            share = stack.columns[c, i] / stack.weights[c]
             for s in range(c, n):
-                HP[i, s] += share * stack.Up[c, s]
+                HP[i, s] += stack.shares[c, i] * stack.Up[c, s]
     solve_rows(stack.M, HP, HP)
     for i in range(m):
         for s in range(n):

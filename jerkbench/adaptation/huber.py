@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
-from jerkbench.adaptation.linalg import inverse_weighted, root_of
+from jerkbench.adaptation.linalg import root_of, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -50,7 +50,7 @@ class Huber(Limited):
     lanes: ClassVar[bool] = True
 
     def memory_size(self) -> int:
-        """Return 6: the weights of the rows, from the prior's turn to that of R."""
+        """Return 6: the inverse weights of the rows, from the prior's turn to that of R."""
         return 6
 
     def adapt_prior(
@@ -64,28 +64,23 @@ class Huber(Limited):
         rows: IntArray,
         memory: FloatArray,
     ) -> FloatArray:
-        """Return P~, and leave the weights of the rows in the memory."""
+        """Return P~, and leave the inverse weights of the rows in the memory."""
         stack = stack_of(P, R, rows, innovation)
         first = 0 if self.sides == "both" else doubtable(stack)
-        moves = 1.0
+        by_threshold, moves = 1.0 / self.threshold, 1.0
         for k in range(PASSES):
             if k > 0:
-                for i in range(first, len(stack.weights)):
-                    weight = _weight(stack.residual[i], self.threshold)
-                    stack.weights[i] = chosen(moves, 0.0, weight, stack.weights[i])
+                for i in range(first, len(stack.inverses)):
+                    inverse = min(max(abs(stack.residual[i]) * by_threshold, 1.0), 1.0 / SMALLEST_WEIGHT)
+                    stack.inverses[i] = chosen(moves, 0.0, inverse, stack.inverses[i])
             moves = settle(stack, x)
             if not anywhere(moves):
                 break
-        memory[: len(rows)] = stack.weights[doubtable(stack) :]
+        memory[: len(rows)] = stack.inverses[doubtable(stack) :]
         return weighed_prior(P, stack)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return inverse_weighted(root_of(R, len(R)), memory[: len(rows)])
-
-
-def _weight(residual: float, threshold: float) -> float:
-    """Return min(1, threshold / |residual|)."""
-    return max(threshold / max(abs(residual), threshold), SMALLEST_WEIGHT)
+        return weighted(root_of(R, len(R)), memory[: len(rows)])

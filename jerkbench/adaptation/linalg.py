@@ -56,14 +56,13 @@ def root_of(A: FloatArray, p: int) -> FloatArray:
         for r in range(c, n):
             U[c, r] = A[r, c]
     for c in range(p):
-        inverse = 1.0 / _checked(U[c, c], A[c, c])
+        U[c, c] = _checked(U[c, c], A[c, c])
+        inverse = 1.0 / U[c, c]
         for r in range(c + 1, p):
             factor = U[c, r] * inverse
             for j in range(r, n):
                 U[r, j] -= factor * U[c, j]
-        U[c, c] = 1.0 / inverse
-    for c in range(p):
-        scale = 1.0 / math.sqrt(U[c, c])
+        scale = math.sqrt(inverse)
         for r in range(c, n):
             U[c, r] *= scale
     return U
@@ -84,7 +83,7 @@ def solve(M: FloatArray, b: FloatArray, x: FloatArray) -> None:
         x[r] = rest
     for r in range(n - 1, -1, -1):
         rest = x[r] * M[r, r]
-        for k in range(r + 1, n):
+        for k in range(n - 1, r, -1):  # the last one found is the last one waited for
             rest -= M[k, r] * x[k]
         x[r] = rest
 
@@ -141,25 +140,25 @@ def whitened(U: FloatArray, A: FloatArray) -> FloatArray:
     X = np.empty((m, m), A.dtype)
     whiten_rows(U, A, X)
     for r in range(m):  # the other side: rows of X' , of which those above the diagonal are known already
+        scale = 1.0 / U[r, r]
         for i in range(r, m):
             rest = X[i, r]
             for k in range(r):
                 rest -= U[k, r] * X[i, k]
-            X[i, r] = rest / U[r, r]
+            X[i, r] = rest * scale
     for r in range(m):
         for c in range(r):
             X[c, r] = X[r, c]
     return X
 
 
-def inverse_weighted(U: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return U' diag(1/weights) U, symmetric to the bit."""
+def weighted(U: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return U' diag(weights) U, symmetric to the bit."""
     m = len(U)
     covariance = np.zeros((m, m), U.dtype)
     for c in range(m):
-        inverse = 1.0 / weights[c]
         for i in range(c, m):
-            share = U[c, i] * inverse
+            share = U[c, i] * weights[c]
             for j in range(c, i + 1):
                 covariance[i, j] += share * U[c, j]
     for i in range(m):
@@ -289,9 +288,12 @@ def _rotate(A: FloatArray, X: FloatArray, p: int, q: int, due: float) -> None:
     """Turn rows ``p`` and ``q`` so that their element becomes zero, in the runs where that is ``due``."""
     between = A[p, q]
     apart = A[q, q] - A[p, p]
-    tangent = 2.0 * between / (abs(apart) + math.sqrt(apart * apart + 4.0 * between * between))
-    tangent = chosen(due, 0.0, chosen(0.0, apart, -tangent, tangent), 0.0)
-    cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
+    length = math.sqrt(apart * apart + 4.0 * between * between)
+    longer = abs(apart) + length
+    inverse = chosen(due, 0.0, 0.5 / (length * longer), 0.0)  # tangent = 2 between/longer, cosine^2 = longer/(2 length)
+    tangent = 4.0 * between * length * inverse
+    tangent = chosen(0.0, apart, -tangent, tangent)
+    cosine = chosen(due, 0.0, longer * math.sqrt(inverse), 1.0)
     sine = tangent * cosine
     first, second = A[p, p] - tangent * between, A[q, q] + tangent * between
     for k in range(len(A)):
@@ -335,13 +337,13 @@ class Residuals(NamedTuple):
     With R = L L' (Cholesky) the innovation and the prior are L^-1 y and L^-1 HPH' L^-T in standardised rows, in which R
     is the identity. What is left of y after an update with L D L' is D (L^-1 HPH' L^-T + D)^-1 L^-1 y, with
     D = diag(1/weights). D stands beside the prior, not L D L': in that a row without weight leaves no digits to its
-    neighbours. The adapted covariance L D L' is `inverse_weighted` (U, weights).
+    neighbours. The adapted covariance L D L' is `weighted` (U, D).
 
     Attributes:
         U: (m, m) L'.
         prior: (m, m) L^-1 HPH' L^-T.
         y: (m,) L^-1 y.
-        weights: (m,) not below `SMALLEST_RESIDUAL_WEIGHT`.
+        D: (m,) its diagonal, not above 1 / `SMALLEST_RESIDUAL_WEIGHT`.
         e: (m,) the residual after the update with them.
         S: (m, m) prior + D.
         M: (m, m) factors of S.
@@ -350,7 +352,7 @@ class Residuals(NamedTuple):
     U: FloatArray
     prior: FloatArray
     y: FloatArray
-    weights: FloatArray
+    D: FloatArray
     e: FloatArray
     S: FloatArray
     M: FloatArray
@@ -370,8 +372,8 @@ def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Res
 def update_residuals(of: Residuals) -> None:
     """Fill e with the weights as they are."""
     for i in range(len(of.e)):
-        of.S[i, i] = of.prior[i, i] + 1.0 / of.weights[i]
+        of.S[i, i] = of.prior[i, i] + of.D[i]
     factorise(of.S, of.M)
     solve(of.M, of.y, of.e)
     for i in range(len(of.e)):
-        of.e[i] /= of.weights[i]
+        of.e[i] *= of.D[i]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, ONE_OF_SIDES, one_of
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, gaussian_kernel, settle, stack_of
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, inverse_kernel, settle, stack_of
 from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
@@ -72,15 +72,10 @@ class MaximumCorrentropy(Limited):
         moves = 1.0
         for k in range(PASSES):
             if k > 0 or self.start == "prediction":
-                for i in range(first, len(stack.weights)):
-                    weight = _kernel(stack.residual[i], self.bandwidth)
-                    stack.weights[i] = chosen(moves, 0.0, weight, stack.weights[i])
+                for i in range(first, len(stack.inverses)):
+                    inverse = inverse_kernel(stack.residual[i], self.bandwidth, SMALLEST_WEIGHT)
+                    stack.inverses[i] = chosen(moves, 0.0, inverse, stack.inverses[i])
             moves = settle(stack, x)
             if not anywhere(moves):
                 break
         return gain_of(stack)
-
-
-def _kernel(residual: float, bandwidth: float) -> float:
-    """Return exp(-residual^2 / (2 bandwidth^2))."""
-    return max(gaussian_kernel(residual, bandwidth), SMALLEST_WEIGHT)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, SOME_PASSES
-from jerkbench.adaptation.common import gaussian_kernel
-from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, inverse_weighted, residuals_of, update_residuals
+from jerkbench.adaptation.common import inverse_kernel
+from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, residuals_of, update_residuals, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
@@ -53,5 +53,5 @@ class MaximumCorrentropyR(Limited):
         for _ in range(self.passes):
             update_residuals(of)
             for i in range(len(rows)):
-                of.weights[i] = max(gaussian_kernel(of.e[i], self.bandwidth), SMALLEST_RESIDUAL_WEIGHT)
-        return inverse_weighted(of.U, of.weights)
+                of.D[i] = inverse_kernel(of.e[i], self.bandwidth, SMALLEST_RESIDUAL_WEIGHT)
+        return weighted(of.U, of.D)

@@ -99,8 +99,8 @@ class StatisticalSimilarity(Limited):
             if k > 0:
                 g_x, g_z = n - explained + xi * prior, explained + xi * r * measured
                 if self.sides == "both":
-                    xi = chosen(moves, 0.0, _weight(self.function, n, g_x / xi, self.nu, self.sigma), xi)
-                weight = chosen(moves, 0.0, _weight(self.function, m, g_z / weight, self.nu, self.sigma), weight)
+                    xi = chosen(moves, 0.0, _weight(self.function, n, g_x, xi, self.nu, self.sigma), xi)
+                weight = chosen(moves, 0.0, _weight(self.function, m, g_z, weight, self.nu, self.sigma), weight)
                 r = xi / weight
             explained, prior, measured = explained_sums(d, X[:, n], r, w)
             _take_step(X, w, steps)
@@ -129,18 +129,18 @@ def _take_step(X: FloatArray, w: FloatArray, steps: FloatArray) -> None:
     """Note x - x- = P- H' L^-T V w, and the step before it."""
     step, before = steps[0], steps[1]
     for s in range(len(step)):
-        before[s], step[s] = step[s], 0.0
-    for i in range(len(w)):
-        for s in range(len(step)):
-            step[s] += w[i] * X[i, s]
+        moved = 0.0
+        for i in range(len(w)):
+            moved += w[i] * X[i, s]
+        before[s], step[s] = step[s], moved
 
 
-def _weight(function: str, dimension: int, distance: float, nu: float, sigma: float) -> float:
-    """Return w(d, g)."""
+def _weight(function: str, dimension: int, product: float, before: float, nu: float, sigma: float) -> float:
+    """Return w(d, g) of the ``product`` of g and the weight ``before``."""
     if function == "exp":
-        weight = math.exp(0.5 * (dimension - distance) / (sigma * sigma))
+        weight = math.exp(0.5 * (dimension - product / before) / (sigma * sigma))
     else:
-        weight = (nu + dimension) / (nu + distance)
+        weight = (nu + dimension) * before / (nu * before + product)
         if function == "sqrt":
             weight = math.sqrt(weight)
     return max(weight, SMALLEST_WEIGHT)

@@ -23,13 +23,13 @@ from jerkbench.adaptation.linalg import (
     explained_sums,
     factorise,
     forward_rows,
-    inverse_weighted,
     residuals_of,
     root_of,
     solve,
     solve_rows,
     submatrix,
     update_residuals,
+    weighted,
     whiten,
     whiten_rows,
     whitened,
@@ -104,11 +104,11 @@ def test_residuals_are_those_after_an_update_with_the_weighed_covariance(rows):
     P, R, y, _H = case(rows)
     N, L = submatrix(P, rows), np.linalg.cholesky(R)
     of = residuals_of(y, N, R)
-    of.weights[:] = np.linspace(0.1, 0.9, len(rows))
+    of.D[:] = 1.0 / np.linspace(0.1, 0.9, len(rows))
     update_residuals(of)
-    weighted = L @ np.diag(1.0 / of.weights) @ L.T
-    np.testing.assert_allclose(inverse_weighted(of.U, of.weights), weighted, rtol=1e-10, atol=1e-11)
-    after = y - N @ np.linalg.solve(N + weighted, y)
+    LDLt = L @ np.diag(of.D) @ L.T
+    np.testing.assert_allclose(weighted(of.U, of.D), LDLt, rtol=1e-10, atol=1e-11)
+    after = y - N @ np.linalg.solve(N + LDLt, y)
     np.testing.assert_allclose(of.e, np.linalg.solve(L, after), rtol=1e-8, atol=1e-10)
 
 
@@ -135,15 +135,15 @@ def test_a_pass_with_weights_is_the_update_with_the_weighed_covariances(rows):
     P, R, y, H = case(rows)
     stack = stack_of(P, R, rows, y)
     p, m = SEEN, len(rows)
-    stack.weights[:] = np.linspace(0.1, 0.9, p + m)
+    stack.inverses[:] = 1.0 / np.linspace(0.1, 0.9, p + m)
     settle(stack, np.ones(9))
 
     Bp, Br = np.linalg.cholesky(P), np.linalg.cholesky(R)
-    Pw = Bp @ np.diag(1.0 / np.append(stack.weights[:p], np.ones(9 - p))) @ Bp.T
-    Rw = Br @ np.diag(1.0 / stack.weights[p:]) @ Br.T
+    Pw = Bp @ np.diag(np.append(stack.inverses[:p], np.ones(9 - p))) @ Bp.T
+    Rw = Br @ np.diag(stack.inverses[p:]) @ Br.T
     K = Pw @ H.T @ np.linalg.inv(H @ Pw @ H.T + Rw)
     np.testing.assert_allclose(weighed_prior(P, stack), Pw, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(inverse_weighted(Br.T, stack.weights[p:]), Rw, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(weighted(Br.T, stack.inverses[p:]), Rw, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(gain_of(stack), K, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.steps[0], K @ y, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.residual[p:], np.linalg.solve(Br, y - H @ K @ y), rtol=1e-9, atol=1e-11)

@@ -32,6 +32,7 @@ def test_the_iterating_methods_are_asked_at_once():
         "vbakf_pr",
         "variational_bayes",
         "cerkf_r",
+        "maximum_correntropy",
         "maximum_correntropy_r",
         "ssmkf",
         "ssmkf_r",
@@ -104,3 +105,31 @@ def test_a_row_of_infinite_variance_is_dropped(rough):
 
     for got, pair, rule in zip(side_by_side(rough[:3], Baseline(), rules), rough, rules, strict=False):
         assert_same(got, trajectory(*pair, Baseline(), rule), {})
+
+
+@dataclass(frozen=True)
+class Timid(Bounded):
+    """Takes a share of the gain, and more of it with every update; drops what `Bounded` drops."""
+
+    share: float = 0.5
+
+    def memory_size(self):
+        return 1
+
+    def adapt_gain(self, x, P, innovation, R, rows, memory):
+        memory[0] += 1.0
+        K = np.zeros((len(x), len(rows)), P.dtype)
+        for i in range(len(rows)):
+            K[rows[i], i] = (
+                self.share * memory[0] / (1.0 + memory[0]) * P[rows[i], rows[i]] / (P[rows[i], rows[i]] + R[i, i])
+            )
+        return K
+
+
+@pytest.mark.slow
+def test_a_gain_of_its_own_is_that_of_each_run(rough):
+    assert asked_in_lanes(Timid())
+    rules = [Timid(limit, share) for limit, share in ((1e9, 0.5), (5.0, 0.9), (4.0, 0.4))]
+
+    for got, pair, rule in zip(side_by_side(rough[:3], Jerk(), rules), rough, rules, strict=False):
+        assert_same(got, trajectory(*pair, Jerk(), rule), {})
