@@ -6,9 +6,8 @@ import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 from urllib.parse import quote
 
 from jerkbench.errors import RecordingError, unknown
@@ -47,9 +46,8 @@ class ResumingDownloader:
                 break
         else:
             received = self.part.stat().st_size if self.part.exists() else 0
-            raise RecordingError(
-                f"{url}: {reason}; {received} bytes are kept, and the same command goes on from there."
-            )
+            kept = f"{received} bytes are kept, and the same command goes on from there."
+            raise RecordingError(f"{url}: {reason}; {kept}")
         with self.part.open("rb") as source:
             if isinstance(output_file, str):
                 shutil.copyfile(self.part, output_file)
@@ -67,7 +65,10 @@ class ResumingDownloader:
         except urllib.error.HTTPError as error:
             if error.code == BEYOND:  # the part is whole already, or of another file: the hash decides
                 return ""
-            raise RecordingError(_refused(url, error)) from error
+            refused = f"{url}: the server answers {error.code} {error.reason}; try again later."
+            if error.code == http.HTTPStatus.NOT_FOUND:
+                refused = f"There is nothing at {url} (404); the repository may have moved: fetch the file by hand."
+            raise RecordingError(refused) from error
         except urllib.error.URLError as error:
             return f"the server cannot be reached ({error.reason})"
         except (OSError, http.client.HTTPException) as error:
@@ -82,19 +83,12 @@ class ResumingDownloader:
             raise http.client.IncompleteRead(b"", answer.length)
 
 
-def _refused(url: str, error: urllib.error.HTTPError) -> str:
-    if error.code == http.HTTPStatus.NOT_FOUND:
-        return f"There is nothing at {url} (404); the repository may have moved: fetch the file by hand."
-    return f"{url}: the server answers {error.code} {error.reason}; try again later."
-
-
 # The public recordings that can be fetched, from the registry beside this file.
 
 REGISTRY = Path(__file__).parent / "recordings.toml"
 
 
-@dataclass(frozen=True)
-class PublicFile:
+class PublicFile(NamedTuple):
     """One file of a recording.
 
     Attributes:
@@ -108,8 +102,7 @@ class PublicFile:
     sha256: str
 
 
-@dataclass(frozen=True)
-class PublicRecording:
+class PublicRecording(NamedTuple):
     """A recording that anybody may fetch.
 
     Attributes:
@@ -179,7 +172,7 @@ def fetch(recording: PublicRecording, folder: Path, say: Callable[[str], None]) 
 def _fetch_file(file: PublicFile, folder: Path, say: Callable[[str], None]) -> None:
     import pooch
 
-    target, name = folder / file.name, Path(file.name)
+    target = folder / file.name
     present = target.is_file() and pooch.file_hash(str(target)) == file.sha256
     say(f"{file.name}: {'there' if present else 'downloading'}")
     if present:
@@ -187,13 +180,8 @@ def _fetch_file(file: PublicFile, folder: Path, say: Callable[[str], None]) -> N
     target.unlink(missing_ok=True)
     pooch.get_logger().setLevel("WARNING")  # what is downloaded was said above
     try:
-        pooch.retrieve(
-            file.url,
-            known_hash=file.sha256,
-            fname=name.name,
-            path=target.parent,
-            downloader=ResumingDownloader(folder / PARTS_FOLDER / file.sha256),
-        )
+        downloader = ResumingDownloader(folder / PARTS_FOLDER / file.sha256)
+        pooch.retrieve(file.url, file.sha256, fname=target.name, path=target.parent, downloader=downloader)
     except ValueError as error:  # pooch's word for a wrong hash
         raise RecordingError(
             f"{file.url} is not the file that was recorded (its SHA-256 is another); nothing of it is kept: try again,"

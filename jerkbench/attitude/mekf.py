@@ -121,19 +121,14 @@ class Mekf(TiltAndYaw):
         """Return what the loop begins with, of samples ``step_s`` apart."""
         bias_variance, bias_density = (self.initial_bias_radps**2, self.bias_density) if self.bias else (0.0, 0.0)
         memory, window = self.external_memory if self.adapt == "lee" else 0.0, max(1, round(self.window_s / step_s))
-        return MekfState(
+        C, P = (
             dcm_from_euler(np.array([*roll_pitch(start.x), 0.0])),
-            np.zeros(3),
             np.diag([start.variance] * 3 + [bias_variance] * 3),
-            np.zeros((3, 3)),
-            np.zeros((3, 6)),
-            np.zeros(3),
-            float(self.gyro_density**2),
-            float(self.accel_density**2),
-            float(bias_density**2),
-            float(self.window_s),
-            gravity_update(6, window, memory, self.adapt),
         )
+        room = np.zeros((3, 3)), np.zeros((3, 6)), np.zeros(3)
+        powers = float(self.gyro_density**2), float(self.accel_density**2), float(bias_density**2)
+        update = gravity_update(6, window, memory, self.adapt)
+        return MekfState(C, np.zeros(3), P, *room, *powers, float(self.window_s), update)
 
 
 class MekfState(NamedTuple):

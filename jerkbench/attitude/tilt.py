@@ -107,20 +107,11 @@ class Tilt(TiltAndYaw):
 
     def state(self, start: TiltStart) -> "TiltState":
         """Return what the loop begins with."""
-        sigma_accel_mps2 = self.sigma_accel_mps2
-        if sigma_accel_mps2 is None:
-            sigma_accel_mps2 = 2.0 if self.adapt == "none" else 0.02
-        return TiltState(
-            start.x.copy(),
-            start.variance * np.eye(3),
-            np.zeros((3, 3)),
-            np.zeros((3, 3)),
-            float(self.sigma_gyro_radps),
-            float(sigma_accel_mps2),
-            bool(self.normalise),
-            self.propagation == "exact",
-            gravity_update(3, self.window, self.external_memory, self.adapt),
-        )
+        usual = 2.0 if self.adapt == "none" else 0.02
+        sigmas = float(self.sigma_gyro_radps), float(usual if self.sigma_accel_mps2 is None else self.sigma_accel_mps2)
+        begin = start.x.copy(), start.variance * np.eye(3), np.zeros((3, 3)), np.zeros((3, 3))
+        update = gravity_update(3, self.window, self.external_memory, self.adapt)
+        return TiltState(*begin, *sigmas, bool(self.normalise), self.propagation == "exact", update)
 
 
 class TiltState(NamedTuple):

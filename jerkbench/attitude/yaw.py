@@ -158,8 +158,7 @@ def required_track(recording: Recording, least_m: float = LEAST_CHORD_M) -> Trac
     Raises:
         RecordingError: it shows no course.
     """
-    track = track_in(recording, least_m)
-    if track is None:
+    if (track := track_in(recording, least_m)) is None:
         raise RecordingError(
             f"{recording.name}: its fixes show no course, for within {LONGEST_S:g} s no two are far enough apart for"
             f" their sigmas (and {least_m:g} m); take another yaw_source."
@@ -189,16 +188,12 @@ def _instead(measured: Heading | None) -> str:
 
 def _course(recording: Recording, min_speed_mps: float, sigma_min_rad: float) -> Heading:
     velocity = recording.velocity
-    if velocity is None:
-        raise RecordingError(
-            f"{recording.name} has no velocity, so no course{_instead(recording.heading)}; take yaw_source gyro_only or"
-            " auto."
-        )
-    if velocity.frame != "enu":
-        raise RecordingError(
-            f"{recording.name} has its velocity in the {velocity.frame} frame, which tells no course over ground"
-            f"{_instead(recording.heading)}; take yaw_source gyro_only or auto."
-        )
+    if velocity is None or velocity.frame != "enu":
+        lack = "has no velocity, so no course"
+        if velocity is not None:
+            lack = f"has its velocity in the {velocity.frame} frame, which tells no course over ground"
+        other = _instead(recording.heading)
+        raise RecordingError(f"{recording.name} {lack}{other}; take yaw_source gyro_only or auto.")
     courses = course_headings(velocity, min_speed_mps, sigma_min_rad)
     if not len(courses.t_s):
         raise RecordingError(

@@ -1,9 +1,9 @@
 """Hand-held IMUs beside optical motion capture, where the attitude is all there is to estimate: BROAD, RepoIMU."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -30,8 +30,7 @@ MOST = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
 LEAST_SAMPLES = 2
 
 
-@dataclass(frozen=True, eq=False)
-class BroadTrial:
+class BroadTrial(NamedTuple):
     """A trial in the sensor's own axes.
 
     Attributes:
@@ -56,41 +55,26 @@ def read_broad_trial(path: Path) -> BroadTrial:
         RecordingError: no such file, it is damaged, or a field is missing or has another shape; names file and field.
     """
     require_content(path)
-    fields = _matlab(path) if path.suffix == ".mat" else _hdf5(path)
-    samples = len(np.atleast_1d(fields.get("imu_acc", ())))
-    arrays = {name: _array(path, fields, name, samples) for name in COLUMNS}
-    return BroadTrial(
-        rate_hz=_rate(path, fields),
-        accel_mps2=arrays["imu_acc"],
-        gyro_radps=arrays["imu_gyr"],
-        quaternion_wxyz=arrays["opt_quat"],
-        movement=arrays["movement"][:, 0] > 0,
-    )
-
-
-def _hdf5(path: Path) -> dict[str, Any]:
-    import h5py
-
+    kind = "a MATLAB file (version 5)" if path.suffix == ".mat" else "an HDF5 file"
     try:
-        with h5py.File(path) as file:
-            fields = {name: file[name][()] for name in COLUMNS if name in file}
-            return {**fields, "sampling_rate": file.attrs.get("sampling_rate")}
-    except (OSError, RuntimeError, KeyError, AttributeError, TypeError) as error:  # h5py raises any of them
-        raise _damaged(path, "an HDF5 file", error) from error
+        fields = _fields(path)
+    except Exception as error:  # scipy and h5py document none of what a damaged file makes them raise
+        reason = f"{type(error).__name__}: {error}"
+        raise RecordingError(f"{path} cannot be read as {kind} ({reason}); copy it again.") from error
+    samples = len(np.atleast_1d(fields.get("imu_acc", ())))
+    accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in COLUMNS)
+    return BroadTrial(_rate(path, fields), accel, gyro, attitude, movement[:, 0] > 0)
 
 
-def _matlab(path: Path) -> dict[str, Any]:
+def _fields(path: Path) -> dict[str, Any]:
+    import h5py
     from scipy.io import loadmat
 
-    try:
-        fields: dict[str, Any] = loadmat(path, variable_names=[*COLUMNS, "sampling_rate"])
-    except Exception as error:  # scipy documents none of what a damaged file makes it raise
-        raise _damaged(path, "a MATLAB file (version 5)", error) from error
-    return fields
-
-
-def _damaged(path: Path, kind: str, error: Exception) -> RecordingError:
-    return RecordingError(f"{path} cannot be read as {kind} ({type(error).__name__}: {error}); copy it again.")
+    if path.suffix == ".mat":
+        return dict(loadmat(path, variable_names=[*COLUMNS, "sampling_rate"]))
+    with h5py.File(path) as file:
+        fields = {name: file[name][()] for name in COLUMNS if name in file}
+        return {**fields, "sampling_rate": file.attrs.get("sampling_rate")}
 
 
 def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> FloatArray:
@@ -202,13 +186,8 @@ def _reference(t_s: FloatArray, trial: BroadTrial) -> Reference:
     known = np.isfinite(trial.quaternion_wxyz).all(axis=1)
     euler_rad = np.full((len(t_s), 3), np.nan)
     euler_rad[known, :2] = euler_from_quaternion(trial.quaternion_wxyz[known])[:, :2]
-    return Reference(
-        t_s,
-        source="optical motion capture",
-        independent=True,
-        euler_rad=euler_rad,
-        scored=trial.movement & known,
-    )
+    scored, source = trial.movement & known, "optical motion capture"
+    return Reference(t_s, source, independent=True, euler_rad=euler_rad, scored=scored)
 
 
 # RepoIMU's TStick: a hand-held stick with an IMU beside optical motion capture, as Parquet.
@@ -300,4 +279,4 @@ def aligned(trial: BroadTrial, imu: Imu) -> BroadTrial:
     up = turned.apply(accel)[sound].mean(axis=0)
     upright = Rotation.from_matrix(dcm_from_euler(np.array([*roll_pitch(up), 0.0])))
     reference = np.where(known[:, None], (upright * turned).as_quat(scalar_first=True), np.nan)
-    return replace(trial, quaternion_wxyz=reference, movement=trial.movement & sound)
+    return trial._replace(quaternion_wxyz=reference, movement=trial.movement & sound)

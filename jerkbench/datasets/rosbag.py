@@ -8,8 +8,8 @@ from jerkbench.arrays import require_choices
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.io.ros.assembly import BagDataset, Loaded, with_courses
 from jerkbench.io.ros.bag import Bag, Topic
-from jerkbench.io.ros.extract import Frames
-from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, Role, TopicPlan, complete_plan, is_ecef
+from jerkbench.io.ros.extract import Frames, HeadingSource
+from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, ROLES, Role, TopicPlan, complete_plan, is_ecef
 from jerkbench.io.ros.streams import POSE_FRAMES, VELOCITY_FRAMES
 from jerkbench.plugins import register
 
@@ -79,26 +79,10 @@ class RosBag(BagDataset):
 
     def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
         """Return the topics that are given, the others guessed, and their frames."""
-        plan = complete_plan(
-            bag,
-            {
-                "imu": self.imu_topic,
-                "position": self.position_topic,
-                "velocity": self.velocity_topic,
-                "heading": self.heading_topic,
-                "reference": self.reference_topic,
-            },
-        )
-        frames = Frames(
-            covariance_order=self.covariance_order,
-            position=self.position_frame,
-            velocity=self.velocity_frame,
-            reference=self.reference_frame,
-            heading="dual_antenna" if self.heading_source == "dual_antenna" else "odometry",
-            reference_source=self.reference_source,
-            reference_independent=self.reference_independent,
-        )
-        return plan, frames
+        plan = complete_plan(bag, {role: getattr(self, f"{role}_topic") for role in ROLES})
+        axes = self.covariance_order, self.position_frame, self.velocity_frame, self.reference_frame
+        heading: HeadingSource = "dual_antenna" if self.heading_source == "dual_antenna" else "odometry"
+        return plan, Frames(*axes, heading, self.reference_source, self.reference_independent)
 
 
 # The topics of the Fixposition Vision-RTK 2 driver, versions 4 to 8.
@@ -117,18 +101,17 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
     Raises:
         RecordingError: there is none; says which topics there are.
     """
-    odometries = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and _fits(t.name, namespace, ODOMETRIES)]
-    odometries.sort(key=lambda topic: ODOMETRIES.index(_last(topic.name)))
+    inside = f"/{namespace.strip('/')}/" if namespace else ""
+    found = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and t.name.startswith(inside)]
+    odometries = [topic for last in ODOMETRIES for topic in found if topic.name.rsplit("/", 1)[-1] == last]
     for topic in odometries:
         position = bag.read({topic.name: ["position"]})[topic.name]["position"]
         if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the fusion starts it may write zeros
             return topic
     listing = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
-    reason = (
-        f"{odometries[0].name} is not in ECEF"
-        if odometries
-        else f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
-    )
+    reason = f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
+    if odometries:
+        reason = f"{odometries[0].name} is not in ECEF"
     raise RecordingError(
         f"{bag.path} is no Fixposition recording: {reason}. There are: {listing}. Give namespace, or read it with"
         " dataset=rosbag."
@@ -144,21 +127,14 @@ def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool
     odometry = find_odometry(bag, namespace).name
     space = odometry.rsplit("/", 1)[0]
     topics: dict[Role, str] = {"imu": _require_topic(bag, space, imu, IMU, "imu")}
-    notes = []
+    notes: tuple[str, ...] = ()
     if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
-        topics["position"] = f"{space}/{FUSED_FIX}"
-        notes.append(
-            f"The driver published no {space}/{gnss} (older than 6.1): positions are {space}/{FUSED_FIX}, the"
-            " sensor's own fusion, the same as the reference."
-        )
-    else:
-        topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
-    if velocity:
-        topics["velocity"] = odometry
-    if heading:
-        topics["heading"] = odometry
-    topics["reference"] = odometry
-    return TopicPlan(topics, tuple(notes))
+        fused = f"positions are {space}/{FUSED_FIX}, the sensor's own fusion, the same as the reference."
+        notes, gnss = (f"The driver published no {space}/{gnss} (older than 6.1): {fused}",), FUSED_FIX
+    topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
+    fused_roles: dict[Role, bool] = {"velocity": velocity, "heading": heading, "reference": True}
+    topics |= {role: odometry for role, wanted in fused_roles.items() if wanted}
+    return TopicPlan(topics, notes)
 
 
 def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
@@ -174,14 +150,6 @@ def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str
 
 def _has(bag: Bag, name: str) -> bool:
     return any(topic.name == name and topic.count for topic in bag.topics)
-
-
-def _fits(name: str, namespace: str, last: tuple[str, ...]) -> bool:
-    return _last(name) in last and (not namespace or name.startswith(f"/{namespace.strip('/')}/"))
-
-
-def _last(name: str) -> str:
-    return name.rsplit("/", 1)[-1]
 
 
 VELOCITIES = ("none", "odometry")

@@ -6,7 +6,7 @@ The plugin: its parameters, and `load`, a stream at a time. Each stream is read 
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -49,8 +49,7 @@ KEPT_FRAMES: dict[str, Literal["body", "speed"]] = {"body": "body", "speed": "sp
 """Frames of velocities that a recording has too; all others are turned into ENU."""
 
 
-@dataclass(frozen=True)
-class Fixes:
+class Fixes(NamedTuple):
     """What a table says about where it was.
 
     Attributes:
@@ -219,9 +218,8 @@ class Tables(FromFiles, TimedColumns):
         self._require_one_origin()
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "position_sigma_scale", "velocity_sigma_mps"))
-        require_not_negative(
-            "dataset table", self, ("static_start_s", "outage_s", "reference_sigma_m", "reference_worst_m")
-        )
+        not_negative = ("static_start_s", "outage_s", "reference_sigma_m", "reference_worst_m")
+        require_not_negative("dataset table", self, not_negative)
         if not self.imu_file and not self.position_file:
             raise PluginError("dataset table: imu_file and position_file are both empty; name one of them.")
 
@@ -330,13 +328,8 @@ class Tables(FromFiles, TimedColumns):
         if self.drop_leaps:
             steady, leaps = steady_rows(t_s, axes_to_judge(places, self.position_frame))
         origin = origin or origin_of(places[steady], self.position_frame)
-        mapping = CovarianceMap(
-            sigma=self.position_sigma,
-            covariance=self.position_covariance,
-            frame=self.position_covariance_frame,
-            sigma_otherwise=self.position_sigma_m,
-            scale=self.position_sigma_scale,
-        )
+        named = self.position_sigma, self.position_covariance, self.position_covariance_frame
+        mapping = CovarianceMap(*named, self.position_sigma_m, self.position_sigma_scale)
         covariance, rounded = covariances_of(stream.columns.only(steady), mapping, origin)
         position = Position(t_s[steady], in_enu(places[steady], self.position_frame, origin), covariance)
         return Fixes(position, origin, (*stream.columns.notes, *leaps, *rounded))
@@ -347,7 +340,13 @@ class Tables(FromFiles, TimedColumns):
         if not source.file:
             return None, ()
         if source.solved:
-            return self._solved_velocity(source, zero_ns)
+            t_s, solution, notes = self.read_solution(source, zero_ns)
+            if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
+                raise RecordingError(
+                    f"dataset table: {source.file} has no velocities; let RTKLIB write them (out-outvel=on), or leave"
+                    f" {source.parameter} empty."
+                )
+            return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2), notes
         stream = self.read(source).only(self.velocity_columns)
         columns = stream.columns
         axes = frame if frame in COVARIANCE_FRAMES else "enu"
@@ -365,15 +364,6 @@ class Tables(FromFiles, TimedColumns):
         mps = axes_in_enu(values, frame)
         velocity = Velocity(stream.t_s(zero_ns), mps, covariance, KEPT_FRAMES.get(frame, "enu"))
         return velocity, (*columns.notes, *notes)
-
-    def _solved_velocity(self, source: Source, zero_ns: int) -> tuple[Velocity, tuple[str, ...]]:
-        t_s, solution, notes = self.read_solution(source, zero_ns)
-        if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
-            raise RecordingError(
-                f"dataset table: {source.file} has no velocities; let RTKLIB write them (out-outvel=on), or leave"
-                f" {source.parameter} empty."
-            )
-        return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2), notes
 
     def _reference(self, zero_ns: int, fixes: Fixes) -> tuple[Reference, Origin | None, tuple[str, ...]]:
         """Return the reference, the origin of ENU, and what was dropped; without a file the fixes are their own."""
@@ -400,15 +390,14 @@ class Tables(FromFiles, TimedColumns):
         if self.reference_position:
             places = in_degrees(columns.numbers(self.reference_position), frame, self.angle_unit)
             origin = origin or origin_of(places, frame)
+        mps = axes_in_enu(columns.numbers(self.reference_velocity), frame) if self.reference_velocity else None
         local, body = self.attitude_frame or frame, self.reference_body
         attitude = AttitudeMap(self.reference_attitude, self.attitude_unit, local, body, self.imu_axes)
         reference = Reference(
             stream.t_s(zero_ns),
             *said,
             enu_m=None if places is None else in_enu(places, frame, origin) + self.reference_offset_m,
-            velocity_mps=axes_in_enu(columns.numbers(self.reference_velocity), frame)
-            if self.reference_velocity
-            else None,
+            velocity_mps=mps,
             euler_rad=read_attitude(columns, attitude),
         )
         sigma_m = self._reference_sigma(columns, len(columns))

@@ -72,12 +72,8 @@ def axes_to_judge(values: FloatArray, frame: str) -> FloatArray:
 
 def _between(height_m: FloatArray, otherwise: float) -> FloatArray:
     """The heights (n,), those that are NaN on a line between their neighbours; ``otherwise`` where there is none."""
-    missing = np.isnan(height_m)
-    if not missing.any():
-        return height_m
-    rows, known = np.arange(len(height_m)), ~missing
-    between = np.interp(rows, rows[known], height_m[known]) if known.any() else otherwise
-    return np.where(missing, between, height_m)
+    rows, known = np.arange(len(height_m)), ~np.isnan(height_m)
+    return np.interp(rows, rows[known], height_m[known]) if known.any() else np.full(len(height_m), otherwise)
 
 
 def axes_in_enu(values: FloatArray, frame: str) -> FloatArray:
@@ -90,6 +86,16 @@ def swapped(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
     axes = np.abs(matrix).argmax(axis=1)
     mirrored: FloatArray = vectors[:, axes] * matrix[np.arange(3), axes]
     return mirrored
+
+
+def covariance_in_enu(covariance: FloatArray, frame: str) -> FloatArray:
+    """Turn (n, 3 k, 3 k) of k vectors along the axes of a local frame into ENU; an axis that is NaN stays alone."""
+    if frame != "ned":
+        return covariance
+    vectors = covariance.shape[1] // 3
+    places = np.add.outer(3 * np.arange(vectors), [1, 0, 2]).ravel()
+    signs = np.tile([1.0, 1.0, -1.0], vectors)
+    return np.asarray(covariance[:, places][:, :, places] * np.outer(signs, signs))
 
 
 def turned_covariance(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -167,13 +173,8 @@ def gravity_notes(accel_mps2: FloatArray, parameter: str) -> tuple[str, ...]:
         parameter: which parameter turns the sensor's axes into the body's.
     """
     felt = felt_axis(accel_mps2)
-    if felt == "+z":
-        return ()
-    note = (
-        f"The IMU feels gravity on {felt}, and a body (forward, left, up) on +z: attitude and forces are wrong until"
-        f" {parameter} says which of its axes point where."
-    )
-    return (note,)
+    note = f"The IMU feels gravity on {felt}, and a body (forward, left, up) on +z: attitude and forces are wrong until"
+    return () if felt == "+z" else (f"{note} {parameter} says which of its axes point where.",)
 
 
 # The standstill at the start of a recording, and the calibration of the IMU over it.

@@ -9,7 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
 from jerkbench.io.columns import Columns
-from jerkbench.io.frames import FLU_FROM_FRD, axes_matrix, enu_from, turned_covariance
+from jerkbench.io.frames import FLU_FROM_FRD, axes_matrix, covariance_in_enu, enu_from, turned_covariance
 from jerkbench.recording import Origin
 
 _RTKLIB = [0, 3, 5, 3, 1, 4, 5, 4, 2]
@@ -90,10 +90,8 @@ def _positive_definite(matrices: FloatArray) -> BoolArray:
 
 def _in_enu(where: str, matrices: FloatArray, frame: str, origin: Origin | None) -> FloatArray:
     """Turned into ENU and symmetric to the bit; of local axes one that is NaN stays alone."""
-    if frame == "enu":
-        return matrices
-    if frame == "ned":
-        return np.asarray(matrices[:, [1, 0, 2]][:, :, [1, 0, 2]] * np.outer([1, 1, -1], [1, 1, -1]))
+    if frame in ("enu", "ned"):
+        return covariance_in_enu(matrices, frame)
     if origin is None:
         raise RecordingError(f"{where} has axes of ECEF, and where it is on the Earth is not known; give origin.")
     return turned_covariance(enu_axes(origin), matrices)

@@ -6,7 +6,7 @@ Columns: t (UTC), latitude, longitude [deg], height [m]; where the format says t
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,8 @@ from jerkbench.io.text import read_lines, require_content
 if TYPE_CHECKING:
     import pandas as pd
 
+    TrackTable = tuple[pd.DataFrame, tuple[str, ...]]
+
 TrackRow = dict[str, Any]
 
 MPS_PER_KNOT = 1852.0 / 3600.0
@@ -28,7 +30,7 @@ PLACE = ("latitude", "longitude", "height")
 ORDER = ("t", *PLACE, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
 
 
-def track_reader(path: Path) -> Callable[[Path], tuple["pd.DataFrame", tuple[str, ...]]] | None:
+def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
     """Return what reads the file, by its first bytes; None: it is no track."""
     if not path.is_file():
         return None
@@ -41,9 +43,7 @@ def track_reader(path: Path) -> Callable[[Path], tuple["pd.DataFrame", tuple[str
     return read_gpsd if re.match(rb'\{\s*"class"\s*:', head) else None
 
 
-def _table(
-    path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str
-) -> tuple["pd.DataFrame", tuple[str, ...]]:
+def _table(path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str) -> "TrackTable":
     """The rows that have a place, in their order, without columns that none has."""
     import pandas as pd
 
@@ -65,7 +65,7 @@ def _table(
 # NMEA 0183: what the sentences GGA, RMC, GST and ZDA of one time of day say together.
 
 
-def read_nmea(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
+def read_nmea(path: Path) -> "TrackTable":
     """Return the fixes of the sentences GGA and RMC, with GST's standard deviations and RMC's velocity.
 
     A sentence with a wrong checksum is dropped. Heights are above the ellipsoid where GGA says how far the geoid is
@@ -81,13 +81,14 @@ def read_nmea(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
         fields, sound = _sentence(line)
         damaged += not sound
         kind = fields[0][-3:] if sound and fields[0].startswith("$") else ""
-        if kind not in READ or len(fields) < LEAST_FIELDS[kind] or not re.fullmatch(r"\d{6}(\.\d*)?", fields[1]):
+        least, read = READ.get(kind, (2, None))
+        if read is None or len(fields) < least or not (time := re.fullmatch(r"(\d\d)(\d\d)(\d\d(\.\d*)?)", fields[1])):
             continue
-        time_ms = _time_of_day_ms(fields[1])
+        time_ms = 3_600_000 * int(time[1]) + 60_000 * int(time[2]) + round(1000 * float(time[3]))
         day += time_ms < last_ms - DAY_MS / 2
         last_ms = time_ms
         row = epochs.setdefault(DAY_MS * day + time_ms, {})
-        row |= {name: value for name, value in READ[kind](fields) if value is not None}
+        row |= {name: value for name, value in read(fields).items() if value is not None}
         if "date" in row:
             dates.setdefault(day, row["date"])
     if not dates:
@@ -107,56 +108,47 @@ def _sentence(line: str) -> tuple[list[str], bool]:
     return body.split(","), not star or given.upper() == f"{checksum:02X}"
 
 
-def _time_of_day_ms(text: str) -> int:
-    return 3_600_000 * int(text[:2]) + 60_000 * int(text[2:4]) + round(1000 * float(text[4:]))
-
-
 def _number(text: str) -> float | None:
     return float(text) if re.fullmatch(r"[-+]?\d*\.?\d+|\d+\.", text) else None
 
 
-def _angle_deg(text: str, side: str) -> float | None:
-    """Of ddmm.mmmm or dddmm.mmmm and a letter N, S, E or W."""
-    value = _number(text)
-    if value is None or not side:
-        return None
-    degrees = value // 100
-    return (degrees + (value - 100 * degrees) / 60) * (-1 if side in "SW" else 1)
+def _place(*fields: str) -> TrackRow:
+    """Of ddmm.mmmm or dddmm.mmmm and a letter N, S, E or W, twice."""
+    row: TrackRow = {}
+    for name, text, side in zip(("latitude", "longitude"), fields[::2], fields[1::2], strict=True):
+        value = _number(text)
+        if value is not None and side:
+            row[name] = (value // 100 + value % 100 / 60) * (-1 if side in "SW" else 1)
+    return row
 
 
-def _gga(fields: list[str]) -> Iterator[tuple[str, Any]]:
+def _gga(fields: list[str]) -> TrackRow:
     height_m, geoid_m = _number(fields[9]), _number(fields[11])
-    yield "latitude", _angle_deg(fields[2], fields[3])
-    yield "longitude", _angle_deg(fields[4], fields[5])
-    yield "quality", _number(fields[6])
-    yield "hdop", _number(fields[8])
-    yield "height", None if height_m is None else height_m + (geoid_m or 0.0)
+    row = _place(*fields[2:6]) | {"quality": _number(fields[6]), "hdop": _number(fields[8])}
+    return row | {"height": None if height_m is None else height_m + (geoid_m or 0.0)}
 
 
-def _rmc(fields: list[str]) -> Iterator[tuple[str, Any]]:
+def _rmc(fields: list[str]) -> TrackRow:
     speed, course = _number(fields[7]), _number(fields[8])
-    yield "status", fields[2]
-    yield "latitude", _angle_deg(fields[3], fields[4])
-    yield "longitude", _angle_deg(fields[5], fields[6])
+    row: TrackRow = {"status": fields[2], **_place(*fields[3:7])}
     if re.fullmatch(r"\d{6}", fields[9]):
-        yield "date", f"20{fields[9][4:]}-{fields[9][2:4]}-{fields[9][:2]}"
+        row["date"] = f"20{fields[9][4:]}-{fields[9][2:4]}-{fields[9][:2]}"
     if speed is not None and (course is not None or speed == 0):
-        ve, vn = _along(speed * MPS_PER_KNOT, course or 0.0)
-        yield from (("ve", ve), ("vn", vn))
+        row["ve"], row["vn"] = _along(speed * MPS_PER_KNOT, course or 0.0)
+    return row
 
 
-def _gst(fields: list[str]) -> Iterator[tuple[str, Any]]:
-    for name, text in zip(("sigma_north", "sigma_east", "sigma_up"), fields[6:9], strict=True):
-        yield name, _number(text)
+def _gst(fields: list[str]) -> TrackRow:
+    return dict(zip(("sigma_north", "sigma_east", "sigma_up"), map(_number, fields[6:9]), strict=True))
 
 
-def _zda(fields: list[str]) -> Iterator[tuple[str, Any]]:
-    if all(map(str.isdigit, fields[2:5])):
-        yield "date", f"{fields[4]}-{fields[3]:0>2}-{fields[2]:0>2}"
+def _zda(fields: list[str]) -> TrackRow:
+    dated = all(map(str.isdigit, fields[2:5]))
+    return {"date": f"{fields[4]}-{fields[3]:0>2}-{fields[2]:0>2}"} if dated else {}
 
 
-READ: dict[str, Callable[[list[str]], Iterator[tuple[str, Any]]]] = {"GGA": _gga, "RMC": _rmc, "GST": _gst, "ZDA": _zda}
-LEAST_FIELDS = {"GGA": 12, "RMC": 10, "GST": 9, "ZDA": 5}
+READ = {"GGA": (12, _gga), "RMC": (10, _rmc), "GST": (9, _gst), "ZDA": (5, _zda)}
+"""The least number of fields of each sentence, and what they say."""
 
 
 def _along(speed_mps: float, course_deg: float) -> tuple[float, float]:
@@ -168,7 +160,7 @@ def _along(speed_mps: float, course_deg: float) -> tuple[float, float]:
 # GPX 1.0 and 1.1: the points of all tracks, one after the other.
 
 
-def read_gpx(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
+def read_gpx(path: Path) -> "TrackTable":
     """Return the points of all tracks that have a time.
 
     Raises:
@@ -198,23 +190,18 @@ def _tag(node: ET.Element) -> str:
 
 # gpsd's JSON (`gpspipe -w`): the reports of the class TPV.
 
-TPV = {
-    "t": ("time",),
-    "latitude": ("lat",),
-    "longitude": ("lon",),
-    "height": ("altHAE", "alt", "altMSL"),
-    "sigma_east": ("epx",),
-    "sigma_north": ("epy",),
-    "sigma_up": ("epv",),
-    "ve": ("velE",),
-    "vn": ("velN",),
-    "vu": ("climb",),
-}
+TPV = dict(
+    zip(
+        ORDER,
+        ["time", "lat", "lon", "altHAE,alt,altMSL", "epx", "epy", "epv", "-", "-", "velE", "velN", "climb"],
+        strict=True,
+    )
+)
 """Where each column stands in a report: the first of these that it has. What gpsd means by an error (epx) it leaves
 open: `data receiver` measures it."""
 
 
-def read_gpsd(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
+def read_gpsd(path: Path) -> "TrackTable":
     """Return the reports TPV that have a fix, as gpsd writes them, one a line.
 
     Raises:
@@ -229,7 +216,10 @@ def read_gpsd(path: Path) -> tuple["pd.DataFrame", tuple[str, ...]]:
                 continue
             raise RecordingError(f"{path}, line {number} is no JSON: {error}; remove it.") from error
         if isinstance(report, dict) and report.get("class") == "TPV" and report.get("mode", 0) >= 2:
-            row = {name: next((report[key] for key in keys if key in report), None) for name, keys in TPV.items()}
+            row = {
+                name: next((report[key] for key in keys.split(",") if key in report), None)
+                for name, keys in TPV.items()
+            }
             if row["ve"] is None and "speed" in report and "track" in report:
                 row["ve"], row["vn"] = _along(report["speed"], report["track"])
             rows.append({name: value for name, value in row.items() if value is not None})

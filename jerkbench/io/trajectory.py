@@ -53,7 +53,9 @@ def estimate_at_reference(trajectory: Trajectory, recording: Recording, max_gap_
     begin, end = trajectory.t_s[[0, -1]] + [-SAME_S, SAME_S]
     index = np.flatnonzero((stamps_s >= begin) & (stamps_s <= end)).astype(np.int64)
     before, share = _between(trajectory, stamps_s[index], max_gap_s)
-    absent = np.full((len(index), 3), np.nan)
+    absent, failure, last_s = np.full((len(index), 3), np.nan), "", float(trajectory.t_s[-1])
+    if len(stamps_s) and stamps_s[-1] > last_s + max_gap_s:
+        failure = f"The trajectory ends at {last_s:.2f} s, the reference at {stamps_s[-1]:.2f} s."
     velocity, covariance, euler = trajectory.velocity_mps, trajectory.covariance, trajectory.euler_rad
     return Estimate(
         index=index,
@@ -61,16 +63,9 @@ def estimate_at_reference(trajectory: Trajectory, recording: Recording, max_gap_
         velocity_mps=absent if velocity is None else _on_line(velocity, before, share),
         covariance=np.full((len(index), 6, 6), np.nan) if covariance is None else _on_line(covariance, before, share),
         euler_rad=absent if euler is None else _turned(euler, before, share),
-        failure=_early_end(trajectory, stamps_s, max_gap_s),
+        failure=failure,
         position_only=velocity is None,
     )
-
-
-def _early_end(trajectory: Trajectory, stamps_s: FloatArray, gap_s: float) -> str:
-    last_s = float(trajectory.t_s[-1])
-    if len(stamps_s) == 0 or stamps_s[-1] <= last_s + gap_s:
-        return ""
-    return f"The trajectory ends at {last_s:.2f} s, the reference at {stamps_s[-1]:.2f} s."
 
 
 def _between(trajectory: Trajectory, stamps_s: FloatArray, gap_s: float) -> tuple[IntArray, FloatArray]:
@@ -106,13 +101,11 @@ def _turned(euler_rad: FloatArray, before: IntArray, share: FloatArray) -> Float
     """(k, 3) angles on the shortest turn from the sample before to the one after; NaN where one of them is unknown."""
     from scipy.spatial.transform import Rotation
 
-    after = np.minimum(before + 1, len(euler_rad) - 1)
-    turned = euler_rad[before].copy()
-    turned[(share > 0) & ~np.isfinite(euler_rad[after]).all(axis=1)] = np.nan
+    turned, second_rad = euler_rad[before], euler_rad[np.minimum(before + 1, len(euler_rad) - 1)]
+    turned[(share > 0) & ~np.isfinite(second_rad).all(axis=1)] = np.nan
     rows = np.flatnonzero((share > 0) & np.isfinite(turned).all(axis=1))
     if len(rows):
-        first = Rotation.from_matrix(dcm_from_euler(euler_rad[before[rows]]))
-        second = Rotation.from_matrix(dcm_from_euler(euler_rad[after[rows]]))
+        first, second = (Rotation.from_matrix(dcm_from_euler(angles[rows])) for angles in (turned, second_rad))
         part = Rotation.from_rotvec((first.inv() * second).as_rotvec() * share[rows, None])
         turned[rows] = euler_from_dcm((first * part).as_matrix())
     return turned
@@ -149,9 +142,8 @@ def read_odometry(path: Path, topic: str, recording: Recording) -> Trajectory:
         name = topic or _only_odometry(bag)
         msgtype = bag.topic(name).msgtype
         if msgtype not in FIELDS:
-            raise RecordingError(
-                f"{path}: {name} is a {msgtype}; name a topic of Odometry or of poses: filter.topic=..."
-            )
+            advice = "name a topic of Odometry or of poses: filter.topic=..."
+            raise RecordingError(f"{path}: {name} is a {msgtype}; {advice}")
         messages = bag.read({name: FIELDS[msgtype]})[name]
     where = f"{path}, {name}"
     t_s = _seconds(where, messages, recording)
@@ -172,9 +164,7 @@ def _only_odometry(bag: Bag) -> str:
 
 def _seconds(where: str, messages: Messages, recording: Recording) -> FloatArray:
     start_ns = ns_since_1970(recording.start_utc or SOMETIME)
-    steps = np.diff(messages.stamp_ns)
-    if (steps <= 0).any():
-        count = int((steps <= 0).sum())
+    if count := int((np.diff(messages.stamp_ns) <= 0).sum()):
         raise RecordingError(
             f"{where}: {count} of {len(messages)} messages are not later than the one before; publish each stamp once."
         )
@@ -183,12 +173,12 @@ def _seconds(where: str, messages: Messages, recording: Recording) -> FloatArray
 
 def _covariance(messages: Messages, dcm: FloatArray) -> FloatArray | None:
     """(n, 6, 6) in ENU; between position and velocity a message has none: zero; all zeros mean that it has nothing."""
-    if not np.any(messages.values.get("position_covariance", np.zeros(1))):
+    position, linear = (messages.values.get(f"{part}_covariance", np.zeros(1)) for part in ("position", "linear"))
+    if not position.any():
         return None
-    n = len(messages)
-    covariance = np.full((n, 6, 6), np.nan)
-    covariance[:, :3, :3] = messages["position_covariance"].reshape(n, 3, 3)
-    if np.any(messages.values.get("linear_covariance", np.zeros(1))):
+    covariance = np.full((len(messages), 6, 6), np.nan)
+    covariance[:, :3, :3] = position.reshape(-1, 3, 3)
+    if linear.any():
         covariance[:, :3, 3:] = covariance[:, 3:, :3] = 0.0
-        covariance[:, 3:, 3:] = dcm @ messages["linear_covariance"].reshape(n, 3, 3) @ np.swapaxes(dcm, 1, 2)
+        covariance[:, 3:, 3:] = dcm @ linear.reshape(-1, 3, 3) @ np.swapaxes(dcm, 1, 2)
     return covariance

@@ -14,7 +14,7 @@ from jerkbench.arrays import FloatArray, require_choices, require_lengths, requi
 from jerkbench.errors import RecordingError
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
-from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, in_degrees, in_enu
+from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, covariance_in_enu, in_degrees, in_enu
 from jerkbench.io.table_values import AttitudeMap, read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.io.trajectory import BAGS, Trajectory, read_odometry
@@ -36,31 +36,14 @@ CHOICES = {
 COUNTS = {"position": (0, 3), "velocity": (0, 3), "attitude": (0, 3, 4), "covariance": (0, 3, 6, 21, 36)}
 """How many columns each parameter may name."""
 
-TEXT = {"separator": "", "header": False, "time_unit": "s"}
-TUM = TEXT | {
-    "comment": "#",
-    "time": "1",
-    "time_week": "",
-    "position": ("2", "3", "4"),
-    "velocity": (),
-    "attitude": ("8", "5", "6", "7"),
-    "covariance": (),
-}
+TEXT: dict[str, Any] = {"separator": "", "header": False, "time_unit": "s", "covariance": ()}
+TUM = TEXT | {"comment": "#", "time": "1", "time_week": "", "position": tuple("234"), "velocity": ()}
+TUM |= {"attitude": tuple("8567")}
 """A line ``t x y z qx qy qz qw``; the frame is the user's."""
 
-KF_GINS = TEXT | {
-    "time_week": "1",
-    "time": "2",
-    "frame": "geodetic",
-    "angle_unit": "deg",
-    "position": ("3", "4", "5"),
-    "velocity": ("6", "7", "8"),
-    "attitude": ("9", "10", "11"),
-    "attitude_unit": "deg",
-    "attitude_frame": "ned",
-    "body": "frd",
-    "covariance": (),
-}
+KF_GINS = TEXT | {"time_week": "1", "time": "2", "position": tuple("345"), "velocity": tuple("678")}
+KF_GINS |= {"frame": "geodetic", "angle_unit": "deg", "attitude_frame": "ned", "body": "frd"}
+KF_GINS |= {"attitude": ("9", "10", "11"), "attitude_unit": "deg"}
 """A line ``week second latitude longitude height vn ve vd roll pitch yaw``."""
 
 KNOWN: dict[str, dict[str, Any]] = {".tum": TUM, ".nav": KF_GINS}
@@ -222,9 +205,8 @@ def _velocity(columns: Columns, form: TrajectoryForm) -> FloatArray | None:
 def _attitude(path: Path, columns: Columns, form: TrajectoryForm) -> FloatArray | None:
     angles = form.attitude or _there(columns, ATTITUDE)
     frame = form.attitude_frame or ("ned" if form.local_frame == "ned" else "enu")
-    mapping = AttitudeMap(
-        tuple(angles), form.attitude_unit if form.attitude else "rad", frame, form.body, ("x", "y", "z")
-    )
+    unit = form.attitude_unit if form.attitude else "rad"
+    mapping = AttitudeMap(tuple(angles), unit, frame, form.body, ("x", "y", "z"))
     euler_rad = read_attitude(columns, mapping)
     nothing = path.suffix == ".tum" and euler_rad is not None and bool((np.nan_to_num(euler_rad) == STILL).all())
     return None if nothing else euler_rad  # TUM has no way to leave a rotation out: the identity stands for it
@@ -245,13 +227,7 @@ def _covariance(columns: Columns, form: TrajectoryForm, t_s: FloatArray) -> Floa
     else:
         states = slice(0, len(names))
         covariance[:, states, states] = values[:, :, None] * np.eye(len(names))
-    return _in_enu(covariance) if form.local_frame == "ned" else covariance
-
-
-def _in_enu(covariance: FloatArray) -> FloatArray:
-    """Turn (n, 6, 6) from NED into ENU; axes are only exchanged and mirrored, so that one that is NaN stays alone."""
-    places, signs = [1, 0, 2, 4, 3, 5], np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
-    return np.asarray(covariance[:, places][:, :, places] * np.outer(signs, signs))
+    return covariance_in_enu(covariance, form.local_frame)
 
 
 def _there(columns: Columns, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -297,14 +273,11 @@ def files_digest(pattern: str) -> str:
         RecordingError: there is no file.
     """
     paths = seeds_of(pattern) if SEED in pattern else {0: Path(pattern).expanduser()}
+    if not paths or not all(path.is_file() for path in paths.values()):
+        raise RecordingError(f"There is no trajectory {pattern}; correct its name.")
     sha = hashlib.sha256()
     for seed, path in paths.items():
-        if not path.is_file():
-            paths = {}
-            break
         sha.update(f"{seed} {len(content := path.read_bytes())} ".encode() + content)
-    if not paths:
-        raise RecordingError(f"There is no trajectory {pattern}; correct its name.")
     return sha.hexdigest()
 
 

@@ -1,10 +1,9 @@
 """A recording or a trajectory as a table: one row for each stamp of any stream; TUM, KML and GPX."""
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,8 +11,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, quaternion_from_dcm
-from jerkbench.io.frames import axes_in_enu, enu_from
-from jerkbench.recording import Imu, Recording
+from jerkbench.io.frames import axes_in_enu, covariance_in_enu
+from jerkbench.recording import Recording
 from jerkbench.timeline import nanoseconds
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def recording_table(recording: Recording, coordinates: str = "enu") -> "pd.DataF
     """
     import pandas as pd
 
-    streams = [(stream, columns) for stream, columns in _streams(recording, coordinates)]
+    streams = _streams(recording, coordinates)
     t_ns = np.unique(np.concatenate([nanoseconds(t_s) for t_s, _ in streams]))
     table: WrittenColumns = {"t_s": t_ns * 1e-9}
     for t_s, columns in streams:
@@ -70,27 +69,23 @@ def write_frame(table: "pd.DataFrame", path: Path) -> None:
 
 def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, WrittenColumns]]:
     imu, position, velocity, heading = recording.imu, recording.position, recording.velocity, recording.heading
-    streams = [] if imu is None else [(imu.t_s, _imu(imu))]
+    streams: list[tuple[FloatArray, WrittenColumns]] = []
+    if imu is not None:
+        force, rate = (tuple(f"{axis}_{unit}" for axis in ("forward", "left", "up")) for unit in ("mps2", "radps"))
+        streams.append((imu.t_s, _three("accel", force, imu.accel_mps2) | _three("gyro", rate, imu.gyro_radps)))
     if position is not None:
         columns = _position("position", position.enu_m, recording, coordinates)
-        turn = enu_from(coordinates)  # its own inverse
-        columns |= _covariance("position", turn @ position.covariance_m2 @ turn.T, "m2")
+        columns |= _covariance("position", covariance_in_enu(position.covariance_m2, coordinates), "m2")
         streams.append((position.t_s, columns))
     if velocity is not None:
         axes = coordinates if coordinates == "ned" and velocity.frame == "enu" else "enu"
         names = VELOCITIES[axes] if velocity.frame == "enu" else BODY
         columns = _three("velocity", names, axes_in_enu(velocity.mps, axes))
-        columns |= _covariance("velocity", enu_from(axes) @ velocity.covariance_m2ps2 @ enu_from(axes).T, "m2ps2")
+        columns |= _covariance("velocity", covariance_in_enu(velocity.covariance_m2ps2, axes), "m2ps2")
         streams.append((velocity.t_s, columns))
     if heading is not None:
         streams.append((heading.t_s, {"heading_yaw_rad": heading.yaw_rad, "heading_sigma_rad": heading.sigma_rad}))
     return [*streams, (recording.reference.t_s, reference_columns(recording, coordinates))]
-
-
-def _imu(imu: Imu) -> WrittenColumns:
-    axes = ("forward", "left", "up")
-    columns = _three("accel", tuple(f"{axis}_mps2" for axis in axes), imu.accel_mps2)
-    return columns | _three("gyro", tuple(f"{axis}_radps" for axis in axes), imu.gyro_radps)
 
 
 def reference_columns(recording: Recording, coordinates: str) -> WrittenColumns:
@@ -108,11 +103,12 @@ def reference_columns(recording: Recording, coordinates: str) -> WrittenColumns:
 
 
 def _position(stream: str, enu_m: FloatArray, recording: Recording, coordinates: str) -> WrittenColumns:
-    if coordinates != "geodetic":
-        return _three(stream, POSITIONS[coordinates], axes_in_enu(enu_m, coordinates))
-    if recording.origin is None:
-        raise RecordingError(f"{recording.name} has no origin on the Earth; choose --coordinates enu or ned.")
-    return _three(stream, POSITIONS[coordinates], enu_to_geodetic(enu_m, recording.origin))
+    places = axes_in_enu(enu_m, coordinates)
+    if coordinates == "geodetic":
+        if recording.origin is None:
+            raise RecordingError(f"{recording.name} has no origin on the Earth; choose --coordinates enu or ned.")
+        places = enu_to_geodetic(enu_m, recording.origin)
+    return _three(stream, POSITIONS[coordinates], places)
 
 
 def _three(stream: str, names: tuple[str, ...], values: FloatArray) -> WrittenColumns:
@@ -128,8 +124,7 @@ def _covariance(stream: str, covariance: FloatArray, unit: str) -> WrittenColumn
 STREAMS = ("position", "reference")
 
 
-@dataclass(frozen=True)
-class Path3D:
+class Path3D(NamedTuple):
     """A trajectory: times, positions (n, 3) in ENU, quaternions (n, 4) scalar last, body -> ENU."""
 
     t_s: FloatArray
@@ -147,9 +142,7 @@ def trajectory_of(recording: Recording, stream: str | None = None) -> Path3D:
     if stream == "reference" or (stream is None and reference.enu_m is not None):
         t_s, enu_m, euler = reference.t_s, reference.enu_m, reference.euler_rad
     else:
-        t_s, enu_m, euler = reference.t_s, None, None
-        if position is not None:
-            t_s, enu_m = position.t_s, position.enu_m
+        t_s, enu_m, euler = (reference.t_s, None, None) if position is None else (position.t_s, position.enu_m, None)
     if enu_m is None:
         raise RecordingError(f"{recording.name} has no positions in its {stream or 'streams'}: no trajectory to write.")
     rows = np.isfinite(enu_m).all(axis=1)

@@ -127,11 +127,11 @@ def trace_path(trace: str) -> Path:
 def write_trace(trace: Trace, path: Path) -> None:
     """Write a trace; errors and sigmas to .1 mm, correlations to .001."""
     sigma = np.sqrt(np.diagonal(trace.covariance_m2, axis1=1, axis2=2))
-    columns: dict[str, Any] = {"t_s": np.round(trace.t_s, 3)}
-    columns |= {name: _short(trace.error_m[:, axis], DECIMALS) for axis, name in enumerate(ERRORS)}
-    columns |= {name: _short(sigma[:, axis], DECIMALS) for axis, name in enumerate(SIGMAS)}
+    numbers = dict(zip((*ERRORS, *SIGMAS), np.round(np.hstack([trace.error_m, sigma]), DECIMALS).T, strict=True))
     for name, (i, j) in CORRELATIONS.items():
-        columns[name] = _short(trace.covariance_m2[:, i, j] / (sigma[:, i] * sigma[:, j]), 3)
+        numbers[name] = np.round(trace.covariance_m2[:, i, j] / (sigma[:, i] * sigma[:, j]), 3)
+    columns: dict[str, Any] = {"t_s": np.round(trace.t_s, 3)}
+    columns |= {name: pa.array(values, pa.float32()) for name, values in numbers.items()}
     table = pa.table(columns).replace_schema_metadata({KEY: json.dumps(asdict(trace.about)).encode()})
     write_atomically(path, lambda partial: pq.write_table(table, partial, compression="zstd", compression_level=19))
 
@@ -149,19 +149,13 @@ def read_trace(path: Path) -> Trace:
 def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - it says when to read it again
     try:
         table = pq.read_table(path)
-        values = {
-            name: np.asarray(table[name].to_numpy(), dtype=np.float64)
-            for name in ("t_s", *ERRORS, *SIGMAS, *CORRELATIONS)
-        }
+        names = ("t_s", *ERRORS, *SIGMAS, *CORRELATIONS)
+        values = {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in names}
         about = json.loads((table.schema.metadata or {})[KEY])
         origin = About(**{**about, "offset_m": tuple(about["offset_m"])})
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RecordingError(f"{path} is no trace: {error}; make it with `jerkbench data trace`.") from error
     return Trace(values["t_s"], np.column_stack([values[name] for name in ERRORS]), _covariances(values), origin)
-
-
-def _short(values: FloatArray, decimals: int) -> Any:  # noqa: ANN401 - an array of pyarrow, which has no types
-    return pa.array(np.round(values, decimals), pa.float32())
 
 
 def _covariances(values: dict[str, FloatArray]) -> FloatArray:

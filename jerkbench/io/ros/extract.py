@@ -109,6 +109,9 @@ DAMAGE = (*NO_ARRAY, KeyError, AttributeError, RuntimeError, zipfile.BadZipFile)
 """Errors of a damaged or deleted file of the cache; the bag itself is read again."""
 
 
+HeadingSource = Literal["dual_antenna", "odometry"]
+
+
 @dataclass(frozen=True)
 class Frames:
     """The frames and orders of the topics of a plan.
@@ -127,7 +130,7 @@ class Frames:
     position: str = "auto"
     velocity: str = "body"
     reference: str = "auto"
-    heading: Literal["dual_antenna", "odometry"] = "odometry"
+    heading: HeadingSource = "odometry"
     reference_source: str = ""
     reference_independent: bool = False
 
@@ -190,14 +193,10 @@ def _read(path: Path, planner: Planner) -> Extract:
 
 def _as_written(metadata: Metadata) -> tuple[TopicPlan, Frames]:
     """Return the plan and the frames that our own writer stored; they need no planner."""
-    frames = Frames(
-        covariance_order=metadata.covariance_order,
-        velocity=metadata.velocity_frame,
-        heading=metadata.heading_source,  # type: ignore[arg-type]  # Heading checks it
-        reference_source=metadata.reference_source,
-        reference_independent=metadata.reference_independent,
-    )
-    return TopicPlan(metadata.topics), frames  # type: ignore[arg-type]  # checked where its fields are looked up
+    m, auto = metadata, "auto"
+    source = m.reference_source, m.reference_independent
+    frames = Frames(m.covariance_order, auto, m.velocity_frame, auto, m.heading_source, *source)  # type: ignore[arg-type]  # Heading checks it
+    return TopicPlan(m.topics), frames  # type: ignore[arg-type]  # checked where its fields are looked up
 
 
 def _keep(read: Extract, path: Path) -> None:

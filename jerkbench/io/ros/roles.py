@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from jerkbench.io.sanitiser import (
 )
 
 Role = Literal["imu", "position", "velocity", "heading", "reference"]
+ROLES: tuple[Role, ...] = get_args(Role)
 NONE = "none"
 """Given as a topic: use none for this role."""
 
@@ -33,29 +34,16 @@ COORDINATES = ("status", "latitude", "longitude", "altitude", "position_covarian
 WHETHER_FUSED = ("position", "orientation")
 """Fields by which an odometry shows that it has not started yet."""
 
+_PLACES, _TURN = (*WHETHER_FUSED, "position_covariance"), "orientation_covariance"
+_LINEAR = ("linear", "linear_covariance")
+_BARE = {f"geometry_msgs/msg/{name}": ("linear",) for name in ("TwistStamped", "Vector3Stamped")}
 FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
     "imu": {IMU: ("angular_velocity", "linear_acceleration")},
-    "position": {
-        FIX: COORDINATES,
-        ODOMETRY: (*WHETHER_FUSED, "position_covariance"),
-        POSE: (*WHETHER_FUSED, "position_covariance"),
-    },
-    "velocity": {
-        ODOMETRY: (*WHETHER_FUSED, "linear", "linear_covariance"),
-        TWIST: ("linear", "linear_covariance"),
-        "geometry_msgs/msg/TwistStamped": ("linear",),
-        "geometry_msgs/msg/Vector3Stamped": ("linear",),
-    },
-    "heading": {
-        IMU: ("orientation", "orientation_covariance"),
-        ODOMETRY: (*WHETHER_FUSED, "orientation_covariance"),
-    },
-    "reference": {
-        ODOMETRY: (*WHETHER_FUSED, "linear"),
-        FIX: COORDINATES,
-        POSE: WHETHER_FUSED,
-        "geometry_msgs/msg/PoseStamped": WHETHER_FUSED,
-    },
+    "position": {FIX: COORDINATES, ODOMETRY: _PLACES, POSE: _PLACES},
+    "velocity": {ODOMETRY: (*WHETHER_FUSED, *_LINEAR), TWIST: _LINEAR} | _BARE,
+    "heading": {IMU: ("orientation", _TURN), ODOMETRY: (*WHETHER_FUSED, _TURN)},
+    "reference": {ODOMETRY: (*WHETHER_FUSED, "linear"), FIX: COORDINATES}
+    | dict.fromkeys((POSE, "geometry_msgs/msg/PoseStamped"), WHETHER_FUSED),
 }
 """The fields that each role reads of each type."""
 

@@ -3,7 +3,7 @@
 import heapq
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
 from itertools import chain, repeat
 from pathlib import Path
@@ -247,15 +247,12 @@ def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Itera
     references = [topic for topic in (ODOMETRY_TOPIC, REFERENCE_TOPIC) if topic in topics]
     velocity, heading = recording.velocity, recording.heading
     frame = "enu" if velocity is None else velocity.frame
+    roles |= dict(zip(("reference",), references, strict=False))
     return Metadata(
-        name=recording.name,
-        start_ns=start_ns,
-        static_start_s=recording.static_start_s,
-        origin=(origin.latitude_deg, origin.longitude_deg, origin.height_m),
-        reference_source=recording.reference.source,
-        reference_independent=recording.reference.independent,
+        *(recording.name, start_ns, recording.static_start_s, astuple(origin)),
+        *(recording.reference.source, recording.reference.independent),
         outages_s=tuple((float(begin), float(end)) for begin, end in recording.outages_s),
-        topics={**roles, **({"reference": references[0]} if references else {})},
+        topics=roles,
         velocity_frame="course" if frame == "speed" else frame,
         heading_source="dual_antenna" if heading is None else heading.source,
         covariance_order="neu",
