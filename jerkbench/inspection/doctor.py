@@ -13,6 +13,7 @@ from jerkbench.inspection.evidence import (
     SURE,
     WITHIN,
     Diagnosis,
+    common_edges,
     correlation_of,
     diagnosis,
     mean_velocity,
@@ -96,7 +97,7 @@ def _exchanged(
     if min(len(t_s), len(fix_s)) <= LEAST_ROWS:
         return None
     length_s = max(length_s, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))
-    edges_s = np.arange(max(t_s[0], fix_s[0]), min(t_s[-1], fix_s[-1]), length_s)
+    edges_s = common_edges(length_s, t_s, fix_s)
     if len(edges_s) <= LEAST_ROWS:
         return None
     given_mps = (mean_velocity if stream == "reference" else window_means)(t_s, values, edges_s)
@@ -127,7 +128,7 @@ def exchanged_degrees(recording: Recording) -> list[Diagnosis]:
     if position is None or origin is None or wheel is None:
         return []
     t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
-    edges_s = np.arange(max(t_s[0], wheel[0][0]), min(t_s[-1], wheel[0][-1]), WAY_S) if len(t_s) else np.empty(0)
+    edges_s = common_edges(WAY_S, t_s, wheel[0])
     if min(len(t_s), len(edges_s)) <= LEAST_WINDOWS:
         return []
     driven_mps = window_means(wheel[0], np.abs(wheel[1])[:, None], edges_s)
@@ -157,7 +158,7 @@ def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
     t_s, euler = without_nan_rows(reference.t_s, reference.euler_rad)
     if imu is None or len(t_s) < LEAST_ROWS:
         return
-    edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), ATTITUDE_S)
+    edges_s = common_edges(ATTITUDE_S, t_s, imu.t_s)
     if len(edges_s) > LEAST_ROWS:
         gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
         in_degrees = list(_yaw_in_degrees(t_s, euler[:, 2], edges_s, gyro[:, 2]))
@@ -190,11 +191,8 @@ def _reversed_angles(
         return
     rates = attitude_rates(t_s, euler_rad, edges_s)
     correlations = [correlation_of(rates[:, axis], gyro[:, axis]) for axis in range(3)]
-    against = [
-        name
-        for name, correlation in zip(("roll", "pitch", "yaw"), correlations, strict=True)
-        if correlation < -LEAST_CORRELATION and strength(correlation, len(rates)) < -SURE
-    ]
+    named = zip(("roll", "pitch", "yaw"), correlations, strict=True)
+    against = [name for name, r in named if r < -LEAST_CORRELATION and strength(r, len(rates)) < -SURE]
     if "pitch" in against or "yaw" in against:
         shown = ", ".join(f"{value:.2f}" for value in correlations)
         turning = f"{' and '.join(against)} turn against the gyro"

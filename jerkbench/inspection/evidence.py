@@ -110,6 +110,13 @@ def means_of(t_s: FloatArray, values: FloatArray) -> Callable[[FloatArray], Floa
     return means
 
 
+def common_edges(length_s: float, *stamps_s: FloatArray) -> FloatArray:
+    """Return edges ``length_s`` apart in the time that all of the stamps have in common; none where one is empty."""
+    if not all(len(t_s) for t_s in stamps_s):
+        return np.empty(0)
+    return np.arange(max(t_s[0] for t_s in stamps_s), min(t_s[-1] for t_s in stamps_s), length_s)
+
+
 def window_means(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
     """Return (n, k) the means of values (m, k) between n + 1 edges."""
     return means_of(t_s, values)(edges_s)
@@ -151,7 +158,7 @@ def track_windows(recording: Recording, length_s: float) -> WindowsAt | None:
     t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     if len(t_s) <= LEAST_WINDOWS or np.median(np.diff(t_s)) > length_s * 1.01:
         return None
-    edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), length_s)
+    edges_s = common_edges(length_s, t_s, imu.t_s)
     if len(edges_s) <= LEAST_WINDOWS + 1:
         return None
     velocity_mps = mean_velocity(t_s, places, edges_s)
@@ -172,7 +179,7 @@ def wheel_windows(recording: Recording, length_s: float) -> WindowsAt | None:
     if imu is None or wheel is None or np.median(np.diff(wheel[0])) > length_s:
         return None
     t_s, mps = wheel
-    edges_s = np.arange(max(t_s[0], imu.t_s[0]), min(t_s[-1], imu.t_s[-1]), length_s)
+    edges_s = common_edges(length_s, t_s, imu.t_s)
     if len(edges_s) <= LEAST_WINDOWS + 2:
         return None
     speed_mps = window_means(t_s, mps[:, None], edges_s)[:, 0]
@@ -275,9 +282,9 @@ def turning_gravity(imu: Imu) -> Turning | None:
         du/dt = -omega x u
     """
     turnings = []
-    for length_s in GRAVITY_WINDOWS_S:
+    for length_s in GRAVITY_WINDOWS_S if imu.gyro_radps.any() else ():
         edges_s = np.arange(imu.t_s[0], imu.t_s[-1], length_s)
-        if len(edges_s) < 10 or not imu.gyro_radps.any():
+        if len(edges_s) < 10:
             continue
         force, rate = (window_means(imu.t_s, values, edges_s) for values in (imu.accel_mps2, imu.gyro_radps))
         up = force / np.maximum(np.linalg.norm(force, axis=1), LEAST_FORCE_MPS2)[:, None]

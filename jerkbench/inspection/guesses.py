@@ -15,6 +15,7 @@ from jerkbench.inspection.evidence import (
     DEG_PER_RAD,
     SURE,
     Turning,
+    common_edges,
     mean_velocity,
     slope,
     sure_turnings,
@@ -326,10 +327,9 @@ def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:
     if position is not None and velocity is not None:
         fix_s, places = without_nan_rows(position.t_s, position.enu_m)
         t_s, mps = without_nan_rows(velocity.t_s, velocity.mps)
-        if len(fix_s) and len(t_s):
-            edges_s = np.arange(max(fix_s[0], t_s[0]), min(fix_s[-1], t_s[-1]), WINDOW_S)
-            if len(edges_s) >= LEAST_EDGES:
-                return mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
+        edges_s = common_edges(WINDOW_S, fix_s, t_s)
+        if len(edges_s) >= LEAST_EDGES:
+            return mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
     return np.empty((0, 3)), np.empty((0, 3))
 
 

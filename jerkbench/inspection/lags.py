@@ -8,6 +8,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.evidence import (
     Diagnosis,
+    Windows,
     correlation_of,
     diagnosis,
     mean_velocity,
@@ -102,15 +103,11 @@ def estimated_lags(recording: Recording) -> list[Lag]:
     adds a part that changes slowly. The accelerometer must be in the body's axes.
     """
     position, velocity, reference = recording.position, recording.velocity, recording.reference
-    lags = []
+    lags, of_velocity = [], []
     if position is not None and (truth := _places(reference, position)) is not None:
         lags.append(_position_lag(position, *truth))
-    of_velocity = []
-    if (
-        position is not None
-        and velocity is not None
-        and len(without_nan_rows(position.t_s, position.enu_m)[0]) > LEAST_ROWS
-    ):
+    fixes = 0 if position is None else int(np.isfinite(position.enu_m).all(axis=1).sum())
+    if position is not None and velocity is not None and fixes > LEAST_ROWS:
         axes = {"velocity, horizontal": (0, 1), "velocity, up": (2,)} if velocity.frame == "enu" else {"speed": (0,)}
         of_velocity = [_velocity_lag(name, position, velocity, columns) for name, columns in axes.items()]
     speed = _speeds(recording, of_velocity)
@@ -134,18 +131,12 @@ def best_lag(
     lag = Lag(stream, against, NAN, float(values[best]), _within(lags_s, values, rows), at_none=float(values[steps]))
     if best in (0, len(values) - 1):
         return replace(lag, edge_s=float(lags_s[best])) if lag.correlation >= LEAST_CORRELATION else lag
-    lag = replace(lag, best_s=_refined(lags_s, values))
-    is_known = lag.correlation >= LEAST_CORRELATION and lag.within_s <= WORST_S
-    return replace(lag, lag_s=lag.best_s) if is_known else lag
-
-
-def _refined(lags_s: FloatArray, values: FloatArray) -> float:
-    """Return the top of the parabola through the best of evenly spaced lags and its neighbours, all of them inside."""
-    best = int(np.argmax(values))
-    before, peak, after = values[best - 1 : best + 2]
+    before, peak, after = values[best - 1 : best + 2]  # the top of the parabola through them
     bend = before - 2 * peak + after
     offset = 0.5 * (before - after) / bend if bend < 0 else 0.0
-    return float(lags_s[best] + offset * (lags_s[1] - lags_s[0]))
+    lag = replace(lag, best_s=float(lags_s[best] + offset * (lags_s[1] - lags_s[0])))
+    is_known = lag.correlation >= LEAST_CORRELATION and lag.within_s <= WORST_S
+    return replace(lag, lag_s=lag.best_s) if is_known else lag
 
 
 def _within(lags_s: FloatArray, values: FloatArray, rows: int) -> float:
@@ -278,13 +269,8 @@ WINDOWS_S = (0.5, 1.0, 2.0)
 
 OF_THE_TRACK, OF_A_WHEEL = "the turning of the track", "the acceleration of a wheel"
 
-SHIFT_PARAMETERS = {
-    "position": "position_shift_s",
-    "velocity, horizontal": "velocity_shift_s",
-    "velocity, up": "velocity_shift_s",
-    "speed": "velocity_shift_s",
-    "imu": "imu_shift_s",
-}
+SHIFT_PARAMETERS = {"position": "position_shift_s", "imu": "imu_shift_s"}
+SHIFT_PARAMETERS |= dict.fromkeys(("velocity, horizontal", "velocity, up", "speed"), "velocity_shift_s")
 
 
 Pairs = Callable[[float], tuple[FloatArray, FloatArray] | None]
@@ -329,11 +315,7 @@ def late_imu(recording: Recording) -> Lag | None:
     if recording.imu is None or felt_axis(recording.imu.accel_mps2) != "+z":
         return None
     for against, pairs_of in TURNINGS.items():
-        lags = [
-            _turning_lag(against, pairs)
-            for length_s in WINDOWS_S
-            if (pairs := pairs_of(recording, length_s)) is not None
-        ]
+        lags = [_turning_lag(against, pairs) for length_s in WINDOWS_S if (pairs := pairs_of(recording, length_s))]
         if strong := [lag for lag in lags if np.isfinite(lag.lag_s)]:
             return _judged(recording, min(strong, key=lambda lag: (not lag.sure, lag.within_s)))
     return None
@@ -367,10 +349,8 @@ def _judged(recording: Recording, lag: Lag) -> Lag:
 def _is_felt(recording: Recording, lag_s: float) -> bool:
     """Whether the accelerometer agrees with the track's acceleration better at a lag than at none."""
     at_none, at_lag = over_lengths(track_windows, recording), over_lengths(track_windows, recording, lag_s)
-    agreed = [
-        np.array([_fits(windows[length_s].plane_mps2, windows[length_s].force_mps2) for windows in (at_none, at_lag)])
-        for length_s in at_none.keys() & at_lag.keys()
-    ]
+    both = at_none.keys() & at_lag.keys()
+    agreed = [np.array([_fits(windows[length_s]) for windows in (at_none, at_lag)]) for length_s in both]
     if not agreed:
         return False
     none, best = max(agreed, key=lambda both: float(both.sum(axis=1).max()))
@@ -378,23 +358,19 @@ def _is_felt(recording: Recording, lag_s: float) -> bool:
     return bool(gain.sum() / np.sqrt(2.0) >= FELT_SURE and gain.min() > FELT_AGAINST)
 
 
-def _fits(plane_mps2: FloatArray, force_mps2: FloatArray) -> list[float]:
+def _fits(w: Windows) -> list[float]:
     """Forward and left, in standard deviations from none."""
-    return [strength(correlation_of(plane_mps2[:, axis], force_mps2[:, axis]), len(plane_mps2)) for axis in (0, 1)]
+    return [strength(correlation_of(w.plane_mps2[:, axis], w.force_mps2[:, axis]), len(w)) for axis in (0, 1)]
 
 
 def _course_and_gyro(recording: Recording, length_s: float) -> Pairs | None:
-    windows_at = track_windows(recording, length_s)
-    if windows_at is None:
-        return None
-    return lambda late_s: (w.course_change_rad, w.turn_rad[:, 2]) if (w := windows_at(late_s)) is not None else None
+    at = track_windows(recording, length_s)
+    return at and (lambda late_s: (w.course_change_rad, w.turn_rad[:, 2]) if (w := at(late_s)) else None)
 
 
 def _wheel_and_force(recording: Recording, length_s: float) -> Pairs | None:
-    windows_at = wheel_windows(recording, length_s)
-    if windows_at is None:
-        return None
-    return lambda late_s: (w.plane_mps2[:, 0], w.force_mps2[:, 0]) if (w := windows_at(late_s)) is not None else None
+    at = wheel_windows(recording, length_s)
+    return at and (lambda late_s: (w.plane_mps2[:, 0], w.force_mps2[:, 0]) if (w := at(late_s)) else None)
 
 
 def _attitude_and_gyro(recording: Recording, length_s: float) -> Pairs | None:
@@ -434,10 +410,5 @@ def attitude_rates(t_s: FloatArray, euler_rad: FloatArray, edges_s: FloatArray) 
     angles = np.column_stack([np.interp(edges_s, t_s, column) for column in unwrapped.T])
     phi, theta, _ = (0.5 * (angles[1:] + angles[:-1])).T
     dphi, dtheta, dpsi = (np.diff(angles, axis=0) / np.diff(edges_s)[:, None]).T
-    return np.column_stack(
-        [
-            dphi - dpsi * np.sin(theta),
-            dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
-            dpsi * np.cos(theta) * np.cos(phi) - dtheta * np.sin(phi),
-        ]
-    )
+    p, q = dphi - dpsi * np.sin(theta), dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta)
+    return np.column_stack([p, q, dpsi * np.cos(theta) * np.cos(phi) - dtheta * np.sin(phi)])

@@ -105,10 +105,8 @@ class Fit(NamedTuple):
 
     def __str__(self) -> str:
         """Return it as a part of a sentence."""
-        return (
-            f"{self.basis}, forward and left, fits the accelerometer with its axes {self.way} (correlation"
-            f" {self.correlation:.2f}; as they are {self.as_given:.2f})"
-        )
+        correlations = f"(correlation {self.correlation:.2f}; as they are {self.as_given:.2f})"
+        return f"{self.basis}, forward and left, fits the accelerometer with its axes {self.way} {correlations}"
 
 
 def mended(values: FloatArray, way: str) -> FloatArray:

@@ -115,11 +115,8 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
         rows = (declared_m >= low) & (declared_m < high)
         name = f"below {high:g} m" if np.isfinite(high) else f"from {low:g} m on"
         groups += [(name, rows)] if LEAST_FIXES <= rows.sum() < len(t_s) else []
-    axes = tuple(
-        _axis(level, axis, sigma_m[rows, axis], second_m[rows, axis], error_m[rows, axis])
-        for level, rows in groups
-        for axis in range(3)
-    )
+    columns = list(enumerate(zip(sigma_m.T, second_m.T, error_m.T, strict=True)))
+    axes = tuple(_axis(level, k, *(one[rows] for one in three)) for level, rows in groups for k, three in columns)
     centred_m = error_m - (np.nanmedian(error_m[compared], axis=0) if compared.any() else 0.0)
     step_s = float(np.median(np.diff(t_s)))
     lags_s, correlation = _autocorrelation(t_s, centred_m, step_s, compared)
@@ -137,10 +134,8 @@ def _axis(level: str, axis: int, sigma_m: FloatArray, second_m: FloatArray, erro
         centred_m = error_m[known] - bias_m
         error_size_m, factor = _middle(centred_m), _middle(centred_m / sigma_m[known])
         gross = 100 * float(np.mean(np.abs(centred_m / sigma_m[known]) > GROSS * factor))
-    declared_m = float(np.median(sigma_m))
-    return AxisErrors(
-        level, AXES[axis], len(sigma_m), declared_m, scatter_m, error_size_m, bias_m, gross, float(factor)
-    )
+    sizes = float(np.median(sigma_m)), scatter_m, error_size_m, bias_m, gross, float(factor)
+    return AxisErrors(level, AXES[axis], len(sigma_m), *sizes)
 
 
 def _middle(values: FloatArray) -> float:

@@ -109,12 +109,9 @@ def _enough(values: FloatArray) -> bool:
 
 def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
     """Return name, unit, times (m,), values (m, 3) and covariances (m, 3, 3) of position and ENU velocity."""
-    streams = []
-    if recording.position is not None:
-        p = recording.position
-        streams.append(("position", "m", p.t_s, p.enu_m, p.covariance_m2))
-    if recording.velocity is not None and recording.velocity.frame == "enu":
-        v = recording.velocity
+    p, v = recording.position, recording.velocity
+    streams = [] if p is None else [("position", "m", p.t_s, p.enu_m, p.covariance_m2)]
+    if v is not None and v.frame == "enu":
         streams.append(("velocity", "m/s", v.t_s, v.mps, v.covariance_m2ps2))
     return streams
 
@@ -135,16 +132,9 @@ def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: Floa
     weighed = np.linalg.solve(np.where(both_measured, covariance, np.eye(3)), filled[:, :, None])[:, :, 0]
     squares = np.einsum("ki,ki->k", filled, weighed)
     variances = np.where(measured, np.diagonal(covariance, axis1=1, axis2=2), np.nan)
-    return Sigma(
-        stream=name,
-        unit=unit,
-        basis=basis,
-        stated=np.sqrt(np.nanmean(variances, axis=0)),
-        real=np.sqrt(np.nanmean(error**2, axis=0)),
-        ratio=float(np.sqrt(squares.sum() / measured.sum())),
-        median_ratio=_middle(error[:, :2], np.sqrt(variances[:, :2])),
-        rows=len(error),
-    )
+    stated, real = (np.sqrt(np.nanmean(values, axis=0)) for values in (variances, error**2))
+    ratio, median = float(np.sqrt(squares.sum() / measured.sum())), _middle(error[:, :2], np.sqrt(variances[:, :2]))
+    return Sigma(name, unit, basis, stated, real, ratio, median, len(error))
 
 
 def _middle(error: FloatArray, sigmas: FloatArray) -> float:

@@ -103,12 +103,8 @@ def with_common_time(recording: Recording, way_out: str) -> Recording:
         RecordingError: a stream has no time in common with these; says when both were.
     """
     known = None if recording.reference.empty else recording.reference
-    streams = {
-        "positions": recording.position,
-        "velocities": recording.velocity,
-        "headings": recording.heading,
-        "reference": known,
-    }
+    measured = recording.position, recording.velocity, recording.heading
+    streams = dict(zip(("positions", "velocities", "headings", "reference"), (*measured, known), strict=True))
     clock_s, whose = recording.clock_s, "IMU is"
     if recording.imu is None and recording.position is not None:
         clock_s, whose = recording.position.t_s, "positions are"

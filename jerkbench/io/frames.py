@@ -84,8 +84,7 @@ def axes_in_enu(values: FloatArray, frame: str) -> FloatArray:
 def swapped(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return M v of vectors (n, 3) where M only swaps and mirrors axes; one that is NaN stays the only one."""
     axes = np.abs(matrix).argmax(axis=1)
-    mirrored: FloatArray = vectors[:, axes] * matrix[np.arange(3), axes]
-    return mirrored
+    return np.asarray(vectors[:, axes] * matrix[np.arange(3), axes])
 
 
 def covariance_in_enu(covariance: FloatArray, frame: str) -> FloatArray:

@@ -26,19 +26,17 @@ from jerkbench.recording import Reference
 EPOCHS = ("gps", "none", "unix")
 COVARIANCE_FRAMES = ("enu", "ned", "ecef")
 
+STREAMS = ("position", "velocity", "reference")
+
 CHOICES = {
     "accel_unit": tuple(ACCEL_UNITS),
     "gyro_unit": tuple(GYRO_UNITS),
     "time_unit": tuple(TIME_UNITS),
-    "position_time_unit": ("", *TIME_UNITS),
-    "velocity_time_unit": ("", *TIME_UNITS),
-    "reference_time_unit": ("", *TIME_UNITS),
-    "angle_unit": tuple(ANGLE_UNITS),
+    **dict.fromkeys((f"{stream}_time_unit" for stream in STREAMS), ("", *TIME_UNITS)),
+    **dict.fromkeys(("angle_unit", "attitude_unit"), tuple(ANGLE_UNITS)),
     "epoch": EPOCHS,
-    "attitude_unit": tuple(ANGLE_UNITS),
     "attitude_frame": ("", "enu", "ned"),
-    "position_frame": FRAMES,
-    "reference_frame": FRAMES,
+    **dict.fromkeys(("position_frame", "reference_frame"), FRAMES),
     "position_covariance_frame": COVARIANCE_FRAMES,
     "velocity_frame": ("enu", "ned", "ecef", "body", "speed"),
     "reference_body": ("flu", "frd", "sensor"),
@@ -49,10 +47,8 @@ SIGMAS = (0, 1, 3, 6)
 COVARIANCES = (0, 1, 3, 6, 9)
 """How many columns there may be of standard deviations and of variances and covariances."""
 
-COUNTS = {
-    "imu_accel": (3,),
-    "imu_gyro": (3,),
-    "position_columns": (3,),
+COUNTS: dict[str, tuple[int, ...]] = {
+    **dict.fromkeys(("imu_accel", "imu_gyro", "position_columns"), (3,)),
     "position_sigma": SIGMAS,
     "position_covariance": COVARIANCES,
     "velocity_columns": (3,),
@@ -80,17 +76,11 @@ def require_columns(table: object, velocity_frame: str) -> None:
 
 def require_origin(origin: tuple[float, ...]) -> None:
     """Raise a PluginError unless there is no origin, or one on Earth."""
-    if not origin:
-        return
-    if len(origin) != 3:
-        raise PluginError(
-            f"dataset table: origin is {origin}; give latitude [deg], longitude [deg] and height [m], or none."
-        )
-    if not all(abs(value) <= most for value, most in zip(origin, (90.0, 360.0, HIGHEST_M), strict=True)):
-        raise PluginError(
-            f"dataset table: origin is {origin}, which is not on Earth; give latitude [deg], longitude [deg] and height"
-            " [m], in this order."
-        )
+    given, parts = f"dataset table: origin is {origin}", "give latitude [deg], longitude [deg] and height [m]"
+    if len(origin) not in (0, 3):
+        raise PluginError(f"{given}; {parts}, or none.")
+    if not all(abs(value) <= most for value, most in zip(origin, (90.0, 360.0, HIGHEST_M), strict=False)):
+        raise PluginError(f"{given}, which is not on Earth; {parts}, in this order.")
 
 
 LEAST_STEPS = 4
@@ -237,10 +227,8 @@ class TimedColumns:
             columns = columns.only(np.isin(columns.numbers([source.quality])[:, 0], source.qualities))
         t_ns = self._stamps_ns(columns, source)
         if len(t_ns) != len(columns):
-            raise RecordingError(
-                f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times; they must be the"
-                " same."
-            )
+            rows = f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times"
+            raise RecordingError(f"{rows}; they must be the same.")
         return TableStream(columns, t_ns + source.shift_ns).whole()
 
     def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
