@@ -28,9 +28,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.rosbag import RosBag
-from jerkbench.io.ros.bag import Messages, open_bag
-from jerkbench.io.ros.decode import MessageBlock, decode_each
-from jerkbench.io.ros.writing import write_bag
+from jerkbench.io.bag import Messages, open_bag
+from jerkbench.io.bag_decode import MessageBlock, decode_each
+from jerkbench.io.bag_writing import write_bag
 
 FIELDS = {
     "/fixposition/poiimu": ("angular_velocity", "linear_acceleration"),

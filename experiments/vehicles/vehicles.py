@@ -24,7 +24,7 @@ from jerkbench.files import filled
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import choose
 from jerkbench.presets import config_folder
-from jerkbench.traces import Trace, trace_of, write_trace
+from jerkbench.simulation.traces import Trace, trace_of, write_trace
 from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site
 
 HERE = Path(__file__).parent

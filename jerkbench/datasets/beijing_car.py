@@ -6,17 +6,57 @@ from typing import ClassVar
 
 import numpy as np
 
-from jerkbench.arrays import require_positive
+from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.io.columns import read_columns
 from jerkbench.io.files import FromFiles, find_file
-from jerkbench.io.rtklib_logs import read_epochs
-from jerkbench.io.text import TextFormat
+from jerkbench.io.text import TextFormat, parse_numbers, read_lines
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 
 TABLE, LOG = "Data.txt", "GPSRaw.dat"
 GPS, RTK, RTK_VELOCITY = ("GPS_X", "GPS_Y"), ("RTK_X", "RTK_Y"), ("RTK_Vx", "RTK_Vy")
+
+# The sentences `$PSAT,FVI` and `$..GST` of a receiver's log: velocities and standard deviations,
+# epoch by epoch.
+
+FVI, GST = "$PSAT,FVI,", "GST,"
+FVI_FIELDS, GST_FIELDS = (15, 16, 17), (6, 7, 8)
+"""Where east, north and up of the velocity [m/s], and the sigmas of latitude, longitude and height [m], stand."""
+
+
+def read_epochs(path: Path) -> tuple[FloatArray, FloatArray]:
+    """Return the velocities (n, 3) and the standard deviations of the places (n, 3), ENU, at each epoch.
+
+    Sentences of other kinds are left alone.
+
+    Raises:
+        RecordingError: no such file, a sentence is damaged, or the two kinds are not of the same epochs.
+    """
+    lines = read_lines(path)
+    fvi = [(number, text) for number, text in lines if text.startswith(FVI)]
+    gst = [(number, text) for number, text in lines if text[3:].startswith(GST)]
+    stamps = [[_field(path, line, k) for line in kind] for kind, k in ((fvi, 2), (gst, 1))]
+    if stamps[0] != stamps[1]:
+        raise RecordingError(
+            f"{path} has {len(fvi)} sentences {FVI[:-1]} and {len(gst)} GST, which are not of the same epochs; copy it"
+            " again."
+        )
+    return _numbers(path, fvi, FVI_FIELDS), _numbers(path, gst, GST_FIELDS)[:, [1, 0, 2]]
+
+
+def _numbers(path: Path, lines: list[tuple[int, str]], fields: tuple[int, ...]) -> FloatArray:
+    chosen = [(line[0], " ".join(_field(path, line, k) for k in fields)) for line in lines]
+    return parse_numbers(path, chosen, len(fields))
+
+
+def _field(path: Path, line: tuple[int, str], k: int) -> str:
+    number, text = line
+    fields = text.partition("*")[0].split(",")
+    if len(fields) <= k:
+        raise RecordingError(f"{path}, line {number} has {len(fields)} fields, and {k + 1} are needed; it is damaged.")
+    return fields[k].strip()
+
 
 NOTES = (
     "There is no IMU: attitude, tilt and yaw do not apply.",

@@ -12,16 +12,17 @@ from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
 from jerkbench.simulation.motion import Path
 from jerkbench.simulation.sensors import MOST_SAMPLES, Sensors
-from jerkbench.simulation.terrain import (
+from jerkbench.simulation.truth import (
     Ruts,
+    Truth,
     draw_impacts,
     draw_terrain,
     draw_vibration,
     impact_force,
     inner_times,
     rut_force,
+    simulate_truth,
 )
-from jerkbench.simulation.truth import Truth, simulate_truth
 
 POSITIVE = (
     *("duration_s", "sensor_rate_hz"),

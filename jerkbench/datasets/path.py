@@ -15,8 +15,7 @@ from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
 from jerkbench.simulation.motion import Drive, Way, WaypointPath, curve_way, table_curve
 from jerkbench.simulation.sensors import Sensors
-from jerkbench.simulation.terrain import draw_vibration
-from jerkbench.simulation.truth import Truth
+from jerkbench.simulation.truth import Truth, draw_vibration
 
 STILL_MPS = 0.01
 """What is slower than this at the start of a table stands."""

@@ -6,11 +6,11 @@ import numpy as np
 
 from jerkbench.arrays import require_choices
 from jerkbench.errors import PluginError, RecordingError, unknown
-from jerkbench.io.ros.assembly import BagDataset, Loaded, with_courses
-from jerkbench.io.ros.bag import Bag, Topic
-from jerkbench.io.ros.extract import Frames, HeadingSource
-from jerkbench.io.ros.roles import FIX, IMU, ODOMETRY, ROLES, Role, TopicPlan, complete_plan, is_ecef
-from jerkbench.io.ros.streams import POSE_FRAMES, VELOCITY_FRAMES
+from jerkbench.io.bag import Bag, Topic
+from jerkbench.io.bag_assembly import BagDataset, Loaded, with_courses
+from jerkbench.io.bag_extract import Frames, HeadingSource
+from jerkbench.io.bag_roles import FIX, IMU, ODOMETRY, ROLES, Role, TopicPlan, complete_plan, is_ecef
+from jerkbench.io.bag_streams import POSE_FRAMES, VELOCITY_FRAMES
 from jerkbench.plugins import register
 
 

@@ -20,8 +20,15 @@ from jerkbench.io.frames import (
     gravity_notes,
     imu_in_body,
 )
-from jerkbench.io.rtklib import PosSolution, accepted_fixes, read_rtklib_pos, steady_fixes
-from jerkbench.io.rtklib_logs import LEAST_ROWS, ImuLog, read_imu_log
+from jerkbench.io.rtklib import (
+    LEAST_ROWS,
+    ImuLog,
+    PosSolution,
+    accepted_fixes,
+    read_imu_log,
+    read_rtklib_pos,
+    steady_fixes,
+)
 from jerkbench.io.sanitiser import possible_imu, repeat_notes
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register

@@ -32,14 +32,17 @@ from jerkbench.io.sanitiser import possible_imu, repeat_notes, steady_rows
 from jerkbench.io.table import (
     CHOICES,
     COVARIANCE_FRAMES,
+    AttitudeMap,
+    CovarianceMap,
     Source,
     TableStream,
     TimedColumns,
+    covariances_of,
+    read_attitude,
     require_columns,
     require_origin,
     with_sigma,
 )
-from jerkbench.io.table_values import AttitudeMap, CovarianceMap, covariances_of, read_attitude
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference, Velocity
 

@@ -11,8 +11,8 @@ from jerkbench.io.files import fingerprint
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference
+from jerkbench.simulation.traces import SHIPPED, Trace, read_trace, trace_path
 from jerkbench.timeline import nanoseconds
-from jerkbench.traces import SHIPPED, Trace, read_trace, trace_path
 
 FLOOR_M2 = 1e-6
 """(1 mm)^2: no variance is smaller."""

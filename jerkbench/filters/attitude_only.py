@@ -13,7 +13,7 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.command import Command
 from jerkbench.io.columns import read_columns
 from jerkbench.io.recording_folder import write_recording
-from jerkbench.io.table_values import AttitudeMap, read_attitude
+from jerkbench.io.table import AttitudeMap, read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register

@@ -20,8 +20,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.io.recording_folder import FORMATS, write_recording
-from jerkbench.io.trajectory import estimate_at_reference
-from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
+from jerkbench.io.trajectory import TrajectoryForm, estimate_at_reference, read_trajectory
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -6,8 +6,14 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.io.trajectory import estimate_at_reference
-from jerkbench.io.trajectory_files import SEED, TrajectoryForm, files_digest, path_of_seed, read_trajectory
+from jerkbench.io.trajectory import (
+    SEED,
+    TrajectoryForm,
+    estimate_at_reference,
+    files_digest,
+    path_of_seed,
+    read_trajectory,
+)
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

@@ -13,8 +13,16 @@ from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, is_coarse, select_he
 from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.evidence import moving_speed_mps, without_nan_rows
 from jerkbench.inspection.lags import LEAST_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags
-from jerkbench.inspection.noise import SHORTEST_REST_S, RestNoise, longest_rest, rest_noise
-from jerkbench.inspection.sigmas import Sigma, overstated_noise, stated_against_real_sigma, velocity_dependence
+from jerkbench.inspection.noise import (
+    SHORTEST_REST_S,
+    RestNoise,
+    Sigma,
+    longest_rest,
+    overstated_noise,
+    rest_noise,
+    stated_against_real_sigma,
+    velocity_dependence,
+)
 from jerkbench.io.frames import felt_axis
 from jerkbench.io.sanitiser import repeated_samples
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity

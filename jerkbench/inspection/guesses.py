@@ -10,7 +10,17 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inspection.doctor import TOLERANCE
+from jerkbench.inspection.doctor import (
+    COSINE_GAIN,
+    IDENTITY,
+    LEAST_COSINE,
+    TOLERANCE,
+    UPRIGHT,
+    UPRIGHT_SHARE,
+    axes_text,
+    gravity_share,
+    plane_fit,
+)
 from jerkbench.inspection.evidence import (
     DEG_PER_RAD,
     SURE,
@@ -23,7 +33,6 @@ from jerkbench.inspection.evidence import (
     window_means,
     without_nan_rows,
 )
-from jerkbench.inspection.mounting import IDENTITY, UPRIGHT, UPRIGHT_SHARE, axes_text, gravity_share, plane_fit
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
 SMALL = ("cm", "mm")
@@ -176,10 +185,6 @@ RATES_HZ = (0.5, 2500.0)
 
 LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
 
-LEAST_COSINE = 0.9
-LEAST_GAIN = 0.2
-"""A frame of velocities fits the fixes at least so well, and by so much better than the other one."""
-
 WINDOW_S = 1.0
 SCALES = {"m/s": 1.0, "km/h": 3.6, "knots": 1.94384}
 """What a velocity in each unit is multiplied with."""
@@ -308,7 +313,7 @@ def guess_velocity_frame(recording: Recording, named: str) -> Guess:
     size = float(np.sqrt(np.sum(way**2) * np.sum(means**2))) or 1.0
     cosines = {frame: float(np.sum(way * values)) / size for frame, values in frames.items()}
     other, best = sorted(cosines, key=lambda frame: cosines[frame])
-    if cosines[best] < LEAST_COSINE or cosines[best] - cosines[other] < LEAST_GAIN:
+    if cosines[best] < LEAST_COSINE or cosines[best] - cosines[other] < COSINE_GAIN:
         grade, why = ("named", "the columns say so") if named else ("unsure", "the columns do not say it")
         return Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it")  # type: ignore[arg-type]
     why = f"cosine with the fixes' way: {', '.join(f'{frame} {cosine:.3f}' for frame, cosine in cosines.items())}"

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.inspection.sigmas import FAST_SHARE, LONGEST_GAP_S, second_difference, truth_at
+from jerkbench.inspection.noise import FAST_SHARE, LONGEST_GAP_S, second_difference, truth_at
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
 

@@ -16,7 +16,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate, Updates, no_attitude
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.rts import SmoothedFixes
-from jerkbench.inspection.sigmas import LONGEST_GAP_S, truth_at
+from jerkbench.inspection.noise import LONGEST_GAP_S, truth_at
 from jerkbench.parameters import ranges_of
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, style_axes

@@ -15,9 +15,9 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Attitude
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, euler_from_dcm
+from jerkbench.io.bag_writing import write_bag
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.frames import FLU_FROM_FRD, axes_in_enu, enu_from
-from jerkbench.io.ros.writing import write_bag
 from jerkbench.io.writing import recording_table, reference_columns, write_frame
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording, Reference
 from jerkbench.timeline import nanoseconds

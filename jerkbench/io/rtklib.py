@@ -1,6 +1,7 @@
-"""A solution of RTKLIB (.pos): its header and columns, its rows in ENU order, several files of one drive as one."""
+"""A solution of RTKLIB (.pos): its header, its rows in ENU order, several files as one; and the logs beside it."""
 
 import re
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,15 @@ from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_t
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
 from jerkbench.io.frames import axes_to_judge, turned_covariance
 from jerkbench.io.sanitiser import steady_rows
-from jerkbench.io.text import Line, parse_numbers, read_lines, require_increasing, whole_lines
+from jerkbench.io.text import (
+    Line,
+    cut_note,
+    parse_numbers,
+    read_bytes,
+    read_lines,
+    require_increasing,
+    whole_lines,
+)
 from jerkbench.recording import Origin, Position
 
 # The header of a .pos file: the options that RTKLIB wrote with, and its columns.
@@ -356,3 +365,97 @@ def _joined(solutions: Sequence[PosSolution]) -> PosSolution:
     whole: dict[str, Any] = {name: np.concatenate([values[name] for values in alike]) for name in names}
     notes = tuple(note for solution in solutions for note in solution.notes)
     return replace(first, **whole, axes_at=None if first.axes_at is None else first.first, notes=notes)
+
+
+# The time tag that RTKLIB writes beside a stream (.tag): when the stream began and how long it
+# lasted.
+
+_MAGIC = b"TIMETAG RTKLIB"
+_START = struct.Struct("<60xIId")  # header, tick, time_t, fraction of a second
+_RECORD = struct.Struct("<II")  # tick [ms since the start], position in the stream's file
+
+
+class TimeTag(NamedTuple):
+    """Begin and length of a stream, by the clock of the logger.
+
+    Attributes:
+        start_gpst_ns: nanoseconds of the GPST calendar since 1970.
+        total_s: from the start to the last record.
+    """
+
+    start_gpst_ns: int
+    total_s: float
+
+
+def read_time_tag(path: Path) -> TimeTag:
+    """Read a time tag: little-endian; 60 B header, u32 tick, u32 time_t, f64 fraction, then (u32 ms, u32 filepos)...
+
+    Raises:
+        RecordingError: no such file, empty, not a time tag, or cut short.
+    """
+    content = read_bytes(path)
+    if not content.startswith(_MAGIC):
+        raise RecordingError(f"{path} does not begin with '{_MAGIC.decode()}'; it must be a time tag of RTKLIB.")
+    records, excess = divmod(len(content) - _START.size, _RECORD.size)
+    if records < 1 or excess:
+        raise RecordingError(
+            f"{path} has {len(content)} bytes; {_START.size} and then {_RECORD.size} for each record are expected:"
+            " it was cut short, copy it again."
+        )
+    _, seconds, fraction = _START.unpack_from(content)
+    if not 0.0 <= fraction < 1.0:
+        raise RecordingError(f"{path}: the fraction of the start's second is {fraction}; it must lie in [0, 1).")
+    last_ms, _ = _RECORD.unpack_from(content, len(content) - _RECORD.size)
+    if last_ms == 0:
+        raise RecordingError(f"{path}: its last record is at 0 ms; a tag of a recording that ran ends later.")
+    return TimeTag(seconds * 1_000_000_000 + round(fraction * 1e9), last_ms * 1e-3)
+
+
+LEAST_ROWS = 2
+CLOCKS_AGREE = 0.01
+"""By how much the sensor's and the logger's clock may differ before the tag is taken for another recording's."""
+
+
+class ImuLog(NamedTuple):
+    """An IMU's samples in its own axes and units.
+
+    Attributes:
+        start_gpst_ns: GPST of the first sample, nanoseconds of the calendar since 1970.
+        t_s: (n,) time since then.
+        accel: (n, 3) specific force, the sensor's axes and unit.
+        gyro: (n, 3) angular rate, the sensor's axes and unit.
+        notes: what was dropped, in sentences.
+    """
+
+    start_gpst_ns: int
+    t_s: FloatArray
+    accel: FloatArray
+    gyro: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+def read_imu_log(path: Path, tag_path: Path) -> ImuLog:
+    """Read a log without header: ax, ay, az, gx, gy, gz, milliseconds since power-up.
+
+    A first and a last line that were cut off are dropped; so is a last one whose time, the last of its numbers, was.
+
+    The sensor's clock (ms) drifts; the tag's does not: t = (ms - ms[0]) total / (ms[-1] - ms[0]) from the tag's start.
+
+    Raises:
+        RecordingError: a file is missing, empty or damaged (names the line), or the two are not of one recording.
+    """
+    lines, notes = whole_lines(path, read_lines(path), ",")
+    table = parse_numbers(path, lines, 7, ",")
+    if not notes and len(table) > LEAST_ROWS and table[-1, 6] < table[-2, 6]:
+        lines, table, notes = lines[:-1], table[:-1], cut_note(path.name, first=False, last=True)
+    milliseconds = table[:, 6]
+    require_increasing(path, lines, milliseconds, "the time (field 7)")
+    tag = read_time_tag(tag_path)
+    elapsed_s = float(milliseconds[-1] - milliseconds[0]) * 1e-3
+    if abs(elapsed_s - tag.total_s) > CLOCKS_AGREE * tag.total_s:
+        raise RecordingError(
+            f"{path} covers {elapsed_s:.3f} s, its time tag {tag_path.name} {tag.total_s:.3f} s;"
+            " give the tag of the same recording, and neither of them cut short."
+        )
+    t_s = (milliseconds - milliseconds[0]) * (1e-3 * tag.total_s / elapsed_s)
+    return ImuLog(tag.start_gpst_ns, t_s, table[:, :3], table[:, 3:6], notes)

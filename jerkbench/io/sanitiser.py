@@ -11,7 +11,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError, unknown
-from jerkbench.io.ros.bag import Messages
+from jerkbench.io.bag import Messages
 from jerkbench.io.text import require_possible
 from jerkbench.recording import Imu
 

@@ -22,7 +22,7 @@ KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hy
 COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
-    *("traces", "contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
+    *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("plugins/optional", "random_streams", "renamed", "sums", "tuning/splits"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "sums")),
@@ -39,7 +39,7 @@ def code_digest(*further: str) -> str:
         further: rooms on which a result depends besides.
     """
     digest = hashlib.sha256()
-    for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("traces/shipped/*.parquet")]):
+    for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("simulation/shipped/*.parquet")]):
         inside = path.relative_to(PACKAGE_FOLDER)
         places = {part.as_posix() for part in (inside.with_suffix(""), *inside.parents)}
         if not places.isdisjoint((*COMPUTING, *further)):

@@ -157,7 +157,7 @@ def convert_verb(chosen: argparse.Namespace) -> None:
 
         TRAJECTORIES[target.suffix](recording, target, chosen.stream)
     else:
-        from jerkbench.io.ros.writing import write_bag
+        from jerkbench.io.bag_writing import write_bag
 
         left_out = write_bag(recording, target)
     print(f"{target}: {recording.name} as {TARGETS[target.suffix]}")
@@ -224,7 +224,7 @@ def salvage_verb(chosen: argparse.Namespace) -> None:
       jerkbench data salvage cut.bag whole.bag
       jerkbench data salvage drive.bag.active saved.bag
     """
-    from jerkbench.io.ros.salvage import salvage
+    from jerkbench.io.bag_salvage import salvage
 
     saved = salvage(chosen.source, chosen.target)
     print(f"{chosen.target}: {sum(saved.messages.values())} messages from {saved.chunks} chunks")
@@ -274,7 +274,7 @@ def trace_verb(chosen: argparse.Namespace) -> None:
       jerkbench data trace field errors.parquet --set duration_s=30
       jerkbench data trace field biased.parquet --set duration_s=30 --offset keep
     """
-    from jerkbench.traces import SUFFIX, read_trace, trace_of, trace_text, write_trace
+    from jerkbench.simulation.traces import SUFFIX, read_trace, trace_of, trace_text, write_trace
 
     target: Path = chosen.target
     if target.suffix != SUFFIX:
@@ -297,7 +297,7 @@ def cache_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.compilation import module_cache
     from jerkbench.files import cache_folder
-    from jerkbench.io.ros import extract
+    from jerkbench.io import bag_extract as extract
     from jerkbench.jobs import inputs as simulation_cache
 
     for title, name, patterns in (

@@ -109,7 +109,7 @@ def score_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.hydra_app.app import score_files
     from jerkbench.hydra_app.words import composed
-    from jerkbench.io.trajectory_files import SEED, pattern_of, seeds_of
+    from jerkbench.io.trajectory import SEED, pattern_of, seeds_of
 
     files = [word for word in chosen.words if not WORD.match(word)]
     words = [word for word in chosen.words if WORD.match(word)]
@@ -140,7 +140,7 @@ def _reference_settings(path: Path, words: list[str]) -> dict[str, Any]:
     """
     from jerkbench.datasets.table import Tables
     from jerkbench.inspection.guessing import guess_tables
-    from jerkbench.io.trajectory_files import TUM
+    from jerkbench.io.trajectory import TUM
 
     if not path.is_file():
         raise RecordingError(f"There is no reference {path}; correct its name.")

@@ -8,7 +8,7 @@ from jerkbench.disturbances.replayed_gnss import ReplayedGnss
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.traces import Trace, read_trace, trace_path, write_trace
+from jerkbench.simulation.traces import Trace, read_trace, trace_path, write_trace
 
 OWN_M2 = 1e-4
 

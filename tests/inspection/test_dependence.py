@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.inspection.sigmas import velocity_dependence
+from jerkbench.inspection.noise import velocity_dependence
 from jerkbench.plugins.requirements import small_recording
 from jerkbench.recording import Position, Velocity
 

@@ -8,7 +8,7 @@ from given import kitti
 
 from jerkbench.inspection.doctor import diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
-from jerkbench.inspection.sigmas import REFERENCE, REST, stated_against_real_sigma
+from jerkbench.inspection.noise import REFERENCE, REST, stated_against_real_sigma
 from jerkbench.recording import Position, Reference, Velocity
 from synthetic import recording_at_rest
 

@@ -10,7 +10,7 @@ from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import RecordingError
-from jerkbench.io.ros.writing import write_bag
+from jerkbench.io.bag_writing import write_bag
 from jerkbench.plugins.requirements import small_recording
 from jerkbench.recording import Reference, Velocity
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.rtklib_logs import read_imu_log, read_time_tag
+from jerkbench.io.rtklib import read_imu_log, read_time_tag
 
 START = 1_752_003_261
 

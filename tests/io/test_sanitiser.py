@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.io.ros.bag import Messages
+from jerkbench.io.bag import Messages
 from jerkbench.io.sanitiser import (
     Finding,
     Ledger,

@@ -3,7 +3,7 @@
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.trajectory_files import files_digest, pattern_of, seeds_of
+from jerkbench.io.trajectory import files_digest, pattern_of, seeds_of
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import RecordingError
 from jerkbench.io.trajectory import estimate_at_reference
-from jerkbench.io.trajectory_files import TrajectoryForm, read_trajectory
+from jerkbench.io.trajectory import TrajectoryForm, read_trajectory
 from jerkbench.plugins.requirements import small_recording
 
 START, SPEED = np.array([10.0, -5.0, 2.0]), np.array([1.0, 2.0, -0.1])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.simulation.terrain import draw_impacts, impact_force, inner_times, rut_force
+from jerkbench.simulation.truth import draw_impacts, impact_force, inner_times, rut_force
 
 T = np.arange(1001) / 100
 INNER = inner_times(T, 10)

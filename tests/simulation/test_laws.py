@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from jerkbench.datasets.random_drive import law
 from jerkbench.errors import PluginError
-from jerkbench.simulation.laws import law
 
 
 def draws(text, count=4000):

@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import median_abs_deviation
 
-from jerkbench.simulation.terrain import draw_terrain
+from jerkbench.simulation.truth import draw_terrain
 
 RATIO = (1.2 / 0.03) ** (1 / 35)  # from wave to wave
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.simulation.terrain import draw_vibration
+from jerkbench.simulation.truth import draw_vibration
 
 VIBRATION = draw_vibration(np.random.default_rng(1), 0.3, 5e-4)
 

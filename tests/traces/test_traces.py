@@ -7,7 +7,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
 from jerkbench.recording import Position, Recording, Reference
-from jerkbench.traces import (
+from jerkbench.simulation.traces import (
     SHIPPED,
     Trace,
     lagged_correlation,

@@ -5,8 +5,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, imu, write_bag
-from jerkbench.io.ros.bag import open_bag
-from jerkbench.io.ros.decode import decode_each
+from jerkbench.io.bag import open_bag
+from jerkbench.io.bag_decode import decode_each
 
 FIELDS = {
     "/fixposition/poiimu": ("angular_velocity", "linear_acceleration"),

@@ -9,7 +9,7 @@ import pytest
 from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, imu, write_bag
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.errors import RecordingError
-from jerkbench.io.ros.files import BagError
+from jerkbench.io.bag import BagError
 
 FORMATS = {"none": (ROS1, "a.bag", None), "lz4": (ROS1, "a.bag", "lz4"), "bz2": (ROS1, "a.bag", "bz2")}
 FORMATS |= {"db3": (ROS2, "a", None), "mcap": (ROS2, "a.mcap", None), "zstd": (ROS2, "a.mcap", "storage")}

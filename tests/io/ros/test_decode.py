@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bag_maker import ROS1, ROS2, START_NS, fix, imu, odometry
-from jerkbench.io.ros.decode import BLOCKS, LAYOUTS, STRING, decode, decode_each, decode_grid
+from jerkbench.io.bag_decode import BLOCKS, LAYOUTS, STRING, decode, decode_each, decode_grid
 
 
 def serialised(store, make, count, **changing):

@@ -6,9 +6,8 @@ import pytest
 from bag_maker import ROS1, ROS2, Drive, write_bag
 from commands import verb
 from jerkbench.datasets.rosbag import Fixposition
-from jerkbench.io.ros.bag import open_bag
-from jerkbench.io.ros.files import BagError
-from jerkbench.io.ros.salvage import salvage
+from jerkbench.io.bag import BagError, open_bag
+from jerkbench.io.bag_salvage import salvage
 
 COMPRESSIONS = [None, "lz4", "bz2"]
 

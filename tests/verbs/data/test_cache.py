@@ -3,7 +3,7 @@ import pytest
 from bag_maker import Drive
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.errors import RecordingError
-from jerkbench.io.ros import extract
+from jerkbench.io import bag_extract as extract
 
 
 def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, monkeypatch):

@@ -16,7 +16,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.geometry import dcm_from_euler, enu_axes, enu_to_ecef, enu_to_geodetic, quaternion_from_dcm
-from jerkbench.io.ros.extract import METADATA_TOPIC, STRING, Metadata
+from jerkbench.io.bag_extract import METADATA_TOPIC, STRING, Metadata
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 if TYPE_CHECKING:

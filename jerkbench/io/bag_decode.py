@@ -2,7 +2,7 @@
 
 After its strings a message has the same bytes at the same places, so that equal strings make equal layouts. Whatever
 does not fit (strings that change, another byte order) is left to the deserialiser of rosbags, which
-`jerkbench.io.ros.decode` falls back on, and which the tests compare with.
+`jerkbench.io.bag_decode` falls back on, and which the tests compare with.
 """
 
 import re

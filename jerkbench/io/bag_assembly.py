@@ -11,14 +11,10 @@ import numpy as np
 from jerkbench.arrays import FloatArray, nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
-from jerkbench.io.clocks import UNIX_EPOCH, with_common_time, with_own_outages
-from jerkbench.io.files import FromFiles
-from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, calibrated_at_rest, first_rest_s, gravity_notes
-from jerkbench.io.ros.bag import Bag, Messages
-from jerkbench.io.ros.extract import Extract, Frames, Metadata, Planner, choices_of, extract
-from jerkbench.io.ros.files import bag_files, content_files, missing_parts
-from jerkbench.io.ros.roles import TopicPlan, clean_topics
-from jerkbench.io.ros.streams import (
+from jerkbench.io.bag import Bag, Messages, bag_files, content_files, missing_parts
+from jerkbench.io.bag_extract import Extract, Frames, Metadata, Planner, choices_of, extract
+from jerkbench.io.bag_roles import TopicPlan, clean_topics
+from jerkbench.io.bag_streams import (
     BagOptions,
     Place,
     axes_to_enu,
@@ -33,6 +29,9 @@ from jerkbench.io.ros.streams import (
     usable_fixes,
     velocity_of,
 )
+from jerkbench.io.clocks import UNIX_EPOCH, with_common_time, with_own_outages
+from jerkbench.io.files import FromFiles
+from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, calibrated_at_rest, first_rest_s, gravity_notes
 from jerkbench.io.sanitiser import Finding, Ledger, unit_quaternions
 from jerkbench.recording import Heading, Position, Recording, Reference, Velocity
 

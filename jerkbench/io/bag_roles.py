@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.ros.bag import Bag, Messages, Topic, Wanted
+from jerkbench.io.bag import Bag, Messages, Topic, Wanted
 from jerkbench.io.sanitiser import (
     MOST_MPS,
     MOST_MPS2,

@@ -18,6 +18,8 @@ from jerkbench.geometry import (
     euler_from_dcm,
     geodetic_to_enu,
 )
+from jerkbench.io.bag import Messages
+from jerkbench.io.bag_roles import is_ecef
 from jerkbench.io.clocks import velocity_when_true
 from jerkbench.io.files import FETCHED, named_folder
 from jerkbench.io.frames import (
@@ -30,8 +32,6 @@ from jerkbench.io.frames import (
     swapped,
     turned_covariance,
 )
-from jerkbench.io.ros.bag import Messages
-from jerkbench.io.ros.roles import is_ecef
 from jerkbench.io.sanitiser import MODES, Ledger, leaping_rows, report_jumps, sound_covariances, unit_quaternions
 from jerkbench.recording import Heading, Imu, Origin, Position, Velocity
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from jerkbench.files import write_atomically
-from jerkbench.io.ros.files import BagError, bag_errors
+from jerkbench.io.bag import BagError, bag_errors
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

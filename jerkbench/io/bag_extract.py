@@ -17,10 +17,9 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
+from jerkbench.io.bag import Bag, BagError, Messages, content_files, open_bag
+from jerkbench.io.bag_roles import TopicPlan, wanted_fields
 from jerkbench.io.files import NO_ARRAY, fingerprint
-from jerkbench.io.ros.bag import Bag, Messages, open_bag
-from jerkbench.io.ros.files import BagError, content_files
-from jerkbench.io.ros.roles import TopicPlan, wanted_fields
 
 # The metadata of a recording that no ROS message holds: the topic that our own writer adds, as
 # JSON.
@@ -241,5 +240,5 @@ def choices_of(dataset: Any, common: type) -> str:  # noqa: ANN401 - a dataclass
 @cache
 def _reader_digest() -> str:
     """Hash of the code that reads: what another version kept is not read."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+    sources = sorted(Path(__file__).parent.glob("bag*.py"))
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest() + version("rosbags")

@@ -6,9 +6,9 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.geometry import dcm_from_quaternion
-from jerkbench.io.ros.bag import Bag, Messages, Topic
-from jerkbench.io.ros.decode import LAYOUTS
-from jerkbench.io.ros.roles import FIX, IMU, is_ecef
+from jerkbench.io.bag import Bag, Messages, Topic
+from jerkbench.io.bag_decode import LAYOUTS
+from jerkbench.io.bag_roles import FIX, IMU, is_ecef
 from jerkbench.io.sanitiser import frozen_rows, unit_quaternions
 
 # The frame of a twist, body or world, and its independence from its own positions.
