@@ -19,13 +19,13 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 322, 32
+MOST_FILES, MOST_FOLDERS = 313, 30
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 32_381
+MOST_CODE = 32_165
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
-MOST_LONE = 26
+MOST_LONE = 24
 """Modules that one other module imports; the aim is none."""
-MOST_CONSTANTS = 105
+MOST_CONSTANTS = 103
 """Names of constants in two or more modules."""
 
 DOUBLES = {"anywhere", "chosen"}

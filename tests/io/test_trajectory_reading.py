@@ -9,8 +9,7 @@ from pymap3d import enu2geodetic
 from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.trajectory import estimate_at_reference
-from jerkbench.io.trajectory import TrajectoryForm, read_trajectory
+from jerkbench.io.trajectory import TrajectoryForm, estimate_at_reference, read_trajectory
 from jerkbench.plugins.requirements import small_recording
 
 START, SPEED = np.array([10.0, -5.0, 2.0]), np.array([1.0, 2.0, -0.1])
