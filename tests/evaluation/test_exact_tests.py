@@ -54,7 +54,7 @@ def test_the_interval_lies_between_the_two_of_scipy():
 
 def test_lost_runs_stand_at_the_top():
     (found,) = centres([np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, np.inf, np.inf, np.nan])])
-    assert (found.value, found.quartiles, found.high) == (5.0, (3.0, 7.0), math.inf)
+    assert (found.value, found.lower_quartile, found.upper_quartile, found.high) == (5.0, 3.0, 7.0, math.inf)
     assert quantiles_of_rows(np.array([[1.0, np.inf, np.inf]]))[0] == math.inf
     assert np.isnan(quantiles_of_rows(np.empty((1, 0)))).all()
 

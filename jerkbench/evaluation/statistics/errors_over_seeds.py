@@ -1,12 +1,11 @@
 """The number that stands for the errors of a cell, with its interval: the median, of few seeds the geometric mean."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.families import LEAST_SEEDS
 from jerkbench.evaluation.statistics.intervals import few_intervals, quantiles_of_rows
 from jerkbench.evaluation.statistics.over_seeds import LOCKED_OUT, ROUNDING, Samples
@@ -14,60 +13,32 @@ from jerkbench.evaluation.statistics.over_seeds import LOCKED_OUT, ROUNDING, Sam
 GEOMETRIC, MEDIAN, MEAN = "geometric mean", "median", "mean"
 
 
-@dataclass(frozen=True)
-class Centre:
-    """What stands for the errors of a cell.
+CENTRE_NUMBERS = ("value", "low", "high", "lower_quartile", "upper_quartile", "geometric")
+CENTRE = np.dtype([("kind", object), *((name, np.float64) for name in CENTRE_NUMBERS), ("locked", np.int64)])
+"""What stands for the errors of a cell.
 
-    Attributes:
-        kind: `MEDIAN` of all runs from `LEAST_SEEDS` on, below them `GEOMETRIC` of those that went well: it does not
-            depend on whether a failure was drawn.
-        value: infinite where half of the runs or more were lost.
-        low: lower end of the 95 % interval; NaN where there is none.
-        high: upper end; infinite where it reaches the lost runs.
-        quartiles: of the runs, a lost one larger than every number.
-        locked: runs that are `LOCKED_OUT` times their median.
-        geometric: geometric mean of those that went well.
-    """
+- kind: `MEDIAN` of all runs from `LEAST_SEEDS` on, below them `GEOMETRIC` of those that went well: it does not depend
+  on whether a failure was drawn
+- value: infinite where half of the runs or more were lost
+- low: lower end of the 95 % interval; NaN where there is none
+- high: upper end; infinite where it reaches the lost runs
+- lower_quartile, upper_quartile: of the runs, a lost one larger than every number
+- geometric: geometric mean of those that went well
+- locked: runs that are `LOCKED_OUT` times their median
+"""
 
-    kind: str
-    value: float
-    low: float
-    high: float
-    quartiles: tuple[float, float]
-    locked: int
-    geometric: float
+Centre = np.record
+Centres = np.recarray[Any, Any]
+"""One, and (k,) of them, with the fields of `CENTRE`."""
 
 
-@dataclass(frozen=True, eq=False)
-class Centres:
-    """What stands for the errors of many cells: the fields of `Centre`, (k,) each."""
-
-    kind: NDArray[np.object_]
-    value: FloatArray
-    low: FloatArray
-    high: FloatArray
-    lower_quartile: FloatArray
-    upper_quartile: FloatArray
-    locked: IntArray
-    geometric: FloatArray
-
-    @classmethod
-    def of_nothing(cls, count: int, kind: str | NDArray[np.object_]) -> "Centres":
-        """Return those of ``count`` cells without a value."""
-        value, low, high, lower, upper, geometric = np.full((6, count), np.nan)
-        kinds, locked = np.full(count, kind, dtype=object), np.zeros(count, np.int64)
-        return cls(kinds, value, low, high, lower, upper, locked, geometric)
-
-    def put(self, places: IntArray | BoolArray, others: "Centres") -> None:
-        """Put ``others`` in the ``places``."""
-        for field in fields(self):
-            getattr(self, field.name)[places] = getattr(others, field.name)
-
-    def __iter__(self) -> Iterator[Centre]:
-        """Yield the centre of each cell."""
-        quartiles = zip(self.lower_quartile.tolist(), self.upper_quartile.tolist(), strict=True)
-        ends = (self.value.tolist(), self.low.tolist(), self.high.tolist())
-        return map(Centre, self.kind.tolist(), *ends, quartiles, self.locked.tolist(), self.geometric.tolist())
+def no_centres(count: int, kind: str) -> Centres:
+    """Return the centres of ``count`` cells without a value."""
+    made = np.rec.array(np.zeros(count, CENTRE))
+    made.kind = kind
+    for name in CENTRE_NUMBERS:
+        made[name] = np.nan
+    return made
 
 
 def centres(samples: Sequence[FloatArray]) -> list[Centre]:
@@ -82,22 +53,21 @@ def centres_of(samples: Samples, confidence: float = 0.95, least: float | FloatA
     Student's interval on the logarithms, of few runs a wider one (`few_intervals`): errors of an RMSE scatter more like
     a lognormal than like a normal. The median stands from ``least`` values on, of each sample its own.
     """
-    made = Centres.of_nothing(len(samples.sizes), MEDIAN)
+    made = no_centres(len(samples.sizes), MEDIAN)
     for places, errors in samples.without_nan().by_size():
         if errors.shape[1]:
-            median, *others = quantiles_of_rows(errors, confidence)
-            columns = (made.value, made.low, made.high, made.lower_quartile, made.upper_quartile)
-            for column, values in zip(columns, (median, *others), strict=True):
-                column[places] = values
-            made.locked[places] = np.sum(np.isfinite(errors) & (errors > LOCKED_OUT * median[:, None]), axis=1)
+            for name, values in zip(CENTRE_NUMBERS[:5], quantiles_of_rows(errors, confidence), strict=True):
+                made[name][places] = values
+            locked = np.isfinite(errors) & (errors > LOCKED_OUT * made.value[places, None])
+            made.locked[places] = locked.sum(axis=1)
     few = samples.sizes < least
     made.kind[few] = GEOMETRIC
     for places, errors in samples.only(np.isfinite(samples.values)).by_size():
         if errors.shape[1]:
-            ends = np.array(_geometric(errors, confidence))
+            ends = _geometric(errors, confidence)
             made.geometric[places] = ends[0]
-            for column, values in zip((made.value, made.low, made.high), ends, strict=True):
-                column[places[few[places]]] = values[few[places]]
+            for name, values in zip(CENTRE_NUMBERS[:3], ends, strict=True):
+                made[name][places[few[places]]] = values[few[places]]
     return made
 
 

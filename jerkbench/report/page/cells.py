@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.evaluation.statistics.consistency import NEAR, UNKNOWN, runs_verdict
@@ -23,63 +22,8 @@ COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per
 """Metrics that get a column after the leading one, where they have values; a cell that is opened shows all."""
 
 
-@dataclass(frozen=True)
-class CellValue:
-    """One entry of the table.
-
-    Attributes:
-        text: what is shown.
-        interval: beside it, or nothing.
-        sorting: the number to sort by, empty where there is none.
-        extra: whether a narrow screen does without it.
-    """
-
-    text: str
-    interval: str = ""
-    sorting: str = ""
-    extra: bool = False
-
-
-@dataclass(frozen=True)
-class ScriptLine:
-    """One cell.
-
-    Attributes:
-        key: its key.
-        labels: its factors that vary.
-        values: its entries.
-        verdict: what its NEES says.
-        rule: "group" where another scenario begins, or nothing.
-    """
-
-    key: str
-    labels: tuple[str, ...]
-    values: tuple[CellValue, ...]
-    verdict: str
-    rule: str
-
-
-@dataclass(frozen=True)
-class Cells:
-    """The table of every cell.
-
-    Attributes:
-        constants: what is the same in every cell, in a sentence.
-        factors: those that vary.
-        choices: their values, to filter by.
-        heads: of the entries.
-        lines: the cells.
-        explanation: how to read a NEES's verdict.
-        details: all of each cell, for the page's script.
-    """
-
-    constants: str
-    factors: tuple[str, ...]
-    choices: dict[str, list[str]]
-    heads: tuple[str, ...]
-    lines: list[ScriptLine]
-    explanation: str
-    details: dict[str, Any]
+CellEntry = tuple[str, str, str, bool]
+"""What is shown, an interval beside it, the number to sort by; whether a narrow screen does without it."""
 
 
 def cells_view(
@@ -88,8 +32,8 @@ def cells_view(
     about: Mapping[str, Mapping[str, Any]],
     metric: str,
     verdicts: StudyVerdicts,
-) -> Cells:
-    """Return the table of every cell.
+) -> dict[str, Any]:
+    """Return the table of every cell, as its template reads it.
 
     Args:
         rows: one row a cell and seed.
@@ -107,41 +51,47 @@ def cells_view(
     by_key = rows.assign(key=list(keys)).groupby("key", sort=False)
     groups = {str(key): group for key, group in by_key}
     factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
-    scenarios: dict[tuple[str, ...], list[ScriptLine]] = {}
+    scenarios: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for key, group in groups.items():
         combination = Combination(*(str(group[factor].iloc[0]) for factor in FACTORS))
-        values = [_mean(of[combination], extra=k > 0) for k, of in enumerate(cells)]
-        values += [_factor(ratios.get(combination))] * bool(ratios)
         lines = scenarios.setdefault(combination[:2], [])
-        labels = tuple(getattr(combination, factor) for factor in factors)
-        rule = "group" if len(scenarios) > 1 and not lines else ""
         lost = int((group["status"] != "ok").sum())
         bound = up_to(lost, len(group)) if (group["replicate"] == "seed").all() else ""
-        values.append(CellValue(f"{lost} of {len(group)}", bound, sorting=str(lost), extra=True))
-        lines.append(ScriptLine(key, labels, tuple(values), nees_verdict(group), rule))
+        line = {
+            "key": key,
+            "labels": [getattr(combination, factor) for factor in factors],
+            "entries": [
+                *(_mean(of[combination], extra=k > 0) for k, of in enumerate(cells)),
+                *[_factor(ratios.get(combination))] * bool(ratios),
+                (f"{lost} of {len(group)}", bound, str(lost), True),
+            ],
+            "verdict": nees_verdict(group),
+            "rule": "group" if len(scenarios) > 1 and not lines else "",  # another scenario begins
+        }
+        lines.append(line)
     against = ("times none",) if ratios else ()
-    return Cells(
-        constants=", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
-        factors=factors,
-        choices={key: list(dict.fromkeys(rows[key].astype(str))) for key in factors},
-        heads=(*(quantity(column).heading for column in metrics), *against, "lost runs"),
-        lines=[line for lines in scenarios.values() for line in lines],
-        explanation=nees_explanation(rows),
-        details=details(groups, about, [column for column in metrics if column in rows]),
-    )
+    return {
+        "constants": ", ".join(f"{key} {rows[key].iloc[0]}" for key in FACTORS if key not in factors),
+        "factors": factors,
+        "choices": {key: list(dict.fromkeys(rows[key].astype(str))) for key in factors},
+        "heads": (*(quantity(column).heading for column in metrics), *against, "lost runs"),
+        "lines": [line for lines in scenarios.values() for line in lines],
+        "explanation": nees_explanation(rows),
+        "details": details(groups, about, [column for column in metrics if column in rows]),
+    }
 
 
-def _mean(cell: TableCell, *, extra: bool) -> CellValue:
+def _mean(cell: TableCell, *, extra: bool) -> CellEntry:
     known = cell.number and not math.isnan(cell.mean)
     sorting = "" if not known else "Infinity" if math.isinf(cell.mean) else f"{cell.mean:.7g}"
-    return CellValue(cell.number or cell.trouble, cell.interval, sorting, extra)
+    return cell.number or cell.trouble, cell.interval, sorting, extra
 
 
-def _factor(comparison: Comparison | None) -> CellValue:
+def _factor(comparison: Comparison | None) -> CellEntry:
     """The ratio to no adaptation, with its mark."""
     if comparison is None or not comparison.ratio_text:
-        return CellValue("", extra=True)
-    return CellValue(f"{comparison.ratio_text}{comparison.mark}", "", f"{comparison.judgement.ratio:.7g}", extra=True)
+        return "", "", "", True
+    return f"{comparison.ratio_text}{comparison.mark}", "", f"{comparison.judgement.ratio:.7g}", True
 
 
 HEADING = "NEES says"

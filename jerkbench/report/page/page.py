@@ -1,19 +1,20 @@
 """The report as one HTML file: the answer, the table, errors over time, figures, a review, every cell, provenance."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from jerkbench.report.analysis.answer import answer
 from jerkbench.report.analysis.columns import quantity
-from jerkbench.report.analysis.findings import study_baselines
+from jerkbench.report.analysis.findings import compared, strongest, study_baselines, varying_factors
 from jerkbench.report.analysis.review import Evidence, review
 from jerkbench.report.analysis.runs import RULE, VerdictRule
-from jerkbench.report.analysis.study_verdicts import StudyVerdicts, study_verdicts
+from jerkbench.report.analysis.standings import verdict_sentences
+from jerkbench.report.analysis.study_verdicts import across, study_verdicts
 from jerkbench.report.drawings import Picture
 from jerkbench.report.markup import render
 from jerkbench.report.page.cells import cells_view
-from jerkbench.report.page.first_screen import first_screen
+from jerkbench.report.page.first_screen import MOST, every_comparison, matrix, settings
 from jerkbench.report.page.script_data import Stretch, packed_json, payload
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.tables.summary import main_metric, summarise
@@ -37,8 +38,7 @@ METHOD = ("attitude", "filter", "adaptation", "noise")
 """Factors that tell the lines of one figure apart."""
 
 
-@dataclass(frozen=True, eq=False)
-class Results:
+class Results(NamedTuple):
     """All that a report is made of.
 
     Attributes:
@@ -64,12 +64,17 @@ class Results:
 
 def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stretch] = ()) -> str:
     """Return the report."""
+    from markupsafe import Markup
+
     rows, metric = results.rows, main_metric(results.rows)
     checks = review(Evidence(rows, list(results.about.values()), metric))
     verdicts = study_verdicts(rows, metric, results.method, results.rule)
+    standings, findings = verdicts.standings, strongest(verdicts.standings)
     cells = cells_view(rows, results.keys, results.about, metric, verdicts)
     finished, lost = str(results.provenance.get("finished", ""))[:10], int((rows["status"] != "ok").sum())
     of_them = " of them" if lost else ""
+    baseline = next(iter(study_baselines(rows, ["adaptation"])), None)
+    table = summarise(rows, metric, notes=results.notes, baseline=baseline, verdicts=verdicts)
     return render(
         "page.html",
         name=results.name,
@@ -77,15 +82,22 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         scripts=_assets(SCRIPTS),
         subtitle=" · ".join(filter(None, ("jerkbench", quantity(metric).heading, finished))),
         tiles=[(f"{len(results.about)}", "combinations"), (f"{len(rows)}", f"runs, {lost or 'none'}{of_them} lost")],
-        first=first_screen(rows, verdicts, metric, results.about),
+        answer=answer(standings),
+        matrix=matrix(standings),
+        settings=settings(results.about.values()),
+        summary=verdict_sentences(standings),
+        findings=findings[:MOST],
+        more=findings[MOST:],
+        across=across(rows, verdicts, metric),
+        every=every_comparison(compared(rows, verdicts), varying_factors(rows)),
         title=quantity(metric).heading,
         objections=[check for check in checks if check.passed is False],
         answered=sum(check.passed is not None for check in checks),
-        table=_table(results, metric, verdicts),
+        table=Markup(html_table(table, level=3)),  # noqa: S704 - its template escapes
         gallery=gallery(pictures, without=("errors", "zoom") if stretches else ()),
         checks=[(check, *WORDS[check.passed]) for check in checks],
         cells=cells,
-        details=packed_json(cells.details),
+        details=packed_json(cells["details"]),
         traces=_traces(results.about, stretches),
         independence=[note for note in results.notes if "ndependent of" in note] or ["Nothing is said."],
         provenance=[(name, _plain(value)) for name, value in results.provenance.items()],
@@ -98,14 +110,6 @@ def _assets(names: Iterable[str]) -> "list[Markup]":
 
     room = files("jerkbench.report.page")
     return [Markup(room.joinpath(name).read_text(encoding="utf-8")) for name in names]  # noqa: S704 - our own files
-
-
-def _table(results: Results, metric: str, verdicts: StudyVerdicts) -> "Markup":
-    from markupsafe import Markup
-
-    baseline = next(iter(study_baselines(results.rows, ["adaptation"])), None)
-    table = summarise(results.rows, metric, notes=results.notes, baseline=baseline, verdicts=verdicts)
-    return Markup(html_table(table, level=3))  # noqa: S704 - its template escapes
 
 
 def _traces(about: Mapping[str, Mapping[str, Any]], stretches: Sequence[Stretch]) -> dict[str, Any]:
@@ -131,8 +135,7 @@ ROOM = 600_000
 """Letters that all figures of a page take together: the file stays below 2 MB."""
 
 
-@dataclass(frozen=True)
-class Shown:
+class Shown(NamedTuple):
     """A figure on the page.
 
     Attributes:
@@ -148,8 +151,7 @@ class Shown:
     height: int
 
 
-@dataclass(frozen=True)
-class Gallery:
+class Gallery(NamedTuple):
     """The figures of a page.
 
     Attributes:
@@ -175,20 +177,16 @@ def gallery(pictures: Sequence[Picture], without: Sequence[str] = ()) -> Gallery
         if not picture.name.endswith(tuple(f"-{end}" for end in without)):
             scenes.setdefault(picture.scenario, []).append(picture)
     overview = [_shown(picture) for picture in scenes.pop("")]
-    room = ROOM - _length(overview)
+    room = ROOM - sum(len(one.data) for one in overview)
     shown: list[tuple[str, list[Shown]]] = []
     for name, ones in scenes.items():
         if room <= 0:
             break
         figures = [_shown(picture) for picture in ones]
-        room -= _length(figures)
+        room -= sum(len(one.data) for one in figures)
         if room >= 0 or not shown:
             shown.append((name, figures))
     return Gallery(overview, shown, list(scenes)[len(shown) :])
-
-
-def _length(shown: Sequence[Shown]) -> int:
-    return sum(len(picture.data) for picture in shown)
 
 
 def _shown(picture: Picture) -> Shown:

@@ -104,13 +104,18 @@ AT_THE_END = ("outage_end_m", "outage_end_max_m")
 """Metrics of which the number of outages is told."""
 
 
-def footnotes(table: Table, rows: "pd.DataFrame", notes: Sequence[str], family: str = "") -> tuple[str, ...]:
-    """Return the sentences under ``table``: of its tests as ``family`` says, the caller's ``notes`` at the end."""
+def footnoted(table: Table, rows: "pd.DataFrame", notes: Sequence[str] = (), family: str = "") -> Table:
+    """Return ``table`` with its bounds, and with the sentences under it.
+
+    Of its tests they say what ``family`` does; the caller's ``notes`` are at the end.
+    """
+    table = with_bounds(table, rows)
     cells = [cell for row in table.cells for cell in row if cell is not None]
     limits = (*bound_note(table.metric, rows), *_outages(table, rows))
     alike = ", ".join(f"{key} {value}" for key, value in table.constants)
     constants = (f"In every cell: {alike}.",) if alike else ()
-    return (*constants, *_reading(table, cells, family), *limits, *_trouble(cells, rows), *notes)
+    told = (*constants, *_reading(table, cells, family), *limits, *_trouble(cells, rows), *notes)
+    return dataclasses.replace(table, footnotes=told)
 
 
 def _reading(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:

@@ -1,19 +1,18 @@
 """The places of a table with their runs, which the tables of all metrics share; their numbers in one metric."""
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.errors_over_seeds import MEAN, Centres, centres_of
+from jerkbench.arrays import BoolArray, IntArray
+from jerkbench.evaluation.statistics.errors_over_seeds import MEAN, centres_of, no_centres
 from jerkbench.evaluation.statistics.families import LEAST_SEEDS
 from jerkbench.evaluation.statistics.over_seeds import Samples, mean_intervals_of
-from jerkbench.report.analysis.columns import layout, numbers_of_rows, quantity, with_text_factors
-from jerkbench.report.tables.table_model import TableCell
+from jerkbench.report.analysis.columns import constants, layout, numbers_of_rows, quantity, with_text_factors
+from jerkbench.report.tables.table_model import Table, TableCell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,8 +35,12 @@ class Grid:
         row_values: the combinations of ``across``, grouped, values in the order in which they appear.
         column_values: those of ``down``.
         runs: for each combination of both, the numbers of its rows.
-        status: how each run ended.
-        phase: whether a run is a phase of one recording, not a seed.
+        order: the numbers of the rows of one place after those of the other.
+        ok: whether each run went well, in this order.
+        sizes: how many runs each place has.
+        diverged: how many of them diverged.
+        failed: how many of them failed.
+        phases: whether they are phases of one recording, not seeds.
     """
 
     rows: "pd.DataFrame"
@@ -46,47 +49,66 @@ class Grid:
     row_values: tuple[Values, ...]
     column_values: tuple[Values, ...]
     runs: dict[Values, IntArray]
-    status: NDArray[np.str_]
-    phase: NDArray[np.bool_]
+    order: IntArray
+    ok: BoolArray
+    sizes: IntArray
+    diverged: IntArray
+    failed: IntArray
+    phases: BoolArray
 
-    @cached_property
-    def order(self) -> IntArray:
-        """The numbers of the rows of one place after those of the other."""
-        return np.concatenate([np.empty(0, np.int64), *self.runs.values()])
+    def samples(self, column: str) -> Samples:
+        """Return the values of a column, by place."""
+        return Samples(self.rows[column].to_numpy(dtype=float)[self.order], self.sizes)
 
-    @cached_property
-    def sizes(self) -> IntArray:
-        """How many runs each place has."""
-        return np.array([len(runs) for runs in self.runs.values()], dtype=np.int64)
+    def cells(self, metric: str) -> dict[Values, TableCell]:
+        """Return the cell of each place; of phases the interval is that of the recording, or their range."""
+        values = self.samples(metric)
+        good = values.only(self.ok)
+        missing = good.count(np.isnan(good.values))
+        # an error of which a geometric mean, or a median with losses at the top, makes sense
+        if quantity(metric).lowest_is_best and not np.less(good.values, 0).any():
+            least = np.where(self.phases, np.inf, LEAST_SEEDS)
+            centres = centres_of(Samples(np.where(self.ok, values.values, np.inf), values.sizes), least=least)
+            nothing = missing == good.sizes
+            centres[nothing] = no_centres(int(nothing.sum()), centres.kind[nothing])
+        else:
+            centres = no_centres(len(self.runs), MEAN)
+            centres.value, centres.low, centres.high = mean_intervals_of(good)
+        own = self.phases & (good.sizes > 0) & all(name in self.rows for name in OWN_INTERVAL.get(metric, ("",)))
+        centres.low[self.phases] = centres.high[self.phases] = np.nan
+        for places, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
+            if of_phases.shape[1] > 1:  # one has no range
+                centres.low[places], centres.high[places] = of_phases.min(axis=1), of_phases.max(axis=1)
+        for ends, name in zip(
+            (centres.low, centres.high), OWN_INTERVAL.get(metric, ()) if own.any() else (), strict=False
+        ):
+            with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
+                logs = Samples(np.log(self.samples(name).values), self.sizes).only(self.ok)
+            for places, of_phases in logs.only(own[logs.owner]).by_size():
+                if of_phases.shape[1]:
+                    ends[places] = np.exp(of_phases.mean(axis=1))
+        counts = (self.sizes, self.diverged, self.failed, missing, self.phases, own)
+        columns = zip(self.runs, centres.tolist(), *(of.tolist() for of in counts), strict=True)
+        cells = {}
+        for place, centre, runs, diverged, failed, absent, phase, owned in columns:
+            kind, mean, low, high, lower, upper, geometric, locked = centre
+            counted, quartiles = (runs, diverged, failed, absent, "phase" if phase else "seed"), (lower, upper)
+            cells[place] = TableCell(mean, low, high, *counted, kind, locked, quartiles, geometric, owned)
+        return cells
 
-    def samples(self, values: FloatArray) -> Samples:
-        """Return the values (n,) of the rows, by place."""
-        return Samples(values[self.order], self.sizes)
-
-    @cached_property
-    def ok(self) -> BoolArray:
-        """Whether each run went well, in `order`."""
-        ok: BoolArray = self.status[self.order] == "ok"
-        return ok
-
-    @cached_property
-    def diverged(self) -> IntArray:
-        """How many runs of each place diverged."""
-        return self._count(self.status == "diverged")
-
-    @cached_property
-    def failed(self) -> IntArray:
-        """How many runs of each place failed."""
-        return self._count(self.status == "failed")
-
-    @cached_property
-    def phases(self) -> BoolArray:
-        """Whether the runs of each place are phases of one recording."""
-        phases: BoolArray = self._count(self.phase) > 0
-        return phases
-
-    def _count(self, which: BoolArray) -> IntArray:
-        return self.samples(np.zeros(len(which))).count(which[self.order])
+    def table(self, metric: str, cells: Mapping[Values, TableCell]) -> Table:
+        """Return a table of ``cells`` without footnotes."""
+        lines = ((cells.get((*row, *column)) for column in self.column_values) for row in self.row_values)
+        return Table(
+            *(quantity(metric).heading, metric, quantity(metric).unit),
+            row_keys=self.across,
+            column_keys=self.down,
+            rows=self.row_values,
+            columns=self.column_values,
+            cells=tuple(map(tuple, lines)),
+            constants=constants(self.rows, (*self.across, *self.down)),
+            average=Counter(cell.kind for cell in cells.values()).most_common(1)[0][0] if cells else MEAN,
+        )
 
 
 def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None) -> Grid:
@@ -97,11 +119,15 @@ def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: 
     """
     rows = with_text_factors(rows)
     across, down = layout(rows, row_keys, column_keys)
-    status, replicate = (rows[name].to_numpy(dtype=str) for name in ("status", "replicate"))
     runs = numbers_of_rows(rows, [*across, *down])
     row_values = _grouped(key[: len(across)] for key in runs) if across else ((),)
     column_values = _grouped(key[len(across) :] for key in runs) if down else ((),)
-    return Grid(rows, across, down, row_values, column_values, runs, status, replicate == "phase")
+    order = np.concatenate([np.empty(0, np.int64), *runs.values()])
+    samples = Samples(np.zeros(len(order)), np.array([len(of) for of in runs.values()], dtype=np.int64))
+    status, replicate = (rows[name].to_numpy(dtype=str)[order] for name in ("status", "replicate"))
+    diverged, failed, phases = map(samples.count, (status == "diverged", status == "failed", replicate == "phase"))
+    found = across, down, row_values, column_values, runs, order, status == "ok", samples.sizes
+    return Grid(rows, *found, diverged, failed, phases > 0)
 
 
 def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
@@ -113,84 +139,3 @@ def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
             combinations, key=lambda combination: [rank[value] for rank, value in zip(ranks, combination, strict=True)]
         )
     )
-
-
-@dataclass(frozen=True, eq=False)
-class CellColumns:
-    """The numbers of each place of a grid, in the order of its `runs`.
-
-    Attributes:
-        grid: with its counts of runs.
-        centres: what stands for the runs, with an interval; of phases that of the recording, or their range.
-        missing: (k,) how many runs went well, but have no value.
-        own_interval: (k,) whether the interval is that of one recording.
-    """
-
-    grid: Grid
-    centres: Centres
-    missing: IntArray
-    own_interval: BoolArray
-
-    @property
-    def applies(self) -> bool:
-        """Whether any place has a value."""
-        return not bool(np.isnan(self.centres.value).all())
-
-    def cells(self) -> list[TableCell]:
-        """Each place as a cell of a table."""
-        grid = self.grid
-        words = np.where(grid.phases, "phase", "seed").tolist()
-        counts = (grid.sizes, grid.diverged, grid.failed, self.missing, self.own_interval)
-        known = zip(self.centres, words, *(count.tolist() for count in counts), strict=True)
-        return [
-            TableCell(
-                *(of.value, of.low, of.high),
-                *(runs, diverged, failed, missing),
-                replicate=word,
-                own_interval=own,
-                kind=of.kind,
-                locked=of.locked,
-                quartiles=of.quartiles,
-                geometric=of.geometric,
-            )
-            for of, word, runs, diverged, failed, missing, own in known
-        ]
-
-
-def cell_columns(grid: Grid, metric: str) -> CellColumns:
-    """Return the numbers of every place of ``grid`` in ``metric``."""
-    values = grid.samples(grid.rows[metric].to_numpy(dtype=float))
-    good = values.only(grid.ok)
-    missing = good.count(np.isnan(good.values))
-    # an error of which a geometric mean, or a median with losses at the top, makes sense
-    if quantity(metric).lowest_is_best and not np.less(good.values, 0).any():
-        least = np.where(grid.phases, np.inf, LEAST_SEEDS)
-        centres = centres_of(Samples(np.where(grid.ok, values.values, np.inf), values.sizes), least=least)
-        nothing = np.flatnonzero(missing == good.sizes)
-        centres.put(nothing, Centres.of_nothing(len(nothing), centres.kind[nothing]))
-    else:
-        centres = Centres.of_nothing(len(grid.runs), MEAN)
-        centres.value[:], centres.low[:], centres.high[:] = mean_intervals_of(good)
-    own = grid.phases & (good.sizes > 0) & all(name in grid.rows for name in OWN_INTERVAL.get(metric, ("",)))
-    _put_ranges(centres, good, grid.phases)
-    if own.any():
-        _put_own_intervals(centres, grid, OWN_INTERVAL[metric], own)
-    return CellColumns(grid, centres, missing, own)
-
-
-def _put_ranges(centres: Centres, good: Samples, phases: BoolArray) -> None:
-    """Put the smallest and the largest value in the place of the interval of phases; one has no range."""
-    centres.low[phases] = centres.high[phases] = np.nan
-    for places, values in good.only(phases[good.owner]).without_nan().by_size():
-        if values.shape[1] > 1:
-            centres.low[places], centres.high[places] = values.min(axis=1), values.max(axis=1)
-
-
-def _put_own_intervals(centres: Centres, grid: Grid, names: tuple[str, str], own: BoolArray) -> None:
-    """Put the block bootstrap's interval of each cell of one recording; over its phases the mean of the logarithms."""
-    for ends, name in zip((centres.low, centres.high), names, strict=True):
-        with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
-            logs = grid.samples(np.log(grid.rows[name].to_numpy(dtype=float))).only(grid.ok)
-        for places, values in logs.only(own[logs.owner]).by_size():
-            if values.shape[1]:
-                ends[places] = np.exp(values.mean(axis=1))

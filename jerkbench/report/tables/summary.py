@@ -3,41 +3,23 @@
 import dataclasses
 import itertools
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import repeat
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from jerkbench.arrays import IntArray
-from jerkbench.evaluation.statistics.errors_over_seeds import MEAN
 from jerkbench.files import write_atomically, write_text
 from jerkbench.report.analysis.columns import (
     FACTORS,
     Combination,
-    constants,
     metric_columns,
-    quantity,
     with_metric,
 )
-from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, family_note, leaders_of
+from jerkbench.report.analysis.standings import MOST_PAIRS, family_note, leaders_of
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts, is_rival, study_verdicts
-from jerkbench.report.tables.footnotes import footnotes, with_bounds
-from jerkbench.report.tables.grid import CellColumns, Grid, Values, arranged, cell_columns
+from jerkbench.report.tables.footnotes import footnoted
+from jerkbench.report.tables.grid import Grid, Values, arranged
 from jerkbench.report.tables.table_model import Ratio, Table, TableCell
-from jerkbench.report.tables.writers import (
-    NO_RATIO,
-    csv_head,
-    csv_labels,
-    csv_line,
-    csv_number,
-    csv_share,
-    latex,
-    markdown,
-    tidy_csv,
-)
+from jerkbench.report.tables.writers import csv_lines, latex, markdown, tidy_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,30 +65,19 @@ def summarise(
     Raises:
         JerkbenchError: no such metric or factor, or two rows of the same combination and seed.
     """
-    rows = with_metric(rows, metric)
-    grid = arranged(rows, row_keys, column_keys)
+    grid = arranged(with_metric(rows, metric), row_keys, column_keys)
     if verdicts is None and (baseline or leaders):
         verdicts = study_verdicts(grid.rows, metric)
-    return _table(cell_columns(grid, metric), metric, notes, baseline or {}, verdicts, leaders=leaders)
-
-
-def summarise_each(
-    rows: "pd.DataFrame",
-    metrics: Iterable[str],
-    row_keys: Sequence[str] | None = None,
-    column_keys: Sequence[str] | None = None,
-) -> Iterator[Table]:
-    """Yield the tables of several metrics: `summarise` of each, with what they share done once."""
-    grid = arranged(rows, row_keys, column_keys)
-    for metric in metrics:
-        yield beside_others(cell_columns(grid, metric), metric)
-
-
-def beside_others(numbers: CellColumns, metric: str) -> Table:
-    """Return the table of a metric for which nobody asked: who leads a row is marked where that takes no minutes."""
-    grid = numbers.grid
-    judged = study_verdicts(grid.rows, metric, most=FEW_PAIRS) if len(grid.runs) <= FEW_CELLS else None
-    return _table(numbers, metric, (), {}, judged, leaders=True)
+    cells, compared = grid.cells(metric), verdicts.against(baseline) if baseline and verdicts else []
+    for one in compared:
+        place = tuple(getattr(one.subject, key) for key in (*grid.across, *grid.down))
+        judgement = one.judgement
+        ratio = Ratio(judgement.ratio, judgement.low, judgement.high, judgement.p, one.mark, judgement.median)
+        cells[place] = dataclasses.replace(cells[place], ratio=ratio)
+    if leaders and verdicts:
+        cells = with_leaders(cells, grid, verdicts)
+    table = dataclasses.replace(grid.table(metric, cells), baseline=tuple((baseline or {}).items()))
+    return footnoted(table, grid.rows, notes, family_note(compared))
 
 
 def main_metric(rows: "pd.DataFrame") -> str:
@@ -115,65 +86,23 @@ def main_metric(rows: "pd.DataFrame") -> str:
     return next(iter([*(metric for metric in LEADING if metric in valued), *valued]), MAIN)
 
 
-def _table(
-    numbers: CellColumns,
-    metric: str,
-    notes: Sequence[str],
-    baseline: Mapping[str, str],
-    verdicts: StudyVerdicts | None,
-    *,
-    leaders: bool,
-) -> Table:
-    grid = numbers.grid
-    comparisons = verdicts.against(baseline) if baseline and verdicts is not None else []
-    cells = dict(zip(grid.runs, numbers.cells(), strict=True))
-    cells = _with_ratios(cells, comparisons, (*grid.across, *grid.down))
-    meaning = quantity(metric)
-    if leaders and verdicts is not None and verdicts.judged:
-        cells = with_leaders(cells, grid, verdicts)
-    lines = [[cells.get((*row, *column)) for column in grid.column_values] for row in grid.row_values]
-    table = Table(
-        title=meaning.heading,
-        metric=metric,
-        unit=meaning.unit,
-        row_keys=grid.across,
-        column_keys=grid.down,
-        rows=grid.row_values,
-        columns=grid.column_values,
-        cells=tuple(tuple(line) for line in lines),
-        constants=constants(grid.rows, (*grid.across, *grid.down)),
-        baseline=tuple(baseline.items()),
-        average=Counter(of.kind for of in cells.values()).most_common(1)[0][0] if cells else MEAN,
-    )
-    table = with_bounds(table, grid.rows)
-    return dataclasses.replace(table, footnotes=footnotes(table, grid.rows, notes, family_note(comparisons)))
-
-
-def _with_ratios(
-    cells: dict[Values, TableCell], comparisons: Sequence[Comparison], keys: tuple[str, ...]
-) -> dict[Values, TableCell]:
-    """Put each comparison into the cell of its subject."""
-    compared = dict(cells)
-    for comparison in comparisons:
-        place = tuple(getattr(comparison.subject, key) for key in keys)
-        judgement = comparison.judgement
-        ends = judgement.ratio, judgement.low, judgement.high
-        ratio = Ratio(*ends, judgement.p, comparison.mark, judgement.median)
-        compared[place] = dataclasses.replace(compared[place], ratio=ratio)
-    return compared
-
-
 def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerdicts) -> dict[Values, TableCell]:
     """Mark the leaders of each row, whose columns are methods: where anybody was shown to be worse than another.
 
     A cell that lost runs, or has no value in some, is not marked beside one that did not; without seeds there is no
     test, and nobody leads.
     """
-    if not grid.down or {"dataset", "disturbance"} & set(grid.down):  # else scenarios would compete
+    if not verdicts.judged or not grid.down or {"dataset", "disturbance"} & set(grid.down):  # else scenarios compete
         return cells
     factors = grid.rows[[*FACTORS]].to_numpy(dtype=str)
     places = {Combination(*map(str, factors[runs[0]])): place for place, runs in grid.runs.items()}
-    fields = [field for field in _fields(cells, grid, places) if len(field) > 1]
+    rows: dict[Values, list[Combination]] = {}  # the combinations of each row that compete
+    for key, place in places.items():
+        cell = cells[place]
+        eligible = cell.replicate == "seed" and not cell.missing and not math.isnan(cell.mean)
+        if eligible and is_rival(key, grid.down):
+            rows.setdefault(place[: len(grid.across)], []).append(key)
+    fields = [field for field in rows.values() if len(field) > 1]
     pairs = [list(itertools.combinations(field, 2)) for field in fields]
     if sum(map(len, pairs)) > MOST_PAIRS:
         return cells
@@ -187,39 +116,13 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
     return marked
 
 
-def _fields(
-    cells: Mapping[Values, TableCell], grid: Grid, places: Mapping[Combination, Values]
-) -> list[list[Combination]]:
-    """Return the combinations of each row that compete."""
-    fields: dict[Values, list[Combination]] = {}
-    for key, place in places.items():
-        cell = cells[place]
-        eligible = cell.replicate == "seed" and not cell.missing and not math.isnan(cell.mean)
-        if eligible and is_rival(key, grid.down):
-            fields.setdefault(place[: len(grid.across)], []).append(key)
-    return list(fields.values())
-
-
 # The three files that every study leaves: table.md, table.csv, table.tex.
 
 SECTIONS = (
-    "position_rmse_m",
-    "position_rmse_horizontal_m",
-    "position_rmse_up_m",
-    "position_max_m",
-    "velocity_rmse_mps",
-    "outage_rmse_m",
-    "outage_rmse_horizontal_m",
-    "outage_rmse_up_m",
-    "outage_end_m",
-    "inclination_rmse_deg",
-    "inclination_rmse_rad",
-    "inclination_floor_deg",
-    "roll_rmse_rad",
-    "pitch_rmse_rad",
-    "yaw_rmse_rad",
-    "anees",
-    "anis_per_row",
+    *("position_rmse_m", "position_rmse_horizontal_m", "position_rmse_up_m", "position_max_m", "velocity_rmse_mps"),
+    *("outage_rmse_m", "outage_rmse_horizontal_m", "outage_rmse_up_m", "outage_end_m", "inclination_rmse_deg"),
+    *("inclination_rmse_rad", "inclination_floor_deg", "roll_rmse_rad", "pitch_rmse_rad", "yaw_rmse_rad"),
+    *("anees", "anis_per_row"),
 )
 """Metrics that get a section in table.md, where they apply, after the main one; table.csv has all."""
 
@@ -239,7 +142,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
     grid = arranged(with_metric(rows, first), None, None)
-    fixed, sections = _fixed_columns(grid), {first: markdown(main, level=1)}
+    sections = {first: markdown(main, level=1)}
 
     def write_csv(path: Path) -> None:
         """Write table.csv; sections of table.md are made on the way, while the numbers of their metric are there."""
@@ -247,40 +150,26 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
             file.write(tidy_csv([main]))
             for metric in metric_columns(rows):
                 if metric != first:
-                    numbers = cell_columns(grid, metric)
-                    file.writelines(_csv_lines(numbers, metric, fixed))
-                    if metric in SECTIONS and len(grid.runs) <= MANY_CELLS and numbers.applies:
-                        table = beside_others(numbers, metric)
-                        news = tuple(note for note in table.footnotes if note not in main.footnotes)
-                        sections[metric] = markdown(dataclasses.replace(table, footnotes=news))
+                    cells = grid.cells(metric)
+                    file.writelines(csv_lines(grid.table(metric, cells)))
+                    if metric in SECTIONS and len(cells) <= MANY_CELLS:
+                        sections[metric] = _section(grid, metric, cells, main.footnotes)
 
     write_atomically(folder / "table.csv", write_csv)
-    ordered = dict.fromkeys([first, *SECTIONS])
-    write_text(folder / "table.md", "\n".join(sections[metric] for metric in ordered if metric in sections))
+    ordered = (sections.get(metric) for metric in dict.fromkeys([first, *SECTIONS]))
+    write_text(folder / "table.md", "\n".join(filter(None, ordered)))
     write_text(folder / "table.tex", latex(main))
     return main
 
 
-def _fixed_columns(grid: Grid) -> tuple[IntArray, tuple[list[str], ...]]:
-    """Return the order of the cells in the table, and those of their columns of CSV that each metric has alike."""
-    place = {key: number for number, key in enumerate(grid.runs)}
-    keys = ((*row, *column) for row in grid.row_values for column in grid.column_values)
-    order = np.array([place[key] for key in keys if key in place], dtype=np.int64)
-    names, runs = (*grid.across, *grid.down), list(grid.runs)
-    same = dict(constants(grid.rows, names))
-    labels = [csv_labels(same | dict(zip(names, runs[k], strict=True))) for k in order.tolist()]
-    counts = np.column_stack([grid.sizes, grid.diverged, grid.failed])[order].tolist()
-    shares = [csv_share(diverged + failed, size) for size, diverged, failed in counts]
-    words = np.where(grid.phases[order], "phase", "seed").tolist()
-    return order, (labels, [",".join(map(str, of)) for of in counts], words, shares)
+def _section(grid: Grid, metric: str, cells: dict[Values, TableCell], known: Sequence[str]) -> str:
+    """Return the table of a metric for which nobody asked; nothing where it has no value.
 
-
-def _csv_lines(numbers: CellColumns, metric: str, fixed: tuple[IntArray, tuple[list[str], ...]]) -> Iterator[str]:
-    """Yield the lines that `tidy_csv` would write for a metric, without an object for each cell."""
-    of, (order, (labels, counts, words, shares)) = numbers.centres, fixed
-    floats = (of.value, of.low, of.high, of.lower_quartile, of.upper_quartile, of.geometric)
-    mean, low, high, lower, upper, geometric = (map(csv_number, values[order].tolist()) for values in floats)
-    missing, locked = (map(str, values[order].tolist()) for values in (numbers.missing, of.locked))
-    beginning = (repeat(csv_head(metric, quantity(metric).unit)), labels, of.kind[order].tolist(), mean, low, high)
-    end = (counts, missing, words, repeat(NO_RATIO), lower, upper, locked, shares, geometric)
-    return map(csv_line, zip(*beginning, *end, strict=False))
+    Who leads a row is marked where that takes no minutes; footnotes that are ``known`` are left out.
+    """
+    if all(math.isnan(cell.mean) for cell in cells.values()):
+        return ""
+    if len(cells) <= FEW_CELLS:
+        cells = with_leaders(cells, grid, study_verdicts(grid.rows, metric, most=FEW_PAIRS))
+    table = footnoted(grid.table(metric, cells), grid.rows)
+    return markdown(dataclasses.replace(table, footnotes=tuple(n for n in table.footnotes if n not in known)))

@@ -51,14 +51,14 @@ class TableCell:
         failed: how many of them raised an error.
         missing: how many went well, but have no value of the metric (NaN).
         replicate: "seed" (independent draws) or "phase" (of one recording: not independent).
-        best: whether it belongs to the leaders of its row: others were shown to be worse, it was not.
-        ratio: to the baseline, where one was chosen and this is not it.
         kind: "median" (over all runs, a lost one larger than every number), of fewer than six seeds, and of phases,
             "geometric mean" (over the runs that went well), or "mean" (of what is no error, over these).
         locked: how many went well, but are over ten times the median.
         quartiles: of the runs, as the median's.
         geometric: geometric mean of the runs that went well, beside a median; else NaN.
         own_interval: whether the interval is that of one recording; without ends it was too short to say.
+        best: whether it belongs to the leaders of its row: others were shown to be worse, it was not.
+        ratio: to the baseline, where one was chosen and this is not it.
     """
 
     mean: float
@@ -69,13 +69,13 @@ class TableCell:
     failed: int = 0
     missing: int = 0
     replicate: str = "seed"
-    best: bool = False
-    ratio: Ratio | None = None
     kind: str = MEAN
     locked: int = 0
     quartiles: tuple[float, float] = (math.nan, math.nan)
     geometric: float = math.nan
     own_interval: bool = False
+    best: bool = False
+    ratio: Ratio | None = None
 
     @property
     def complete(self) -> bool:

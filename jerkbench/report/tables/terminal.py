@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from jerkbench.notices import plain, styled
 from jerkbench.report.analysis.columns import FACTORS, metric_columns, quantity
-from jerkbench.report.tables.summary import main_metric, summarise, summarise_each
+from jerkbench.report.tables.grid import arranged
+from jerkbench.report.tables.summary import main_metric, summarise
 from jerkbench.report.tables.table_model import ABSENT, Table, TableCell, TextPart, parts
 
 if TYPE_CHECKING:
@@ -56,10 +57,11 @@ def print_summary(table: Table) -> None:
 def print_run(rows: "pd.DataFrame") -> None:
     """Print every metric that applies to one cell, and why runs of it went wrong."""
     grid = _grid(["metric", f"{len(rows)} {'run' if len(rows) == 1 else 'runs'}"])
-    for table in summarise_each(rows, metric_columns(rows), row_keys=FACTORS[:-1], column_keys=FACTORS[-1:]):
-        ((cell,),) = table.cells
-        if cell is not None and cell.number != "n/a":
-            grid.add_row(_plain(quantity(table.metric).heading), _text(parts(cell)))
+    numbers = arranged(rows, FACTORS[:-1], FACTORS[-1:])
+    for metric in metric_columns(rows):
+        (cell,) = numbers.cells(metric).values()
+        if cell.number != "n/a":
+            grid.add_row(_plain(quantity(metric).heading), _text(parts(cell)))
     wrong = rows[rows["status"] != "ok"]
     columns = (wrong["replicate"], wrong["seed"], wrong["status"], wrong["reason"])
     complaints = [f"{replicate} {k} {status}: {reason}" for replicate, k, status, reason in zip(*columns, strict=True)]

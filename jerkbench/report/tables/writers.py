@@ -5,7 +5,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import zip_longest
 from typing import Any
@@ -14,7 +14,7 @@ from jerkbench.evaluation.statistics.intervals import share_interval
 from jerkbench.notices import plain
 from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.markup import render
-from jerkbench.report.tables.table_model import ABSENT, Ratio, Table, TableCell, TextPart, parts
+from jerkbench.report.tables.table_model import ABSENT, Table, TableCell, TextPart, parts
 
 ACTIVE = re.compile(r"<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
 """The beginning of a tag, an image or a link in Markdown; a backslash before one of them, or before a cell's end."""
@@ -55,32 +55,13 @@ UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
 """Units that siunitx takes no letters for."""
 
 VALUES = (
-    "average",
-    "mean",
-    "low",
-    "high",
-    "runs",
-    "diverged",
-    "failed",
-    "missing",
-    "replicate",
-    "ratio",
-    "ratio_low",
-    "ratio_high",
-    "p",
-    "quartile_low",
-    "quartile_high",
-    "locked_out",
-    "lost_share_low",
-    "lost_share_high",
-    "geometric_mean",
+    *("average", "mean", "low", "high", "runs", "diverged", "failed", "missing", "replicate"),
+    *("ratio", "ratio_low", "ratio_high", "p", "quartile_low", "quartile_high", "locked_out"),
+    *("lost_share_low", "lost_share_high", "geometric_mean"),
 )
 """Columns of CSV after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
 the ratio is empty without a baseline; ``average`` says what "mean" is: that, a geometric mean or a median; the ends of
 the share of lost runs are those of Clopper and Pearson; "geometric_mean" is that of the runs that went well."""
-
-NO_RATIO = ",,,"
-"""Four columns of CSV without a baseline."""
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a spreadsheet takes for the beginning of a formula."""
@@ -259,26 +240,31 @@ def _json_number(value: float) -> float | str | None:
 
 def tidy_csv(tables: Sequence[Table]) -> str:
     """Return a header and one line for each cell of the tables; a number that is not there is empty."""
-    lines = [csv_line(["metric", "unit", *FACTORS, *VALUES])]
-    for table in tables:
-        head = csv_head(table.metric, table.unit)
-        lines += [csv_line([head, csv_labels(labels), *_csv_values(cell)]) for labels, cell in table.placed()]
-    return "".join(lines)
+    lines = (line for table in tables for line in csv_lines(table))
+    return csv_line(["metric", "unit", *FACTORS, *VALUES]) + "".join(lines)
+
+
+def csv_lines(table: Table) -> Iterator[str]:
+    """Yield a line for each cell of ``table``."""
+    for labels, cell in table.placed():
+        ratio = cell.ratio
+        ratios = (ratio.value, ratio.low, ratio.high, ratio.p) if ratio else (math.nan,) * 4
+        counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
+        shares = share_interval(cell.diverged + cell.failed, cell.runs)
+        yield csv_line(
+            [
+                *map(csv_escaped, (table.metric, table.unit, *(labels[factor] for factor in FACTORS), cell.kind)),
+                *map(csv_number, (cell.mean, cell.low, cell.high)),
+                *(*map(str, counts), cell.replicate),
+                *map(csv_number, (*ratios, *cell.quartiles)),
+                *(str(cell.locked), *map(csv_number, (*shares, cell.geometric))),
+            ]
+        )
 
 
 def csv_line(texts: Iterable[str]) -> str:
     """Return texts that are escaped already as a line of CSV."""
     return ",".join(texts) + "\n"
-
-
-def csv_head(metric: str, unit: str) -> str:
-    """Return the first columns of a cell's line."""
-    return f"{csv_escaped(metric)},{csv_escaped(unit)}"
-
-
-def csv_labels(labels: dict[str, str]) -> str:
-    """Return the columns of the factors."""
-    return ",".join(csv_escaped(labels[factor]) for factor in FACTORS)
 
 
 def csv_number(value: float) -> str:
@@ -287,28 +273,11 @@ def csv_number(value: float) -> str:
 
 
 @cache
-def csv_share(lost: int, runs: int) -> str:
-    """Return the columns of the interval of the share of lost runs."""
-    return ",".join(map(repr, share_interval(lost, runs)))
-
-
-@cache
 def csv_escaped(text: str) -> str:
     """Return a text as it stands in a line of CSV, which a spreadsheet takes for text."""
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow([plain(inert(text)), ""])
     return line.getvalue()[:-2]
-
-
-def _csv_values(cell: TableCell) -> Iterable[str]:
-    ratio: Ratio | None = cell.ratio
-    yield cell.kind
-    yield from map(csv_number, (cell.mean, cell.low, cell.high))
-    yield from map(str, (cell.runs, cell.diverged, cell.failed, cell.missing))
-    yield cell.replicate
-    yield ",".join(map(csv_number, (ratio.value, ratio.low, ratio.high, ratio.p))) if ratio else NO_RATIO
-    yield from (*map(csv_number, cell.quartiles), str(cell.locked), csv_share(cell.diverged + cell.failed, cell.runs))
-    yield csv_number(cell.geometric)
 
 
 def inert(text: str) -> str:

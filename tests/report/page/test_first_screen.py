@@ -3,8 +3,9 @@
 import numpy as np
 import pandas as pd
 
+from jerkbench.report.analysis.answer import answer
 from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.page.first_screen import first_screen, settings
+from jerkbench.report.page.first_screen import matrix, settings
 
 FACTORS = {
     "dataset": "field",
@@ -27,20 +28,20 @@ def rows(seeds, times):
     return pd.DataFrame(made)
 
 
-def screen(frame):
-    return first_screen(frame, study_verdicts(frame, "position_rmse_m"), "position_rmse_m", {})
+def standings(frame):
+    return study_verdicts(frame, "position_rmse_m").standings
 
 
 def test_where_nothing_is_shown_nobody_is_said_to_lead():
-    seen = screen(rows(2, 12.0))
-    assert seen.answer.title.startswith("None of 3 methods was shown to beat another")
-    assert not any(cell.leads for _, cells in seen.matrix.lines for cell in cells)
-    assert {cell.style for _, cells in seen.matrix.lines for cell in cells} == {"undecided", "reference"}
+    seen = standings(rows(2, 12.0))
+    assert answer(seen).title.startswith("None of 3 methods was shown to beat another")
+    assert not any(cell.leads for _, cells in matrix(seen).lines for cell in cells)
+    assert {cell.style for _, cells in matrix(seen).lines for cell in cells} == {"undecided", "reference"}
 
 
 def test_the_picture_has_ratios_to_the_baseline_and_colours_what_was_shown():
     frame = rows(20, 30.0)
-    seen = screen(frame).matrix
+    seen = matrix(standings(frame))
     assert seen.reference == "baseline+none"
     assert seen.columns == ("none", "bias")
     assert [label for label, _ in seen.lines] == ["jerk+mtf", "jerk+none", "baseline+none"]
@@ -60,7 +61,7 @@ def test_a_method_that_loses_runs_is_marked_and_at_its_worst_there():
     frame = rows(20, 1.0)
     lost = (frame["adaptation"] == "mtf") & (frame["disturbance"] == "bias")
     frame.loc[lost, "status"] = "diverged"
-    seen = screen(frame).matrix
+    seen = matrix(standings(frame))
     (cell,) = (cells[1] for label, cells in seen.lines if label == "jerk+mtf")
     assert (cell.text, cell.style, cell.lost) == ("lost", "worse3", "20 of 20 lost")
     assert ("jerk+mtf", "lost", "bias") in seen.worst
@@ -68,7 +69,7 @@ def test_a_method_that_loses_runs_is_marked_and_at_its_worst_there():
 
 def test_many_scenarios_stand_in_rows():
     frame = pd.concat([rows(6, 12.0).assign(attitude=f"tilt{k}") for k in range(5)])
-    seen = screen(frame).matrix
+    seen = matrix(standings(frame))
     assert seen.corner == "scenario"
     assert len(seen.lines) == 10
     assert len(seen.columns) == 3
@@ -81,5 +82,4 @@ def test_settings_have_every_value_that_a_method_ran_with():
         return {"spec": spec, "labels": labels}
 
     (one,) = settings([cell(0.2, "none"), cell(0.5, "none"), cell(0.2, "bias")])
-    assert (one.method, one.tried) == ("jerk + mtf", 2)
-    assert one.parameters == "filter.accel_mps2 0.200 or 0.500, adaptation.window 1"
+    assert one == ("jerk + mtf", 2, "filter.accel_mps2 0.200 or 0.500, adaptation.window 1")
