@@ -4,7 +4,6 @@ import json
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,8 +25,7 @@ LINE = "{metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.0
 """An example of a rule."""
 
 
-@dataclass(frozen=True)
-class Tolerance:
+class Tolerance(NamedTuple):
     """One rule.
 
     Attributes:
@@ -61,8 +59,7 @@ def _any_fits(values: Sequence[str], pattern: str) -> bool:
     return any(fnmatchcase(text, pattern) for text in (*values, "+".join(values)))
 
 
-@dataclass(frozen=True)
-class Tolerances:
+class Tolerances(NamedTuple):
     """All rules of a file, and what holds where none fits; the first that fits counts.
 
     Attributes:

@@ -1,8 +1,7 @@
 """Every figure of a study, with its caption; the scenarios and methods that carry its findings."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.statistics.ranks import critical_difference
@@ -64,8 +63,7 @@ class Common(TypedDict):
     palette: Palette
 
 
-@dataclass(frozen=True, eq=False)
-class Drawing:
+class Drawing(NamedTuple):
     """A figure with what belongs under it.
 
     Attributes:
@@ -79,8 +77,7 @@ class Drawing:
     figure: "Figure"
 
 
-@dataclass(frozen=True)
-class Picture:
+class Picture(NamedTuple):
     """A figure as bytes, with what belongs under it.
 
     Attributes:
@@ -96,8 +93,7 @@ class Picture:
     png: bytes
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(NamedTuple):
     """One scenario, its first seed.
 
     Attributes:

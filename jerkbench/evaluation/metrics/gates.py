@@ -1,7 +1,7 @@
 """Gates: fixes that are not believed, the spikes that are taken, and a return to a wrong place."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -73,8 +73,7 @@ def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArra
     return used, reported
 
 
-@dataclass(frozen=True, eq=False)
-class _Displaced:
+class _Displaced(NamedTuple):
     """Fixes that follow each other and are worse than they say: the rows first to last, and by how much [m]."""
 
     first: int

@@ -29,8 +29,7 @@ class NoiseRows(NamedTuple):
     time_s: float
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Four states an axis, each axis alike: position, velocity, and the lasting noise of each in its own sigmas.
 
     Attributes:

@@ -1,6 +1,6 @@
 """One recording: an interval for its RMSE from errors that follow each other, by a moving-block bootstrap."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ LEAST_TIMES = 75
 """Fewer correlation times carry no interval: of 40 it held the true RMSE in 90 % of cases."""
 
 
-@dataclass(frozen=True)
-class RecordingInterval:
+class RecordingInterval(NamedTuple):
     """The RMSE over one recording, with what this one recording can say about its accuracy.
 
     Attributes:
@@ -132,8 +131,7 @@ FEWEST = 30
 """Of fewer innovations nothing is said."""
 
 
-@dataclass(frozen=True)
-class Whiteness:
+class Whiteness(NamedTuple):
     """The Ljung-Box test of one row's innovations.
 
     Attributes:

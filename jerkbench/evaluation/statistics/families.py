@@ -1,10 +1,9 @@
 """Many comparisons at once: the tests of a family, and what its verdicts may get wrong."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +30,7 @@ STEEPEST = 0.01
 """No tail falls faster than t^-100: of few seeds the largest t of all resamples may be one number."""
 
 
-@dataclass(frozen=True, eq=False)
-class Scales:
+class Scales(NamedTuple):
     """The tails P(|t*| > x) = TAIL (x/quantile)^(-1/slope) of (m,) studentised means.
 
     Attributes:
@@ -67,8 +65,7 @@ class Scales:
         return Scales(self.quantile[places], self.slope[places], self.flat[places])
 
 
-@dataclass(frozen=True, eq=False)
-class MaxT:
+class MaxT(NamedTuple):
     """The distribution of the largest score of a family of m means.
 
     Attributes:
@@ -271,8 +268,7 @@ class Correction(StrEnum):
     """Of sentences."""
 
 
-@dataclass(frozen=True, eq=False)
-class Family:
+class Family(NamedTuple):
     """The p of m comparisons, and what their intervals have to reach for the same verdicts.
 
     Attributes:
@@ -300,7 +296,7 @@ def _whole_study(comparisons: Sequence[LogRatios], level: float) -> Family:
     differ, lost = (np.minimum(1.0, exact * p) for p in _uncorrected(comparisons))
     critical = np.full(len(comparisons), np.nan)
     for places, d in _of_each_size(comparisons):
-        largest = dataclasses.replace(max_t(d), share=len(places) / total)
+        largest = max_t(d)._replace(share=len(places) / total)
         differ[places], critical[places] = largest.p(_t(d)), largest.critical(level)
     return Family(differ, lost, critical, 1 - level / exact)
 

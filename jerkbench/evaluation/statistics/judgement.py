@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -49,8 +48,7 @@ NOT_EXCLUDED = "losses are not excluded"
 FAILED_MORE = "the one with the smaller errors failed in more runs"
 
 
-@dataclass(frozen=True)
-class Judgement:
+class Judgement(NamedTuple):
     """One comparison of a with b.
 
     Attributes:
@@ -90,8 +88,8 @@ class Judgement:
         """That of b with a."""
         ratio, low, high = (1 / value if value else math.inf for value in (self.ratio, self.high, self.low))
         verdict = TURNED.get(self.verdict, self.verdict)
-        return replace(
-            self, ratio=ratio, low=low, high=high, failures=self.failures[::-1], sizes=self.sizes[::-1], verdict=verdict
+        return self._replace(
+            ratio=ratio, low=low, high=high, failures=self.failures[::-1], sizes=self.sizes[::-1], verdict=verdict
         )
 
     @property

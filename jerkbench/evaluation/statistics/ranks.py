@@ -1,6 +1,6 @@
 """Methods ranked over many scenarios: how far ranks would move, which of them differ, and whether metrics agree."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,7 @@ RESAMPLES = 1999
 SEED = 14
 
 
-@dataclass(frozen=True, eq=False)
-class RankRange:
+class RankRange(NamedTuple):
     """Places of k methods, 1 the best.
 
     Attributes:
@@ -129,8 +128,7 @@ def performance_profile(costs: FloatArray, factors: FloatArray) -> FloatArray:
 # Two methods over many scenarios: a mixed model of their log ratios, the worst scenario, ranks and their range.
 
 
-@dataclass(frozen=True)
-class OverScenarios:
+class OverScenarios(NamedTuple):
     """How a compares with b over S scenarios with the same n seeds in each.
 
     Attributes:
@@ -203,8 +201,7 @@ def _ends(mu: float, error: float, dof: float, confidence: float) -> tuple[float
     return float(np.exp(mu - half)), float(np.exp(mu + half))
 
 
-@dataclass(frozen=True)
-class _Components:
+class _Components(NamedTuple):
     """Mean squares of scenarios, seeds and rest, each at least the rest's, and their degrees of freedom."""
 
     scenario: float

@@ -1,6 +1,5 @@
 """Seeds: how many a verdict needs, looks at more of them, a choice judged on others, runs without common ones."""
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -198,7 +197,7 @@ def judged_on_other_seeds(
     critical = np.full(len(comparisons), np.nan)
     for places in _of_each_size(comparisons).values():
         a, b = (np.log(np.stack([getattr(comparisons[k], name) for k in places])) for name in ("a", "b"))
-        largest = dataclasses.replace(max_t_of_two(a, b), share=len(places) / total)
+        largest = max_t_of_two(a, b)._replace(share=len(places) / total)
         distance, error = np.abs(a.mean(axis=1) - b.mean(axis=1)), np.hypot(standard_errors(a), standard_errors(b))
         p[places, 0], critical[places] = largest.p(studentised(distance, error)), largest.critical(level)
     for k, samples in enumerate(comparisons):

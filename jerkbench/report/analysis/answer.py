@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from jerkbench.evaluation.statistics.judgement import BY_LOSSES, DEFEATS, WINS, Judgement, Verdict
 from jerkbench.report.analysis.columns import Combination
@@ -37,8 +37,7 @@ def size_text(judgement: Judgement) -> str:
     return f"{times} times {word}, 95 % {low} to {high}"
 
 
-@dataclass(frozen=True)
-class Duel:
+class Duel(NamedTuple):
     """Two methods over all scenarios that have both.
 
     Attributes:
@@ -91,8 +90,7 @@ NAMED = 3
 """So many leaders are named."""
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """What a study says about its methods.
 
     Attributes:

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,8 +24,7 @@ BeforeAfter = tuple[MethodRuns, MethodRuns]
 """The runs of a combination in the first set, and in the second."""
 
 
-@dataclass(frozen=True)
-class Change:
+class Change(NamedTuple):
     """One combination in two sets of results.
 
     Attributes:

@@ -1,7 +1,6 @@
 """The columns of a study's rows: quantities with their units, factors, references, and checks of both."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -119,8 +118,7 @@ NATS = ("position_log_score", "innovation_log_loss")
 """Logarithms of densities, below 0 as well: the lowest is the best, but no ratio says by how much."""
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """A metric's column.
 
     Attributes:
@@ -135,7 +133,7 @@ class Quantity:
     unit: str
     expected: float | None = None
     lowest_is_best: bool = True
-    reading: str = "more is overconfident, less too cautious"
+    reading: str = ""
 
     @property
     def heading(self) -> str:
@@ -154,7 +152,7 @@ def quantity(column: str) -> Quantity:
     words = [WORDS.get(word, word) for word in (stem if unit else column).split("_")]
     plain = " ".join(words)
     title = TITLES.get(column, plain[:1].upper() + plain[1:])
-    reading = READING.get(column, Quantity.reading)
+    reading = READING.get(column, "more is overconfident, less too cautious")
     return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS, *NATS), reading)
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jerkbench.evaluation.statistics.intervals import up_to
@@ -211,4 +210,4 @@ def _told(standing: Standing, references: Mapping[str, str]) -> Standing:
         differ = [(factor, both) for factor, *both in values if both[0] != both[1]]
         if len(differ) == 1 and all(references.get(factor, both[0]) in both for factor, both in differ):
             telling.append(pair)
-    return replace(standing, comparisons=tuple(telling))
+    return standing._replace(comparisons=tuple(telling))

@@ -4,8 +4,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -41,8 +40,7 @@ STREAMS = ("position", "velocity", "course", "wheel")
 ReviewedCells = Sequence[Mapping[str, Any]]
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """One question of a reviewer.
 
     Attributes:
@@ -56,8 +54,7 @@ class Check:
     reason: str
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence:
+class Evidence(NamedTuple):
     """What there is to judge by.
 
     Attributes:

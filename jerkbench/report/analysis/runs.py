@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ FLOOR = "reference_floor_m"
 """The column with the floor that the reference's own sigma puts under a position RMSE."""
 
 
-@dataclass(frozen=True, eq=False)
-class MethodRuns:
+class MethodRuns(NamedTuple):
     """The runs of one combination.
 
     Attributes:

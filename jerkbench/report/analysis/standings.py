@@ -3,8 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +19,7 @@ from jerkbench.report.tables.table_model import factor_number, number
 BELOW_FLOOR = "the reference is not known so well"
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(NamedTuple):
     """One combination against another, on the seeds that both have.
 
     Attributes:
@@ -68,8 +66,8 @@ class Comparison:
     def turned(self) -> "Comparison":
         """The same, as the baseline sees it."""
         ratios, judgement, lost = self.ratios.turned, self.judgement.turned, self.lost[::-1]
-        return replace(
-            self, subject=self.baseline, baseline=self.subject, ratios=ratios, lost=lost, judgement=judgement
+        return self._replace(
+            subject=self.baseline, baseline=self.subject, ratios=ratios, lost=lost, judgement=judgement
         )
 
     @property
@@ -83,7 +81,7 @@ class Comparison:
         ratio = self.judgement.ratio
         return "" if not 0 < ratio < math.inf else factor_number(ratio) if self.shown else number(ratio)
 
-    @cached_property
+    @property
     def needed(self) -> int | None:
         """How many seeds would show the difference of what is undecided; None where none would, or losses hinder."""
         undecided = self.verdict is Verdict.UNDECIDED and not self.judgement.reason and not self.phases
@@ -103,7 +101,7 @@ def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRu
         judgement = _of_phases(of) if ours.phases else next(judgements)
         below = abs(ours.typical - theirs.typical) < max(ours.floor, theirs.floor)
         if below:
-            judgement = replace(judgement, verdict=Verdict.UNDECIDED, reason=BELOW_FLOOR)
+            judgement = judgement._replace(verdict=Verdict.UNDECIDED, reason=BELOW_FLOOR)
         lost, runs = (int(ours.lost.sum()), int(theirs.lost.sum())), len(ours.seeds)
         names = ours.combination, theirs.combination
         compared.append(Comparison(*names, of, lost, runs, ours.phases, below, judgement, len(seeded), rule))
@@ -114,7 +112,7 @@ def _of_phases(ratios: LogRatios) -> Judgement:
     """Return the geometric mean, or with lost runs the median, with the range, and no test."""
     (judgement,) = judged([ratios])
     low, high = (float(np.exp(of(ratios.d))) for of in (np.min, np.max)) if ratios.n > 1 else (np.nan, np.nan)
-    return replace(judgement, low=low, high=high, p=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED, reason="")
+    return judgement._replace(low=low, high=high, p=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED, reason="")
 
 
 def family_note(comparisons: Sequence[Comparison]) -> str:
@@ -178,8 +176,7 @@ MOST_PAIRS = 50_000
 """More comparisons than these take minutes, and show little."""
 
 
-@dataclass(frozen=True, eq=False)
-class Standing:
+class Standing(NamedTuple):
     """One scenario.
 
     Attributes:
@@ -194,7 +191,7 @@ class Standing:
     rivals: tuple[Combination, ...]
     comparisons: tuple[Comparison, ...]
 
-    @cached_property
+    @property
     def leaders(self) -> list[str]:
         """Names of those whom nobody was shown to beat."""
         return [self.name(leader) for leader in leaders_of(self.rivals, self.comparisons)]

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,8 +43,7 @@ Pair = tuple[Combination, Combination]
 """Subject and baseline."""
 
 
-@dataclass(frozen=True, eq=False)
-class StudyVerdicts:
+class StudyVerdicts(NamedTuple):
     """What a study shows of every two of its combinations, in one metric.
 
     Attributes:

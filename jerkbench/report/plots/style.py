@@ -3,7 +3,6 @@
 import io
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -189,8 +188,7 @@ class MethodStyle(NamedTuple):
         return {"color": self.colour, "linestyle": dashes}
 
 
-@dataclass(frozen=True)
-class Palette:
+class Palette(NamedTuple):
     """The filters and adaptations of a study, in the order in which they take colours and line styles.
 
     Attributes:

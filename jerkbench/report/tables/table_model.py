@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from jerkbench.evaluation.statistics.errors_over_seeds import MEAN, MEDIAN
 
@@ -10,8 +11,7 @@ TextPart = tuple[str, str]
 """A text of a cell, and its style: number, best, interval, factor, trouble or absent."""
 
 
-@dataclass(frozen=True)
-class Ratio:
+class Ratio(NamedTuple):
     """A cell's metric over that of the baseline, on the same seeds.
 
     Attributes:
