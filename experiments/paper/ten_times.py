@@ -58,15 +58,13 @@ def _against_the_claim(comparisons: Sequence[Comparison]) -> list[Comparison]:
     ratios = [comparison.ratios for comparison in tested]
     shifted = [dataclasses.replace(of, d=of.d + math.log(CLAIMED)) for of in ratios]
     judgements = iter(judged(shifted, 0.0, min((of.rule.level for of in tested), default=LEVEL)))
-    return [
-        dataclasses.replace(of, judgement=_unshifted(next(judgements))) if not of.phases else of for of in comparisons
-    ]
+    return [of._replace(judgement=_unshifted(next(judgements))) if not of.phases else of for of in comparisons]
 
 
 def _unshifted(judgement: Judgement) -> Judgement:
     """Return the judgement on the claim with ratio and interval of the errors themselves."""
     ratio, low, high = (value / CLAIMED for value in (judgement.ratio, judgement.low, judgement.high))
-    return dataclasses.replace(judgement, ratio=ratio, low=low, high=high)
+    return judgement._replace(ratio=ratio, low=low, high=high)
 
 
 def _only(rows: pd.DataFrame, against: Mapping[str, str]) -> pd.DataFrame:

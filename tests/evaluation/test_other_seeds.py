@@ -8,7 +8,8 @@ from scipy.stats import bootstrap, fisher_exact, ttest_ind
 
 from jerkbench.evaluation.statistics.families import max_t_of_two
 from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.seeds import judged_on_other_seeds, two_samples
+from jerkbench.evaluation.statistics.over_seeds import two_samples
+from jerkbench.evaluation.statistics.seeds import judged_on_other_seeds
 
 
 def judge(a, b, **options):

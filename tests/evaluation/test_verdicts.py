@@ -7,12 +7,16 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench.evaluation.statistics.consistency import chi2_band, runs_verdict
-from jerkbench.evaluation.statistics.correlated_errors import whiteness
+from jerkbench.evaluation.statistics.correlated_errors import whiteness_of_rows
 
 A = np.array([[1.0, 0.1], [0.0, 1.0]])
 Q = np.array([[0.1**3 / 3, 0.1**2 / 2], [0.1**2 / 2, 0.1]])
 H = np.array([[1.0, 0.0]])
 STEPS = 300
+
+
+def whiteness(innovation):
+    return whiteness_of_rows(innovation[:, None])[0]
 
 
 def simulate(runs, seed, factor=1.0):

@@ -3,7 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 
-from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.intervals import student_interval
 from jerkbench.evaluation.statistics.over_seeds import FEW, mean_interval
 
@@ -40,27 +39,15 @@ def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0
     """
     values = np.asarray(averages, dtype=np.float64)
     kept = values[np.isfinite(values)]
-    low, high = _ends(kept, confidence)
-    word = _word(low, high, expected)
-    known = word == OVERCONFIDENT or lost + len(values) == len(kept)
-    return word if known else UNKNOWN
-
-
-def _ends(values: FloatArray, confidence: float) -> tuple[float, float]:
-    """Return the interval of the mean of a few or many finite values; NaN where there is none."""
-    if len(values) >= FEW:
-        interval = mean_interval(values, confidence)
-        return interval.low, interval.high
-    if len(values) < 2 or values.min() <= 0:
-        return np.nan, np.nan
-    low, high = student_interval(np.log(values), confidence)
-    return float(np.exp(low)), float(np.exp(high))
-
-
-def _word(low: float, high: float, expected: float) -> str:
-    """Return the verdict; each comparison with NaN is false."""
+    low = high = np.nan
+    if len(kept) >= FEW:
+        _, low, high, _ = mean_interval(kept, confidence)
+    elif len(kept) > 1 and kept.min() > 0:
+        low, high = np.exp(student_interval(np.log(kept), confidence))
     if low > expected:
         return OVERCONFIDENT
-    if high < expected:
+    if lost + len(values) > len(kept):
+        return UNKNOWN
+    if high < expected:  # each comparison with NaN is false
         return CAUTIOUS
     return CONSISTENT if NEAR[0] * expected <= low and high <= NEAR[1] * expected else UNKNOWN

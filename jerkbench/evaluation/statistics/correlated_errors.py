@@ -148,8 +148,8 @@ class Whiteness(NamedTuple):
         return not self.p < 0.05
 
 
-def whiteness(innovation: FloatArray) -> Whiteness:
-    """Test (m,) innovations of one row in their order; NaN (the row was absent) is left out.
+def whiteness_of_rows(innovation: FloatArray) -> list[Whiteness]:
+    """Test each column of (m, r) innovations in their order; NaN (the row was absent) is left out.
 
     With rho_k their autocorrelation::
 
@@ -157,15 +157,9 @@ def whiteness(innovation: FloatArray) -> Whiteness:
 
     Source: Ljung and Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978).
     """
-    measured = innovation[np.isfinite(innovation)]
-    return _tested(measured[:, None])[0]
-
-
-def whiteness_of_rows(innovation: FloatArray) -> list[Whiteness]:
-    """Return what `whiteness` says of each column of (m, r); all at once where no row was absent."""
     if np.isfinite(innovation).all():
         return _tested(innovation)
-    return [whiteness(column) for column in innovation.T]
+    return [test for column in innovation.T for test in _tested(column[np.isfinite(column), None])]
 
 
 def _tested(columns: FloatArray) -> list[Whiteness]:

@@ -30,51 +30,20 @@ STEEPEST = 0.01
 """No tail falls faster than t^-100: of few seeds the largest t of all resamples may be one number."""
 
 
-class Scales(NamedTuple):
-    """The tails P(|t*| > x) = TAIL (x/quantile)^(-1/slope) of (m,) studentised means.
-
-    Attributes:
-        quantile: (m,) that `TAIL` of the resamples reach; infinite where so many have no spread.
-        slope: (m,) mean log of these resamples over the quantile.
-        flat: (m,) share of the resamples that have no spread.
-    """
-
-    quantile: FloatArray
-    slope: FloatArray
-    flat: FloatArray
-
-    def score(self, t: FloatArray) -> FloatArray:
-        """Return how far out |t| (m, ...) is: log(t/quantile)/slope, alike for all tails."""
-        shape = (-1, *[1] * (t.ndim - 1))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.log(t / self.quantile.reshape(shape)) / self.slope.reshape(shape), dtype=np.float64)
-
-    def at_least_common(self) -> "Scales":
-        """Return these scales, none narrower than what `COMMON` of them have."""
-        known = np.isfinite(self.quantile)
-        if not known.any():
-            return self
-        quantile, slope = (
-            np.maximum(values, np.quantile(values[known], COMMON, method="higher"))
-            for values in (self.quantile, self.slope)
-        )
-        return Scales(quantile, slope, self.flat)
-
-    def rows(self, places: slice) -> "Scales":
-        """Return the scales of some of the means."""
-        return Scales(self.quantile[places], self.slope[places], self.flat[places])
-
-
 class MaxT(NamedTuple):
     """The distribution of the largest score of a family of m means.
 
+    A mean has the tail P(|t*| > x) = TAIL (x/quantile)^(-1/slope).
+
     Attributes:
-        scales: of the m means.
+        scales: (3, m) of each mean: the quantile that `TAIL` of its resamples reach (infinite where so many have no
+            spread), the slope, which is the mean log of these resamples over the quantile, and the share of the
+            resamples that have no spread.
         maxima: (B,) largest scores, in ascending order; infinite where every mean's resample had no spread.
         share: how much of the family's level is this distribution's; 1 where it is the whole family's.
     """
 
-    scales: Scales
+    scales: FloatArray
     maxima: FloatArray
     share: float = 1.0
 
@@ -83,17 +52,18 @@ class MaxT(NamedTuple):
 
         None is smaller than the share of its own resamples that have no spread.
         """
-        larger = len(self.maxima) - np.searchsorted(self.maxima, self.scales.score(t), side="left")
-        p = np.maximum((1.0 + larger) / (1.0 + len(self.maxima)), self.scales.flat)
+        larger = len(self.maxima) - np.searchsorted(self.maxima, _scores(t, self.scales), side="left")
+        p = np.maximum((1.0 + larger) / (1.0 + len(self.maxima)), self.scales[2])
         return np.asarray(np.minimum(1.0, p / self.share), dtype=np.float64)
 
     def critical(self, level: float) -> FloatArray:
         """Return the |t| (m,) beyond which p is at most ``level``; infinite where none is."""
+        quantile, slope, flat = self.scales
         allowed = int(np.floor(level * self.share * (1 + len(self.maxima)) + 1e-9)) - 1
         if allowed < 0:
-            return np.full_like(self.scales.quantile, np.inf)
-        reached = self.scales.quantile * np.exp(self.maxima[len(self.maxima) - 1 - allowed] * self.scales.slope)
-        return np.where(self.scales.flat <= level * self.share, reached, np.inf)
+            return np.full_like(quantile, np.inf)
+        reached = quantile * np.exp(self.maxima[len(self.maxima) - 1 - allowed] * slope)
+        return np.where(flat <= level * self.share, reached, np.inf)
 
 
 def standard_errors(d: FloatArray) -> FloatArray:
@@ -160,25 +130,27 @@ def _family(scattered: BoolArray, resampled: Callable[[slice], FloatArray], one_
         one_seed: (B,) which resamples have one seed only.
     """
     parts = [slice(start, start + ROWS_AT_ONCE) for start in range(0, int(scattered.sum()), ROWS_AT_ONCE)]
-    own = [_scales(resampled(part)) for part in parts]
-    names = ("quantile", "slope", "flat")
-    scales = Scales(*(np.concatenate([np.empty(0), *(getattr(part, name) for part in own)]) for name in names))
-    scales = scales.at_least_common()
+    scales = np.concatenate([np.empty((3, 0)), *(_scales(resampled(part)) for part in parts)], axis=1)
+    known = np.isfinite(scales[0])
+    if known.any():  # none is narrower than what COMMON of them have
+        common = np.quantile(scales[:2, known], COMMON, axis=1, method="higher")
+        scales[:2] = np.maximum(scales[:2], common[:, None])
     largest = np.where(one_seed, np.inf, -np.inf)
     for part in parts:
         t = resampled(part)
-        scores = scales.rows(part).score(t)
-        finite = np.where(
-            np.isfinite(t), scores, -np.inf
-        )  # one without spread has the score of the largest of the others
-        scores = np.where(np.isfinite(t), scores, finite.max(axis=1, keepdims=True))
+        scores = np.where(np.isfinite(t), _scores(t, scales[:, part, None]), -np.inf)
+        # one without spread has the score of the largest of the others
+        scores = np.where(np.isfinite(t), scores, scores.max(axis=1, keepdims=True))
         np.maximum(largest, scores.max(axis=0), out=largest)
-    whole = {
-        name: np.full(len(scattered), of_constant) for name, of_constant in zip(names, (1.0, 1.0, 0.0), strict=True)
-    }
-    for name, values in whole.items():
-        values[scattered] = getattr(scales, name)
-    return MaxT(Scales(**whole), np.sort(largest))
+    whole = np.tile([[1.0], [1.0], [0.0]], len(scattered))
+    whole[:, scattered] = scales
+    return MaxT(whole, np.sort(largest))
+
+
+def _scores(t: FloatArray, scales: FloatArray) -> FloatArray:
+    """Return how far out |t| is: log(t/quantile)/slope, alike for all tails."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.log(t / scales[0]) / scales[1], dtype=np.float64)
 
 
 def _resampled(d: FloatArray, share: FloatArray) -> FloatArray:
@@ -206,8 +178,8 @@ def _resampled_difference(samples: tuple[FloatArray, FloatArray], shares: tuple[
     return np.asarray(np.sqrt(np.where(flat, np.inf, difference**2 / np.where(flat, 1.0, error2))), dtype=np.float64)
 
 
-def _scales(t: FloatArray) -> Scales:
-    """Return the scales of |t| (k, B); where more than the tail has no spread, the quantile is infinite."""
+def _scales(t: FloatArray) -> FloatArray:
+    """Return the scales (3, k) of |t| (k, B); where more than the tail has no spread, the quantile is infinite."""
     flat = np.isinf(t)
     most = np.where(flat, 0.0, t).max(axis=1, keepdims=True)
     count = int(TAIL * (t.shape[1] + 1))
@@ -215,7 +187,7 @@ def _scales(t: FloatArray) -> Scales:
     quantile = tail.min(axis=1)
     slope = np.log(tail / quantile[:, None]).sum(axis=1) / count
     share = flat.mean(axis=1)
-    return Scales(np.where(share > TAIL, np.inf, quantile), np.maximum(slope, STEEPEST), share)
+    return np.array([np.where(share > TAIL, np.inf, quantile), np.maximum(slope, STEEPEST), share])
 
 
 @lru_cache(maxsize=4)
@@ -272,14 +244,13 @@ class Family(NamedTuple):
     """The p of m comparisons, and what their intervals have to reach for the same verdicts.
 
     Attributes:
-        differ: (m,) that a and b differ; NaN without a seed, 1 of fewer than `LEAST_SEEDS`.
-        lost: (m,) that either loses more runs.
+        p: (2, m) that a and b differ, and that either loses more runs; NaN without a seed, of fewer than `LEAST_SEEDS`
+            they do not differ: 1.
         critical: (m,) beyond which |t| on a mean differs; NaN of a median, and of fewer than `LEAST_SEEDS`.
         confidence: of the interval of a median.
     """
 
-    differ: FloatArray
-    lost: FloatArray
+    p: FloatArray
     critical: FloatArray
     confidence: float
 
@@ -293,12 +264,12 @@ def _whole_study(comparisons: Sequence[LogRatios], level: float) -> Family:
     """By `max_t` of the means; Bonferroni for the exact tests, and between numbers of seeds."""
     total = max(1, sum(ratios.n >= LEAST_SEEDS for ratios in comparisons))
     exact = 2 * total  # of a comparison with lost runs there are two tests: of the errors, and of the losses
-    differ, lost = (np.minimum(1.0, exact * p) for p in _uncorrected(comparisons))
+    p = np.minimum(1.0, exact * _uncorrected(comparisons))
     critical = np.full(len(comparisons), np.nan)
     for places, d in _of_each_size(comparisons):
         largest = max_t(d)._replace(share=len(places) / total)
-        differ[places], critical[places] = largest.p(_t(d)), largest.critical(level)
-    return Family(differ, lost, critical, 1 - level / exact)
+        p[0, places], critical[places] = largest.p(_t(d)), largest.critical(level)
+    return Family(p, critical, 1 - level / exact)
 
 
 def _false_discovery(comparisons: Sequence[LogRatios], level: float) -> Family:
@@ -308,30 +279,33 @@ def _false_discovery(comparisons: Sequence[LogRatios], level: float) -> Family:
     parameters", JASA 100 (2005).
     """
     from scipy.special import stdtrit
+    from scipy.stats import false_discovery_control
 
-    differ, lost = map(_adjusted, _uncorrected(comparisons))
-    each = level * max(1, int((differ < level).sum())) / max(1, int((~np.isnan(differ)).sum()))
+    p = _uncorrected(comparisons)
+    known = ~np.isnan(p[0])
+    if known.any():
+        p[:, known] = false_discovery_control(p[:, known], axis=1)
+    each = level * max(1, int((p[0] < level).sum())) / max(1, int(known.sum()))
     critical = np.full(len(comparisons), np.nan)
     for places, d in _of_each_size(comparisons):
         critical[places] = stdtrit(d.shape[1] - 1, 1 - each / 2)
-    return Family(differ, lost, critical, 1 - each)
+    return Family(p, critical, 1 - each)
 
 
-def _uncorrected(comparisons: Sequence[LogRatios]) -> tuple[FloatArray, FloatArray]:
+def _uncorrected(comparisons: Sequence[LogRatios]) -> FloatArray:
     """By Student's t of the means, and the exact tests where runs were lost or locked out."""
     from scipy.special import stdtr
 
-    differ, lost = (np.ones(len(comparisons)) for _ in range(2))
+    p = np.ones((2, len(comparisons)))
     for k, ratios in enumerate(comparisons):
         if ratios.n == 0:
-            differ[k] = lost[k] = np.nan
+            p[:, k] = np.nan
         elif not ratios.plain and ratios.n >= LEAST_SEEDS:
             failed = ratios.lost | ratios.locked
-            differ[k] = median_p(ratios.d)
-            lost[k] = sign_p(*(failed & ~failed[:, ::-1]).sum(axis=0).tolist())
+            p[:, k] = median_p(ratios.d), sign_p(*(failed & ~failed[:, ::-1]).sum(axis=0).tolist())
     for places, d in _of_each_size(comparisons):
-        differ[places] = 2 * stdtr(d.shape[1] - 1, -_t(d))
-    return differ, lost
+        p[0, places] = 2 * stdtr(d.shape[1] - 1, -_t(d))
+    return p
 
 
 def _t(d: FloatArray) -> FloatArray:
@@ -344,13 +318,3 @@ def _of_each_size(comparisons: Sequence[LogRatios]) -> list[tuple[IntArray, Floa
     known = [k for k, ratios in enumerate(comparisons) if ratios.plain and ratios.n >= LEAST_SEEDS]
     samples = Samples.of([comparisons[k].d for k in known])
     return [(np.array(known)[places], d) for places, d in samples.by_size()]
-
-
-def _adjusted(p: FloatArray) -> FloatArray:
-    from scipy.stats import false_discovery_control
-
-    adjusted = np.full_like(p, np.nan)
-    known = ~np.isnan(p)
-    if known.any():
-        adjusted[known] = false_discovery_control(p[known])
-    return adjusted

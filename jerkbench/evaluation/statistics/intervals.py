@@ -113,7 +113,7 @@ def bca_ends(values: FloatArray, level: float, resamples: int, seed: int) -> tup
     deviation = values - mean
     a = np.sum(deviation**3, axis=1) / (6 * np.sum(deviation**2, axis=1) ** 1.5)
     z = ndtri((1 + level) / 2)
-    low, high = (_quantile(means, ndtr(z0 + (z0 + end) / (1 - a * (z0 + end)))) for end in (-z, z))
+    low, high = (_between(means, ndtr(z0 + (z0 + end) / (1 - a * (z0 + end)))) for end in (-z, z))
     return low, high
 
 
@@ -124,15 +124,6 @@ def _shares(n: int, resamples: int, seed: int) -> FloatArray:
     places = drawn + n * np.arange(resamples)[:, None]
     times = np.bincount(places.ravel(), minlength=n * resamples)
     return np.asarray(times.reshape(resamples, n).T / n, dtype=np.float64)
-
-
-def _quantile(ordered: FloatArray, share: FloatArray) -> FloatArray:
-    """Return the value at (k,) shares of the way through (k, B) ordered values, between two of them their mixture."""
-    place = share * (ordered.shape[1] - 1)
-    left = np.minimum(place.astype(np.int64), ordered.shape[1] - 2)
-    rows = np.arange(len(ordered))
-    first, second = ordered[rows, left], ordered[rows, left + 1]
-    return np.asarray(first + (place - left) * (second - first), dtype=np.float64)
 
 
 # The median with its interval, and the quartiles: whatever the distribution is, lost runs included.
@@ -174,16 +165,16 @@ def median_intervals(ordered: FloatArray, confidence: float, *, exact: bool = Fa
     return _mixed(lower[k - 1], lower[k], weight), _mixed(upper[k - 1], upper[k], weight)
 
 
-def _between(ordered: FloatArray, share: float) -> FloatArray:
+def _between(ordered: FloatArray, share: FloatArray | float) -> FloatArray:
     """Return the quantile of each row of values in ascending order, between two of them their mixture."""
-    place = share * (ordered.shape[1] - 1)
-    left = int(place)
-    first, second = ordered[:, left], ordered[:, min(left + 1, ordered.shape[1] - 1)]
+    place = np.broadcast_to(share, len(ordered)) * (ordered.shape[1] - 1)
+    left, rows = np.minimum(place.astype(np.int64), ordered.shape[1] - 2), np.arange(len(ordered))
+    first, second = ordered[rows, left], ordered[rows, left + 1]
     infinite = np.isinf(second) & (place > left)
     return np.where(infinite, second, _mixed(first, second, place - left))
 
 
-def _mixed(outer: FloatArray, inner: FloatArray, weight: float) -> FloatArray:
+def _mixed(outer: FloatArray, inner: FloatArray, weight: FloatArray | float) -> FloatArray:
     """Return outer + weight (inner - outer); where either is infinite, the outer one."""
     kept = (outer == inner) | np.isinf(outer) | np.isinf(inner) | (weight == 0)
     with np.errstate(invalid="ignore", over="ignore"):

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Sequence
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.statistics.families import LEAST_SEEDS, Correction, Family, family, standard_errors
 from jerkbench.evaluation.statistics.intervals import loss_bound, losses_text, median_intervals
-from jerkbench.evaluation.statistics.over_seeds import LogRatios, Samples
+from jerkbench.evaluation.statistics.over_seeds import LogRatios, Samples, TwoSamples, middles
 
 MARGIN = 0.03
 """Ratios from 1/1.03 to 1.03 are equal for every practical purpose."""
@@ -128,44 +128,15 @@ def judged(
         correction: which of the two.
     """
     tested = family(comparisons, correction, level)
-    centre, low, high = intervals_of(comparisons, tested)
+    ends = intervals_of(comparisons, tested)
     return [
-        judgement_of(
-            (centre[k], low[k], high[k]),
-            (tested.differ[k], tested.lost[k]),
-            ratios,
-            critical=tested.critical[k],
-            margin=margin,
-            level=level,
-        )
+        judgement_of(ends[:, k], tested.p[:, k], ratios, tested.critical[k], margin, level)
         for k, ratios in enumerate(comparisons)
     ]
 
 
-class Compared(Protocol):
-    """The runs of two methods, on the same seeds or on others."""
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Seeds of a, and of b."""
-
-    @property
-    def plain(self) -> bool:
-        """Whether every run went well."""
-
-    @property
-    def failures(self) -> tuple[int, int]:
-        """Runs that a, and that b, lost or locked out in."""
-
-
 def judgement_of(
-    interval: tuple[float, float, float],
-    p: tuple[float, float],
-    runs: Compared,
-    *,
-    critical: float,
-    margin: float,
-    level: float,
+    interval: FloatArray, p: FloatArray, runs: LogRatios | TwoSamples, critical: float, margin: float, level: float
 ) -> Judgement:
     """Return the judgement with the first verdict that holds; each comparison with NaN is false.
 
@@ -177,30 +148,22 @@ def judgement_of(
         margin: of equality.
         level: of the study.
     """
-    differ, lost = map(float, p)
-    verdict, reason = _verdict(interval, (differ, lost), runs, margin, level)
-    with np.errstate(over="ignore"):  # few seeds in a large study: an interval beyond all numbers
-        ratio, low, high = map(float, np.exp(interval))
-    return Judgement(
-        ratio, low, high, runs.sizes, differ, lost, runs.failures, not runs.plain, float(critical), verdict, reason
-    )
-
-
-def _verdict(
-    interval: tuple[float, float, float], p: tuple[float, float], runs: Compared, margin: float, level: float
-) -> tuple[Verdict, str]:
-    centre, low, high = interval
+    (centre, low, high), (differ, lost) = interval.tolist(), p.tolist()
     ours, theirs = runs.failures
-    if p[1] < level:
-        return (Verdict.MORE_LOST if ours > theirs else Verdict.FEWER_LOST), ""
-    if -np.log1p(margin) < low and high < np.log1p(margin):
+    verdict, reason = Verdict.UNDECIDED, ""
+    if lost < level:
+        verdict = Verdict.MORE_LOST if ours > theirs else Verdict.FEWER_LOST
+    elif -np.log1p(margin) < low and high < np.log1p(margin):
         excluded = max(map(loss_bound, runs.failures, runs.sizes)) < margin
-        return (Verdict.EQUAL, "") if excluded else (Verdict.UNDECIDED, NOT_EXCLUDED)
-    if not p[0] < level:
-        return Verdict.UNDECIDED, ""
-    if (ours - theirs) * centre < 0:
-        return Verdict.UNDECIDED, FAILED_MORE
-    return (Verdict.BETTER if centre < 0 else Verdict.WORSE), ""
+        verdict, reason = (Verdict.EQUAL, "") if excluded else (verdict, NOT_EXCLUDED)
+    elif differ < level and (ours - theirs) * centre < 0:
+        reason = FAILED_MORE
+    elif differ < level:
+        verdict = Verdict.BETTER if centre < 0 else Verdict.WORSE
+    with np.errstate(over="ignore"):  # few seeds in a large study: an interval beyond all numbers
+        ratio, low, high = np.exp(interval).tolist()
+    failures, critical = runs.failures, float(critical)
+    return Judgement(ratio, low, high, runs.sizes, differ, lost, failures, not runs.plain, critical, verdict, reason)
 
 
 def intervals_of(comparisons: Sequence[LogRatios], tested: Family) -> FloatArray:
@@ -220,16 +183,3 @@ def intervals_of(comparisons: Sequence[LogRatios], tested: Family) -> FloatArray
             if d.shape[1] >= LEAST_SEEDS:
                 ends[1:, places[~plain]] = median_intervals(ordered, tested.confidence, exact=True)
     return ends
-
-
-def middle(ordered: FloatArray) -> float:
-    """Return the median of (n,) values in ascending order; between an infinite one and another, the infinite."""
-    return float(middles(ordered[None])[0])
-
-
-def middles(ordered: FloatArray) -> FloatArray:
-    """Return what `middle` gives for each row of (k, n) values."""
-    left, right = ordered[:, (ordered.shape[1] - 1) // 2], ordered[:, ordered.shape[1] // 2]
-    with np.errstate(invalid="ignore"):
-        mean = np.where(np.isinf(right), right, (left + right) / 2)
-    return np.asarray(np.where(np.isinf(left), left, mean))

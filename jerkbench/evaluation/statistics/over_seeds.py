@@ -233,29 +233,17 @@ def log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> LogRatios:
 
 def log_ratios_of(errors: Iterable[tuple[FloatArray, FloatArray]]) -> list[LogRatios]:
     """Return what `log_ratios` gives for each pair of errors; those of one size are computed together."""
-    known = [_known(a, b) for a, b in errors]
-    first, second = (Samples.of([pair[side] for pair in known]) for side in (0, 1))
+    known = [(a[kept], b[kept]) for a, b in errors for kept in [(a >= 0) & (b >= 0)]]
+    samples = (Samples.of([pair[side] for pair in known]).by_size() for side in (0, 1))
     ratios: dict[int, LogRatios] = {}
-    for (places, ours), (_, theirs) in zip(first.by_size(), second.by_size(), strict=True):
-        ratios.update(zip(places.tolist(), _ratios_of_one_size(ours, theirs), strict=True))
+    for (places, first), (_, second) in zip(*samples, strict=True):
+        lost = np.stack([np.isinf(first), np.isinf(second)], axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            d = np.log(first) - np.log(second)
+            near = np.abs(first - second) <= ROUNDING * np.minimum(first, second)
+        d = np.where((first == second) | (near & ~lost.any(axis=-1)), 0.0, d)
+        ratios.update(zip(places.tolist(), map(LogRatios, d, lost, _locked(d)), strict=True))
     return [ratios[place] for place in range(len(known))]
-
-
-def _known(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Leave out the seeds of which nothing is said."""
-    known = (first >= 0) & (second >= 0)
-    return (first, second) if known.all() else (first[known], second[known])
-
-
-def _ratios_of_one_size(first: FloatArray, second: FloatArray) -> list[LogRatios]:
-    """Return the log ratios of the rows of two (k, n) errors."""
-    lost = np.stack([np.isinf(first), np.isinf(second)], axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        d = np.log(first) - np.log(second)
-        near = np.abs(first - second) <= ROUNDING * np.minimum(first, second)
-    same = (first == second) | (near & ~lost.any(axis=-1))
-    d = np.where(same, 0.0, d)
-    return list(map(LogRatios, d, lost, _locked(d)))
 
 
 def _locked(d: FloatArray) -> BoolArray:
@@ -269,3 +257,63 @@ def _locked(d: FloatArray) -> BoolArray:
             away = np.where(finite[row], d[row] - np.median(d[row][finite[row]]), 0.0)
             locked[row] = np.column_stack([away > limit, away < -limit])
     return locked
+
+
+# Runs of which no two have a seed in common.
+
+
+@dataclass(frozen=True, eq=False)
+class TwoSamples:
+    """The errors of a and of b, each on seeds of its own.
+
+    Attributes:
+        a: (n,) infinite where the run was lost.
+        b: (k,) likewise.
+    """
+
+    a: FloatArray
+    b: FloatArray
+
+    @cached_property
+    def failed(self) -> tuple[BoolArray, BoolArray]:
+        """Which runs of either were lost, or are `LOCKED_OUT` times the median."""
+        a, b = (
+            errors > LOCKED_OUT * np.median(finite) if len(finite) else np.isinf(errors)
+            for errors, finite in ((errors, errors[np.isfinite(errors)]) for errors in (self.a, self.b))
+        )
+        return a, b
+
+    @property
+    def failures(self) -> tuple[int, int]:
+        """Runs that a, and that b, lost or locked out in."""
+        return int(self.failed[0].sum()), int(self.failed[1].sum())
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Seeds of a, and of b."""
+        return len(self.a), len(self.b)
+
+    @property
+    def n(self) -> int:
+        """Seeds of the smaller sample."""
+        return min(self.sizes)
+
+    @property
+    def plain(self) -> bool:
+        """Whether every run went well, and means may stand for them."""
+        positive = bool((self.a > 0).all() and (self.b > 0).all())
+        return positive and not (self.failed[0].any() or self.failed[1].any())
+
+
+def two_samples(a: npt.ArrayLike, b: npt.ArrayLike) -> TwoSamples:
+    """Return the samples without what is NaN (the metric did not apply) or negative."""
+    first, second = (np.asarray(values, dtype=np.float64) for values in (a, b))
+    return TwoSamples(first[first >= 0], second[second >= 0])
+
+
+def middles(ordered: FloatArray) -> FloatArray:
+    """Return the medians of (k, n) values in ascending order; between an infinite one and another, the infinite."""
+    left, right = ordered[:, (ordered.shape[1] - 1) // 2], ordered[:, ordered.shape[1] // 2]
+    with np.errstate(invalid="ignore"):
+        mean = np.where(np.isinf(right), right, (left + right) / 2)
+    return np.asarray(np.where(np.isinf(left), left, mean))

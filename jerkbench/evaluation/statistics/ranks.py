@@ -174,79 +174,36 @@ def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
     Source: Searle, Casella and McCulloch, "Variance Components", Wiley (1992), 4.5; Satterthwaite, "An approximate
     distribution of estimates of variance components", Biometrics Bulletin 2 (1946).
     """
-    means = d.mean(axis=1)
-    worst = int(np.argmax(means))
-    mu = float(means.mean())
-    components = _components(d)
-    error, dof = _error(components, *d.shape)
-    low, high = _ends(mu, error, dof, confidence) if len(d) > 1 else (np.nan, np.nan)
-    return OverScenarios(
-        ratio=float(np.exp(mu)),
-        low=low,
-        high=high,
-        dof=dof,
-        scenario_sigma=float(np.sqrt((components.scenario - components.rest) / d.shape[1])),
-        seed_sigma=float(np.sqrt((components.seed - components.rest) / len(d))),
-        sigma=float(np.sqrt(components.rest)),
-        worst=worst,
-        worst_ratio=float(np.exp(means[worst])),
-        scenarios=len(d),
-    )
-
-
-def _ends(mu: float, error: float, dof: float, confidence: float) -> tuple[float, float]:
     from scipy.special import stdtrit
 
-    half = float(stdtrit(dof, (1 + confidence) / 2)) * error
-    return float(np.exp(mu - half)), float(np.exp(mu + half))
-
-
-class _Components(NamedTuple):
-    """Mean squares of scenarios, seeds and rest, each at least the rest's, and their degrees of freedom."""
-
-    scenario: float
-    seed: float
-    rest: float
-    freedom: tuple[float, float, float]
-
-
-def _components(d: FloatArray) -> _Components:
-    """Return the mean squares of (S, n), with what is no larger than the rest taken into it."""
-    s, n = d.shape
-    rows, columns, all_of_it = d.mean(axis=1), d.mean(axis=0), d.mean()
-    scenario, seed = n * float(np.sum((rows - all_of_it) ** 2)), s * float(np.sum((columns - all_of_it) ** 2))
-    rest = max(0.0, float(np.sum((d - all_of_it) ** 2)) - scenario - seed)
+    (s, n), means, total = d.shape, d.mean(axis=1), d.mean()
+    worst, mu = int(np.argmax(means)), float(means.mean())
+    scenario, seed = n * float(np.sum((means - total) ** 2)), s * float(np.sum((d.mean(axis=0) - total) ** 2))
+    rest, freedom = max(0.0, float(np.sum((d - total) ** 2)) - scenario - seed), (s - 1.0) * (n - 1.0)
     sums = {"scenario": (scenario, s - 1.0), "seed": (seed, n - 1.0)}
-    freedom = (s - 1.0) * (n - 1.0)
     for name in sorted(sums, key=lambda name: sums[name][0] / max(1.0, sums[name][1])):
         square, own = sums[name]
-        if freedom > 0 and square * freedom <= rest * own:
+        if freedom > 0 and square * freedom <= rest * own:  # what is no larger than the rest joins it
             rest, freedom = rest + square, freedom + own
             del sums[name]
     each = rest / max(1.0, freedom)
-    scenario, seed = (
-        sums[name][0] / max(1.0, sums[name][1]) if name in sums else each for name in ("scenario", "seed")
-    )
-    own = tuple(sums[name][1] if name in sums else 0.0 for name in ("scenario", "seed"))
-    return _Components(scenario, seed, each, (own[0], own[1], freedom))
-
-
-def _error(components: _Components, scenarios: int, seeds: int) -> tuple[float, float]:
-    """Return the standard error of the mean and its degrees of freedom.
-
-    Of MSS + MSI - MSE what is the rest itself cancels.
-    """
-    both = components.freedom[0] > 0 and components.freedom[1] > 0
-    kept = [
-        (square, own)
-        for square, own in zip((components.scenario, components.seed), components.freedom, strict=False)
-        if own > 0
-    ]
-    terms = (
-        [*kept, (-components.rest, components.freedom[2])]
-        if both
-        else kept or [(components.rest, components.freedom[2])]
-    )
-    total = sum(square for square, _ in terms)
+    squares = {name: square / max(1.0, own) for name, (square, own) in sums.items()}
+    kept = [(squares[name], own) for name, (_, own) in sums.items() if own > 0]
+    # of MSS + MSI - MSE what is the rest itself cancels
+    terms = [*kept, (-each, freedom)] if len(kept) == 2 else kept or [(each, freedom)]
+    variance = sum(square for square, _ in terms)
     spread = sum(square**2 / own for square, own in terms if own > 0)
-    return float(np.sqrt(total / (scenarios * seeds))), total**2 / spread if spread > 0 else np.inf
+    error, dof = float(np.sqrt(variance / (s * n))), variance**2 / spread if spread > 0 else np.inf
+    half = float(stdtrit(dof, (1 + confidence) / 2)) * error if s > 1 else np.nan
+    return OverScenarios(
+        ratio=float(np.exp(mu)),
+        low=float(np.exp(mu - half)),
+        high=float(np.exp(mu + half)),
+        dof=dof,
+        scenario_sigma=float(np.sqrt((squares.get("scenario", each) - each) / n)),
+        seed_sigma=float(np.sqrt((squares.get("seed", each) - each) / s)),
+        sigma=float(np.sqrt(each)),
+        worst=worst,
+        worst_ratio=float(np.exp(means[worst])),
+        scenarios=s,
+    )

@@ -10,7 +10,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.statistics.families import Correction
 from jerkbench.evaluation.statistics.judgement import Judgement, Verdict
-from jerkbench.evaluation.statistics.seeds import judged_on_other_seeds, two_samples
+from jerkbench.evaluation.statistics.over_seeds import two_samples
+from jerkbench.evaluation.statistics.seeds import judged_on_other_seeds
 from jerkbench.report.analysis.columns import Combination, checked, quantity
 from jerkbench.report.analysis.runs import RULE, MethodRuns, VerdictRule, on_common_seeds, runs_by_combination
 from jerkbench.report.analysis.standings import Standing, compare_runs
