@@ -1,6 +1,5 @@
 """The interval of a mean against an independent BCa bootstrap, a closed form, and its own promises."""
 
-import dataclasses
 import math
 from statistics import NormalDist
 
@@ -139,7 +138,7 @@ def test_neither_order_nor_company_changes_it():
     together = mean_intervals(samples)
     for k in (0, 1, 2, 4, 40):
         alone = mean_interval(samples[k][::-1])
-        assert dataclasses.astuple(together[k]) == pytest.approx(dataclasses.astuple(alone), rel=1e-12, nan_ok=True)
+        assert tuple(together[k]) == pytest.approx(tuple(alone), rel=1e-12, nan_ok=True)
 
 
 def test_of_thousands_of_values_the_interval_is_the_one_that_scipy_gives_without_a_bootstrap():
