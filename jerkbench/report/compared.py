@@ -98,20 +98,16 @@ def read_tolerances(path: Path, otherwise: float | None = None) -> Tolerances:
     Raises:
         JerkbenchError: it cannot be read, or a rule is none.
     """
-    content = _content(path)
+    import yaml
+
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else read_yaml(path)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, yaml.YAMLError) as error:
+        raise JerkbenchError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
     rules = content.get(KEY) if isinstance(content, Mapping) and set(content) == {KEY} else None
     if not isinstance(rules, list) or not rules:
         raise JerkbenchError(f"{path} has no list of tolerances: write {KEY}:, and below it lines as - {LINE}.")
     return Tolerances(tuple(_rule(path, number, rule) for number, rule in enumerate(rules, start=1)), otherwise)
-
-
-def _content(path: Path) -> Any:  # noqa: ANN401 - whatever stands there
-    import yaml
-
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else read_yaml(path)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, yaml.YAMLError) as error:
-        raise JerkbenchError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
 
 
 def _rule(path: Path, number: int, rule: object) -> Tolerance:

@@ -106,7 +106,10 @@ def answer(standings: Sequence[Standing]) -> Answer:
     """Return what a study says about its methods, over all its scenarios."""
     tested = [standing for standing in standings if standing.tested]
     if not tested:
-        return Answer(_untested(standings))
+        if not any(len(standing.rivals) > 1 for standing in standings):
+            return Answer("There is one method, and nothing to compare it with.")
+        many = not any(standing.comparisons for standing in standings)
+        return Answer("Who leads is not tested: there are too many pairs of methods." if many else UNTESTED)
     methods = {standing.name(rival) for standing in tested for rival in standing.rivals}
     said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
     judgements = [pair.judgement for standing in tested for pair in standing.tested]
@@ -114,14 +117,6 @@ def answer(standings: Sequence[Standing]) -> Answer:
     seeds = f"{low}" if low == high else f"{low} to {high}"
     basis = f"Each comparison uses {seeds} seeds; {losses_range(judgements)}."
     return Answer(said.title, (*said.sentences, basis))
-
-
-def _untested(standings: Sequence[Standing]) -> str:
-    if not any(len(standing.rivals) > 1 for standing in standings):
-        return "There is one method, and nothing to compare it with."
-    if not any(standing.comparisons for standing in standings):
-        return "Who leads is not tested: there are too many pairs of methods."
-    return UNTESTED
 
 
 def _of_two(tested: Sequence[Standing]) -> Answer:
@@ -133,7 +128,7 @@ def _of_two(tested: Sequence[Standing]) -> Answer:
         return Answer(title, (duel_sentence(duel),))
     ((_, judgement),) = duel.rounds
     if judgement.verdict is Verdict.EQUAL:
-        return Answer(f"{both} are equal within {_margin(tested[0])}")
+        return Answer(f"{both} are {tested[0].tested[0].rule.equal}")
     if judgement.verdict is Verdict.UNDECIDED:
         return Answer(f"No difference between {both} was shown")
     return Answer(f"{duel.ours} beats {duel.theirs}: {size_text(judgement)}")
@@ -142,7 +137,10 @@ def _of_two(tested: Sequence[Standing]) -> Answer:
 def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
     decided = [standing for standing in tested if standing.decided]
     if not decided:
-        return Answer(_of_none(tested, methods))
+        if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in standing.tested):
+            return Answer(f"All {methods} methods are {tested[0].tested[0].rule.equal}")
+        where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
+        return Answer(f"None of {methods} methods was shown to beat another{where}")
     counts = Counter(name for standing in decided for name in standing.leaders)
     most, reference = max(counts.values()), reference_method(tested)
     compared = [against(standing, reference) for standing in tested]
@@ -157,26 +155,14 @@ def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
     sentences = [f"No difference between methods was shown on {_named(undecided)}."] if undecided else []
     if duel and duel.won + duel.lost:
         duel = duel if duel.ours == leaders[0] else duel.turned
-        title += _by_how_much(duel, alone=len(leaders) == 1)
+        better = [judgement for _, judgement in duel.rounds if judgement.verdict is Verdict.BETTER]
+        times = max(better, key=certain_size).turned.ratio if better else math.inf
+        if 0 < times < math.inf:
+            who = " and is" if len(leaders) == 1 else f"; {duel.ours} is"
+            up_to = "up to " if len(duel.rounds) > 1 else ""
+            title += f"{who} {up_to}{factor_number(times)} times better than {duel.theirs}"
         sentences = [duel_sentence(duel), *sentences]
     return Answer(title, tuple(sentences))
-
-
-def _by_how_much(duel: Duel, *, alone: bool) -> str:
-    """Say how much better the first of two methods is at most; nothing where it is nowhere better."""
-    better = [judgement for _, judgement in duel.rounds if judgement.verdict is Verdict.BETTER]
-    times = max(better, key=certain_size).turned.ratio if better else math.inf
-    if not 0 < times < math.inf:
-        return ""
-    who = " and is" if alone else f"; {duel.ours} is"
-    return f"{who} {'up to ' if len(duel.rounds) > 1 else ''}{factor_number(times)} times better than {duel.theirs}"
-
-
-def _of_none(tested: Sequence[Standing], methods: int) -> str:
-    if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in standing.tested):
-        return f"All {methods} methods are equal within {_margin(tested[0])}"
-    where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
-    return f"None of {methods} methods was shown to beat another{where}"
 
 
 def reference_method(tested: Iterable[Standing]) -> str:
@@ -241,10 +227,6 @@ WORDS = {
     Verdict.UNDECIDED: "undecided",
 }
 """Each verdict in a sentence, in the order in which they are told."""
-
-
-def _margin(standing: Standing) -> str:
-    return f"{100 * standing.tested[0].rule.margin:g} %"
 
 
 def _named(names: Sequence[str]) -> str:

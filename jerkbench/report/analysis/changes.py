@@ -86,7 +86,7 @@ class Change(NamedTuple):
         if self.phases:
             return "no test (phases of one recording)"
         equal = self.judgement.verdict is Verdict.EQUAL
-        words = f"equal within {100 * self.rule.margin:g} %" if equal else self.judgement.verdict.value
+        words = self.rule.equal if equal else self.judgement.verdict.value
         words += f", as {self.judgement.reason}" if self.judgement.reason else ""
         return words if self.paired else f"{words} (other seeds)"
 
@@ -152,27 +152,18 @@ def _change(two: BeforeAfter, judgement: Judgement, rule: VerdictRule) -> Change
 
 def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
     """Return a line of texts for each change: the factors, both means, the ratio, its interval, losses, the verdict."""
-    return [
-        [
-            *(getattr(change.combination, key) for key in varying),
-            *(_mean(*of) for of in zip(change.means, change.runs, change.lost, strict=True)),
-            _ratio(change),
-            _interval(change),
-            change.losses,
-            change.verdict,
-        ]
-        for change in changed
-    ]
-
-
-def _ratio(change: Change) -> str:
-    ratio = change.judgement.ratio
-    return f"×{factor_number(ratio)}" if change.common and 0 < ratio < math.inf else ""  # noqa: RUF001
-
-
-def _interval(change: Change) -> str:
-    low, high = change.judgement.low, change.judgement.high
-    return f"[{factor_number(low)}, {factor_number(high)}]" if change.common and math.isfinite(low) else ""
+    rows = []
+    for change in changed:
+        judgement, texts = change.judgement, [getattr(change.combination, key) for key in varying]
+        for mean, runs, lost in zip(change.means, change.runs, change.lost, strict=True):
+            text = number(mean) if math.isfinite(mean) else "n/a"
+            texts.append(f"{text} ({lost}/{runs} lost)" if lost else text)
+        known = change.common and 0 < judgement.ratio < math.inf
+        interval = f"[{factor_number(judgement.low)}, {factor_number(judgement.high)}]"
+        texts += [f"×{factor_number(judgement.ratio)}" if known else ""]  # noqa: RUF001
+        texts += [interval if change.common and math.isfinite(judgement.low) else "", change.losses, change.verdict]
+        rows.append(texts)
+    return rows
 
 
 def _average(values: FloatArray) -> float:
@@ -181,11 +172,6 @@ def _average(values: FloatArray) -> float:
     if len(known) == 0:
         return math.nan
     return float(np.exp(np.mean(np.log(known)))) if (known > 0).all() else float(np.mean(known))
-
-
-def _mean(mean: float, runs: int, lost: int) -> str:
-    text = number(mean) if math.isfinite(mean) else "n/a"
-    return f"{text} ({lost}/{runs} lost)" if lost else text
 
 
 # The sentences below two sets of results: how they were judged, and where others lead.

@@ -102,15 +102,8 @@ READING = {
 """How to read what is not as expected, where it is not "more is overconfident"."""
 
 COUNTS = (
-    *(
-        "outages_counted",
-        "faults_counted",
-        "error_correlation_rows",
-        "inflated_percent",
-        "rejected_percent",
-        "lockout_s",
-    ),
-    *("inclination_floor_deg", "position_bound_m"),
+    *("outages_counted", "faults_counted", "error_correlation_rows", "inflated_percent", "rejected_percent"),
+    *("lockout_s", "inclination_floor_deg", "position_bound_m"),
 )
 """What tells how much was scored, how well, how well at best, or what an adaptation did: no quality of a filter."""
 

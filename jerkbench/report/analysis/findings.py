@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from jerkbench.evaluation.statistics.intervals import up_to
 from jerkbench.evaluation.statistics.judgement import BY_LOSSES, Verdict
 from jerkbench.report.analysis.answer import certain_size, duel_sentence, duels
-from jerkbench.report.analysis.columns import FACTORS, Combination
+from jerkbench.report.analysis.columns import FACTORS
 from jerkbench.report.analysis.standings import Comparison, Standing
 from jerkbench.report.analysis.study_verdicts import StudyVerdicts
 from jerkbench.report.tables.table_model import factor_number, number
@@ -48,69 +48,39 @@ def compared(
 
 
 def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
-    """Say comparison comparison, with the factors that vary in the study."""
+    """Say what a comparison shows, with the factors that vary in the study."""
     subject, baseline, where = method_names(comparison, varying)
     judgement, lost = comparison.judgement, losses_clause(comparison, subject, baseline)
-    if judgement.n == 0:
+    n, ratio, known = judgement.n, judgement.ratio, 0 < judgement.ratio < math.inf
+    noun = "phases" if comparison.phases else "seeds"
+    # a recording in which nothing is withheld has one run, and no phases
+    count = f"{n} {noun}" if n != 1 else "one run" if comparison.phases else "1 seed"
+    if n == 0:
         return f"{subject} cannot be compared with {baseline}{where}: no run of both has a value."
     if all(count == comparison.runs for count in comparison.lost):
         return f"{subject} cannot be compared with {baseline}{where}: both lost all {comparison.runs} runs."
     if not (comparison.ratios.d.any() or any(judgement.failures)):
-        return f"{subject} gives the same as {baseline}{where} ({_count(comparison)}){lost}."
+        return f"{subject} gives the same as {baseline}{where} ({count}){lost}."
     if comparison.phases:
-        return f"{subject} {_times(judgement.ratio)} {baseline}{where} ({_phases(comparison)}){lost}."
+        over = f"{f'range {_range(comparison)} over ' if known else ''}{count}" if n > 1 else count
+        return f"{subject} {_times(ratio)} {baseline}{where} ({over} of one recording; no test){lost}."
     if comparison.verdict in BY_LOSSES:
-        return f"{subject} {comparison.verdict.value} than {baseline}{where}: {_against(comparison)}."
-    return _tested(comparison, subject, baseline, where) + f"{lost}."
-
-
-def _tested(comparison: Comparison, subject: str, baseline: str, where: str) -> str:
-    """Say what the test of the errors says."""
-    ratio = comparison.judgement.ratio
+        (ours, theirs), p = judgement.failures, number(judgement.p_lost)
+        bounds = f"{up_to(ours, n)} against {up_to(theirs, n)}; McNemar, p {p}"
+        counts = f"{ours} of {n} lost or locked out against {theirs} of {n} ({bounds})"
+        return f"{subject} {comparison.verdict.value} than {baseline}{where}: {counts}."
+    median = "median, " if judgement.median else ""
+    interval = "" if math.isnan(judgement.low) else f"95 % {_range(comparison)}, "
+    detail = f"({median}{interval}{count})" if known else f"(median: that run of the one is lost, {count})"
+    factor = f"{number(ratio)} times " if known else ""
+    said = f"{subject} {_times(ratio)} {baseline}{where} {detail}"
     if comparison.verdict is Verdict.EQUAL:
-        equal = f"equal within {100 * comparison.rule.margin:g} %"
-        return f"{subject} and {baseline} are {equal}{where}: {_ratio(ratio)}{_detail(comparison)}"
-    if comparison.verdict is Verdict.UNDECIDED:
+        said = f"{subject} and {baseline} are {comparison.rule.equal}{where}: {factor}{detail}"
+    elif comparison.verdict is Verdict.UNDECIDED:
         more = f"; {comparison.needed} seeds would decide" if comparison.needed else ""
-        more += f", as {comparison.judgement.reason}" if comparison.judgement.reason else ""
-        return f"Undecided between {subject} and {baseline}{where}: {_ratio(ratio)}{_detail(comparison)}{more}"
-    return f"{subject} {_times(ratio)} {baseline}{where} {_detail(comparison)}"
-
-
-def _ratio(ratio: float) -> str:
-    """The ratio with a space behind it; nothing where the median run of either is lost."""
-    return f"{number(ratio)} times " if 0 < ratio < math.inf else ""
-
-
-def _detail(comparison: Comparison) -> str:
-    """The interval, what it is of, and how many seeds."""
-    if not 0 < comparison.judgement.ratio < math.inf:
-        return f"(median: that run of the one is lost, {_count(comparison)})"
-    median = "median, " if comparison.judgement.median else ""
-    interval = "" if math.isnan(comparison.judgement.low) else f"95 % {_range(comparison)}, "
-    return f"({median}{interval}{_count(comparison)})"
-
-
-def _phases(comparison: Comparison) -> str:
-    n = comparison.judgement.n
-    span = f"range {_range(comparison)} over " if 0 < comparison.judgement.ratio < math.inf else ""
-    over = f"{span}{n} phases" if n > 1 else "one run"
-    return f"{over} of one recording; no test"
-
-
-def _against(comparison: Comparison) -> str:
-    ours, theirs = comparison.judgement.failures
-    runs, p = comparison.judgement.n, number(comparison.judgement.p_lost)
-    bounds = f"{up_to(ours, runs)} against {up_to(theirs, runs)}"
-    return f"{ours} of {runs} lost or locked out against {theirs} of {runs} ({bounds}; McNemar, p {p})"
-
-
-def _count(comparison: Comparison) -> str:
-    """How many seeds or phases; a recording in which nothing is withheld has one run, and no phases."""
-    n = comparison.judgement.n
-    if n == 1:
-        return "one run" if comparison.phases else "1 seed"
-    return f"{n} {'phases' if comparison.phases else 'seeds'}"
+        more += f", as {judgement.reason}" if judgement.reason else ""
+        said = f"Undecided between {subject} and {baseline}{where}: {factor}{detail}{more}"
+    return f"{said}{lost}."
 
 
 def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
@@ -130,11 +100,10 @@ def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, s
     named = [key for key in FACTORS if key in differ or (key in ("filter", "adaptation") and key in varying)]
     places = [key for key in varying if key not in named]
     where = ", ".join(getattr(comparison.subject, key) for key in places)
-    return _joined(comparison.subject, named), _joined(comparison.baseline, named), f" on {where}" if where else ""
-
-
-def _joined(combination: Combination, keys: Sequence[str]) -> str:
-    return "+".join(getattr(combination, key) for key in keys)
+    subject, baseline = (
+        "+".join(getattr(of, key) for key in named) for of in (comparison.subject, comparison.baseline)
+    )
+    return subject, baseline, f" on {where}" if where else ""
 
 
 def _times(ratio: float) -> str:

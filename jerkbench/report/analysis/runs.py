@@ -1,6 +1,6 @@
 """Rows -> runs by combination and seed, the rule by which they are judged, and what each is held against."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -101,6 +101,11 @@ class VerdictRule:
         if self.margin < 0:
             raise JerkbenchError(f"The margin of equality is {100 * self.margin:g} %; give 0 or more, for example 3.")
 
+    @property
+    def equal(self) -> str:
+        """What two methods are whose ratio is within the margin."""
+        return f"equal within {100 * self.margin:g} %"
+
     def of(self, rows: "pd.DataFrame") -> "VerdictRule":
         """Return the rule for the rows of a study, which know what their last look may spend."""
         return replace(self, level=min(self.level, rows.attrs.get(SPENDS, self.level)))
@@ -144,14 +149,12 @@ def partners(
     """
     pairs = [(key, key._replace(**baseline)) for key in combinations]
     if not any(partner in combinations for _, partner in pairs):
-        raise JerkbenchError(_no_baseline(combinations, baseline))
-    return [(key, partner) for key, partner in pairs if partner in combinations and partner != key]
-
-
-def _no_baseline(combinations: Iterable[Combination], baseline: Mapping[str, str]) -> str:
-    labels = {factor: set(values) for factor, values in zip(FACTORS, zip(*combinations, strict=True), strict=True)}
-    key, value = next(((k, v) for k, v in baseline.items() if v not in labels[k]), next(iter(baseline.items())))
-    if value in labels[key]:
+        labels = {factor: {getattr(key, factor) for key in combinations} for factor in FACTORS}
+        key, value = next(((k, v) for k, v in baseline.items() if v not in labels[k]), next(iter(baseline.items())))
+        if value not in labels[key]:
+            raise JerkbenchError(unknown(key, value, labels[key]))
         factors = ", ".join(f"{k}={v}" for k, v in baseline.items())
-        return f"No combination has {factors} together; `jerkbench table DIR` shows those that there are."
-    return unknown(key, value, labels[key])
+        raise JerkbenchError(
+            f"No combination has {factors} together; `jerkbench table DIR` shows those that there are."
+        )
+    return [(key, partner) for key, partner in pairs if partner in combinations and partner != key]

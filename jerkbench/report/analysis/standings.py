@@ -121,7 +121,7 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
     if not tested:
         return "Without seeds there is no test of a difference."
     rule, family = tested[0].rule, max(comparison.family for comparison in tested)
-    marks = f"*: a difference was shown; =: equal within {100 * rule.margin:g} %."
+    marks = f"*: a difference was shown; =: {rule.equal}."
     if rule.correction is Correction.FDR:
         test = f"Of the marks 5 % may be wrong (Benjamini and Hochberg over the study's {family} comparisons)."
     else:
@@ -131,17 +131,12 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
         )
     if rule.level < LEVEL:
         test += f" Seeds were added in blocks: the last look spends {100 * rule.level:.2g} of these 5 %."
-    return f"{marks} {test}{_undecided(tested)} Of each method {losses_range(one.judgement for one in tested)}."
-
-
-def _undecided(tested: Sequence[Comparison]) -> str:
-    """Say how many are undecided, where any is, and how many of them for losses that were not seen."""
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)
-    if not count:
-        return ""
     floored = sum(comparison.below_floor for comparison in tested)
     why = f", {floored} of them because they differ by less than the reference's own sigma" if floored else ""
-    return f" Of the {len(tested)} here {count} {'is' if count == 1 else 'are'} undecided{not_excluded(tested)}{why}."
+    is_ = "is" if count == 1 else "are"
+    undecided = f" Of the {len(tested)} here {count} {is_} undecided{not_excluded(tested)}{why}." if count else ""
+    return f"{marks} {test}{undecided} Of each method {losses_range(one.judgement for one in tested)}."
 
 
 def not_excluded(compared: Iterable[Comparison]) -> str:
@@ -213,39 +208,29 @@ class Standing(NamedTuple):
 
 def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
     """Return in sentences who leads how often, and how many pairs of methods are what."""
-    verdicts = Counter(pair.verdict for standing in standings for pair in standing.tested)
-    if verdicts:
-        decided = [standing for standing in standings if standing.decided]
-        return [*_leading(decided, len(standings)), _counts(verdicts, standings)]
-    if any(pair.judgement.n for standing in standings for pair in standing.comparisons):
-        return [UNTESTED]
-    many = any(len(standing.rivals) > 1 and not standing.comparisons for standing in standings)
-    return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
-
-
-def _leading(decided: Sequence[Standing], scenarios: int) -> list[str]:
-    """Say who leads in which number of scenarios."""
-    if not decided:
-        return ["Nobody leads: no method was shown to be worse than another, which does not mean that they are equal."]
-    counts = Counter(name for standing in decided for name in standing.leaders)
-    if scenarios == 1:
-        return [f"In the lead: {', '.join(counts)}."]
-    told = ", ".join(f"{name} in {count}" for name, count in counts.most_common(5))
-    more = f", and {len(counts) - 5} others in fewer" if len(counts) > 5 else ""
-    return [f"In the lead, of {scenarios} scenarios: {told}{more}."]
-
-
-def _counts(verdicts: "Counter[Verdict]", standings: Sequence[Standing]) -> str:
-    """Say how many pairs are decided, equal and undecided."""
-    total = verdicts.total()
+    compared = [pair for standing in standings for pair in standing.comparisons]
+    verdicts = Counter(pair.verdict for pair in compared if pair.tested)
+    if not verdicts:
+        if any(pair.judgement.n for pair in compared):
+            return [UNTESTED]
+        many = any(len(standing.rivals) > 1 and not standing.comparisons for standing in standings)
+        return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
+    leaders = Counter(name for standing in standings if standing.decided for name in standing.leaders)
+    told = ", ".join(f"{name} in {count}" for name, count in leaders.most_common(5))
+    more = f", and {len(leaders) - 5} others in fewer" if len(leaders) > 5 else ""
+    leading = f"In the lead, of {len(standings)} scenarios: {told}{more}."
+    if not leaders:
+        leading = "Nobody leads: no method was shown to be worse than another, which does not mean that they are equal."
+    elif len(standings) == 1:
+        leading = f"In the lead: {', '.join(leaders)}."
     equal, undecided = verdicts[Verdict.EQUAL], verdicts[Verdict.UNDECIDED]
     lost = verdicts[Verdict.FEWER_LOST] + verdicts[Verdict.MORE_LOST]
-    tested = [pair for standing in standings for pair in standing.comparisons]
     parts = [
-        (total - equal - undecided - lost, "differ"),
+        (verdicts.total() - equal - undecided - lost, "differ"),
         (lost, "differ in the runs they lose"),
-        (equal, f"are equal within {100 * tested[0].rule.margin:g} %"),
-        (undecided, f"are undecided{not_excluded(tested)}"),
+        (equal, f"are {compared[0].rule.equal}"),
+        (undecided, f"are undecided{not_excluded(compared)}"),
     ]
     told = ", ".join(f"{count} {words}" for count, words in parts if count)
-    return f"Of {total} pairs of methods {told}; of each method {losses_range(pair.judgement for pair in tested)}."
+    losses = losses_range(pair.judgement for pair in compared)
+    return [leading, f"Of {verdicts.total()} pairs of methods {told}; of each method {losses}."]

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -113,7 +114,12 @@ def study_verdicts(
         rows = at_best_noise(rows, metric)
         entered = runs_by_combination(rows, metric)
         fields = _fields(entered, method)
-    pairs = [pair for field in fields for pair in _pairs(field)] if _count(fields) <= most else []
+    pairs = [  # every two rivals, and every reference with what it differs from in one factor
+        (a, b)
+        for field in (fields if _count(fields) <= most else [])
+        for a, b in itertools.combinations(field, 2)
+        if (competes(a._asdict()) and competes(b._asdict())) or sum(map(operator.ne, a, b)) == 1
+    ]
     comparisons = compare_runs(((entered[a], entered[b]) for a, b in pairs), rule)
     judged = dict(zip(pairs, comparisons, strict=True))
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
@@ -138,14 +144,6 @@ def _standing(
         rivals=rivals,
         comparisons=tuple(judged[pair] for pair in itertools.combinations(rivals, 2) if pair in judged),
     )
-
-
-def _pairs(field: Sequence[Combination]) -> Iterator[Pair]:
-    """Yield every two rivals, and every reference with what it differs from in one factor."""
-    for a, b in itertools.combinations(field, 2):
-        both = all(competes(key._asdict()) for key in (a, b))
-        if both or sum(ours != theirs for ours, theirs in zip(a, b, strict=True)) == 1:
-            yield a, b
 
 
 def _fields(combinations: Iterable[Combination], method: Sequence[str]) -> list[list[Combination]]:
