@@ -126,16 +126,10 @@ def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArr
         for rows, (_, end) in zip(inside, recording.outages_s, strict=True)
         if rows.any()
     ]
-    oldest_s = OLDEST * _interval_s(recording.reference) if spans else 0.0
+    enu_m = recording.reference.enu_m
+    known_s = recording.reference.t_s[np.isfinite(enu_m).all(axis=1)] if spans and enu_m is not None else np.empty(0)
+    oldest_s = OLDEST * float(np.median(np.diff(known_s))) if len(known_s) > 1 else 0.0
     return np.array([pair for pair, end in spans if end - t_s[pair[1]] <= oldest_s], dtype=np.int64).reshape(-1, 2)
-
-
-def _interval_s(reference: Reference) -> float:
-    """Return the median interval [s] between the stamps at which the position is known; 0 of fewer than two."""
-    if reference.enu_m is None:
-        return 0.0
-    known_s = reference.t_s[np.isfinite(reference.enu_m).all(axis=1)]
-    return float(np.median(np.diff(known_s))) if len(known_s) > 1 else 0.0
 
 
 # The rows of an estimate that count, and what an estimate must reach for them.
@@ -224,15 +218,22 @@ def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def known(truth: FloatArray | None, estimate: Estimate, axes: tuple[int, ...] = (0, 1, 2)) -> BoolArray:
     """Return (k,) whether all ``axes`` of the reference are numbers at the estimate's rows."""
-    if truth is None:
-        return np.zeros(len(estimate.index), dtype=bool)
-    return np.asarray(np.isfinite(truth[estimate.index][:, axes]).all(axis=1))
+    return on_all(known_axes(truth, estimate.index), axes)
 
 
 def counted_errors(estimate: Estimate, recording: Recording, counted: BoolArray) -> tuple[BoolArray, FloatArray]:
     """Return which rows (k,) are ``counted`` and have a reference of the position, and the errors (j, 3) there."""
     rows = counted & known(recording.reference.enu_m, estimate)
     return rows, position_error_m(estimate, recording)[rows]
+
+
+def timed_errors(
+    estimate: Estimate, recording: Recording, counted: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times (j,), errors of the position (j, 3) and their lengths (j,) at the rows of `counted_errors`."""
+    rows, error = counted_errors(estimate, recording, counted)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return recording.reference.t_s[estimate.index[rows]], error, np.linalg.norm(error, axis=1)
 
 
 def rms_norm(vectors: FloatArray) -> float:

@@ -1,7 +1,7 @@
 """Every figure of a study, with its caption; the scenarios and methods that carry its findings."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.statistics.ranks import critical_difference
@@ -49,18 +49,6 @@ METHODS = 4
 
 Methods = tuple[tuple[str, str], ...]
 """Filter and adaptation of each."""
-
-
-class Common(TypedDict):
-    """What every figure of errors is told.
-
-    Attributes:
-        burn_in_s: errors count from then on, as in the tables.
-        palette: of the study.
-    """
-
-    burn_in_s: float
-    palette: Palette
 
 
 class Drawing(NamedTuple):
@@ -207,18 +195,27 @@ def _ranked(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> 
 def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:
     """Yield the figures of one scenario's runs."""
     recording, estimates = scene.recording, scene.estimates
+    common: dict[str, Any] = {"burn_in_s": scene.burn_in_s, "palette": palette}
     window_s = disturbed_window_s(recording, estimates)
-    common: Common = {"burn_in_s": scene.burn_in_s, "palette": palette}
     only = {scene.best: estimates[scene.best]}
     updated = {name: estimate for name, estimate in estimates.items() if len(estimate.updates.t_s)}
     figures = {
-        "errors": ("position error, first seed", error_figure(recording, estimates, panels=1, **common)),
-        "zoom": ("position error around a disturbance", zoomed_error_figure(recording, estimates, window_s, **common)),
+        "errors": (
+            "position error, first seed",
+            error_figure(recording, estimates, panels=1, **common),
+        ),
+        "zoom": (
+            "position error around a disturbance",
+            zoomed_error_figure(recording, estimates, window_s, **common),
+        ),
         "trajectory": (
             "trajectory, and a part of it enlarged",
             inset_trajectory_figure(recording, estimates, palette),
         ),
-        "three-sigma": (f"errors of {scene.best} with three sigmas", error_figure(recording, only, **common)),
+        "three-sigma": (
+            f"errors of {scene.best} with three sigmas",
+            error_figure(recording, only, **common),
+        ),
         "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best, palette)),
         "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated, palette)),
     }

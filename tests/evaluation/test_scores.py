@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from jerkbench.evaluation.metrics.recovery import step_response
-from jerkbench.evaluation.metrics.scores import crps, inclination_indicator, non_credibility_index
+from jerkbench.evaluation.metrics.scores import credibility, crps
 
 
 @pytest.mark.parametrize(("error", "sigma"), [(0.0, 1.0), (0.7, 0.5), (-2.0, 0.3)])
@@ -30,10 +30,10 @@ def test_no_other_sigma_scores_better_than_the_true_one():
 
 def test_a_covariance_ten_times_too_small_has_ten_decibels():
     nees = np.random.default_rng(2).chisquare(3, 500)
-    assert non_credibility_index(10 * nees, nees) == pytest.approx(10)
-    assert inclination_indicator(0.1 * nees, nees) == pytest.approx(-10)
-    assert non_credibility_index(nees, nees) == 0
-    assert math.isnan(non_credibility_index(np.array([]), np.array([])))
+    assert credibility(10 * nees, nees)[0] == pytest.approx(10)
+    assert credibility(0.1 * nees, nees)[1] == pytest.approx(-10)
+    assert credibility(nees, nees)[0] == 0
+    assert math.isnan(credibility(np.array([]), np.array([]))[0])
 
 
 def test_an_exponential_halves_in_its_half_life():

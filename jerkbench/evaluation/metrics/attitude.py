@@ -112,8 +112,12 @@ def _floor_rad(recording: Recording) -> float:
     vertical, known_rows = _means(truth, np.searchsorted(windows, reference.t_s[known], side="right"), len(windows))
     starts = np.searchsorted(imu.t_s, windows[:-1])
     force, sampled = _means(imu.accel_mps2, np.searchsorted(windows, imu.t_s, side="right"), len(windows))
+    starts = np.minimum(starts, len(imu.t_s) - 1)  # an empty window does not count anyway
+    high, low = np.maximum.reduceat(imu.gyro_radps, starts), np.minimum.reduceat(imu.gyro_radps, starts)
+    calm = ((high - low) <= STILL_RANGE_RADPS).all(axis=1)
+    calm &= np.abs(high + low).max(axis=1) / 2 <= STILL_MIDDLE_RADPS
     still = np.zeros(len(known_rows), dtype=bool)
-    still[1 : len(windows)] = _still(imu.gyro_radps, starts) & ~_moving(recording, windows)
+    still[1 : len(windows)] = calm & ~_moving(recording, windows)
     use = still & (known_rows > 0) & (sampled > 0)
     return float(np.median(angle_between(force[use], vertical[use]))) if use.any() else float("nan")
 
@@ -134,18 +138,15 @@ def _moving(recording: Recording, windows: FloatArray) -> BoolArray:
 def _speed(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
     """Times and speeds (k,): the reference's, the measured one, or that from place to place; None without any."""
     reference, velocity, position = recording.reference, recording.velocity, recording.position
+    t_s, enu_m = (reference.t_s, reference.enu_m) if position is None else (position.t_s, position.enu_m)
     if reference.velocity_mps is not None:
-        return _known(reference.t_s, np.linalg.norm(reference.velocity_mps, axis=1))
-    if velocity is not None:
-        return _known(velocity.t_s, np.sqrt(np.nansum(velocity.mps**2, axis=1)))
-    places = (reference.t_s, reference.enu_m) if position is None else (position.t_s, position.enu_m)
-    t_s, enu_m = places
-    if enu_m is None or len(t_s) < 2:
+        t_s, speed_mps = reference.t_s, np.linalg.norm(reference.velocity_mps, axis=1)
+    elif velocity is not None:
+        t_s, speed_mps = velocity.t_s, np.sqrt(np.nansum(velocity.mps**2, axis=1))
+    elif enu_m is None or len(t_s) < 2:
         return None
-    return _known(t_s[1:], np.linalg.norm(np.diff(enu_m, axis=0), axis=1) / np.diff(t_s))
-
-
-def _known(t_s: FloatArray, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    else:
+        t_s, speed_mps = t_s[1:], np.linalg.norm(np.diff(enu_m, axis=0), axis=1) / np.diff(t_s)
     finite = np.isfinite(speed_mps)
     return t_s[finite], speed_mps[finite]
 
@@ -155,11 +156,3 @@ def _means(rows: FloatArray, window: IntArray, count: int) -> tuple[FloatArray, 
     number = np.bincount(window, minlength=count + 1).astype(np.float64)
     total = np.column_stack([np.bincount(window, weights=rows[:, i], minlength=count + 1) for i in range(3)])
     return total / np.maximum(number, 1)[:, None], number
-
-
-def _still(gyro_radps: FloatArray, starts: IntArray) -> BoolArray:
-    """Whether the body hardly turns from each start to the next; an empty window does not count anyway."""
-    starts = np.minimum(starts, len(gyro_radps) - 1)
-    high, low = np.maximum.reduceat(gyro_radps, starts), np.minimum.reduceat(gyro_radps, starts)
-    calm = ((high - low) <= STILL_RANGE_RADPS).all(axis=1)
-    return np.asarray(calm & (np.abs(high + low).max(axis=1) / 2 <= STILL_MIDDLE_RADPS))

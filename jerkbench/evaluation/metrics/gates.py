@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_rows import counted_errors, first_counted_s
+from jerkbench.evaluation.counted_rows import first_counted_s, timed_errors
 from jerkbench.evaluation.metrics.recovery import LARGER, median_time_s, step_response
 from jerkbench.measurements import VARIANCE_FLOOR
 from jerkbench.plugins import register
@@ -116,8 +116,7 @@ class Gate:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the four values by column name."""
-        rows, error = counted_errors(estimate, recording, counted)
-        t_s = recording.reference.t_s[estimate.index[rows]]
+        t_s, error, length_m = timed_errors(estimate, recording, counted)
         position = recording.position
         columns = ("spike_taken_m", "spike_refused_m", "spike_step_m", "spike_recovery_s")
         spikes = [d for d in _displaced(recording) if d.first == d.last]
@@ -131,7 +130,6 @@ class Gate:
         after = np.minimum(np.searchsorted(t_s, at_s - 1e-9), len(t_s) - 1)
         with np.errstate(over="ignore", invalid="ignore"):
             steps_m = np.linalg.norm(error[after] - error[np.maximum(after - 1, 0)], axis=1)
-            length_m = np.linalg.norm(error, axis=1)
         ends_s = np.append(at_s[1:], np.inf)
         answers = [step_response(t_s, length_m, begin, end) for begin, end in zip(at_s, ends_s, strict=True)]
         values = (
@@ -175,14 +173,11 @@ class Capture:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
-        rows, error = counted_errors(estimate, recording, counted)
-        t_s = recording.reference.t_s[estimate.index[rows]]
+        t_s, _, length_m = timed_errors(estimate, recording, counted)
         position = recording.position
         fix_s = np.empty(0) if position is None else position.t_s
         stretches = [d for d in _displaced(recording) if d.last > d.first]
         captured, times_s = [], []
-        with np.errstate(over="ignore", invalid="ignore"):
-            length_m = np.linalg.norm(error, axis=1)
         for k, stretch in enumerate(stretches):
             end_s = float(fix_s[stretch.last + 1]) if stretch.last + 1 < len(fix_s) else np.inf
             next_s = float(fix_s[stretches[k + 1].first]) if k + 1 < len(stretches) else np.inf

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, streaks
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import counted_errors, counting, mean, position_error_m, rms, rms_norm
+from jerkbench.evaluation.counted_rows import counting, mean, position_error_m, rms, rms_norm, timed_errors
 from jerkbench.evaluation.sums import Summed
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -112,10 +112,7 @@ class Recovery:
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
-        rows, error_m = counted_errors(estimate, recording, counted)
-        t_s = recording.reference.t_s[estimate.index[rows]]
-        with np.errstate(over="ignore", invalid="ignore"):
-            error = np.linalg.norm(error_m, axis=1)
+        t_s, _, error = timed_errors(estimate, recording, counted)
         begins = fault_windows_s(recording)[:, 0]
         begins = begins[begins > t_s[0]] if len(t_s) else begins[:0]
         ends = np.append(begins, np.inf)[1:]

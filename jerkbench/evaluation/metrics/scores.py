@@ -69,28 +69,21 @@ def crps(error: FloatArray, sigma: FloatArray) -> FloatArray:
     return np.asarray(np.where(certain, np.abs(error), score), dtype=np.float64)
 
 
-def non_credibility_index(nees: FloatArray, ideal: FloatArray) -> float:
-    """Return the non-credibility index [dB] of (n,) NEES, beside those (n,) with the true mean square errors.
+def credibility(nees: FloatArray, ideal: FloatArray) -> tuple[float, float]:
+    """Return two indices [dB] of (n,) NEES, beside those (n,) with the true mean square errors.
 
     ::
 
         NCI = 10/n sum |log10(nees_i/ideal_i)|
 
-    0 is credible; 10 says that the covariances are wrong by a factor of ten on average, either way.
+    The non-credibility index NCI: 0 is credible; 10 says that the covariances are wrong by a factor of ten on average,
+    either way. The inclination indicator is the same without the absolute value, above 0 overconfident.
 
     Source: Li, Zhao and Li, "Estimator's credibility and its measures", IFAC World Congress (2002).
     """
     known = (nees > 0) & (ideal > 0) & np.isfinite(nees) & np.isfinite(ideal)
-    return float(10 * np.mean(np.abs(np.log10(nees[known] / ideal[known])))) if known.any() else np.nan
-
-
-def inclination_indicator(nees: FloatArray, ideal: FloatArray) -> float:
-    """Return the inclination indicator [dB]: the same without the absolute value, above 0 overconfident.
-
-    Source: Li, Zhao and Li, as above.
-    """
-    known = (nees > 0) & (ideal > 0) & np.isfinite(nees) & np.isfinite(ideal)
-    return float(10 * np.mean(np.log10(nees[known] / ideal[known]))) if known.any() else np.nan
+    logs = np.log10(nees[known] / ideal[known])
+    return (float(10 * np.mean(np.abs(logs))), float(10 * np.mean(logs))) if known.any() else (np.nan, np.nan)
 
 
 # The continuous ranked probability score of the position: metres, and honesty rewarded.
@@ -153,10 +146,7 @@ class Credibility(Summed):
             return {"non_credibility_db": np.nan, "inclination_db": np.nan}
         nees = _squares(error, sums.sampled_covariance_m2)
         ideal = _squares(error, np.broadcast_to(square, (len(error), 3, 3)))
-        return {
-            "non_credibility_db": non_credibility_index(nees, ideal),
-            "inclination_db": inclination_indicator(nees, ideal),
-        }
+        return dict(zip(("non_credibility_db", "inclination_db"), credibility(nees, ideal), strict=True))
 
 
 def _squares(error: FloatArray, covariance: FloatArray) -> FloatArray:

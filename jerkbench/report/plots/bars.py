@@ -2,8 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -41,16 +40,8 @@ GAP = 0.8
 """Between two groups, in bars."""
 
 
-class Bar(NamedTuple):
-    """A combination.
-
-    Attributes:
-        cell: of the table.
-        look: of its method.
-    """
-
-    cell: TableCell
-    look: MethodStyle
+Bar = tuple[TableCell, MethodStyle]
+"""A combination, and the look of its method."""
 
 
 def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0) -> Figure:
@@ -61,7 +52,8 @@ def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0
     ``floor`` that the reference's own sigma puts under the metric.
     """
     names = [" / ".join(column) or "mean" for column in table.columns]
-    scenes = _scenes(table, names, palette or Palette.of(_methods(table)))
+    methods = (_method(table, *place) for place in itertools.product(table.rows, table.columns))
+    scenes = _scenes(table, names, palette or Palette.of(methods))
     columns = 1 if len(scenes) == 1 else 2
     height = -(-len(scenes) // columns)
     figure = new_figure(0.9 + 2.0 * height, 7.0 if columns == 1 else 9.0)
@@ -75,19 +67,20 @@ def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0
             label = "floor: the reference's own sigma" if axes is panels[0] else None
             axes.axhline(floor, color="black", linestyle="--", linewidth=0.8, label=label)
     _name_columns(panels[0], names, scenes)
-    _scale(panels[0], table)
+    cells = [c for row in table.cells for c in row if c is not None and math.isfinite(c.mean) and c.mean > 0]
+    means = [c.mean for c in cells]
+    if means and max(means) > LOGARITHMIC_FROM * min(means):  # of all panels
+        panels[0].set_yscale("log")
+        highest = max([3.0 * max(means), *(1.5 * c.high for c in cells if math.isfinite(c.high))])
+        panels[0].set_ylim(bottom=0.5 * min(means), top=highest)
+    else:
+        panels[0].margins(y=0.15)
     for axes in panels[: len(scenes)]:
         style_axes(axes)
         axes.grid(visible=False, axis="x")
     figure.supylabel(literal(table.title), fontsize=9)
     legend_below(figure)
     return figure
-
-
-def _methods(table: Table) -> Iterator[DrawnMethod]:
-    """Yield filter and adaptation of each combination of a table."""
-    for row, column in itertools.product(table.rows, table.columns):
-        yield _method(table, row, column)
 
 
 def _method(table: Table, row: Sequence[str], column: Sequence[str]) -> DrawnMethod:
@@ -100,7 +93,7 @@ def _name_columns(axes: Axes, names: Sequence[str], scenes: Mapping[str, Mapping
     """Put the columns into the legend, in grey where several filters are in one."""
     groups = [group for scene in scenes.values() for group in scene.values()]
     for name in names:
-        seen = [group[name].look for group in groups if name in group]
+        seen = [group[name][1] for group in groups if name in group]
         colours, hatches = {look.colour for look in seen}, {look.hatch for look in seen}
         colour = colours.pop() if len(colours) == 1 else MEASURED
         hatch = hatches.pop() if len(hatches) == 1 else ""
@@ -116,7 +109,7 @@ def _scenes(table: Table, names: list[str], palette: Palette) -> dict[str, dict[
         label = ", ".join(value for key, value in named.items() if key not in SCENARIO_FACTORS)
         looks = [palette.look(_method(table, row, column)) for column in table.columns]
         scenes.setdefault(scene, {})[label] = {
-            name: Bar(cell, look)
+            name: (cell, look)
             for name, cell, look in zip(names, cells, looks, strict=True)
             if cell is not None and (math.isfinite(cell.mean) or cell.diverged + cell.failed)
         }
@@ -139,14 +132,14 @@ def _draw_groups(axes: Axes, groups: Mapping[str, Mapping[str, Bar]]) -> None:
 
 def _draw_bar(axes: Axes, place: float, bar: Bar, *, named: bool) -> None:
     """Draw one bar with its interval, its value on it, and at its foot how many runs were lost."""
-    cell, alpha = bar.cell, 1.0 if bar.cell.complete else PALE
+    cell, look = bar
     if lost := cell.diverged + cell.failed:
         foot = {"transform": axes.get_xaxis_transform(), "rotation": 90, "ha": "center", "va": "bottom", "fontsize": 5}
         axes.text(place, 0.03, f"{lost}/{cell.runs} lost", **foot)  # type: ignore[arg-type]  # as documented
     if not math.isfinite(cell.mean):
         return
-    colours = {"color": bar.look.colour, "edgecolor": "white", "alpha": alpha}
-    axes.bar(place, cell.mean, 0.9, hatch=bar.look.hatch, linewidth=0.3, **colours)  # type: ignore[arg-type]  # as documented
+    alpha = 1.0 if cell.complete else PALE
+    axes.bar(place, cell.mean, 0.9, color=look.colour, hatch=look.hatch, edgecolor="white", alpha=alpha, linewidth=0.3)
     end = cell.mean
     if math.isfinite(cell.low) and math.isfinite(cell.high):
         ends = np.array([[max(0.0, cell.mean - cell.low)], [max(0.0, cell.high - cell.mean)]])
@@ -155,18 +148,6 @@ def _draw_bar(axes: Axes, place: float, bar: Bar, *, named: bool) -> None:
     if named:
         offset = {"xytext": (0, 2), "textcoords": "offset points"}
         axes.annotate(number(cell.mean), (place, end), ha="center", fontsize=6, **offset)  # type: ignore[arg-type]  # as documented
-
-
-def _scale(axes: Axes, table: Table) -> None:
-    """Choose the scale that all panels share."""
-    cells = [c for row in table.cells for c in row if c is not None and math.isfinite(c.mean) and c.mean > 0]
-    means = [c.mean for c in cells]
-    if means and max(means) > LOGARITHMIC_FROM * min(means):
-        axes.set_yscale("log")
-        highest = max([3.0 * max(means), *(1.5 * c.high for c in cells if math.isfinite(c.high))])
-        axes.set_ylim(bottom=0.5 * min(means), top=highest)
-    else:
-        axes.margins(y=0.15)
 
 
 # The figure of methods by scenarios: what is best where, and by how much the others miss it.
@@ -273,7 +254,6 @@ def critical_difference_figure(
         axes.plot([0, ranks[k]], [row, row], color="#D0D0D0", linewidth=0.8, zorder=1)
         face = looks_of[k].colour if not looks_of[k].dash else "white"
         axes.plot(ranks[k], row, "o", color=looks_of[k].colour, markerfacecolor=face, markersize=5.0, zorder=2)
-    axes.set_yticks(range(len(order)), [f"{literal(methods[k])}  {ranks[k]:.1f}" for k in order])
     right = max(float(ranks[order[-1]]), 1.0 + least) + 0.25
     axes.set(xlim=(0.75, right), ylim=(len(order) - 0.4, -1.9), title=literal(title))
     left_out = len(ranks) - len(order)
@@ -291,20 +271,13 @@ def critical_difference_figure(
 def _draw_cliques(axes: Axes, groups: Sequence[IntArray], order: IntArray) -> None:
     """Draw a line for each group beside the ranks, as far left as others leave room."""
     place_of = {int(method): row for row, method in enumerate(order)}
-    ends: list[int] = []
+    last: list[int] = []
     for group in groups:
         rows = [place_of[int(k)] for k in group if int(k) in place_of]
         if len(rows) < 2:
             continue
-        lane = next((lane for lane, end in enumerate(ends) if end < rows[0]), len(ends))
-        ends[lane : lane + 1] = [rows[-1]]
-        x = 1.02 + STRIP * lane
-        axes.plot(
-            [x, x],
-            [rows[0] - 0.3, rows[-1] + 0.3],
-            transform=axes.get_yaxis_transform(),
-            color=REFERENCE,
-            linewidth=2.2,
-            solid_capstyle="butt",
-            clip_on=False,
-        )
+        lane = next((lane for lane, end in enumerate(last) if end < rows[0]), len(last))
+        last[lane : lane + 1] = [rows[-1]]
+        line = {"color": REFERENCE, "linewidth": 2.2, "solid_capstyle": "butt", "clip_on": False}
+        ends = [rows[0] - 0.3, rows[-1] + 0.3]
+        axes.plot([1.02 + STRIP * lane] * 2, ends, transform=axes.get_yaxis_transform(), **line)  # type: ignore[arg-type]  # as documented

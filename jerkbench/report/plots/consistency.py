@@ -15,8 +15,10 @@ from jerkbench.report.plots.style import (
     MEASURED,
     REFERENCE,
     SIGMAS,
+    MethodStyle,
     Palette,
     coinciding,
+    draw_ticks,
     end_with,
     legend_below,
     literal,
@@ -55,8 +57,11 @@ def consistency_figure(runs: Sequence[tuple[Recording, Estimate]], name: str, pa
 
 
 def nees(recording: Recording, estimate: Estimate) -> FloatArray:
-    """Return (k,) the NEES of `states`; NaN where the reference is not known or scored, or P is not invertible."""
-    m = states(recording)
+    """Return (k,) the NEES of position and velocity, of position alone where no velocity is known.
+
+    NaN where the reference is not known or scored, or P is not invertible.
+    """
+    m = 3 if recording.reference.velocity_mps is None else 6
     error = np.hstack([position_error_m(estimate, recording), velocity_error_mps(estimate, recording)])[:, :m]
     rows = known(recording.reference.enu_m, estimate) & recording.reference.scored[estimate.index]
     if m == 6:
@@ -71,16 +76,11 @@ def nees(recording: Recording, estimate: Estimate) -> FloatArray:
     return values
 
 
-def states(recording: Recording) -> int:
-    """How many states NEES is of: position and velocity, or position alone where no velocity is known."""
-    return 3 if recording.reference.velocity_mps is None else 6
-
-
 def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: str) -> None:
     reached = min(len(estimate.index) for _, estimate in runs)
     t_s = runs[0][0].reference.t_s[runs[0][1].index[:reached]]
     average = np.mean([nees(*run)[:reached] for run in runs], axis=0)
-    m = states(runs[0][0])
+    m = 3 if runs[0][0].reference.velocity_mps is None else 6
     axes.set_ylabel(f"NEES ({m} states)")
     t_s, average = t_s[np.isfinite(average)], average[np.isfinite(average)]
     if len(average) == 0:
@@ -110,10 +110,9 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
         total = np.sum([np.nan_to_num(getattr(update, attribute)[:count], posinf=0.0) for update in updates], axis=0)
         curve = thinned(t_s, _moving(total) / np.maximum(summed, 1))
         axes.plot(*curve, color=shade, linewidth=width, label=label)
-    low, high = np.array([chi2_band(1, max(n, 1)) for n in np.unique(summed)]).T[
-        :, np.searchsorted(np.unique(summed), summed)
-    ]
-    axes.fill_between(t_s, low, high, color=SIGMAS, linewidth=0)
+    counts, places = np.unique(summed, return_inverse=True)
+    bands = np.array([chi2_band(1, max(n, 1)) for n in counts])[places]
+    axes.fill_between(t_s, *bands.T, color=SIGMAS, linewidth=0)
     axes.set_yscale("log")
     style_axes(axes)
 
@@ -147,14 +146,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
             label = " = ".join(names) if row == 0 else None
             curve = thinned(*with_gaps(updates.t_s, np.where(known, sigma, np.nan)))
             axes.plot(*curve, **look.stroke, linewidth=1.0, label=label)
-            axes.plot(
-                updates.t_s[dropped],
-                np.full(int(dropped.sum()), 0.97),
-                "|",
-                color=look.colour,
-                markersize=4.0,
-                transform=axes.get_xaxis_transform(),
-            )
+            draw_ticks(axes, updates.t_s[dropped], 0.97, look.colour)
         shade_outages(axes, recording.outages_s)
         unit, quantity = ("m", "position") if row < 3 else ("m/s", "velocity")
         axes.set_ylabel(f"{AXES[row % 3]} {quantity},\nsigma of R [{unit}]", fontsize=8)
@@ -182,10 +174,19 @@ def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette
     figure = new_figure(6.0 if judged else 4.2)
     panels = figure.subplot_mosaic("RR;PP;rp" if judged else "R;P")
     panels["R"].set_title(literal(recording.name) + ("" if judged else ": no reference of the attitude"))
+    reference, looks = recording.reference, dict(method_styles(estimates, palette))
     for axis, letter in enumerate("RP"):
-        _draw_angle(panels[letter], recording, estimates, axis, palette)
+        axes, named = panels[letter], letter == "R"
+        axes.set_ylabel(f"{ANGLES[axis]} [deg]")
+        for name, look in looks.items():
+            curve = thinned(reference.t_s[estimates[name].index], np.degrees(estimates[name].euler_rad[:, axis]))
+            axes.plot(*curve, **look.stroke, linewidth=1.0, label=name if named else None)
+        if reference.euler_rad is not None:
+            curve = thinned(reference.t_s, np.degrees(reference.euler_rad[:, axis]))
+            axes.plot(*curve, color=REFERENCE, linewidth=0.6, label="reference" if named else None)
+        style_axes(axes)
         if judged:
-            _draw_bars(panels[letter.lower()], recording, estimates, axis, palette)
+            _draw_bars(panels[letter.lower()], recording, estimates, axis, looks)
     panels["P"].sharex(panels["R"])
     end_with(panels["P"], recording.reference.t_s)
     panels["P"].set_xlabel("Time [s]")
@@ -193,30 +194,12 @@ def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette
     return figure
 
 
-def _draw_angle(
-    axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, palette: Palette | None
-) -> None:
-    axes.set_ylabel(f"{ANGLES[axis]} [deg]")
-    truth = recording.reference.euler_rad
-    named = axis == 0
-    for name, look in method_styles(estimates, palette):
-        estimate = estimates[name]
-        curve = thinned(recording.reference.t_s[estimate.index], np.degrees(estimate.euler_rad[:, axis]))
-        label = name if named else None
-        axes.plot(*curve, **look.stroke, linewidth=1.0, label=label)
-    if truth is not None:
-        label = "reference" if named else None
-        curve = thinned(recording.reference.t_s, np.degrees(truth[:, axis]))
-        axes.plot(*curve, color=REFERENCE, linewidth=0.6, label=label)
-    style_axes(axes)
-
-
 def _draw_bars(
-    axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, palette: Palette | None
+    axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, looks: Mapping[str, MethodStyle]
 ) -> None:
     """Draw one bar an estimate; its value stands on it."""
     axes.set_ylabel(f"{ANGLES[axis]} RMSE [deg]")
-    for place, (name, look) in enumerate(method_styles(estimates, palette)):
+    for place, (name, look) in enumerate(looks.items()):
         estimate = estimates[name]
         rows = known(recording.reference.euler_rad, estimate, (axis,)) & recording.reference.scored[estimate.index]
         error = euler_error_rad(estimate, recording)[rows][:, axis]
@@ -257,15 +240,8 @@ def acceleration_figure(recording: Recording, attitude: Attitude) -> Figure:
         style_axes(axes)
     ticks = attitude.t_s[attitude.triggered]
     if len(ticks):
-        panels[2].plot(
-            ticks,
-            np.full(len(ticks), 0.02),
-            "|",
-            color=TRIGGERED,
-            markersize=4.0,
-            transform=panels[2].get_xaxis_transform(),
-            label=f"external acceleration seen ({100 * attitude.triggered.mean():.0f} % of samples)",
-        )
+        label = f"external acceleration seen ({100 * attitude.triggered.mean():.0f} % of samples)"
+        draw_ticks(panels[2], ticks, 0.02, TRIGGERED, label)
     panels[2].set_xlabel("Time [s]")
     end_with(panels[2], t_s)
     figure.align_ylabels()

@@ -101,13 +101,9 @@ def _draw_norms(
         t_s = recording.reference.t_s[estimates[name].index]
         seen = (t_s >= window_s[0]) & (t_s <= window_s[1])
         rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
-        axes.plot(
-            *thinned(t_s[seen], norms[name][seen]),
-            **look_of[name].stroke,
-            linewidth=1.0,
-            label=f"{' = '.join(names)}: {', '.join(rmses)}",
-            zorder=3 - 0.01 * place,  # the first on top
-        )
+        curve, label = thinned(t_s[seen], norms[name][seen]), f"{' = '.join(names)}: {', '.join(rmses)}"
+        order = 3 - 0.01 * place  # the first on top
+        axes.plot(*curve, **look_of[name].stroke, linewidth=1.0, label=label, zorder=order)
     if _spread(norms) > LOGARITHMIC_FROM:
         lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
         axes.set_yscale("log")
@@ -183,8 +179,7 @@ def disturbed_window_s(recording: Recording, estimates: Mapping[str, Estimate]) 
     t_s = recording.reference.t_s  # what is drawn ends with it
     norms = np.full((max(len(estimates), 1), len(t_s)), np.nan)
     for row, estimate in zip(norms, estimates.values(), strict=False):
-        with np.errstate(over="ignore", invalid="ignore"):
-            row[estimate.index] = np.sqrt(np.sum(position_error_m(estimate, recording) ** 2, axis=1))
+        row[estimate.index] = position_error_length_m(estimate, recording)
     known = np.isfinite(norms).all(axis=0) & recording.reference.scored & (t_s >= t_s[0] + HALF_WIDTH_S)
     if not known.any():
         return float(t_s[0]), float(t_s[-1])

@@ -104,6 +104,12 @@ def end_with(axes: Axes, t_s: FloatArray) -> None:
         axes.set_xlim(float(t_s[0]), float(t_s[-1]))
 
 
+def draw_ticks(axes: Axes, t_s: FloatArray, height: float, colour: str, label: str | None = None) -> None:
+    """Draw a tick at each time, at a share of the height of the axes."""
+    look = {"color": colour, "markersize": 4.0, "transform": axes.get_xaxis_transform(), "label": label}
+    axes.plot(t_s, np.full(len(t_s), height), "|", **look)  # type: ignore[arg-type]  # as documented
+
+
 def say(axes: Axes, sentence: str) -> None:
     """Write ``sentence`` where there is nothing to draw."""
     axes.set(xticks=[], yticks=[])
