@@ -1,8 +1,11 @@
 """Names of plugins and presets that have changed, understood for one version more; and words that are no longer."""
 
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
+from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 from jerkbench.errors import JerkbenchError
 
@@ -63,28 +66,11 @@ def renamed_notice(word: str) -> str:
 # Words that earlier versions understood: whoever types one hears what to do instead.
 
 
-REMOVED: Mapping[str, str] = {
-    r"(\+*|--)cluster[= ](\S*\W)?loky\b.*": (
-        "cluster=loky is gone; cluster=local, which is the default, starts processes of this machine as well."
-    ),
-    r"(\+*|--)cluster[= ](\S*\W)?ray\b.*": (
-        "cluster=ray is gone; give cluster=dask, for this machine or for a cluster (docs/cluster.md)."
-    ),
-    r"(\+*results=|--results[= ])?(s3|gs|gcs|az|abfs|memory|file)://?.*": (
-        "Results go to folders of this machine alone; give a path, and copy the folder to and from an object store."
-    ),
-    r"--fit": (
-        "table --fit is gone; in LaTeX, put the table into \\resizebox{\\linewidth}{!}{...}, or give fewer --columns."
-    ),
-    r"\+*portable=.*": (
-        "portable=true is gone; rows of two processors may differ in their last digits, and `jerkbench suite verify`"
-        " compares them to within 1e-9."
-    ),
-    r"--attribution|--scale[= ]attribution": (
-        "`jerkbench audit --attribution` is gone; the page of `jerkbench audit` says what each step brings."
-    ),
-}
-"""What was typed, alone or with the word behind it, and the sentence."""
+@cache
+def removed() -> Mapping[str, str]:
+    """Return what was typed, alone or with the word behind it, as a regular expression, and what to do instead."""
+    known = tomllib.loads(Path(__file__).with_name("removed.toml").read_text(encoding="utf-8"))["removed"]
+    return {own["typed"]: own["say"] for own in known}
 
 
 def refuse_removed(words: Sequence[str]) -> None:
@@ -94,6 +80,6 @@ def refuse_removed(words: Sequence[str]) -> None:
         JerkbenchError: there is one; says what to do instead.
     """
     for word in (*words, *map(" ".join, pairwise(words))):
-        for pattern, sentence in REMOVED.items():
+        for pattern, sentence in removed().items():
             if re.fullmatch(pattern, word, flags=re.DOTALL):
                 raise JerkbenchError(sentence)

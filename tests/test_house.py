@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 313, 30
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 31_744
+MOST_CODE = 31_635
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 23
 """Modules that one other module imports; the aim is none."""

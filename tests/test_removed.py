@@ -6,7 +6,7 @@ from omegaconf import OmegaConf
 from jerkbench.errors import JerkbenchError
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.words import cluster_named
-from jerkbench.renamed import REMOVED, refuse_removed
+from jerkbench.renamed import refuse_removed, removed
 
 TYPED = [
     (("run", "-m", "cluster=loky"), "cluster=local"),
@@ -47,7 +47,7 @@ def test_every_removed_word_is_typed_here():
             refuse_removed(words)
         refused.add(str(caught.value))
 
-    assert refused == set(REMOVED.values())
+    assert refused == set(removed().values())
 
 
 def test_a_configuration_hears_the_same():

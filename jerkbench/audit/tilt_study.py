@@ -107,15 +107,14 @@ def tilt_verdicts(losses: Mapping[str, FloatArray], comparator: str) -> dict[str
     """Return the verdict on each other method, from (16, n) losses."""
     d = {name: np.median(loss - losses[comparator], axis=0) for name, loss in losses.items() if name != comparator}
     p = holm([sign_p(int((own < 0).sum()), int((own > 0).sum())) for own in d.values()])
-    return {name: _verdict(own, adjusted) for (name, own), adjusted in zip(d.items(), p, strict=True)}
-
-
-def _verdict(d: FloatArray, p: float) -> TiltVerdict:
-    median, low, high, *_ = (float(value[0]) for value in quantiles_of_rows(d[None]))
-    word = "undecided" if p >= 0.05 else "better" if median < 0 else "worse"
-    mean = float(d.mean()), *student_interval(d, 0.95)
-    first, second = (tuple(np.exp(values).tolist()) for values in (mean, (median, low, high)))
-    return TiltVerdict(first, second, int((d < 0).sum()), len(d), p, word)
+    verdicts = {}
+    for (name, own), adjusted in zip(d.items(), p, strict=True):
+        median = tuple(float(value[0]) for value in quantiles_of_rows(own[None])[:3])
+        word = "undecided" if adjusted >= 0.05 else "better" if median[0] < 0 else "worse"
+        mean = float(own.mean()), *student_interval(own, 0.95)
+        first, second = (tuple(np.exp(values).tolist()) for values in (mean, median))
+        verdicts[name] = TiltVerdict(first, second, int((own < 0).sum()), len(own), adjusted, word)
+    return verdicts
 
 
 # The tables, as Markdown.
@@ -134,14 +133,10 @@ VERDICT_HEADS = ("mean ratio", "median ratio", "wins", "p (Holm)", "verdict")
 
 def of_errors(errors: TiltErrors) -> str:
     """Median, mean and worst trial of each method and domain, tuned and as it comes."""
-    rows = []
+    losses, rows = [{**own, **tuned(own)} for own in errors.values()], []
     for name in [*TILT_METHODS, *AS_THEY_COME]:
-        cells = [name]
-        for own in errors.values():
-            loss = tuned(own)[name] if name in TILT_METHODS else own[name]
-            deg = np.exp(np.median(loss, axis=0))
-            cells.append(f"{np.median(deg):.2f} / {deg.mean():.2f} / {deg.max():.2f}")
-        rows.append(cells)
+        degs = [np.exp(np.median(own[name], axis=0)) for own in losses]
+        rows.append([name, *(f"{np.median(deg):.2f} / {deg.mean():.2f} / {deg.max():.2f}" for deg in degs)])
     heads = (f"{DOMAINS[domain]} (n = {own['constant'].shape[1]})" for domain, own in errors.items())
     return plain_table(["method", *heads], rows)
 

@@ -100,19 +100,15 @@ def _tilt(adapt: str, *names: str) -> TiltMethod:
     return TiltMethod(_numbers(Mekf, "gyro_density", "accel_density", *names), (), make)
 
 
-def _mekf(adapt: str, *names: str) -> TiltMethod:
-    """The multiplicative filter."""
-    names = ("gyro_density", "accel_density", "bias_density", *names)
+def _as_it_stands(base: TiltAndYaw, *names: str, switches: tuple[str, ...] = ()) -> TiltMethod:
+    """A filter whose parameters ``names`` (of none: all with a range) and ``switches`` are those of the setting."""
+    numbers = _numbers(type(base), *names)
 
-    def make(setting: TiltSetting, _: float, alignment: str) -> Mekf:
-        numbers: Any = {name: setting[name] for name in names}
-        return Mekf(adapt, **numbers, bias=bool(setting["bias"]), alignment=alignment)
+    def make(setting: TiltSetting, _: float, alignment: str) -> TiltAndYaw:
+        own: Any = {name: setting[name] for name in numbers} | {name: bool(setting[name]) for name in switches}
+        return replace(base, **own, alignment=alignment)
 
-    return TiltMethod(_numbers(Mekf, *names), ("bias",), make)
-
-
-def _madgwick(setting: TiltSetting, _: float, alignment: str) -> Madgwick:
-    return Madgwick(setting["gain_per_s"], alignment=alignment)
+    return TiltMethod(numbers, switches, make)
 
 
 def _mahony(setting: TiltSetting, _: float, alignment: str) -> Mahony:
@@ -120,21 +116,18 @@ def _mahony(setting: TiltSetting, _: float, alignment: str) -> Mahony:
     return Mahony(setting["proportional_per_s"], integral, alignment=alignment)
 
 
-def _vqf(setting: TiltSetting, _: float, alignment: str) -> Vqf:
-    bias = bool(setting["rest_bias"]), bool(setting["motion_bias"])
-    return Vqf(setting["tau_acc_s"], *bias, setting["bias_forgetting_s"], alignment=alignment)
-
+DENSITIES = ("gyro_density", "accel_density", "bias_density")
 
 TILT_METHODS = {
     "constant": _tilt("none"),
     "mtf": _tilt("mtf", "window_s"),
     "lee": _tilt("lee", "external_memory"),
-    "mekf": _mekf("none"),
-    "mekf_mtf": _mekf("mtf", "window_s"),
-    "mekf_lee": _mekf("lee", "window_s", "external_memory"),
-    "madgwick": TiltMethod(_numbers(Madgwick), (), _madgwick),
+    "mekf": _as_it_stands(Mekf("none"), *DENSITIES, switches=("bias",)),
+    "mekf_mtf": _as_it_stands(Mekf("mtf"), *DENSITIES, "window_s", switches=("bias",)),
+    "mekf_lee": _as_it_stands(Mekf("lee"), *DENSITIES, "window_s", "external_memory", switches=("bias",)),
+    "madgwick": _as_it_stands(Madgwick()),
     "mahony": TiltMethod(_numbers(Mahony), ("bias",), _mahony),
-    "vqf": TiltMethod(_numbers(Vqf), ("rest_bias", "motion_bias"), _vqf),
+    "vqf": _as_it_stands(Vqf(), switches=("rest_bias", "motion_bias")),
 }
 """Those that are tuned and ranked."""
 

@@ -133,16 +133,10 @@ def show_text(kind: str, name: str) -> str:
     if name in presets:
         return f"{kind} {name}: a preset\n\n{presets[name].read_text(encoding='utf-8').rstrip()}"
     cls = plugin_class(kind, name)
-    usage = _usage(name, cls) if kind == "disturbance" else []
+    first = dataclasses.fields(cls)[:1] if kind == "disturbance" else ()
+    usage = [f"On the command line: disturbance={name} disturbance.{name}.{f.name}=..." for f in first]
     known = [f"Method: {known}"] if (known := provenance_of(cls)) else []
     return "\n\n".join([f"{kind} {name}", *docstrings(cls), *known, _defaults(cls), *usage, f"Defined in {home(cls)}."])
-
-
-def _usage(name: str, cls: type) -> list[str]:
-    """Return an example of setting a parameter of a disturbance, which stands under its name."""
-    return [
-        f"On the command line: disturbance={name} disturbance.{name}.{f.name}=..." for f in dataclasses.fields(cls)[:1]
-    ]
 
 
 def docstrings(cls: type) -> list[str]:
@@ -167,29 +161,20 @@ def _line(entry: CatalogueEntry) -> str:
 
 
 def _defaults(cls: type) -> str:
-    fields = dataclasses.fields(cls)
-    if not fields:
+    """Each default; where it comes from, and within which bounds `jerkbench tune` looks for a better one."""
+    parameters, ranges = _parameters(cls), ranges_of(cls)
+    if not parameters:
         return "It has no parameters."
-    width = max(len(f.name) for f in fields)
-    return "\n".join(["Defaults:", *(f"    {f.name:<{width}} = {_default_text(f)}" for f in fields), *_tuning(cls)])
-
-
-def _tuning(cls: type) -> list[str]:
-    """Return where each default comes from, and within which bounds `jerkbench tune` looks for a better one."""
-    origins, ranges = origins_of(cls), ranges_of(cls)
-    known = [f.name for f in dataclasses.fields(cls) if f.name in origins or f.name in ranges]
-    lines = ["", "Origin of the defaults, and range for `jerkbench tune`:"] if known else []
-    for name in known:
-        lines.append(f"    {name}: {origins.get(name, 'not said')}")
-        if name in ranges:
-            lines.append(f"        range {ranges[name]} ({ranges[name].source})")
-    return lines
-
-
-def _default_text(f: "dataclasses.Field[object]") -> str:
-    if f.default is not dataclasses.MISSING:
-        return repr(f.default)
-    return "(has to be given)" if f.default_factory is dataclasses.MISSING else repr(f.default_factory())
+    width = max(len(own["name"]) for own in parameters)
+    values = (repr(own["default"]) if "default" in own else "(has to be given)" for own in parameters)
+    lines = [f"    {own['name']:<{width}} = {value}" for own, value in zip(parameters, values, strict=True)]
+    known = [own for own in parameters if "origin" in own or "range" in own]
+    more = ["", "Origin of the defaults, and range for `jerkbench tune`:"] if known else []
+    for own in known:
+        more.append(f"    {own['name']}: {own.get('origin', 'not said')}")
+        if bounds := ranges.get(own["name"]):
+            more.append(f"        range {bounds} ({bounds.source})")
+    return "\n".join(["Defaults:", *lines, *more])
 
 
 def home(cls: type) -> str:
@@ -233,20 +218,15 @@ def _parameters(cls: type) -> list[dict[str, Any]]:
     origins, ranges, types = origins_of(cls), ranges_of(cls), typing.get_type_hints(cls)
     parameters = []
     for f in dataclasses.fields(cls):
-        parameter: dict[str, Any] = {"name": f.name, "type": _type_text(types[f.name]), **_default(f)}
-        if f.name in origins:
-            parameter["origin"] = origins[f.name]
-        if f.name in ranges:
-            parameter["range"] = dataclasses.asdict(ranges[f.name])
+        hint, default = types[f.name], f.default
+        if f.default_factory is not dataclasses.MISSING:
+            default = f.default_factory()
+        parameter: dict[str, Any] = {
+            "name": f.name,
+            "type": hint.__name__ if isinstance(hint, type) and not typing.get_args(hint) else str(hint),
+            **({} if default is dataclasses.MISSING else {"default": default}),
+            **({"origin": origins[f.name]} if f.name in origins else {}),
+            **({"range": dataclasses.asdict(ranges[f.name])} if f.name in ranges else {}),
+        }
         parameters.append(parameter)
     return parameters
-
-
-def _default(f: "dataclasses.Field[Any]") -> dict[str, Any]:
-    if f.default_factory is not dataclasses.MISSING:
-        return {"default": f.default_factory()}
-    return {} if f.default is dataclasses.MISSING else {"default": f.default}
-
-
-def _type_text(hint: Any) -> str:  # noqa: ANN401 - a type, or what typing makes of one
-    return hint.__name__ if isinstance(hint, type) and not typing.get_args(hint) else str(hint)

@@ -36,6 +36,7 @@ from jerkbench.plugins.requirements import (
     identical,
     pure_result,
     require_finite,
+    require_is,
     require_methods,
     require_shape,
     require_that,
@@ -60,9 +61,7 @@ def check_dataset(plugin: Plugin) -> None:
     subject = type(plugin).__name__
     require_methods("dataset", plugin)
     first = pure_result(f"{subject}.load(0)", plugin.load, 0)
-    require_that(
-        isinstance(first, Recording), f"{subject}.load() gives a {type(first).__name__}; it must be a Recording."
-    )
+    require_is(Recording, f"{subject}.load()", first)
     require_that(
         is_attitude_only(plugin) or first.position is not None,
         f"{subject}.load() gives no positions; a filter has nothing to start from. If there are none, say so with a"
@@ -103,9 +102,7 @@ def check_disturbance(plugin: Plugin) -> None:
 def checked_disturbance(subject: str, plugin: Plugin, recording: Recording, seed: int) -> Recording:
     """Return the disturbed recording, checked for being one, and for being the same the second time."""
     result = pure_result(f"{subject}.apply()", plugin.apply, recording, seed)
-    require_that(
-        isinstance(result, Recording), f"{subject}.apply() gives a {type(result).__name__}; it must be a Recording."
-    )
+    require_is(Recording, f"{subject}.apply()", result)
     return result  # type: ignore[no-any-return]  # it was asked
 
 
@@ -134,9 +131,7 @@ def check_attitude(plugin: Plugin) -> None:
 def checked_attitude(subject: str, plugin: Plugin, recording: Recording) -> Attitude:
     """Return the attitude, checked for stamps and shapes, and for being the same the second time."""
     attitude = pure_result(f"{subject}.estimate()", plugin.estimate, recording)
-    require_that(
-        isinstance(attitude, Attitude), f"{subject}.estimate() gives a {type(attitude).__name__}, not an Attitude."
-    )
+    require_is(Attitude, f"{subject}.estimate()", attitude)
     n = len(recording.inertial.t_s)
     require_that(np.array_equal(attitude.t_s, recording.inertial.t_s), f"{subject}: t_s must be the stamps of the IMU.")
     for name, shape in SHAPES.items():
@@ -183,17 +178,11 @@ def check_metric(plugin: Plugin) -> None:
 
 
 def checked_values(
-    subject: str,
-    plugin: Plugin,
-    estimate: Estimate,
-    recording: Recording,
-    counted: BoolArray,
+    subject: str, plugin: Plugin, estimate: Estimate, recording: Recording, counted: BoolArray
 ) -> dict[str, float]:
     """Return what the metric gives, checked for names and numbers, and for being the same the second time."""
     values: dict[str, float] = pure_result(f"{subject}.evaluate()", plugin.evaluate, estimate, recording, counted)
-    require_that(
-        isinstance(values, dict), f"{subject}.evaluate() gives a {type(values).__name__}; it must be a dictionary."
-    )
+    require_is(dict, f"{subject}.evaluate()", values)
     for name, value in values.items():
         require_that(isinstance(name, str), f"{subject}.evaluate() has the name {name!r}; it must be a string.")
         require_that(isinstance(value, float), f"{subject}.evaluate(): {name} is {value!r}; it must be a float.")
@@ -332,29 +321,18 @@ def _complaint(kind: str, plugin: Hashable) -> str:
 def _probe_filter(plugin: Plugin) -> None:
     subject = type(plugin).__name__
     if not isinstance(plugin, Filter):
-        _probe_estimator(subject, plugin)
+        recording, call = small_recording(SHORT_S), f"{subject}.estimate()"
+        adaptation = create("adaptation", {"name": plugin.adaptations[0]})
+        require_is(Estimate, call, pure_result(call, plugin.estimate, recording, true_attitude(recording), adaptation))
         return
     n = require_initial_variances(subject, plugin)
     for dt in (0.01, 0.01 / 3.0):
         axis_model_of(f"{subject}.axis_model({dt:g}, 0.01)", plugin, n, dt, 0.01)
 
 
-def _probe_estimator(subject: str, plugin: Plugin) -> None:
-    recording = small_recording(SHORT_S)
-    adaptation = create("adaptation", {"name": plugin.adaptations[0]})
-    estimate = pure_result(f"{subject}.estimate()", plugin.estimate, recording, true_attitude(recording), adaptation)
-    _require_estimate(f"{subject}.estimate()", estimate)
-
-
 def _probe_engine(plugin: Plugin) -> None:
     subject, (_, timeline) = f"{type(plugin).__name__}.run()", small_timeline(SHORT_S)
-    _require_estimate(subject, pure_result(subject, plugin.run, timeline, Baseline(), NoAdaptation()))
-
-
-def _require_estimate(subject: str, estimate: object) -> None:
-    require_that(
-        isinstance(estimate, Estimate), f"{subject} gives a {type(estimate).__name__}; it must be an Estimate."
-    )
+    require_is(Estimate, subject, pure_result(subject, plugin.run, timeline, Baseline(), NoAdaptation()))
 
 
 def _probe_metric(plugin: Plugin) -> None:

@@ -62,20 +62,6 @@ AGREEMENT = 1e-6
 BURN_IN_S = 0.5
 
 
-def check_batched(
-    subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
-) -> None:
-    """Check that the compiled way gives ``wanted``, with and without a trajectory.
-
-    Raises:
-        AssertionError: it does not; None, which says that it is not possible, is allowed.
-    """
-    got = plugin.estimate_compiled(recording, attitude, adaptation)
-    if got is not None:
-        _check_estimate(f"{subject}.estimate_compiled()", got, wanted)
-    _check_sums(subject, plugin, recording, attitude, adaptation, wanted)
-
-
 def _check_estimate(subject: str, got: Estimate, wanted: Estimate) -> None:
     require_that(
         np.array_equal(got.index, wanted.index), f"{subject} reaches other rows of the reference than estimate()."
@@ -195,8 +181,10 @@ def _check_estimator(plugin: Estimator) -> None:
     check_estimate(subject, estimate)
     renamed = "has run_many(); it is run_settings(runs, estimators, adaptations, ...) now."
     require_that(not hasattr(plugin, "run_many"), f"{subject} {renamed}")
-    if isinstance(plugin, Batched):
-        check_batched(subject, plugin, recording, attitude, adaptation, estimate)
+    if isinstance(plugin, Batched):  # None says that it is not possible
+        if (got := plugin.estimate_compiled(recording, attitude, adaptation)) is not None:
+            _check_estimate(f"{subject}.estimate_compiled()", got, estimate)
+        _check_sums(subject, plugin, recording, attitude, adaptation, estimate)
 
 
 def check_estimate(subject: str, estimate: Estimate) -> None:
@@ -293,13 +281,7 @@ def _require_same(subject: str, first: list[Any], second: list[Any]) -> None:
     )
 
 
-def _run(
-    plugin: Plugin,
-    updates: list[tuple[Update, Prior]],
-    size: int,
-    *,
-    thorough: bool = True,
-) -> list[Any]:
+def _run(plugin: Plugin, updates: list[tuple[Update, Prior]], size: int, *, thorough: bool = True) -> list[Any]:
     """All that it says in a run, checked."""
     memory, results = np.zeros(size), []
     for update, prior in updates:

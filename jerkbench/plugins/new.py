@@ -166,38 +166,24 @@ def _findings(candidate: Candidate) -> Iterator[PluginFinding]:
     except PluginError as error:
         yield PluginFinding("error", str(error))
         return
-    yield from _of_class(candidate, cls)
-
-
-def _of_class(candidate: Candidate, cls: type) -> Iterator[PluginFinding]:
     no = dataclasses.MISSING
-    lacking = [f.name for f in dataclasses.fields(cls) if f.default is no and f.default_factory is no]
-    if lacking:
-        names = ", ".join(lacking)
-        yield PluginFinding(
-            "notice", f"{cls.__name__} has no default for {names}, so it was not tried; call check_plugin."
-        )
+    if lacking := [f.name for f in dataclasses.fields(cls) if f.default is no and f.default_factory is no]:
+        text = f"{cls.__name__} has no default for {', '.join(lacking)}, so it was not tried; call check_plugin."
+        yield PluginFinding("notice", text)
         return
     try:
         plugin = plugins.create(candidate.kind, {"name": candidate.name})
     except Exception as error:  # noqa: BLE001 - as above
         yield PluginFinding("error", str(error) if isinstance(error, PluginError) else _raised(cls, error))
         return
-    yield from _of_plugin(candidate.kind, plugin)
-
-
-def _of_plugin(kind: str, plugin: Any) -> Iterator[PluginFinding]:  # noqa: ANN401 - a plugin of any kind
-    sentences = [sentence for check in (*STAGES, CHECKS[kind]) if (sentence := _complaint(check, plugin))]
+    sentences = [sentence for check in (*STAGES, CHECKS[candidate.kind]) if (sentence := _complaint(check, plugin))]
     yield from (PluginFinding("error", sentence) for sentence in sentences)
-    if kind != "adaptation" or sentences:
-        return
-    from jerkbench.kinematic.plugin_call import obstacle  # what it imports takes half a second
+    if candidate.kind == "adaptation" and not sentences:
+        from jerkbench.kinematic.plugin_call import obstacle  # what it imports takes half a second
 
-    if reason := obstacle(plugin):
-        yield PluginFinding(
-            "notice",
-            f"{type(plugin).__name__} cannot be compiled and runs on the engine filterpy, many times slower: {reason}",
-        )
+        if reason := obstacle(plugin):
+            text = f"{cls.__name__} cannot be compiled and runs on the engine filterpy, many times slower: {reason}"
+            yield PluginFinding("notice", text)
 
 
 def _complaint(check: Callable[[Any], None], plugin: Any) -> str:  # noqa: ANN401 - a plugin of any kind

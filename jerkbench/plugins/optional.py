@@ -53,29 +53,18 @@ from jerkbench.timeline import Timeline
 A = TypeVar("A")
 P = TypeVar("P")
 
+OF_ALL = (Cited, Depending)
+OF_FILTERS = (Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile)
+OF_MEMORY = (Classified, Remembering, RememberingStates, Clocked, TrueCovariance, InLanes, ChangingNothing)
+
 OPTIONAL: Mapping[str, tuple[type, ...]] = {
-    kind: (*own, Cited, Depending)
-    for kind, own in (
-        ("dataset", (PreferringAttitude, AttitudeOnly, WithoutImu)),
-        ("disturbance", (ReadingFile,)),
-        ("attitude", (Requiring, Remarking)),
-        (
-            "filter",
-            (
-                *(Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile),
-                Remarking,
-            ),
-        ),
-        (
-            "adaptation",
-            (
-                *(Classified, Remembering, RememberingStates, Fading, AdaptingPrior, AdaptingGain, Clocked),
-                *(TrueCovariance, InLanes, ChangingNothing),
-            ),
-        ),
-        ("engine", (SideBySide, Preparing)),
-        ("metric", (Summarising, Reading, OnRequest)),
-    )
+    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu, *OF_ALL),
+    "disturbance": (ReadingFile, *OF_ALL),
+    "attitude": (Requiring, Remarking, *OF_ALL),
+    "filter": (*OF_FILTERS, Remarking, *OF_ALL),
+    "adaptation": (*OF_MEMORY, Fading, AdaptingPrior, AdaptingGain, *OF_ALL),
+    "engine": (SideBySide, Preparing, *OF_ALL),
+    "metric": (Summarising, Reading, OnRequest, *OF_ALL),
 }
 """The optional parts of each kind; a new one is a Protocol beside its contract, and a word here."""
 

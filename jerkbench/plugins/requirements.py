@@ -33,6 +33,14 @@ def require_that(ok: object, sentence: str) -> None:
         raise Unfit(sentence)
 
 
+def require_is(kind: type, call: str, value: object) -> None:
+    """Raise an `Unfit` unless a ``call`` has given a ``value`` of some ``kind``."""
+    name = "dictionary" if kind is dict else kind.__name__
+    require_that(
+        isinstance(value, kind), f"{call} gives a {type(value).__name__}; it must be {article(name.lower())} {name}."
+    )
+
+
 def changes_itself(plugin: object, error: FrozenInstanceError) -> str:
     """Return the sentence about a plugin that sets an attribute of its own while it runs."""
     name = str(error).rpartition(" ")[2].strip("'")

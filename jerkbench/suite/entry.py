@@ -122,19 +122,12 @@ def _rows(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
     """Read the rows, and check the columns that an entry has; the first of the ``numbers`` is the error."""
     table, names = _read(path, _table)
     error, own = numbers[0], row_columns(numbers)
-    types = {**dict.fromkeys(own, pa.types.is_float64), **dict.fromkeys(TEXTS, _is_string)}
-    types.update(dict.fromkeys(COUNTS, pa.types.is_int64))
-    kinds = {**dict.fromkeys(TEXTS, "text"), **dict.fromkeys(COUNTS, "whole numbers")}
-    columns = {
-        f"column '{name}'": (
-            names.count(name) == 1
-            and types[name](table[name].type)
-            and (name not in (*TEXTS, *COUNTS) or table[name].null_count == 0)
-        )
-        or f"there once, with {kinds.get(name, 'numbers')} in every row"
-        for name in own
-    }
-    _require(path, columns)
+    is_kind = {"numbers": pa.types.is_float64, "text": _is_string, "whole numbers": pa.types.is_int64}
+    kinds = {**dict.fromkeys(own, "numbers"), **dict.fromkeys(TEXTS, "text"), **dict.fromkeys(COUNTS, "whole numbers")}
+    for name, kind in kinds.items():
+        fits = names.count(name) == 1 and is_kind[kind](table[name].type)
+        fits = fits and (kind == "numbers" or table[name].null_count == 0)
+        _require(path, {f"column '{name}'": fits or f"there once, with {kind} in every row"})
     rows: pd.DataFrame = table.select(list(own)).to_pandas(ignore_metadata=True)
     of_ok = rows.loc[rows["status"] == "ok", error]
     times = rows["seconds"]

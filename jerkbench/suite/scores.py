@@ -107,19 +107,15 @@ def ratio_word(low: float, high: float, margin: float) -> str:
     return f"{shown}, by less than {100 * margin:g} %" if shown and verdict is Verdict.EQUAL else shown or str(verdict)
 
 
-def sorted_by(value: float, text: str) -> BoardValue:
-    """Return a field that is sorted by a number."""
-    return BoardValue(text, f"{value:.9g}")
-
-
 def number_field(value: float, form: str) -> BoardValue:
-    """Return the field of a number."""
-    return sorted_by(value, f"{value:{form}}")
+    """Return the field of a number, in a form such as "{:.2f}"; it is sorted by all its digits."""
+    return BoardValue(form.format(value), f"{value:.9g}")
 
 
-def ratio_field(score: EntryScore) -> BoardValue:
-    """Return the field of a ratio and its interval."""
-    return sorted_by(score["ratio"], f"{score['ratio']:.3f} [{score['low']:.3f}, {score['high']:.3f}]")
+def first_fields(score: EntryScore) -> list[BoardValue]:
+    """Return the fields of a ratio with its interval, and of the verdict."""
+    interval = f" [{score['low']:.3f}, {score['high']:.3f}]"
+    return [number_field(score["ratio"], "{:.3f}" + interval), BoardValue(score["verdict"])]
 
 
 @dataclass(frozen=True)
@@ -239,12 +235,11 @@ class ByPosition(EntryScoring):
         """Return the fields of an entry on the board."""
         score = self.score(rows)
         return [
-            ratio_field(score),
-            BoardValue(score["verdict"]),
-            sorted_by(score["worst_ratio"], f"{score['worst']} {score['worst_ratio']:.2f}"),
-            number_field(score["nominal"], ".3f"),
-            number_field(100 * score["lost"], ".1f"),
-            number_field(score["step_ns"], ".0f"),
+            *first_fields(score),
+            number_field(score["worst_ratio"], f"{score['worst']} {{:.2f}}"),
+            number_field(score["nominal"], "{:.3f}"),
+            number_field(100 * score["lost"], "{:.1f}"),
+            number_field(score["step_ns"], "{:.0f}"),
         ]
 
 
@@ -320,13 +315,12 @@ class ByDrives(EntryScoring):
         score = self.score(rows)
         return [
             BoardValue(f"{score['n']}"),
-            ratio_field(score),
-            BoardValue(score["verdict"]),
-            number_field(score["nominal"], ".3f"),
-            number_field(100 * score["worse"], ".0f"),
-            sorted_by(score["worst_ratio"], f"{score['worst_kind']} {score['worst_ratio']:.2f}"),
-            number_field(100 * score["lost"], ".1f"),
-            number_field(score["step_ns"], ".0f"),
+            *first_fields(score),
+            number_field(score["nominal"], "{:.3f}"),
+            number_field(100 * score["worse"], "{:.0f}"),
+            number_field(score["worst_ratio"], f"{score['worst_kind']} {{:.2f}}"),
+            number_field(100 * score["lost"], "{:.1f}"),
+            number_field(score["step_ns"], "{:.0f}"),
         ]
 
 
@@ -418,11 +412,10 @@ class ByTilt(EntryScoring):
             field
             for own in self.scores(rows).values()
             for field in (
-                ratio_field(own),
-                BoardValue(own["verdict"]),
-                number_field(own["median_deg"], ".2f"),
-                sorted_by(own["worst_deg"], f"{own['worst_deg']:.2f} ({own['worst']})"),
-                number_field(100 * own["lost"], ".1f"),
+                *first_fields(own),
+                number_field(own["median_deg"], "{:.2f}"),
+                number_field(own["worst_deg"], f"{{:.2f}} ({own['worst']})"),
+                number_field(100 * own["lost"], "{:.1f}"),
             )
         ]
 

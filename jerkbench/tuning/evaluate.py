@@ -143,20 +143,21 @@ def joined_trials(parts: Sequence[Trials]) -> Trials:
     return Trials(settings, runs, parts[0].case, lost)
 
 
+@dataclass(frozen=True)
 class Evaluator:
-    """Runs settings over cases; a run that is stored already is not done again."""
+    """Runs settings over cases; a run that is stored already is not done again.
 
-    def __init__(self, space: Space, objective: Objective, threads: int, runs: Site) -> None:
-        """Evaluate settings of ``space`` by ``objective``.
+    Attributes:
+        space: the knobs.
+        objective: what a setting is worth.
+        threads: how many the engine may use in each process.
+        runs: where they are done and stored, those of other searches, too.
+    """
 
-        Args:
-            space: the knobs.
-            objective: what a setting is worth.
-            threads: how many the engine may use in each process.
-            runs: where they are done and stored, those of other searches, too.
-        """
-        self.space, self.objective, self._threads, self._runs = space, objective, threads, runs
-        self._metrics: tuple[Metric, ...] = (plugins.create("metric", {"name": objective.metric}),)
+    space: Space
+    objective: Objective
+    threads: int
+    runs: Site
 
     def trials(self, settings: Sequence[Setting], cases: Sequence[Job]) -> Trials:
         """Try each of ``settings`` on each of ``cases``.
@@ -172,33 +173,30 @@ class Evaluator:
     def rows(self, settings: Sequence[Setting], cases: Sequence[Job]) -> list[list[list[Row]]]:
         """Return for each case the rows of each setting, and last those of the plain filter."""
         jobs = [job for case in cases for job in self._jobs(settings, case)]
-        how = {"strict": True, "progress": Progress(0), "threads": self._threads, "least": MOST_TASKS}
-        rows = self._runs.rows_of(jobs, [self.objective.column], **how)
+        how = {"strict": True, "progress": Progress(0), "threads": self.threads, "least": MOST_TASKS}
+        rows = self.runs.rows_of(jobs, [self.objective.column], **how)
         each: Iterator[Any] = (own.to_dict("records") for _, own in rows.groupby("place", sort=False))
         return [[next(each) for _ in range(len(settings) + 1)] for _ in cases]
 
     def _jobs(self, settings: Sequence[Setting], case: Job) -> Iterator[Job]:
         """The job of each setting, and that of the plain filter, with the objective as their only metric."""
-        scoring = dataclasses.replace(case.scoring, metrics=self._metrics, names=(self.objective.metric,))
+        metric: Metric = plugins.create("metric", {"name": self.objective.metric})
+        scoring = dataclasses.replace(case.scoring, metrics=(metric,), names=(self.objective.metric,))
         for job in (*(self.space.applied(case, setting) for setting in settings), plain_job(case)):
             yield dataclasses.replace(job, scoring=scoring)
 
     def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, BoolArray]:
         """Return (n, draws) the loss of each run, and whether it was lost."""
         *tried, plain = rows
-        self._require_value(plain, case)
-        level = self.objective.level(plain, case.scoring.divergence_limit_m)
-        losses = np.array([self.objective.losses(own, level) for own in tried])
-        return losses, np.array([[row["status"] != "ok" for row in own] for own in tried])
-
-    def _require_value(self, rows: Sequence[Row], case: Job) -> None:
-        """Check that runs that came to their end have a value, or every setting would count as lost."""
         column = self.objective.column
-        if any(row["status"] == "ok" and np.isnan(row.get(column, np.nan)) for row in rows):
+        if any(row["status"] == "ok" and np.isnan(row.get(column, np.nan)) for row in plain):  # all would count as lost
             raise PluginError(
                 f"The filter {case.method.plain['filter']['name']} has no {column} over {case.labels.scenario}, so"
                 f" objective={self.objective.name} cannot be used; take another objective."
             )
+        level = self.objective.level(plain, case.scoring.divergence_limit_m)
+        losses = np.array([self.objective.losses(own, level) for own in tried])
+        return losses, np.array([[row["status"] != "ok" for row in own] for own in tried])
 
 
 def plain_job(job: Job) -> Job:

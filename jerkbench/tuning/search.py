@@ -81,12 +81,7 @@ class TuningScore(NamedTuple):
     of_seeds: FloatArray
 
 
-def search(
-    evaluator: Evaluator,
-    cases: Cases,
-    budget: Budget,
-    advance: Callable[[int], object] = int,
-) -> SearchOutcome:
+def search(evaluator: Evaluator, cases: Cases, budget: Budget, advance: Callable[[int], object] = int) -> SearchOutcome:
     """Try ``budget.trials`` settings and choose one.
 
     Args:
@@ -99,12 +94,10 @@ def search(
         JerkbenchError: the sampler is unknown, or a run failed.
     """
     trials = _tried(evaluator, cases.tune, budget, advance)
-    best = trials.best(budget.finalists if cases.choose else 1)
-    if not cases.choose:
-        return SearchOutcome(trials.settings[best[0]], best[0], trials, None)
-    settings = [trials.settings[place] for place in best]
-    finalists = evaluator.trials(settings, cases.choose)
-    place = best[finalists.best(1)[0]]
+    best, finalists = trials.best(budget.finalists if cases.choose else 1), None
+    if cases.choose:
+        finalists = evaluator.trials([trials.settings[place] for place in best], cases.choose)
+    place = best[finalists.best(1)[0] if finalists else 0]
     return SearchOutcome(trials.settings[place], place, trials, finalists)
 
 
@@ -129,34 +122,22 @@ def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:
         each = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise JerkbenchError(f"The methods were not tuned alike: settings tried: {each}; give all the same trials=.")
     (count,) = set(counts.values())
-    return (
-        f"Equal budgets: each of {len(counts)} methods tried {count} settings."
-        if len(counts) > 1
-        else (f"Budget: {count} settings tried.")
-    )
+    several = f"Equal budgets: each of {len(counts)} methods tried {count} settings."
+    return several if len(counts) > 1 else f"Budget: {count} settings tried."
 
 
-def _tried(
-    evaluator: Evaluator,
-    cases: Sequence[Job],
-    budget: Budget,
-    advance: Callable[[int], object],
-) -> Trials:
+def _tried(evaluator: Evaluator, cases: Sequence[Job], budget: Budget, advance: Callable[[int], object]) -> Trials:
     """Try the setting before the search, and then those of the sampler, block by block."""
     space = evaluator.space
     sampler = sampler_of(budget.sampler, len(space.knobs), budget.seed)
     parts: list[Trials] = []
-    done = 0
-    while done < budget.trials:
-        first = [space.start] if done == 0 else []
+    for done in range(0, budget.trials, SETTINGS_AT_ONCE):
+        first = [] if done else [space.start]
         count = min(SETTINGS_AT_ONCE, budget.trials - done) - len(first)
-        settings = [*first, *(space.setting(shares) for shares in (sampler.ask(count) if count else ()))]
-        trials = evaluator.trials(settings, cases)
+        parts.append(evaluator.trials([*first, *map(space.setting, sampler.ask(count) if count else ())], cases))
         if count:
-            sampler.tell(trials.means[len(first) :].tolist())
-        parts.append(trials)
-        done += len(settings)
-        advance(len(settings))
+            sampler.tell(parts[-1].means[len(first) :].tolist())
+        advance(len(parts[-1]))
     return joined_trials(parts)
 
 

@@ -199,7 +199,7 @@ def test_the_likelihood_of_an_estimator_that_keeps_none_is_refused(evaluator_of)
     rows, (case,) = [{"status": "ok", "innovation_log_loss": float("nan")}], by_seeds([cell], Seeds(1, 0, 1)).tune
 
     with pytest.raises(PluginError, match=r"eskf15 has no innovation_log_loss .*take another objective"):
-        evaluator_of(cell, "likelihood")._require_value(rows, case)
+        evaluator_of(cell, "likelihood")._worth([rows, rows], case)
 
 
 def test_another_restart_is_another_scramble(tmp_path):
