@@ -9,8 +9,8 @@ import argparse
 import numpy as np
 from scipy import stats
 
-from jerkbench.evaluation.statistics.drives_and_tunings import Losses, comparisons, procedure_error, statements
-from jerkbench.evaluation.statistics.judgement import LEVEL
+from jerkbench.evaluation.drives_and_tunings import Losses, comparisons, procedure_error, statements
+from jerkbench.evaluation.judgement import LEVEL
 
 METHODS, PLAINS, TUNINGS, DRIVES = 108, 4, 16, 600
 

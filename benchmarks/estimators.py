@@ -26,7 +26,7 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Batched
 from jerkbench.datasets.field_white import FieldWhite
-from jerkbench.evaluation.sums import scored
+from jerkbench.evaluation.evaluated_run import scored
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import build_timeline
 

@@ -28,7 +28,7 @@ from jerkbench.jobs.rows import Result, job_rows
 from jerkbench.jobs.run import block_of
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study, write_study
-from jerkbench.report.tables.terminal import print_beginning
+from jerkbench.report.terminal import print_beginning
 
 FILTERS, ADAPTATIONS = ("jerk", "baseline"), ("none", "mtf", "huber", "sage_husa")
 BUNDLE = 64

@@ -18,12 +18,10 @@ from functools import partial
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.errors_over_seeds import GEOMETRIC, MEDIAN, centres
-from jerkbench.evaluation.statistics.intervals import ENOUGH, SHRUNK, hall_intervals, share_interval, student_intervals
-from jerkbench.evaluation.statistics.judgement import MARGIN, Judgement, Verdict, judged
-from jerkbench.evaluation.statistics.over_seeds import LogRatios, log_ratios
-from jerkbench.evaluation.statistics.ranks import over_scenarios
-from jerkbench.evaluation.statistics.seeds import levels, looks, seeds_needed
+from jerkbench.evaluation.intervals import ENOUGH, SHRUNK, hall_intervals, share_interval, student_intervals
+from jerkbench.evaluation.judgement import MARGIN, Judgement, Verdict, judged, levels, looks, seeds_needed
+from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, LogRatios, centres, log_ratios
+from jerkbench.evaluation.ranks import over_scenarios
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

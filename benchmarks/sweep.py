@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jerkbench.evaluation.sums import scored
+from jerkbench.evaluation.evaluated_run import scored
 from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.job import Job, Protocol, build
 from jerkbench.jobs.rows import Result, job_rows

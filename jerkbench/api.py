@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jerkbench.jobs.study import Study
-    from jerkbench.report.tables.table_model import Table
+    from jerkbench.report.table_model import Table
 
 __all__ = ["Part", "disturb", "estimate", "evaluate", "figure", "load", "report", "run", "sweep", "table"]
 
@@ -204,8 +204,8 @@ def table(
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
-    from jerkbench.report.analysis.runs import parse_baseline
-    from jerkbench.report.tables.summary import main_metric, summarise
+    from jerkbench.report.comparisons import parse_baseline
+    from jerkbench.report.summary import main_metric, summarise
 
     opened = _opened(study)
     chosen = metric or main_metric(opened.rows)
@@ -343,8 +343,7 @@ def figure(recording: Recording, estimates: Mapping[str, Estimate], kind: str = 
     Raises:
         JerkbenchError: there is no such kind of figure.
     """
-    from jerkbench.report.plots.errors_over_time import error_figure
-    from jerkbench.report.plots.trajectory import trajectory_figure
+    from jerkbench.report.plots.runs import error_figure, trajectory_figure
 
     kinds: dict[str, Callable[..., Figure]] = {"errors": error_figure, "trajectory": trajectory_figure}
     if kind not in kinds:

@@ -5,7 +5,7 @@ from scipy.optimize import brentq
 from scipy.stats import skew, t, ttest_1samp
 
 SHARE, ENOUGH = 0.6, 20
-"""As `jerkbench.evaluation.statistics.intervals` has them, said once more."""
+"""As `jerkbench.evaluation.intervals` has them, said once more."""
 
 
 def hall_ends(values, share):

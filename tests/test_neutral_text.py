@@ -13,8 +13,7 @@ from jerkbench.files import write_text
 from jerkbench.jobs.study import write_rows_csv
 from jerkbench.notices import plain
 from jerkbench.presets import ASKED, environment_variable
-from jerkbench.report.markup import policy
-from jerkbench.report.tables.writers import csv_escaped, inert, latex_escaped, markdown_grid
+from jerkbench.report.writers import csv_escaped, inert, latex_escaped, markdown_grid, policy
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1"])

@@ -12,7 +12,7 @@ from jerkbench.audit.answer import answered
 from jerkbench.audit.page import answer_summary, audit_page
 from jerkbench.audit.rows import read_rows
 from jerkbench.jobs.study import load_study
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.table_model import number
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ from jerkbench.jobs.names import choose
 from jerkbench.jobs.selection import named_study
 from jerkbench.presets import preset_names
 from jerkbench.renamed import RENAMED, new_label, new_word
-from jerkbench.report.analysis.runs import parse_baseline
+from jerkbench.report.comparisons import parse_baseline
 
 PAIRS = [(kind, old, new) for kind, names in RENAMED.items() for old, new in names.items()]
 

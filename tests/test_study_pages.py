@@ -10,9 +10,9 @@ import pytest
 
 from commands import environment
 from jerkbench.jobs.study import load_study
-from jerkbench.report.analysis.findings import sentence, varying_factors
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.summary import summarise
+from jerkbench.report.findings import sentence, varying_factors
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.summary import summarise
 
 ROOT = Path(__file__).parents[1]
 KEPT = {"paper": "paper20", "faithful": "faithful"}

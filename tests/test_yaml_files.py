@@ -11,7 +11,7 @@ from commands import verb
 from jerkbench import files
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import DEEPEST, MOST_VALUES, read_yaml
-from jerkbench.report.compared import read_tolerances
+from jerkbench.report.changes import read_tolerances
 from jerkbench.suite.entry import SETTINGS, read_entry
 
 ENTRIES = Path(__file__).parents[1] / "results"

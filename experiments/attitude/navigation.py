@@ -20,7 +20,7 @@ from jerkbench.audit.tilt_study import VERDICT_HEADS, TiltErrors, tilt_verdicts,
 from jerkbench.audit.tilt_trials import TILT_METHODS, after_start, with_noise
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
-from jerkbench.report.tables.writers import plain_table
+from jerkbench.report.writers import plain_table
 
 UNSOUND = ("2011_09_30_drive_0028", "2011_09_26_drive_0093")
 """Their places have steps."""

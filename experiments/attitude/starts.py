@@ -12,7 +12,7 @@ from jerkbench.attitude.alignment import tilt_start
 from jerkbench.audit.tilt_trials import kitti_pieces
 from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.recording import Position, Recording
-from jerkbench.report.tables.writers import plain_table
+from jerkbench.report.writers import plain_table
 
 FIX_SIGMAS_M = (0.02, 1.0)
 """Of the fixes, one a second: the reference's places with white noise."""

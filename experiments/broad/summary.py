@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from jerkbench.jobs.study import load_study
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.table_model import number
 
 METRIC, FLOOR = "inclination_rmse_deg", "inclination_floor_deg"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.jobs.study import load_study
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.table_model import number
 
 HORIZONTAL, UP = "outage_rmse_horizontal_m", "outage_rmse_up_m"
 

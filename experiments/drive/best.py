@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.jobs.study import load_study
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.table_model import number
 
 COLUMNS = {"withhold": "position_rmse_m", "withhold+twelve_outages": "outage_rmse_m"}
 METHOD = ["filter", "adaptation", "noise"]

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.evaluation.statistics.intervals import student_interval
-from jerkbench.evaluation.statistics.over_seeds import mean_interval
+from jerkbench.evaluation.intervals import student_interval
+from jerkbench.evaluation.over_seeds import mean_interval
 
 METRIC = "position_rmse_m"
 SCENARIO = ["dataset", "disturbance"]

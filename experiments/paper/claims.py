@@ -18,9 +18,9 @@ from jerkbench.audit.answer import FEWEST, NO_FAULT, kinds_of
 from jerkbench.audit.page import FOLDER
 from jerkbench.audit.protocol import AuditMethod
 from jerkbench.audit.rows import AuditRows, cubes, read_rows
-from jerkbench.evaluation.statistics.drives_and_tunings import crossed_intervals
-from jerkbench.evaluation.statistics.intervals import student_intervals
-from jerkbench.evaluation.statistics.judgement import LEVEL
+from jerkbench.evaluation.drives_and_tunings import crossed_intervals
+from jerkbench.evaluation.intervals import student_intervals
+from jerkbench.evaluation.judgement import LEVEL
 from jerkbench.jobs.study import load_study
 from jerkbench.tuning.entrant import FaultScenario
 

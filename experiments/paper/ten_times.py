@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from jerkbench.evaluation.statistics.judgement import LEVEL, Judgement, Verdict, judged
+from jerkbench.evaluation.judgement import LEVEL, Judgement, Verdict, judged
 from jerkbench.jobs.study import load_study
-from jerkbench.report.analysis.findings import losses_clause, method_names, varying_factors
-from jerkbench.report.analysis.standings import Comparison
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.comparisons import Comparison
+from jerkbench.report.findings import losses_clause, method_names, varying_factors
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.table_model import number
 
 CLAIMED = 10.0
 """The paper: jerk and MTF make the 3-D position RMSE more than so many times smaller than the baseline's."""

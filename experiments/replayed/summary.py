@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.evaluation.statistics.errors_over_seeds import Centre, centres
-from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.judgement import Verdict
+from jerkbench.evaluation.over_seeds import Centre, centres
 from jerkbench.jobs.study import load_study
-from jerkbench.report.analysis.standings import Comparison
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.comparisons import Comparison
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.table_model import number
 
 METRIC = "position_rmse_m"
 SHOWN = "jerk"

@@ -16,7 +16,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod
 from jerkbench.audit.rows import AuditRows, cubes, defaults, losses_of, lost_shares
 from jerkbench.errors import PluginError, unknown
-from jerkbench.evaluation.statistics.drives_and_tunings import (
+from jerkbench.evaluation.drives_and_tunings import (
     MARGIN,
     Error,
     Losses,
@@ -29,8 +29,8 @@ from jerkbench.evaluation.statistics.drives_and_tunings import (
     stated,
     statements,
 )
-from jerkbench.evaluation.statistics.intervals import share_interval
-from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
+from jerkbench.evaluation.intervals import share_interval
+from jerkbench.evaluation.judgement import LEVEL, Verdict
 from jerkbench.files import filled_template
 from jerkbench.parameters import provenance_of
 

@@ -29,8 +29,8 @@ from jerkbench.audit.answer import (
 from jerkbench.audit.protocol import AuditProtocol
 from jerkbench.audit.rows import collected, losses_of, read_rows, write_protocol
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.intervals import share_interval
-from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.intervals import share_interval
+from jerkbench.evaluation.judgement import Verdict
 from jerkbench.files import write_text
 from jerkbench.jobs.cluster import Cluster, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions

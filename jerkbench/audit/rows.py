@@ -16,7 +16,7 @@ from jerkbench import plugins
 from jerkbench.arrays import FloatArray
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod, AuditProtocol, audit_protocol
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.drives_and_tunings import Losses, log_losses
+from jerkbench.evaluation.drives_and_tunings import Losses, log_losses
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.progress import Progress
 from jerkbench.tuning.entrant import RunRules, Site, Try

@@ -26,11 +26,11 @@ from jerkbench.audit.tilt_trials import (
     all_trials,
     audit_rows,
 )
-from jerkbench.evaluation.statistics.families import sign_p
-from jerkbench.evaluation.statistics.intervals import quantiles_of_rows, student_interval
+from jerkbench.evaluation.families import sign_p
+from jerkbench.evaluation.intervals import quantiles_of_rows, student_interval
 from jerkbench.files import filled_template, write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.report.tables.writers import plain_table
+from jerkbench.report.writers import plain_table
 
 TUNINGS, TRIED_EACH = 16, 16
 

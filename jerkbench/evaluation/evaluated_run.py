@@ -1,19 +1,208 @@
-"""When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row."""
+"""One run -> its numbers: the sums of its errors, when it counts as diverged, and the columns of its row."""
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray
-from jerkbench.contracts import Metric, Summarising
+from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.contracts import Metric, Reading, Summarising
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import counted_rows, nothing_counts, position_error_m
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.counted_rows import (
+    POSITION_AXES,
+    VELOCITY_AXES,
+    Rows,
+    counted_rows,
+    counting,
+    known_axes,
+    nothing_counts,
+    position_error_m,
+    rows_at,
+)
+from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.plugins.optional import has_methods
 from jerkbench.recording import Recording
-from jerkbench.sums import Streamed, Sums
+from jerkbench.sums import ErrorWeights, Streamed, Sums
+from jerkbench.timeline import Timeline
+
+
+class Numbers(NamedTuple):
+    """Numbers of rows, as in `jerkbench.evaluation.counted_rows.Rows`."""
+
+    position: FloatArray
+    velocity: FloatArray
+    whole: float
+    both: float
+    outage: float
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """The scoring of the runs over one timeline, or of one trajectory.
+
+    Attributes:
+        scoring: for the engine.
+        rows: which rows count for what.
+        counted: (k,) which rows count at all.
+        outline: an estimate of which ``index`` and ``euler_rad`` are known at least.
+    """
+
+    scoring: ErrorWeights
+    rows: Rows
+    counted: BoolArray
+    outline: Estimate
+
+    @cached_property
+    def errors_alone(self) -> ErrorWeights:
+        """What the engine scores where no metric reads covariances."""
+        return replace(self.scoring, marks=self.rows.outages.ravel(), consistency=False)
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """The numbers of counted rows: the same for every run."""
+        rows = self.rows
+        position, velocity = (of.sum(axis=1).astype(np.float64) for of in (rows.position, rows.velocity))
+        return Numbers(position, velocity, *(float(of.sum()) for of in (rows.whole, rows.both, rows.outage)))
+
+
+def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sums:
+    """Return the sums of a trajectory; ``counted`` (k,) says which of its rows count."""
+    rows = counting(estimate.index, recording, counted)
+    scoring = scoring_of(recording, estimate.index, rows)
+    sums = sums_from(scored_trajectory(estimate, scoring), Scored(scoring, rows, counted, estimate), recording)
+    if (rows.position == rows.position[0]).all() and (rows.velocity == rows.velocity[0]).all():
+        return sums
+    position = [replace(scoring, counted=which.astype(np.float64)) for which in rows.position]
+    velocity = [replace(scoring, moving=which.astype(np.float64)) for which in rows.velocity]
+    return sums._replace(
+        position_m2=_over_axes([scored_trajectory(estimate, s).position_m2 for s in position], POSITION_AXES),
+        velocity_m2ps2=_over_axes([scored_trajectory(estimate, s).velocity_m2ps2 for s in velocity], VELOCITY_AXES),
+    )
+
+
+class Summed(ABC):
+    """A metric that needs the sums of a run alone, whether or not its trajectory was stored."""
+
+    reads_covariance: ClassVar[bool] = True
+    """Whether it reads what the filter says of its errors: sums of e' P^-1 e, or ``sampled`` ones with covariance."""
+
+    @abstractmethod
+    def summarise(self, sums: Sums) -> dict[str, float]:
+        """Return the values by column name."""
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the same of a trajectory."""
+        return self.summarise(sums_of(estimate, recording, counted))
+
+
+def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
+    """Return the sums of a run; the reference knows all axes at the same stamps, of position and of velocity."""
+    rows, numbers = scored.rows, scored.numbers
+    ends = rows.outages.size
+    pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return Sums(
+            position_m2=_over_axes([streamed.position_m2] * len(POSITION_AXES), POSITION_AXES),
+            position_rows=numbers.position,
+            position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
+            whole_m2=streamed.whole_m2,
+            whole_rows=numbers.whole,
+            velocity_m2ps2=_over_axes([streamed.velocity_m2ps2] * len(VELOCITY_AXES), VELOCITY_AXES),
+            velocity_rows=numbers.velocity,
+            nees=streamed.nees,
+            nees_rows=numbers.both,
+            nees_position=streamed.nees_position,
+            nis_per_row=streamed.nis_per_row,
+            nis_updates=streamed.nis_updates,
+            nis_used_per_row=streamed.nis_used_per_row,
+            nis_used_updates=streamed.nis_used_updates,
+            outage_m2=streamed.outage_m2,
+            outage_rows=numbers.outage,
+            outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)) if ends else np.empty(0),
+            outage_driven_m=rows.outages_driven_m,
+            outage_drifts_mps=_drifts_mps(pairs, rows.outages_s) if ends else np.empty(0),
+            outages=len(recording.outages_s),
+            sampled_m=streamed.marked_m[ends:],
+            sampled_m2=streamed.marked_m2[ends:],
+        )
+
+
+def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
+    """Return the weights of the errors at the rows ``index`` (k,) of the reference, which count for ``rows``."""
+    reference = recording.reference
+    truth = np.zeros((len(index), 6))
+    if reference.enu_m is not None:
+        truth[:, :3] = np.nan_to_num(rows_at(reference.enu_m, index))
+    if reference.velocity_mps is not None:
+        truth[:, 3:] = np.nan_to_num(rows_at(reference.velocity_mps, index))
+    return ErrorWeights(
+        truth,
+        rows.position[0].astype(np.float64),
+        rows.whole.astype(np.float64),
+        rows.velocity[0].astype(np.float64),
+        rows.outage.astype(np.float64),
+        np.concatenate([rows.outages.ravel(), rows.sampled]),
+        rows.start_s,
+    )
+
+
+def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) -> FloatArray:
+    """Sum each of ``squares`` over its axes."""
+    numbers = [of.tolist() for of in squares]
+    return np.array([sum([of[k] for k in chosen]) for of, chosen in zip(numbers, axes.values(), strict=True)])
+
+
+def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
+    """(j,) |e_last - e_first|/(t_last - t_first) of errors (j, 2, 3) at times (j, 2)."""
+    with np.errstate(all="ignore"):
+        grown = np.linalg.norm(error_m[:, 1] - error_m[:, 0], axis=1)
+        return np.asarray(grown / np.where(t_s[:, 1] > t_s[:, 0], t_s[:, 1] - t_s[:, 0], np.nan))
+
+
+# The scoring of a run that keeps no trajectory: its counted rows and its sums.
+
+
+def can_stream(metric: Metric) -> bool:
+    """Whether the metric needs no trajectory."""
+    return isinstance(metric, Summarising | Reading)
+
+
+def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
+    """Return how runs over ``timeline`` are scored, or None where that needs a trajectory.
+
+    It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
+    nothing counts.
+    """
+    index = timeline.reference[timeline.reference >= 0]
+    outline = outlined(index, timeline.euler_rad[index])
+    counted = counted_rows(outline, recording, burn_in_s)
+    rows = counting(outline.index, recording, counted)
+    located = known_axes(recording.reference.enu_m, outline.index).all()
+    if not (located and counted.any() and (rows.velocity == rows.velocity[0]).all()):
+        return None
+    return Scored(scoring_of(recording, outline.index, rows), rows, counted, outline)
+
+
+def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
+    """Return an estimate without position, velocity and covariance (NaN) at rows ``index`` (k,) of the reference."""
+    unknown = np.broadcast_to(np.nan, (len(index), 6, 6))
+    return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
+
+
+def with_updates(outline: Estimate, updates: Updates) -> Estimate:
+    """Return the outline with what the updates saw."""
+    return Estimate(
+        outline.index, outline.position_m, outline.velocity_mps, outline.covariance, outline.euler_rad, updates
+    )
+
+
+# When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row.
+
 
 LIMIT_M = 1000.0
 """A larger position error is a divergence, unless `divergence_limit_m` says otherwise; the frozen suite has its own."""

@@ -160,7 +160,7 @@ def _sentences() -> Iterator[None]:
 
 def _show(plan: Plan, store: Store, config: DictConfig) -> None:
     """Print rows and notes at once, for files and figures take longer than the run; then write the study."""
-    from jerkbench.report.tables.terminal import print_run
+    from jerkbench.report.terminal import print_run
 
     folder = study_folder(config)
     (stored,), _ = store.read(plan.draws, {key: stretches(own) for key, own in plan.draws.items()})
@@ -180,7 +180,7 @@ def conclude_study(
     store: Store, seeds: Mapping[str, Sequence[int]], config: DictConfig, level: float | None = None
 ) -> Study | None:
     """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
-    from jerkbench.report.tables.terminal import print_beginning, print_table
+    from jerkbench.report.terminal import print_beginning, print_table
 
     folder = store.folder.parent
     gone = _not_whole(store, seeds)

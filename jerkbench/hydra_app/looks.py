@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.seeds import FIRST, levels, looks
+from jerkbench.evaluation.judgement import FIRST, Verdict, levels, looks
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.manifest import stretches
@@ -19,9 +18,9 @@ from jerkbench.jobs.plan import Plan, in_order, missing
 from jerkbench.jobs.progress import duration
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import Study
-from jerkbench.report.analysis.runs import VerdictRule
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.summary import main_metric
+from jerkbench.report.comparisons import VerdictRule
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.summary import main_metric
 
 AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
 MOST_AUTO_SEEDS = 400

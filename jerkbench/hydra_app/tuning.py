@@ -27,7 +27,7 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.presets import user_folders
 from jerkbench.report import Choice, figures_choice
-from jerkbench.report.tables.writers import passive
+from jerkbench.report.writers import passive
 from jerkbench.tuning.entrant import Site
 from jerkbench.tuning.evaluate import objective_of, trial_table
 from jerkbench.tuning.outcome import (

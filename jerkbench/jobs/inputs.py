@@ -16,7 +16,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, Same
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
-from jerkbench.evaluation.sums import outlined, scored
+from jerkbench.evaluation.evaluated_run import outlined, scored
 from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, require_data, versions

@@ -25,8 +25,7 @@ COMPUTING = (
     *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("plugins/optional", "random_streams", "renamed", "sums", "tuning/splits"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
-    *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "sums")),
-    "evaluation/statistics/correlated_errors",
+    *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
 

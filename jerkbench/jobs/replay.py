@@ -29,7 +29,7 @@ from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import Study, load_study
 from jerkbench.notices import plain
 from jerkbench.recording import Recording
-from jerkbench.report.analysis.columns import SCENARIO_FACTORS
+from jerkbench.report.columns import SCENARIO_FACTORS
 
 if TYPE_CHECKING:
     import pandas as pd

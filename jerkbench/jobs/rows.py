@@ -13,8 +13,18 @@ from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, 
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
-from jerkbench.evaluation.evaluated_run import Summary, evaluate_run, metric_values, run_status, strays
-from jerkbench.evaluation.sums import Scored, can_stream, outlined, sums_from, with_updates
+from jerkbench.evaluation.evaluated_run import (
+    Scored,
+    Summary,
+    can_stream,
+    evaluate_run,
+    metric_values,
+    outlined,
+    run_status,
+    strays,
+    sums_from,
+    with_updates,
+)
 from jerkbench.jobs.inputs import KEPT_INPUTS, Inputs, shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import processor_kind

@@ -13,7 +13,7 @@ from jerkbench.jobs.conditions import DECIDING_SCORES, LABELLED_PARTS, Condition
 from jerkbench.jobs.labels import bare
 from jerkbench.jobs.study import Study
 from jerkbench.renamed import new_label
-from jerkbench.report.analysis.columns import FACTORS, METHOD, Combination, require_factors
+from jerkbench.report.columns import FACTORS, METHOD, Combination, require_factors
 
 
 class NamedStudy(NamedTuple):

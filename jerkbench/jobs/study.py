@@ -20,12 +20,12 @@ from jerkbench.jobs.parts import HEAD_COLUMNS, Stored, frame
 from jerkbench.jobs.store import Store, damaged
 from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of
-from jerkbench.report.analysis.columns import FACTORS, FLOOR, SCENARIO_FACTORS, WHY
-from jerkbench.report.analysis.runs import SPENDS
-from jerkbench.report.tables.writers import inert
+from jerkbench.report.columns import FACTORS, FLOOR, SCENARIO_FACTORS, WHY
+from jerkbench.report.comparisons import SPENDS
+from jerkbench.report.writers import inert
 
 if TYPE_CHECKING:
-    from jerkbench.report.tables.table_model import Table
+    from jerkbench.report.table_model import Table
 
 TAGS = "tags"
 """Column of rows, where any cell has tags: separated by blanks."""
@@ -71,7 +71,7 @@ class Study:
 
     def _repr_html_(self) -> str:
         """Return its main table, as a notebook shows it."""
-        from jerkbench.report.tables.summary import main_metric, summarise
+        from jerkbench.report.summary import main_metric, summarise
 
         return str(summarise(self.rows, main_metric(self.rows), notes=self.notes)._repr_html_())
 
@@ -177,7 +177,7 @@ def concluded(
 
 def write_study(study: Study) -> "Table":
     """Write rows.csv and the tables; returns the first of these."""
-    from jerkbench.report.tables.summary import write_tables
+    from jerkbench.report.summary import write_tables
 
     write_atomically(study.folder / "rows.csv", lambda path: write_rows_csv(study.rows, path))
     return write_tables(study.rows, study.folder, study.notes)

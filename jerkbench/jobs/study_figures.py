@@ -34,8 +34,8 @@ from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import Study
 from jerkbench.recording import Recording
 from jerkbench.report import Choice
-from jerkbench.report.analysis.columns import METHOD, SCENARIO_FACTORS, competes
-from jerkbench.report.analysis.runs import RULE, VerdictRule
+from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
+from jerkbench.report.comparisons import RULE, VerdictRule
 from jerkbench.report.drawings import (
     Drawing,
     Methods,
@@ -47,9 +47,9 @@ from jerkbench.report.drawings import (
     palette_of,
     telling_scenes,
 )
-from jerkbench.report.page.script_data import Stretch, largest_of_steps
+from jerkbench.report.page_content import Stretch, largest_of_steps
 from jerkbench.report.plots.style import Palette
-from jerkbench.report.tables.summary import main_metric
+from jerkbench.report.summary import main_metric
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -402,9 +402,8 @@ def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:
 
 def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
     """Draw trajectory and errors of the first seed; returns the files."""
-    from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure
+    from jerkbench.report.plots.runs import error_figure, inclination_figure, trajectory_figure
     from jerkbench.report.plots.style import save_figure
-    from jerkbench.report.plots.trajectory import trajectory_figure
 
     recording, estimate = run_seed(job, job.draws[0])
     errors = partial(error_figure, burn_in_s=job.scoring.burn_in_s)
@@ -471,7 +470,7 @@ def write_report(
         method: factors that a method is made of; None: those by default.
         rule: by which methods are judged.
     """
-    from jerkbench.report.page.page import Results, page
+    from jerkbench.report.page import Results, page
 
     pictures, stretches = draw_study(study, request, workers)
     stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))

@@ -22,7 +22,7 @@ from jerkbench.contracts import (
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.plugins import create
 from jerkbench.plugins.optional import empty_memory

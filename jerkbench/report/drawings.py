@@ -4,20 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.statistics.ranks import critical_difference
+from jerkbench.evaluation.ranks import critical_difference
 from jerkbench.recording import Recording
-from jerkbench.report.analysis.columns import FACTORS, METHOD, competes, quantity
-from jerkbench.report.analysis.findings import largest
-from jerkbench.report.analysis.runs import runs_by_combination
-from jerkbench.report.analysis.study_verdicts import common_field, study_verdicts
-from jerkbench.report.analysis.sweeps import (
-    at_best_noise,
-    competing,
-    costs,
-    method_labels,
-    of_all_methods,
-    with_severity,
-)
+from jerkbench.report.columns import FACTORS, METHOD, competes, quantity
+from jerkbench.report.comparisons import runs_by_combination
+from jerkbench.report.findings import largest
 from jerkbench.report.plots.bars import bars_figure, critical_difference_figure, heat_map_figure, profile_figure
 from jerkbench.report.plots.consistency import (
     acceleration_figure,
@@ -25,11 +16,19 @@ from jerkbench.report.plots.consistency import (
     consistency_figure,
     tilt_figure,
 )
-from jerkbench.report.plots.errors_over_time import disturbed_window_s, error_figure, zoomed_error_figure
+from jerkbench.report.plots.runs import disturbed_window_s, error_figure, inset_trajectory_figure, zoomed_error_figure
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.plots.sweeps import sensitivity_figure, severity_figure, with_noise_sigma
-from jerkbench.report.plots.trajectory import inset_trajectory_figure
-from jerkbench.report.tables.summary import main_metric, summarise
+from jerkbench.report.study_verdicts import common_field, study_verdicts
+from jerkbench.report.summary import main_metric, summarise
+from jerkbench.report.sweeps import (
+    at_best_noise,
+    competing,
+    costs,
+    method_labels,
+    of_all_methods,
+    with_severity,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,13 +18,13 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.ranks import rank_range
+from jerkbench.evaluation.ranks import rank_range
 from jerkbench.files import write_text
 from jerkbench.jobs.key import data_fingerprint
 from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.notices import plain
-from jerkbench.report.markup import environment
+from jerkbench.report.writers import environment
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins_digest
 from jerkbench.suite.entry import MANIFEST, PAGE, Entry, file_hashes, frozen_part, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
@@ -300,7 +300,7 @@ def html(board: Board) -> str:
     from jinja2 import PackageLoader
     from markupsafe import Markup
 
-    styles = files("jerkbench.report.page").joinpath("report.css").read_text(encoding="utf-8")
+    styles = files("jerkbench.report").joinpath("assets/report.css").read_text(encoding="utf-8")
     script = files("jerkbench.suite").joinpath("templates/board.js").read_text(encoding="utf-8")
     template = environment().overlay(loader=PackageLoader("jerkbench.suite")).get_template("board.html")
     return template.render(

@@ -15,11 +15,11 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.evaluation.statistics.intervals import few_intervals
-from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
-from jerkbench.evaluation.statistics.ranks import over_scenarios
+from jerkbench.evaluation.intervals import few_intervals
+from jerkbench.evaluation.judgement import LEVEL, Verdict
+from jerkbench.evaluation.ranks import over_scenarios
 from jerkbench.files import filled_template
-from jerkbench.report.tables.writers import passive
+from jerkbench.report.writers import passive
 from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels, suite_losses
 from jerkbench.suite.protocol import HAND, AttitudeSuite, DriveSuite, SuiteProtocol
 

@@ -10,8 +10,8 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.judgement import judged
-from jerkbench.evaluation.statistics.over_seeds import log_ratios
+from jerkbench.evaluation.judgement import judged
+from jerkbench.evaluation.over_seeds import log_ratios
 from jerkbench.files import filled_template, write_text
 from jerkbench.tuning.evaluate import Trials
 from jerkbench.tuning.search import SearchOutcome, Tuning, equal_budgets

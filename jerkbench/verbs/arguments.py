@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench.errors import JerkbenchError
 
 if TYPE_CHECKING:
-    from jerkbench.report.analysis.runs import VerdictRule
+    from jerkbench.report.comparisons import VerdictRule
 
     Parsers = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
@@ -153,8 +153,8 @@ JUDGING = (
 
 def chosen_rule(chosen: argparse.Namespace) -> "VerdictRule":
     """Return the rule that was asked for."""
-    from jerkbench.evaluation.statistics.families import Correction
-    from jerkbench.report.analysis.runs import VerdictRule
+    from jerkbench.evaluation.families import Correction
+    from jerkbench.report.comparisons import VerdictRule
 
     return VerdictRule(chosen.margin / 100, Correction(chosen.correction))
 
@@ -165,6 +165,6 @@ def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
     Raises:
         JerkbenchError: there is no such factor, or none.
     """
-    from jerkbench.report.analysis.columns import parse_method
+    from jerkbench.report.columns import parse_method
 
     return parse_method(chosen.method) if chosen.method is not None else None

@@ -165,7 +165,7 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are too few fixes, or no such kind of figure.
     """
     from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, receiver_figure, table_rows
-    from jerkbench.report.tables.terminal import print_grid
+    from jerkbench.report.terminal import print_grid
 
     _require_figure(chosen.figure)
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)

@@ -22,9 +22,9 @@ from jerkbench.verbs.arguments import (
 
 if TYPE_CHECKING:
     from jerkbench.jobs.study import Study
-    from jerkbench.report.analysis.study_verdicts import StudyVerdicts
-    from jerkbench.report.compared import MetricChanges, Tolerances
-    from jerkbench.report.tables.table_model import Table
+    from jerkbench.report.changes import MetricChanges, Tolerances
+    from jerkbench.report.study_verdicts import StudyVerdicts
+    from jerkbench.report.table_model import Table
 
 NOTHING_COMPARED = (
     "Nothing can be compared: no cell without adaptation, or with the baseline filter (--baseline FACTOR=NAME takes "
@@ -68,9 +68,9 @@ def table_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
     from jerkbench.jobs.study import load_study, tagged
-    from jerkbench.report.analysis.runs import parse_baseline
-    from jerkbench.report.analysis.study_verdicts import study_verdicts
-    from jerkbench.report.tables.summary import main_metric, summarise
+    from jerkbench.report.comparisons import parse_baseline
+    from jerkbench.report.study_verdicts import study_verdicts
+    from jerkbench.report.summary import main_metric, summarise
 
     study = load_study(chosen.folder)
     study = tagged(study, chosen.tag) if chosen.tag else study
@@ -98,9 +98,9 @@ def _sentences(
 
     Without one: who leads, what holds over all scenarios, and the comparisons with the usual ones.
     """
-    from jerkbench.report.analysis.findings import findings
-    from jerkbench.report.analysis.standings import verdict_sentences
-    from jerkbench.report.analysis.study_verdicts import across
+    from jerkbench.report.comparisons import verdict_sentences
+    from jerkbench.report.findings import findings
+    from jerkbench.report.study_verdicts import across
 
     compared = findings(study.rows, verdicts, baseline)
     left = 0 if every else max(0, len(compared) - FIRST_TOLD)
@@ -113,8 +113,8 @@ def _sentences(
 
 
 def _write(table: "Table", name: str) -> None:
-    from jerkbench.report.tables.terminal import print_summary
-    from jerkbench.report.tables.writers import WRITERS
+    from jerkbench.report.terminal import print_summary
+    from jerkbench.report.writers import WRITERS
 
     if name == "terminal":
         print_summary(table)
@@ -308,17 +308,17 @@ def compare_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.jobs.selection import in_the_place_of, named_study, require_alike, selected
     from jerkbench.jobs.study import load_study
-    from jerkbench.report.analysis.changes import changes
-    from jerkbench.report.analysis.findings import varying_factors
-    from jerkbench.report.compared import (
+    from jerkbench.report.changes import (
         WRITERS,
         MetricChanges,
         StudyComparison,
         Tolerances,
+        changes,
         print_comparison,
         read_tolerances,
     )
-    from jerkbench.report.tables.summary import main_metric
+    from jerkbench.report.findings import varying_factors
+    from jerkbench.report.summary import main_metric
 
     named = (named_study(chosen.first), named_study(chosen.second))
     first, second = (selected(load_study(of.folder), of.chosen) for of in named)
@@ -355,8 +355,8 @@ def _notes(
     tolerances: "Tolerances",
 ) -> list[str]:
     from jerkbench.jobs.selection import other_methods
-    from jerkbench.report.analysis.changes import notes_of_tests, other_leaders
-    from jerkbench.report.analysis.study_verdicts import study_verdicts
+    from jerkbench.report.changes import notes_of_tests, other_leaders
+    from jerkbench.report.study_verdicts import study_verdicts
 
     rule, method, changed = chosen_rule(chosen), chosen_method(chosen), parts[0].changes
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]

@@ -32,7 +32,7 @@ def rerun_verb(chosen: argparse.Namespace) -> None:
         SystemExit: 1, where a number is another.
     """
     from jerkbench.jobs.replay import equal_or_nan, replay_differences, stored_row
-    from jerkbench.report.tables.terminal import print_grid
+    from jerkbench.report.terminal import print_grid
 
     row = stored_row(chosen.folder, chosen.row, run_programs=chosen.run_programs)
     numbers = replay_differences(row)

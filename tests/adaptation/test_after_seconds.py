@@ -11,7 +11,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.sums import scored
+from jerkbench.evaluation.evaluated_run import scored
 from jerkbench.sums import RecordedRun, Run
 from jerkbench.timeline import build_timeline
 

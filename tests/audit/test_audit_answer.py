@@ -21,7 +21,7 @@ from jerkbench.audit.answer import (
 from jerkbench.audit.page import write_page
 from jerkbench.audit.rows import losses_of
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.statistics.drives_and_tunings import statements
+from jerkbench.evaluation.drives_and_tunings import statements
 from made_rows import SMALL, made_rows
 
 METHOD = ["filter", "adaptation"]

@@ -7,7 +7,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod, audit_protocol, read_protocol
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.statistics import drives_and_tunings
+from jerkbench.evaluation import drives_and_tunings
 from jerkbench.parameters import provenance_of
 from jerkbench.presets import preset, preset_names
 

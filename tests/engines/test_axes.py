@@ -9,8 +9,7 @@ from test_side_by_side import BURN_IN_S, one, side_by_side, trajectory
 from jerkbench import plugins
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.evaluated_run import evaluate_run
-from jerkbench.evaluation.sums import scored, sums_from
+from jerkbench.evaluation.evaluated_run import evaluate_run, scored, sums_from
 from jerkbench.kinematic import packs, runs
 from jerkbench.measurements import TURNING_NOISE, Measurements, axes_apart
 from jerkbench.sums import Run

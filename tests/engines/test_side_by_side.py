@@ -18,8 +18,7 @@ from jerkbench.compilation.compiled_loop import signature_of
 from jerkbench.compilation.jitted import jitted
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.evaluated_run import evaluate_run
-from jerkbench.evaluation.sums import can_stream, scored, sums_from, with_updates
+from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, scored, sums_from, with_updates
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps

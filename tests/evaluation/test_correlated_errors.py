@@ -7,12 +7,12 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t
 
-from jerkbench.evaluation.statistics.correlated_errors import (
+from jerkbench.evaluation.correlated_errors import (
     autocorrelation,
     block_interval,
     correlation_rows,
 )
-from jerkbench.evaluation.statistics.over_seeds import mean_interval
+from jerkbench.evaluation.over_seeds import mean_interval
 
 
 def autoregressive(phi, n, seed, count=1):

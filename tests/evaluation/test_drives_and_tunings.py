@@ -3,8 +3,8 @@ import pytest
 from scipy import optimize, stats
 
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.statistics import drives_and_tunings
-from jerkbench.evaluation.statistics.drives_and_tunings import (
+from jerkbench.evaluation import drives_and_tunings
+from jerkbench.evaluation.drives_and_tunings import (
     Losses,
     comparisons,
     crossed_intervals,
@@ -13,7 +13,7 @@ from jerkbench.evaluation.statistics.drives_and_tunings import (
     procedure_error,
     statements,
 )
-from jerkbench.evaluation.statistics.judgement import Verdict
+from jerkbench.evaluation.judgement import Verdict
 
 M, P, R, D = 12, 4, 16, 60
 

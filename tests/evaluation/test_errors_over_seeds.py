@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import gmean, norm
 
-from jerkbench.evaluation.statistics.errors_over_seeds import GEOMETRIC, MEDIAN, centres
-from jerkbench.evaluation.statistics.intervals import quantiles_of_rows
+from jerkbench.evaluation.intervals import quantiles_of_rows
+from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, centres
 from roots import mean_ends
 
 

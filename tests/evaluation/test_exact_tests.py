@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binomtest
 
-from jerkbench.evaluation.statistics.errors_over_seeds import centres
-from jerkbench.evaluation.statistics.families import median_p, sign_p
-from jerkbench.evaluation.statistics.intervals import (
+from jerkbench.evaluation.families import median_p, sign_p
+from jerkbench.evaluation.intervals import (
     loss_bound,
     losses_text,
     median_intervals,
@@ -16,6 +15,7 @@ from jerkbench.evaluation.statistics.intervals import (
     seeds_without_loss,
     share_interval,
 )
+from jerkbench.evaluation.over_seeds import centres
 
 
 @pytest.mark.parametrize(("count", "n"), [(0, 5), (1, 20), (12, 20), (20, 20)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.evaluation.statistics.intervals import SHRUNK, few_intervals, hall_intervals, student_intervals
+from jerkbench.evaluation.intervals import SHRUNK, few_intervals, hall_intervals, student_intervals
 from roots import hall_ends, mean_ends
 
 

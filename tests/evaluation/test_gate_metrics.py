@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from jerkbench import api
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.consistency import SilentError
-from jerkbench.evaluation.metrics.gates import Capture, Gate
+from jerkbench.evaluation.metrics.recovery import Capture, Gate
 from jerkbench.recording import Imu, Origin, Position, Recording, Reference
 
 FIX_S = 0.2

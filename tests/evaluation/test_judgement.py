@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, false_discovery_control, pareto, sem, ttest_1samp
 
-from jerkbench.evaluation.statistics.families import RESAMPLES, SEED, Correction, max_t
-from jerkbench.evaluation.statistics.judgement import Verdict, judged
-from jerkbench.evaluation.statistics.over_seeds import log_ratios, log_ratios_of
+from jerkbench.evaluation.families import RESAMPLES, SEED, Correction, max_t
+from jerkbench.evaluation.judgement import Verdict, judged
+from jerkbench.evaluation.over_seeds import log_ratios, log_ratios_of
 
 
 def scatter(rng, sigma, n=20):

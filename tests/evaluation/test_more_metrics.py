@@ -9,13 +9,11 @@ from scipy.stats import multivariate_normal
 
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Updates
+from jerkbench.evaluation import correlated_errors
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.metrics.consistency import Coverage, Innovation
-from jerkbench.evaluation.metrics.gates import Lockout, longest_streak_s
+from jerkbench.evaluation.metrics.consistency import Coverage, Innovation, LogScore
 from jerkbench.evaluation.metrics.position import OneRecording, Percentiles, PositionRmse, RelativeError
-from jerkbench.evaluation.metrics.recovery import OutageDrift
-from jerkbench.evaluation.metrics.scores import LogScore
-from jerkbench.evaluation.statistics import correlated_errors
+from jerkbench.evaluation.metrics.recovery import Lockout, OutageDrift, longest_streak_s
 from jerkbench.recording import Position
 
 

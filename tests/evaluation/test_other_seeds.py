@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import bootstrap, fisher_exact, ttest_ind
 
-from jerkbench.evaluation.statistics.families import max_t_of_two
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.evaluation.statistics.over_seeds import two_samples
-from jerkbench.evaluation.statistics.seeds import judged_on_other_seeds
+from jerkbench.evaluation.families import max_t_of_two
+from jerkbench.evaluation.judgement import Verdict, judged_on_other_seeds
+from jerkbench.evaluation.over_seeds import two_samples
 
 
 def judge(a, b, **options):

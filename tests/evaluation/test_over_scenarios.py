@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.ranks import mean_ranks, performance_profile
+from jerkbench.evaluation.ranks import mean_ranks, performance_profile
 
 COSTS = np.array([[1.0, 2.0, 4.0], [3.0, 3.0, np.nan], [8.0, 2.0, 2.0], [np.inf, np.inf, np.nan]])
 

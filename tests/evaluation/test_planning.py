@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm, ttest_1samp
 
-from jerkbench.evaluation.statistics.families import max_t
-from jerkbench.evaluation.statistics.judgement import Verdict, judged
-from jerkbench.evaluation.statistics.over_seeds import log_ratios
-from jerkbench.evaluation.statistics.seeds import critical_t, levels, looks, seeds_needed
+from jerkbench.evaluation.families import max_t
+from jerkbench.evaluation.judgement import Verdict, critical_t, judged, levels, looks, seeds_needed
+from jerkbench.evaluation.over_seeds import log_ratios
 
 
 def judge(d):

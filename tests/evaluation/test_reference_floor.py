@@ -7,11 +7,10 @@ import pytest
 from commands import verb
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError
+from jerkbench.evaluation.judgement import Verdict
 from jerkbench.evaluation.metrics.position import ReferenceFloor
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.columns import FACTORS
-from jerkbench.report.analysis.runs import runs_by_combination
-from jerkbench.report.analysis.standings import compare_runs, family_note
+from jerkbench.report.columns import FACTORS
+from jerkbench.report.comparisons import compare_runs, family_note, runs_by_combination
 
 N = 20_000
 

@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 from scipy.stats import kendalltau, t
 
-from jerkbench.evaluation.statistics.ranks import (
+from jerkbench.evaluation.judgement import chosen_on_other_seeds
+from jerkbench.evaluation.ranks import (
     critical_difference,
     kendall_tau,
     over_scenarios,
     rank_cliques,
     rank_range,
 )
-from jerkbench.evaluation.statistics.seeds import chosen_on_other_seeds
 
 
 def drawn(scenarios, seeds, sigmas=(0.3, 0.15, 0.1), seed=3):

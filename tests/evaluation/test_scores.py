@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from jerkbench.evaluation.metrics.consistency import credibility, crps
 from jerkbench.evaluation.metrics.recovery import step_response
-from jerkbench.evaluation.metrics.scores import credibility, crps
 
 
 @pytest.mark.parametrize(("error", "sigma"), [(0.0, 1.0), (0.7, 0.5), (-2.0, 0.3)])

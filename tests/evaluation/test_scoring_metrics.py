@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from jerkbench.evaluation.counted_rows import counted_rows
+from jerkbench.evaluation.metrics.consistency import Credibility, Crps
 from jerkbench.evaluation.metrics.recovery import Recovery, fault_windows_s
-from jerkbench.evaluation.metrics.scores import Credibility, Crps
 from jerkbench.recording import Position
 
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import bootstrap, ttest_1samp
 from scipy.stats import t as student
 
-from jerkbench.evaluation.statistics import over_seeds
-from jerkbench.evaluation.statistics.intervals import bca_ends
-from jerkbench.evaluation.statistics.over_seeds import Interval, mean_interval, mean_intervals
+from jerkbench.evaluation import over_seeds
+from jerkbench.evaluation.intervals import bca_ends
+from jerkbench.evaluation.over_seeds import Interval, mean_interval, mean_intervals
 
 
 def naive_bca(values, confidence, resamples, seed):

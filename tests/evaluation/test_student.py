@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_1samp
 
-from jerkbench.evaluation.statistics.intervals import student_interval
+from jerkbench.evaluation.intervals import student_interval
 
 
 @pytest.mark.parametrize("n", [2, 3, 12])

@@ -8,7 +8,7 @@ import pytest
 from scored_run import make_estimate, make_recording
 
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import sums_of
+from jerkbench.evaluation.evaluated_run import sums_of
 
 
 def with_holes(recording, name, rows, axes):

@@ -19,7 +19,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.kinematic.plugin_call import compiled_rule

@@ -13,7 +13,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field_white import FieldWhite
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf

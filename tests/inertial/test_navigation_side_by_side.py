@@ -11,7 +11,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.inertial.compiled_runs import stream_journeys

@@ -10,7 +10,7 @@ from jerkbench.errors import PluginError
 from jerkbench.hydra_app.looks import typed
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study
-from jerkbench.report.analysis.runs import VerdictRule
+from jerkbench.report.comparisons import VerdictRule
 
 SHORT = ("dataset.duration_s=40", "figures=false", "workers=1")
 

@@ -12,9 +12,9 @@ from jerkbench.jobs.plan import planned
 from jerkbench.jobs.selection import other_methods, require_alike
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study, write_study
-from jerkbench.report.analysis.findings import findings
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.summary import summarise
+from jerkbench.report.findings import findings
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.summary import summarise
 from stored_cells import LABELS, about, put, row, store_cell
 
 KEYS_OF_TWO = ("a" * 20, "b" * 20)

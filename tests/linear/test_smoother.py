@@ -22,7 +22,7 @@ from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.sums import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.linear.smoother import smooth_one

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from jerkbench.evaluation.statistics.judgement import Judgement
+from jerkbench.evaluation.judgement import Judgement
 
 FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise")
 

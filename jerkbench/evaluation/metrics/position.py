@@ -7,6 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray
 from jerkbench.estimate import Estimate
+from jerkbench.evaluation.correlated_errors import block_interval
 from jerkbench.evaluation.counted_rows import (
     POSITION_AXES,
     VELOCITY_AXES,
@@ -17,8 +18,7 @@ from jerkbench.evaluation.counted_rows import (
     rms,
     rms_norm,
 )
-from jerkbench.evaluation.statistics.correlated_errors import block_interval
-from jerkbench.evaluation.sums import Summed
+from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Limit, Limited
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

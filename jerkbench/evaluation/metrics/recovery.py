@@ -1,4 +1,4 @@
-"""Errors in outages, and how an estimate comes back after a fault: its window, and the step response to it."""
+"""Faults: errors in outages, how an estimate comes back after one, and fixes that are not believed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,9 +7,18 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, streaks
-from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import counting, mean, position_error_m, rms, rms_norm, timed_errors
-from jerkbench.evaluation.sums import Summed
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.counted_rows import (
+    counting,
+    first_counted_s,
+    mean,
+    position_error_m,
+    rms,
+    rms_norm,
+    timed_errors,
+)
+from jerkbench.evaluation.evaluated_run import Summed
+from jerkbench.measurements import VARIANCE_FLOOR
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -210,3 +219,190 @@ class OutageDrift(Summed):
         """Return the value by column name."""
         drifts = sums.outage_drifts_mps[~np.isnan(sums.outage_drifts_mps)]
         return {"outage_drift_mps": mean(float(drifts.sum()), float(drifts.size))}
+
+
+# Gates: fixes that are not believed, the spikes that are taken, and a return to a wrong place.
+
+
+INFLATED = 4.0
+"""A variance that is so many times the reported one: twice the sigma."""
+
+
+@register("metric", "lockout")
+@dataclass(frozen=True)
+class Lockout:
+    """Updates of which a position was inflated or rejected, and the longest streak of them.
+
+    With R_ua the variance used for position axis a in update u and r_ua the one that the fix reported, over the updates
+    with a position, from the first counted row on::
+
+        inflated  any a: R_ua > 4 r_ua        rejected  all a: R_ua infinite (such an update is inflated too)
+
+        inflated_percent, rejected_percent       share of the updates
+        lockout_s                                longest time from the first inflated update of a streak to its last
+
+    A filter that drifts away and rejects every fix has a long lock-out. NaN without such an update.
+    """
+
+    reads: ClassVar[str] = "updates"
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the three values by column name."""
+        updates = estimate.updates
+        used, reported = used_and_reported(updates, recording)
+        start_s = first_counted_s(recording.reference, estimate.index, counted)
+        rows = (updates.t_s >= start_s) & np.isfinite(reported).any(axis=0) & ~np.isnan(used).all(axis=0)
+        if not rows.any():
+            return dict.fromkeys(("inflated_percent", "rejected_percent", "lockout_s"), np.nan)
+        used, reported = used[:, rows], reported[:, rows]
+        inflated = np.asarray((used > INFLATED * reported).any(axis=0))
+        rejected = (~np.isfinite(used)).all(axis=0)
+        return {
+            "inflated_percent": 100 * float(inflated.mean()),
+            "rejected_percent": 100 * float(rejected.mean()),
+            "lockout_s": longest_streak_s(inflated, updates.t_s[rows]),
+        }
+
+
+def longest_streak_s(flags: BoolArray, t_s: FloatArray) -> float:
+    """Return the longest time between the first and the last of flags that are set without a gap; 0 without any."""
+    begin, end = streaks(flags).T
+    return float(np.max(t_s[end - 1] - t_s[begin], initial=0.0))
+
+
+def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """Return (3, m) the variances used and reported of the position in each update; NaN where it had none."""
+    used = np.ascontiguousarray(updates.R_diagonal[:, :3].T)  # over short rows NumPy is slow
+    reported = np.full_like(used, np.nan)
+    position = recording.position
+    if position is None or len(position.t_s) == 0 or used.size == 0:
+        return used, reported
+    nearest = np.clip(np.searchsorted(position.t_s, updates.t_s - 1e-9), 0, len(position.t_s) - 1)
+    same = np.abs(position.t_s[nearest] - updates.t_s) < 1e-6
+    variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)[nearest[same]]
+    reported[:, same] = np.maximum(variances.T, VARIANCE_FLOOR)
+    return used, reported
+
+
+class _Displaced(NamedTuple):
+    """Fixes that follow each other and are worse than they say: the rows first to last, and by how much [m]."""
+
+    first: int
+    last: int
+    size_m: float
+
+
+def _displaced(recording: Recording) -> list[_Displaced]:
+    """Streaks of displaced fixes by |o|^2 = trace(R_true - R), the largest of a streak."""
+    position = recording.position
+    if position is None or position.true_covariance_m2 is None:
+        return []
+    says, is_ = (np.diagonal(c, axis1=1, axis2=2) for c in (position.covariance_m2, position.true_covariance_m2))
+    size_m = np.sqrt(np.maximum((is_ - says).sum(axis=1), 0.0))
+    at_fault: BoolArray = np.any(is_ > LARGER * says, axis=1)
+    return [_Displaced(a, b - 1, float(size_m[a:b].max())) for a, b in streaks(at_fault).tolist()]
+
+
+@register("metric", "gate")
+@dataclass(frozen=True)
+class Gate:
+    """Which single displaced fixes a filter takes, what they do to it, and how long it takes to recover.
+
+    A spike is one fix whose true variance on an axis is more than four times the reported one (the fixes beside it are
+    sound); its size is the root of trace(R_true - R). It is taken unless the update with it was dropped on all axes, or
+    its R was made more than four times the reported one on one of them. With e the position error [m], over the spikes
+    after the first counted row::
+
+        spike_taken_m       the largest spike that was taken; 0 where none was
+        spike_refused_m     the smallest spike that was not taken; NaN where all were
+        spike_step_m        the largest |e(t+) - e(t-)|: the counted rows next to a spike, before and at or after it
+        spike_recovery_s    median time from the peak after a spike until |e| is halfway back and stays there
+
+    A gate that never works takes the largest spike of all. A sharp gate has both limits at the same size; the noise of
+    the fixes spreads them. NaN without a spike. Not computed unless asked for: ``metrics=[gate]``, with the disturbance
+    `spike_sweep`.
+    """
+
+    default: ClassVar[bool] = False
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the four values by column name."""
+        t_s, error, length_m = timed_errors(estimate, recording, counted)
+        position = recording.position
+        columns = ("spike_taken_m", "spike_refused_m", "spike_step_m", "spike_recovery_s")
+        spikes = [d for d in _displaced(recording) if d.first == d.last]
+        if position is None or not spikes or len(t_s) == 0:
+            return dict.fromkeys(columns, np.nan)
+        spikes = [spike for spike in spikes if position.t_s[spike.first] > t_s[0]]
+        at_s = np.array([position.t_s[spike.first] for spike in spikes])
+        size_m, taken = np.array([spike.size_m for spike in spikes]), _taken(estimate, recording, at_s)
+        if not len(at_s):
+            return dict.fromkeys(columns, np.nan)
+        after = np.minimum(np.searchsorted(t_s, at_s - 1e-9), len(t_s) - 1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps_m = np.linalg.norm(error[after] - error[np.maximum(after - 1, 0)], axis=1)
+        ends_s = np.append(at_s[1:], np.inf)
+        answers = [step_response(t_s, length_m, begin, end) for begin, end in zip(at_s, ends_s, strict=True)]
+        values = (
+            float(np.max(size_m[taken], initial=0.0)),
+            float(np.min(size_m[~taken])) if not taken.all() else np.nan,
+            float(np.max(steps_m)),
+            median_time_s([answer.halved_s for answer in answers]),
+        )
+        return dict(zip(columns, values, strict=True))
+
+
+def _taken(estimate: Estimate, recording: Recording, at_s: FloatArray) -> BoolArray:
+    """Whether the updates at the times ``at_s`` (s,) used the position as it was reported, or nearly so."""
+    updates = estimate.updates
+    if not len(updates.t_s):
+        return np.ones(len(at_s), dtype=np.bool_)
+    used, reported = used_and_reported(updates, recording)
+    update = np.clip(np.searchsorted(updates.t_s, at_s - 1e-6), 0, len(updates.t_s) - 1)
+    kept = np.isfinite(used[:, update]) & (used[:, update] <= INFLATED * reported[:, update])
+    same = np.abs(updates.t_s[update] - at_s) < 1e-5
+    return np.asarray(kept.all(axis=0) & same, dtype=np.bool_)
+
+
+@register("metric", "capture")
+@dataclass(frozen=True)
+class Capture:
+    """What a filter does with fixes that agree with each other in a wrong place, and with the right ones after them.
+
+    A false stretch is two or more successive fixes whose true variance on an axis is more than four times the reported
+    one; its size d is the largest root of trace(R_true - R) in it. With |e| the position error [m] at counted rows::
+
+        captured_percent    share of the stretches at whose last row |e| > d/2: the filter followed
+        returned_percent    share after which |e| <= d/2 by the next stretch or the end, and stays: it came back
+        return_s            median time from the first right fix until then; longer than all others where it never is
+
+    A filter that rejects for ever is not captured, and does not return where it has drifted away. NaN without a false
+    stretch. Not computed unless asked for: ``metrics=[capture]``, with the disturbance `false_return`.
+    """
+
+    default: ClassVar[bool] = False
+
+    def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
+        """Return the three values by column name."""
+        t_s, _, length_m = timed_errors(estimate, recording, counted)
+        position = recording.position
+        fix_s = np.empty(0) if position is None else position.t_s
+        stretches = [d for d in _displaced(recording) if d.last > d.first]
+        captured, times_s = [], []
+        for k, stretch in enumerate(stretches):
+            end_s = float(fix_s[stretch.last + 1]) if stretch.last + 1 < len(fix_s) else np.inf
+            next_s = float(fix_s[stretches[k + 1].first]) if k + 1 < len(stretches) else np.inf
+            before, behind = t_s < end_s, (t_s >= end_s) & (t_s < next_s)
+            if not (before.any() and behind.any()):
+                continue
+            captured.append(bool(length_m[before][-1] > stretch.size_m / 2))
+            far = np.flatnonzero(~(length_m[behind] <= stretch.size_m / 2))
+            back = 0 if not len(far) else int(far[-1]) + 1
+            times_s.append(float(t_s[behind][back] - end_s) if back < behind.sum() else np.nan)
+        if not captured:
+            return dict.fromkeys(("captured_percent", "returned_percent", "return_s"), np.nan)
+        return {
+            "captured_percent": 100 * float(np.mean(captured)),
+            "returned_percent": 100 * float(np.mean(np.isfinite(times_s))),
+            "return_s": median_time_s(times_s),
+        }

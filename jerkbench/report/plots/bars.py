@@ -10,8 +10,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.statistics.ranks import mean_ranks, performance_profile, rank_cliques
-from jerkbench.report.analysis.columns import SCENARIO_FACTORS
+from jerkbench.evaluation.ranks import mean_ranks, performance_profile, rank_cliques
+from jerkbench.report.columns import SCENARIO_FACTORS
 from jerkbench.report.plots.style import (
     MEASURED,
     PLAIN,
@@ -25,7 +25,7 @@ from jerkbench.report.plots.style import (
     new_figure,
     style_axes,
 )
-from jerkbench.report.tables.table_model import Table, TableCell, number
+from jerkbench.report.table_model import Table, TableCell, number
 
 LOGARITHMIC_FROM = 30.0
 """The axis is logarithmic where the largest mean is so many times the smallest."""

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import euler_error_rad, known, position_error_m, velocity_error_mps
-from jerkbench.evaluation.statistics.consistency import chi2_band
+from jerkbench.evaluation.judgement import chi2_band
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     MEASURED,
@@ -30,7 +30,7 @@ from jerkbench.report.plots.style import (
     thinned,
     with_gaps,
 )
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.table_model import number
 
 WINDOW = 21
 """Updates over which NIS is averaged; odd."""

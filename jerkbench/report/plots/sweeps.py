@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.over_seeds import mean_intervals
-from jerkbench.report.analysis.columns import quantity
-from jerkbench.report.analysis.sweeps import NAME, SCENARIO, SIZE, crossings, smallest_noticed
+from jerkbench.evaluation.over_seeds import mean_intervals
+from jerkbench.report.columns import quantity
 from jerkbench.report.plots.style import (
     OKABE_ITO,
     MethodStyle,
@@ -22,6 +21,7 @@ from jerkbench.report.plots.style import (
     new_figure,
     style_axes,
 )
+from jerkbench.report.sweeps import NAME, SCENARIO, SIZE, crossings, smallest_noticed
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,10 +8,10 @@ import pytest
 from scipy.stats import kendalltau
 from scipy.stats import t as student
 
-from jerkbench.evaluation.statistics.ranks import mean_ranks, over_scenarios
-from jerkbench.report.analysis.study_verdicts import across, common_field, study_verdicts
-from jerkbench.report.analysis.sweeps import costs
-from jerkbench.report.tables.table_model import number
+from jerkbench.evaluation.ranks import mean_ranks, over_scenarios
+from jerkbench.report.study_verdicts import across, common_field, study_verdicts
+from jerkbench.report.sweeps import costs
+from jerkbench.report.table_model import number
 
 METRIC = "position_rmse_m"
 LEVELS = {"best": 1.0, "middle": 1.3, "last": 3.0}

@@ -4,10 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import answer, certain_size, duels
-from jerkbench.report.analysis.findings import strongest
-from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.evaluation.judgement import Verdict
+from jerkbench.report.findings import answer, certain_size, duels, strongest
+from jerkbench.report.study_verdicts import study_verdicts
 
 SCENES = ("none", "bias", "gnss_outage")
 

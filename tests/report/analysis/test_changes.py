@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.families import Correction
-from jerkbench.report.analysis.changes import change_rows, changes, notes_of_tests, other_leaders
-from jerkbench.report.analysis.runs import VerdictRule
-from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.evaluation.families import Correction
+from jerkbench.report.changes import change_rows, changes, notes_of_tests, other_leaders
+from jerkbench.report.comparisons import VerdictRule
+from jerkbench.report.study_verdicts import study_verdicts
 
 SEEDS = 20
 METRIC = "position_rmse_m"

@@ -11,14 +11,13 @@ import pytest
 from scipy.stats import ttest_1samp, wilcoxon
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.statistics.families import Correction
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.findings import findings
-from jerkbench.report.analysis.runs import VerdictRule, parse_baseline
-from jerkbench.report.analysis.standings import leaders_of
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.writers import html_table, latex, markdown, tidy_csv
+from jerkbench.evaluation.families import Correction
+from jerkbench.evaluation.judgement import Verdict
+from jerkbench.report.comparisons import VerdictRule, leaders_of, parse_baseline
+from jerkbench.report.findings import findings
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.summary import summarise
+from jerkbench.report.writers import html_table, latex, markdown, tidy_csv
 
 NONE = {"adaptation": "none"}
 SEEDS = 20

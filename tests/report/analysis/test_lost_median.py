@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from jerkbench.evaluation.statistics.judgement import Verdict
-from jerkbench.report.analysis.answer import ALL_LOST, certain_size, size_text
+from jerkbench.evaluation.judgement import Verdict
+from jerkbench.report.findings import ALL_LOST, certain_size, size_text
 
 
 @pytest.mark.parametrize(

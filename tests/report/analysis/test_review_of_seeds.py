@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.findings import findings
-from jerkbench.report.analysis.review import Evidence, review
-from jerkbench.report.analysis.study_verdicts import study_verdicts
+from jerkbench.report.findings import findings
+from jerkbench.report.review import Evidence, review
+from jerkbench.report.study_verdicts import study_verdicts
 
 PHASES = "are phases of recordings"
 ONE_RUN = "are the one run of a recording in which nothing is random"

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.sweeps import crossings, smallest_noticed, with_severity
 from jerkbench.report.plots.sweeps import severity_figure
+from jerkbench.report.sweeps import crossings, smallest_noticed, with_severity
 
 
 def rows(sizes=(0.1, 1.0, 10.0), seeds=5):

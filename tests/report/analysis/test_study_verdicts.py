@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.evaluation.statistics.judgement import TURNED
-from jerkbench.report.analysis.findings import findings
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.tables.summary import summarise
+from jerkbench.evaluation.judgement import TURNED
+from jerkbench.report.findings import findings
+from jerkbench.report.study_verdicts import study_verdicts
+from jerkbench.report.summary import summarise
 
 METRIC = "position_rmse_m"
 

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from jerkbench.report.page.script_data import encoded, largest_of_steps
+from jerkbench.report.page_content import encoded, largest_of_steps
 
 
 def test_of_each_step_the_largest_is_kept():

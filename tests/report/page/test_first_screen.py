@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from jerkbench.report.analysis.answer import answer
-from jerkbench.report.analysis.study_verdicts import study_verdicts
-from jerkbench.report.page.first_screen import matrix, settings
+from jerkbench.report.findings import answer
+from jerkbench.report.page_content import matrix, settings
+from jerkbench.report.study_verdicts import study_verdicts
 
 FACTORS = {
     "dataset": "field",

@@ -5,9 +5,9 @@ import io
 import numpy as np
 from PIL import Image
 
+from jerkbench.report import page as room
 from jerkbench.report.drawings import Picture
-from jerkbench.report.page import page as room
-from jerkbench.report.page.page import gallery
+from jerkbench.report.page import gallery
 
 
 def picture(name, scenario):

@@ -15,11 +15,11 @@ import pytest
 from commands import swept
 from jerkbench.jobs.replay import stored_row
 from jerkbench.jobs.store import Store
-from jerkbench.report.analysis.review import Evidence, review
+from jerkbench.report import page
 from jerkbench.report.drawings import Picture
-from jerkbench.report.page.cells import nees_verdict
-from jerkbench.report.page.page import Results, page
-from jerkbench.report.page.script_data import Stretch
+from jerkbench.report.page import Results
+from jerkbench.report.page_content import Stretch, nees_verdict
+from jerkbench.report.review import Evidence, review
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.evaluation.statistics.ranks import critical_difference
+from jerkbench.evaluation.ranks import critical_difference
 from jerkbench.report.drawings import of_rows
 from jerkbench.report.plots.bars import RANKED, critical_difference_figure
 from jerkbench.report.plots.style import MethodStyle

@@ -12,9 +12,8 @@ from jerkbench import plugins
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import evaluate_run
 from jerkbench.recording import Imu, Position, Recording, Reference
-from jerkbench.report.plots.errors_over_time import error_figure
+from jerkbench.report.plots.runs import error_figure, trajectory_figure
 from jerkbench.report.plots.style import save_figure
-from jerkbench.report.plots.trajectory import trajectory_figure
 
 N = 400
 T_S = 0.1 * np.arange(N)
@@ -208,6 +207,6 @@ def test_without_a_reference_it_says_so():
 
 
 def test_pyplot_is_not_imported():
-    code = "import sys, jerkbench.report.plots.trajectory; print('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, jerkbench.report.plots.runs; print('matplotlib.pyplot' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

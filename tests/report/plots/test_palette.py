@@ -9,9 +9,14 @@ from jerkbench.estimate import Estimate, Updates
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.drawings import of_rows, palette_of
 from jerkbench.report.plots.consistency import adapted_r_figure, tilt_figure
-from jerkbench.report.plots.errors_over_time import error_figure, inclination_figure, zoomed_error_figure
+from jerkbench.report.plots.runs import (
+    error_figure,
+    inclination_figure,
+    inset_trajectory_figure,
+    trajectory_figure,
+    zoomed_error_figure,
+)
 from jerkbench.report.plots.style import COLOURS, Palette, method_of
-from jerkbench.report.plots.trajectory import inset_trajectory_figure, trajectory_figure
 
 N = 50
 METHODS = ("jerk + mtf", "jerk + none", "bias + mtf", "bias + none")

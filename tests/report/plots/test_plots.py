@@ -14,7 +14,6 @@ from scipy.stats import chi2
 from jerkbench.estimate import Attitude, Estimate, Updates
 from jerkbench.inspection.facts import overview_figure
 from jerkbench.recording import Imu, Position, Recording, Reference
-from jerkbench.report.analysis.sweeps import at_best_noise, costs
 from jerkbench.report.drawings import of_rows
 from jerkbench.report.plots.bars import PALE, bars_figure, critical_difference_figure, heat_map_figure, profile_figure
 from jerkbench.report.plots.consistency import (
@@ -24,17 +23,19 @@ from jerkbench.report.plots.consistency import (
     nees,
     tilt_figure,
 )
-from jerkbench.report.plots.errors_over_time import (
+from jerkbench.report.plots.runs import (
     disturbed_window_s,
     error_figure,
     inclination_figure,
+    inset_trajectory_figure,
+    trajectory_figure,
     zoomed_error_figure,
 )
 from jerkbench.report.plots.style import Palette, save_figure
 from jerkbench.report.plots.sweeps import sensitivity_figure, with_noise_sigma
-from jerkbench.report.plots.trajectory import inset_trajectory_figure, trajectory_figure
-from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.summary import summarise
+from jerkbench.report.sweeps import at_best_noise, costs
+from jerkbench.report.table_model import number
 
 STYLES = [Palette.of([(name, "none") for name in "abcdef"]).look((name, "none")) for name in "abcdef"]
 

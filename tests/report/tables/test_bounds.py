@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.writers import markdown
+from jerkbench.report.summary import summarise
+from jerkbench.report.writers import markdown
 
 
 @pytest.fixture

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.columns import metric_columns
-from jerkbench.report.tables import summary
-from jerkbench.report.tables.summary import main_metric, summarise, write_tables
-from jerkbench.report.tables.writers import tidy_csv
+from jerkbench.report import summary
+from jerkbench.report.columns import metric_columns
+from jerkbench.report.summary import main_metric, summarise, write_tables
+from jerkbench.report.writers import tidy_csv
 
 LABELS = [
     ("drive,2", 'base"line', "none", "accel=0.1"),

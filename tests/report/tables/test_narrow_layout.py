@@ -9,8 +9,8 @@ from rich.console import Console
 
 from commands import verb
 from jerkbench.jobs.study import load_study
-from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.terminal import blocks, groups, terminal_table
+from jerkbench.report.summary import summarise
+from jerkbench.report.terminal import blocks, groups, terminal_table
 
 ROOT = Path(__file__).parents[3]
 STUDIES = ("paper20", "error_budget")

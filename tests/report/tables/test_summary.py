@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import binomtest, gmean
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.table_model import Ratio
+from jerkbench.report.summary import summarise
+from jerkbench.report.table_model import Ratio
 from roots import mean_ends
 
 

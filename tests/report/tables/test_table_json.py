@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from jerkbench.report.analysis.runs import parse_baseline
-from jerkbench.report.tables.summary import summarise
-from jerkbench.report.tables.writers import table_json
+from jerkbench.report.comparisons import parse_baseline
+from jerkbench.report.summary import summarise
+from jerkbench.report.writers import table_json
 
 
 def cell_of(content, **factors):

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.analysis.columns import quantity
-from jerkbench.report.tables import summary, terminal
-from jerkbench.report.tables.summary import summarise, write_tables
-from jerkbench.report.tables.table_model import number
-from jerkbench.report.tables.terminal import print_run, print_table
-from jerkbench.report.tables.writers import latex, latex_escaped, markdown, tidy_csv
+from jerkbench.report import summary, terminal
+from jerkbench.report.columns import quantity
+from jerkbench.report.summary import summarise, write_tables
+from jerkbench.report.table_model import number
+from jerkbench.report.terminal import print_run, print_table
+from jerkbench.report.writers import latex, latex_escaped, markdown, tidy_csv
 
 
 @pytest.mark.parametrize(

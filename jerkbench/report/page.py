@@ -1,31 +1,35 @@
 """The report as one HTML file: the answer, the table, errors over time, figures, a review, every cell, provenance."""
 
+import base64
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from jerkbench.report.analysis.answer import answer
-from jerkbench.report.analysis.columns import quantity
-from jerkbench.report.analysis.findings import compared, strongest, study_baselines, varying_factors
-from jerkbench.report.analysis.review import Evidence, review
-from jerkbench.report.analysis.runs import RULE, VerdictRule
-from jerkbench.report.analysis.standings import verdict_sentences
-from jerkbench.report.analysis.study_verdicts import across, study_verdicts
+from jerkbench.report.columns import quantity
+from jerkbench.report.comparisons import RULE, VerdictRule, verdict_sentences
 from jerkbench.report.drawings import Picture
-from jerkbench.report.markup import render
-from jerkbench.report.page.cells import cells_view
-from jerkbench.report.page.first_screen import MOST, every_comparison, matrix, settings
-from jerkbench.report.page.script_data import Stretch, packed_json, payload
+from jerkbench.report.findings import answer, compared, strongest, study_baselines, varying_factors
+from jerkbench.report.page_content import (
+    MOST,
+    Stretch,
+    cells_view,
+    every_comparison,
+    matrix,
+    packed_json,
+    payload,
+    settings,
+)
 from jerkbench.report.plots.style import Palette
-from jerkbench.report.tables.summary import main_metric, summarise
-from jerkbench.report.tables.writers import html_table
+from jerkbench.report.review import Evidence, review
+from jerkbench.report.study_verdicts import across, study_verdicts
+from jerkbench.report.summary import main_metric, summarise
+from jerkbench.report.writers import html_table, render
 
 if TYPE_CHECKING:
     import pandas as pd
     from markupsafe import Markup
 
-import base64
-import io
 
 WORDS = {True: ("passed", "passed"), False: ("failed", "failed"), None: ("muted", "does not arise")}
 """Class and word of an answer."""
@@ -108,7 +112,7 @@ def _assets(names: Iterable[str]) -> "list[Markup]":
     """Return files of this package as they are: styles and scripts are no text to escape."""
     from markupsafe import Markup
 
-    room = files("jerkbench.report.page")
+    room = files("jerkbench.report") / "assets"
     return [Markup(room.joinpath(name).read_text(encoding="utf-8")) for name in names]  # noqa: S704 - our own files
 
 

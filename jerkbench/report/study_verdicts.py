@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.statistics.errors_over_seeds import costs_of
-from jerkbench.evaluation.statistics.judgement import LEVEL
-from jerkbench.evaluation.statistics.over_seeds import Samples
-from jerkbench.evaluation.statistics.ranks import (
+from jerkbench.evaluation.judgement import LEVEL
+from jerkbench.evaluation.over_seeds import Samples, costs_of
+from jerkbench.evaluation.ranks import (
     critical_difference,
     kendall_tau,
     mean_ranks,
@@ -22,7 +21,7 @@ from jerkbench.evaluation.statistics.ranks import (
     rank_cliques,
     rank_range,
 )
-from jerkbench.report.analysis.columns import (
+from jerkbench.report.columns import (
     FACTORS,
     METHOD,
     TOLD_ATTITUDE,
@@ -31,10 +30,19 @@ from jerkbench.report.analysis.columns import (
     competes,
     quantity,
 )
-from jerkbench.report.analysis.runs import RULE, MethodRuns, VerdictRule, partners, runs_by_combination
-from jerkbench.report.analysis.standings import MOST_PAIRS, Comparison, Standing, compare_runs
-from jerkbench.report.analysis.sweeps import at_best_noise
-from jerkbench.report.tables.table_model import number
+from jerkbench.report.comparisons import (
+    MOST_PAIRS,
+    RULE,
+    Comparison,
+    MethodRuns,
+    Standing,
+    VerdictRule,
+    compare_runs,
+    partners,
+    runs_by_combination,
+)
+from jerkbench.report.sweeps import at_best_noise
+from jerkbench.report.table_model import number
 
 if TYPE_CHECKING:
     import pandas as pd

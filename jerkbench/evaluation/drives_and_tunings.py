@@ -34,8 +34,8 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.statistics.intervals import SHRUNK, untransformed
-from jerkbench.evaluation.statistics.judgement import LEVEL, Verdict
+from jerkbench.evaluation.intervals import SHRUNK, untransformed
+from jerkbench.evaluation.judgement import LEVEL, Verdict
 
 FAMILIES = 3
 MARGIN = 0.1

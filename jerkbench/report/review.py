@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.evaluation.statistics.consistency import NEAR
-from jerkbench.report.analysis.columns import FACTORS, competes
-from jerkbench.report.analysis.sweeps import competing, costs
-from jerkbench.report.tables.summary import summarise
+from jerkbench.evaluation.judgement import NEAR
+from jerkbench.report.columns import FACTORS, competes
+from jerkbench.report.summary import summarise
+from jerkbench.report.sweeps import competing, costs
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 LEAST_SEEDS = 10
 """Fewer leave large differences unshown."""

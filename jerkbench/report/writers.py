@@ -1,20 +1,26 @@
-"""A table as text: Markdown, LaTeX (siunitx 3), HTML, JSON, and tidy CSV, one line a cell with all digits."""
+"""A table as text: Markdown, LaTeX (siunitx 3), HTML by templates, JSON, tidy CSV, one line a cell with all digits."""
 
 import csv
 import io
 import json
 import math
 import re
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
+from hashlib import sha256
 from itertools import zip_longest
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from jerkbench.evaluation.statistics.intervals import share_interval
+from jerkbench.evaluation.intervals import share_interval
 from jerkbench.notices import plain
-from jerkbench.report.analysis.columns import FACTORS
-from jerkbench.report.markup import render
-from jerkbench.report.tables.table_model import ABSENT, Table, TableCell, TextPart, parts
+from jerkbench.report.columns import FACTORS
+from jerkbench.report.table_model import ABSENT, Table, TableCell, TextPart, parts
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
 
 ACTIVE = re.compile(r"<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
 """The beginning of a tag, an image or a link in Markdown; a backslash before one of them, or before a cell's end."""
@@ -305,3 +311,55 @@ WRITERS: Mapping[str, Callable[[Table], str]] = {
     "json": table_json,
 }
 """By the name of a format."""
+
+
+# Templates -> HTML, with everything that a template prints escaped.
+
+
+BREAKS = re.compile(r"(?<=\S[_+,(=])(?=\w)")
+"""Where a long name may be broken."""
+
+
+def render(template: str, **values: object) -> "Markup":
+    """Return a template filled in; as safe HTML, which another template does not escape again.
+
+    Args:
+        template: name of its file.
+        values: what it names; one that is not given is an error.
+    """
+    from markupsafe import Markup
+
+    return Markup(environment().get_template(template).render(**values))  # noqa: S704 - the template escapes
+
+
+@cache
+def environment() -> "Environment":
+    """Return where templates are found, and what they can call."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    templates = Environment(
+        loader=PackageLoader("jerkbench.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    templates.filters["breakable"] = breakable
+    templates.globals["policy"] = policy
+    return templates
+
+
+def policy(scripts: Sequence[str]) -> str:
+    """Return the Content-Security-Policy of a page that runs ``scripts`` alone, and loads nothing from elsewhere."""
+    digests = " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in scripts)
+    return (
+        f"default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data:; base-uri 'none';"
+        " form-action 'none'"
+    )
+
+
+def breakable(text: object) -> "Markup":
+    """Return ``text`` escaped, with the places marked at which a long name may go on in the next line."""
+    from markupsafe import Markup, escape
+
+    return Markup("<wbr>").join(escape(part) for part in BREAKS.split(str(text)))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.statistics.over_seeds import ROUNDING, LogRatios, Samples
+from jerkbench.evaluation.over_seeds import LEAST_SEEDS, ROUNDING, LogRatios, Samples
 
 RESAMPLES = 1999
 SEED = 14
@@ -225,9 +225,6 @@ def median_p(d: FloatArray) -> float:
 
 
 # The p of a study's comparisons, corrected for all of them together.
-
-LEAST_SEEDS = 6
-"""Of fewer seeds nothing is decided: no exact test reaches 5 %, and too few different resamples can be drawn."""
 
 
 class Correction(StrEnum):

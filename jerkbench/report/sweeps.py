@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.statistics.errors_over_seeds import costs_of
-from jerkbench.evaluation.statistics.families import LEAST_SEEDS
-from jerkbench.evaluation.statistics.over_seeds import Samples
-from jerkbench.evaluation.statistics.seeds import chosen_on_other_seeds
-from jerkbench.report.analysis.columns import FACTORS, METHOD, checked, competes, quantity
+from jerkbench.evaluation.judgement import chosen_on_other_seeds
+from jerkbench.evaluation.over_seeds import LEAST_SEEDS, Samples, costs_of
+from jerkbench.report.columns import FACTORS, METHOD, checked, competes, quantity
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,16 +7,16 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from jerkbench.notices import plain, styled
-from jerkbench.report.analysis.columns import FACTORS, metric_columns, quantity
-from jerkbench.report.tables.grid import arranged
-from jerkbench.report.tables.summary import main_metric, summarise
-from jerkbench.report.tables.table_model import ABSENT, Table, TableCell, TextPart, parts
+from jerkbench.report.columns import FACTORS, metric_columns, quantity
+from jerkbench.report.summary import main_metric, summarise
+from jerkbench.report.table_model import ABSENT, Table, TableCell, TextPart, arranged, parts
 
 if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console, Group
     from rich.table import Table as RichTable
     from rich.text import Text
+
 
 MOST_ROWS = 500
 """Rows that a sweep prints at its end; what is longer nobody reads in a terminal."""

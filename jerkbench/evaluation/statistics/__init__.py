@@ -1,1 +1,0 @@
-"""From runs to statements: intervals, comparisons, consistency, and what one recording alone can say."""

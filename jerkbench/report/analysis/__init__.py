@@ -1,1 +1,0 @@
-"""Rows of runs -> comparisons, verdicts and findings."""

@@ -1,1 +1,0 @@
-"""Rows of runs -> tables, and their writers."""
