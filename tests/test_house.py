@@ -19,13 +19,13 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 313, 30
+MOST_FILES, MOST_FOLDERS = 294, 26
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 31_635
+MOST_CODE = 31_631
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
-MOST_LONE = 23
+MOST_LONE = 20
 """Modules that one other module imports; the aim is none."""
-MOST_CONSTANTS = 103
+MOST_CONSTANTS = 102
 """Names of constants in two or more modules."""
 
 DOUBLES = {"anywhere", "chosen"}
