@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.audit.answer import FEWEST, NO_FAULT, kinds_of
-from jerkbench.audit.page import FOLDER
+from jerkbench.audit.answer import FEWEST_DRIVES, NO_FAULT, kinds_of
+from jerkbench.audit.page import AUDIT_FOLDER
 from jerkbench.audit.protocol import AuditMethod
 from jerkbench.audit.rows import AuditRows, cubes, read_rows
 from jerkbench.evaluation.drives_and_tunings import crossed_intervals
@@ -102,7 +102,7 @@ def _claim(name: str, against: str, values: pd.DataFrame, bound: float, unit: st
 
 def audit_claims(rows: AuditRows) -> list[Claim]:
     """Return every claim that an audit's rows speak of, under each kind of fault; tuned, as the baseline is."""
-    kinds = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST}
+    kinds = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST_DRIVES}
     error, baseline = (cubes(rows, [method]).tuned for method in (CLAIMED, BASELINE))
     faults = {kind: drives for kind, drives in kinds.items() if kind != NO_FAULT}
     return [
@@ -154,7 +154,7 @@ def where_it_holds(claim: Claim) -> str:
 
 def table(folder: Path) -> str:
     """Return the claims as Markdown."""
-    audit = folder.name.startswith(FOLDER)
+    audit = folder.name.startswith(AUDIT_FOLDER)
     return claim_table(audit_claims(read_rows(folder)) if audit else claims(load_study(folder).rows))
 
 

@@ -38,7 +38,7 @@ FAULT, TRACE = "drawn.fault.", "drawn.replayed_gnss.trace."
 """Columns of drives that tell a kind of fault begin so."""
 NO_FAULT, FAULTY = "no fault", "faulty"
 NOTHING_KNOWN, LEAST_BAD = "nothing known", "the worst kind shall be least bad"
-FEWEST = 5
+FEWEST_DRIVES = 5
 """Drives of a kind of which a ratio is told: fewer have no interval worth the name."""
 WORSE = {"worse_3": 1.03, "worse_100": 2.0}
 """Ratios above which a single drive counts as worse, by the name of the column."""
@@ -156,7 +156,7 @@ def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRow
 
     A kind of which too few drives were drawn is left out.
     """
-    known = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST}
+    known = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST_DRIVES}
     level = LEVEL / (len(y) * len(known)) if known else LEVEL
     return pd.DataFrame(
         [
@@ -164,7 +164,7 @@ def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRow
             for kind, drives in known.items()
             for name, said in zip(names, stated(y[:, :, drives], level), strict=True)
         ],
-        columns=[*names[0], "kind", "drives", *numbers_of(_nothing())],
+        columns=[*names[0], "kind", "drives", *numbers_of(NOTHING)],
     )
 
 
@@ -183,8 +183,8 @@ def numbers_of(said: Statement, prefix: str = "") -> dict[str, object]:
     return {prefix + name: value for name, value in own.items()}
 
 
-def _nothing() -> Statement:
-    return Statement(np.nan, np.nan, np.nan, Verdict.UNDECIDED, small=False, tuning_sd=np.nan)
+NOTHING = Statement(np.nan, np.nan, np.nan, Verdict.UNDECIDED, small=False, tuning_sd=np.nan)
+"""Said where there is nothing to say."""
 
 
 # Of each method.
@@ -228,13 +228,12 @@ def what_it_is(method: AuditMethod) -> dict[str, str]:
 
 def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
     faults, without = own[own["kind"] != NO_FAULT], own[own["kind"] == NO_FAULT]
-    price = without.iloc[0] if len(without) else pd.Series(numbers_of(_nothing()))
+    nothing = pd.Series(numbers_of(NOTHING) | {"kind": ""})
+    price = without.iloc[0] if len(without) else nothing
+    worst = faults.iloc[int(faults["high"].argmax())] if len(faults) else nothing
     shown = faults["verdict"].value_counts()
-    worst = (
-        faults.iloc[int(faults["high"].argmax())] if len(faults) else pd.Series(numbers_of(_nothing()) | {"kind": ""})
-    )
     return {
-        **{f"no_fault_{name}": price[name] for name in numbers_of(_nothing())},
+        **{f"no_fault_{name}": price[name] for name in numbers_of(NOTHING)},
         "better_kinds": int(shown.get(str(Verdict.BETTER), 0)),
         "worse_kinds": int(shown.get(str(Verdict.WORSE), 0)),
         "worst_kind": worst["kind"],
@@ -275,7 +274,7 @@ def apart_frame(rows: AuditRows) -> pd.DataFrame:
             {
                 **method._asdict(),
                 **numbers_of(said, "best_"),
-                **numbers_of(against.get(place, _nothing()), "own_"),
+                **numbers_of(against.get(place, NOTHING), "own_"),
                 "tunings": R,
                 "drives": D,
             }
@@ -301,7 +300,7 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
     tuned = np.concatenate([losses.methods, losses.plains])
     y, first = tuned - picked(losses)[0], np.arange(tuned.shape[2]) % 2 == 0
     halves = {kind: (own & first, own & ~first) for kind, own in kinds_of(rows).items()}
-    halves = {kind: own for kind, own in halves.items() if min(own[0].sum(), own[1].sum()) >= FEWEST}
+    halves = {kind: own for kind, own in halves.items() if min(own[0].sum(), own[1].sum()) >= FEWEST_DRIVES}
 
     def told(when: str, pick: int, other: BoolArray) -> dict[str, object]:
         said = stated(y[:, :, other], LEVEL)[pick]

@@ -34,6 +34,7 @@ from jerkbench.evaluation.judgement import Verdict
 from jerkbench.files import write_text
 from jerkbench.jobs.cluster import Cluster, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.jobs.manifest import MANIFEST
 from jerkbench.notices import notify
 from jerkbench.parameters import provenance_of
 from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, save_figure
@@ -225,10 +226,8 @@ def _names(table: pd.DataFrame) -> "pd.Series[str]":
 
 # The folder of an audit: its protocol before anything runs, then its rows, then what they say.
 
-FOLDER = "audit-"
+AUDIT_FOLDER = "audit-"
 """The name of a folder begins with it; the scale follows."""
-
-MANIFEST = "manifest.json"
 CHANGED = "+changes"
 """The end of a commit with changes."""
 

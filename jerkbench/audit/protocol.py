@@ -18,7 +18,7 @@ from jerkbench.tuning.space import Setting, Space
 PUBLISHED = ("published", "simplified")
 """Kinds of adaptations that H1 averages and H2 picks from."""
 
-ROOM = 10_000
+MOST_DRIVES = 10_000
 """Seeds of one audit, at most."""
 
 
@@ -77,8 +77,10 @@ class AuditProtocol:
             plugins.get("adaptation", name)
         for name in (*self.filters, *self.apart, *self.apart_with_adaptations):
             plugins.get("filter", name)
-        if (drives := self.tunings * self.tune_drives + self.judged_drives) > ROOM:
-            raise PluginError(f"An audit of {drives} drives is too large; {ROOM} of all tunings together are allowed.")
+        if (drives := self.tunings * self.tune_drives + self.judged_drives) > MOST_DRIVES:
+            raise PluginError(
+                f"An audit of {drives} drives is too large; {MOST_DRIVES} of all tunings together are allowed."
+            )
 
     @cached_property
     def digest(self) -> str:
@@ -100,7 +102,7 @@ class AuditProtocol:
 
     def seeds_to_tune_on(self, tuning: int) -> range:
         """The drives of a tuning; the first of them is the seed of its scramble as well."""
-        first = int(self.digest[:8], 16) * ROOM + tuning * self.tune_drives
+        first = int(self.digest[:8], 16) * MOST_DRIVES + tuning * self.tune_drives
         return range(first, first + self.tune_drives)
 
     @property

@@ -21,12 +21,12 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.progress import Progress
 from jerkbench.tuning.entrant import RunRules, Site, Try
 
-PROTOCOL = "protocol.json"
+STATED = "protocol.json"
 METHOD = ["filter", "adaptation"]
-ERROR = "position_rmse_m"
+POSITION_ERROR = "position_rmse_m"
 """The column that counts."""
 TYPES: dict[str, Any] = {**dict.fromkeys((*METHOD, "status"), "category"), "tuning": np.int8, "trial": np.int16}
-RULES = RunRules(("position_rmse",), numbers=(ERROR,))
+RULES = RunRules(("position_rmse",), numbers=(POSITION_ERROR,))
 JUDGED = -1
 """The number that stands for a tuning, of drives that no tuning has seen."""
 
@@ -117,7 +117,7 @@ def _run(protocol: AuditProtocol, site: Site, tries: Sequence[Try], title: str) 
     with Progress(len(tries), doing=title, unit="settings") as bar:
         rows = site.rows(tries, RULES, bar)
     with np.errstate(divide="ignore"):
-        rows["log_error"] = np.log(rows.pop(ERROR)).astype(np.float32)
+        rows["log_error"] = np.log(rows.pop(POSITION_ERROR)).astype(np.float32)
     rows["status"] = rows["status"].mask(rows["status"] == "failed", "failed: " + rows["reason"])
     runs = rows.drop(columns=["reason", "seconds"]).rename(columns={"scenario": "tuning"}).astype(TYPES)
     filter_, plain = protocol.plains[0]
@@ -191,7 +191,7 @@ def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
     Raises:
         JerkbenchError: the folder has another protocol's results.
     """
-    path = folder / PROTOCOL
+    path = folder / STATED
     if path.exists() and (there := json.loads(path.read_text(encoding="utf-8")))["digest"] != protocol.digest:
         raise JerkbenchError(
             f"{folder} has an audit of another protocol ({there['digest']}; this one is {protocol.digest}); give"
@@ -207,14 +207,14 @@ def read_rows(folder: Path) -> AuditRows:
         JerkbenchError: there is none, or its protocol is not what its hash says.
     """
     try:
-        stated = json.loads((folder / PROTOCOL).read_text(encoding="utf-8"))
+        stated = json.loads((folder / STATED).read_text(encoding="utf-8"))
         tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
     except FileNotFoundError as error:
         raise JerkbenchError(f"{error.filename} is not there; run the audit to its end first.") from error
     digest = stated.pop("digest")
-    protocol = audit_protocol(stated, folder / PROTOCOL)
+    protocol = audit_protocol(stated, folder / STATED)
     if protocol.digest != digest:
-        raise JerkbenchError(f"{folder / PROTOCOL} says digest {digest}, but has {protocol.digest}; it was changed.")
+        raise JerkbenchError(f"{folder / STATED} says digest {digest}, but has {protocol.digest}; it was changed.")
     return AuditRows(protocol, **tables)
 
 

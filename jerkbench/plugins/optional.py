@@ -92,7 +92,7 @@ PARAMETERS = (bool, int, float, str, tuple)
 DEFAULT_TYPES = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
 """Types that the default of a parameter may have, by the parameter's."""
 
-ALIKE = 0.8
+MISSPELT = 0.8
 """Names that are more alike than this are one name, misspelt."""
 
 
@@ -193,7 +193,7 @@ def misfit(kind: str, cls: type) -> str:
     parameters, optional = {field.name for field in fields(cls)}, _members(OPTIONAL[kind])
     known = optional | _members(REQUIRED[kind]) | parameters
     for name in (name for base in _authored(cls) for name in _public(vars(base))):
-        if name not in known and (meant := difflib.get_close_matches(name, optional, 1, ALIKE)):
+        if name not in known and (meant := difflib.get_close_matches(name, optional, 1, MISSPELT)):
             return (
                 f"nothing asks for {cls.__name__}.{name}, but for {meant[0]}; give it that name, or one that is less"
                 " like it."

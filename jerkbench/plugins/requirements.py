@@ -268,7 +268,7 @@ def _covariances(n: int, sigma: float) -> FloatArray:
 ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
 """Rows that may be there."""
 
-SCALES = ((1.0, 1.0), (1.0, 1e-6), (1e-4, 1e12), (1e6, 1e-6))
+COVARIANCE_SCALES = ((1.0, 1.0), (1.0, 1e-6), (1e-4, 1e12), (1e6, 1e-6))
 """Of H P- H' and of R: ordinary, a tiny R, an R that is all but infinite, a prior that knows nothing."""
 
 STATES = 9
@@ -299,17 +299,17 @@ class Prior(NamedTuple):
 def every_kind() -> Iterator[tuple[Update, Prior]]:
     """Updates with rows that come and go, outliers, a tiny and a huge R; in the end many of one kind."""
     random = stream(0, "conformance", "adaptation")
-    for scales in SCALES:
+    for scales in COVARIANCE_SCALES:
         for sigma in SIGMAS:
             for rows in ROWS:
                 yield _update(random, rows, scales, sigma)
     for _ in range(40):  # long enough for every window and every counter
-        yield _update(random, ROWS[0], SCALES[0], 100.0)
+        yield _update(random, ROWS[0], COVARIANCE_SCALES[0], 100.0)
 
 
 def ordinary(random: np.random.Generator, rows: tuple[int, ...], sigma: float) -> tuple[Update, Prior]:
     """An update whose prior and R are of the same size, off by ``sigma`` standard deviations."""
-    return _update(random, rows, SCALES[0], sigma)
+    return _update(random, rows, COVARIANCE_SCALES[0], sigma)
 
 
 def _update(

@@ -25,7 +25,7 @@ from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.notices import plain
 from jerkbench.report.writers import environment
-from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, half_settings, plugins_digest
+from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, half_settings, plugins_digest
 from jerkbench.suite.entry import MANIFEST, PAGE, Entry, file_hashes, frozen_part, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring, score_as_json
@@ -97,7 +97,7 @@ def same(value: object, other: object) -> bool:
 def _keys(entry: Entry, protocol: SuiteProtocol) -> Iterator[Key]:
     """Every row that there has to be."""
     for method in (ENTRY, PLAIN):
-        settings: dict[str, Setting] = dict.fromkeys([GIVEN, *entry.settings.get(method, {})], ())
+        settings: dict[str, Setting] = dict.fromkeys([AS_GIVEN, *entry.settings.get(method, {})], ())
         for number, scenario in enumerate(protocol.scenarios):
             for tuned_on in half_settings(settings, scenario.half):
                 seeds = protocol.seeds_of(scenario, protocol.seeds_to_test_on)
@@ -181,7 +181,7 @@ def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: Su
     space = knobs_of(entrant.job(protocol.scenarios[0], protocol.limits))
     tried = tried_settings(protocol.trials, space)
     for tuned_on, values in entry.settings[method].items():
-        allowed = tried[:1] if tuned_on == GIVEN else tried
+        allowed = tried[:1] if tuned_on == AS_GIVEN else tried
         setting = entry.setting(method, tuned_on)
         if tuple(values) != space.names or not any(all(map(same, setting, own)) for own in allowed):
             where = f"The setting of the {method} ({tuned_on})"

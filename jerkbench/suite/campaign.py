@@ -12,10 +12,10 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.sources import plugin_digest
 from jerkbench.suite.protocol import BOTH, SuiteProtocol, domain_of
 from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
-from jerkbench.tuning.evaluate import LOST
+from jerkbench.tuning.evaluate import LOST_RUN
 from jerkbench.tuning.space import Setting
 
-GIVEN = "given"
+AS_GIVEN = "given"
 """The setting that a method came with."""
 
 PLAIN, ENTRY = "plain", "entry"
@@ -60,7 +60,7 @@ class SuiteCampaign:
         Args:
             levels: of each scenario, what the plain filter has in it, in the unit of the error.
         """
-        settings = {GIVEN: self._tried[0], **(self._searched(levels) if self.space.knobs else {})}
+        settings = {AS_GIVEN: self._tried[0], **(self._searched(levels) if self.space.knobs else {})}
         halves = [half_settings(settings, scenario.half) for scenario in self._protocol.scenarios]
         by_scenario = [tuple(own.values()) for own in halves]
         rows = self._run(by_scenario, self._protocol.seeds_to_test_on, self._protocol.rules())
@@ -101,7 +101,7 @@ def half_settings(settings: Mapping[str, Setting], half: str) -> dict[str, Setti
     What was tuned on another domain is not scored there.
     """
     own = domain_of(half)
-    return {name: of for name, of in settings.items() if name == GIVEN or (name != half and domain_of(name) == own)}
+    return {name: of for name, of in settings.items() if name == AS_GIVEN or (name != half and domain_of(name) == own)}
 
 
 def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
@@ -146,4 +146,4 @@ def suite_losses(rows: pd.DataFrame, levels: Mapping[int, float], protocol: Suit
     with np.errstate(divide="ignore", invalid="ignore"):
         log = np.log(rows[protocol.numbers[0]].to_numpy() / level)
     lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(log)
-    return pd.Series(np.minimum(np.where(lost, LOST, log), LOST), index=rows.index)
+    return pd.Series(np.minimum(np.where(lost, LOST_RUN, log), LOST_RUN), index=rows.index)

@@ -20,7 +20,7 @@ from jerkbench.evaluation.judgement import LEVEL, Verdict
 from jerkbench.evaluation.ranks import over_scenarios
 from jerkbench.files import filled_template
 from jerkbench.report.writers import passive
-from jerkbench.suite.campaign import ENTRY, GIVEN, PLAIN, suite_levels, suite_losses
+from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, suite_levels, suite_losses
 from jerkbench.suite.protocol import HAND, AttitudeSuite, DriveSuite, SuiteProtocol
 
 EntryScore = dict[str, Any]
@@ -49,13 +49,13 @@ class BoardValue:
 def counted(rows: pd.DataFrame, method: str, *, as_given: bool = False) -> pd.DataFrame:
     """Return the rows of a method that count: those of tuned settings, if there are any."""
     own = rows[rows["method"] == method]
-    tuned = own[own["tuned_on"] != GIVEN]
-    return own[own["tuned_on"] == GIVEN] if as_given or tuned.empty else tuned
+    tuned = own[own["tuned_on"] != AS_GIVEN]
+    return own[own["tuned_on"] == AS_GIVEN] if as_given or tuned.empty else tuned
 
 
 def with_loss(rows: pd.DataFrame, protocol: SuiteProtocol) -> pd.DataFrame:
     """Return the rows of an entry and of the plain filter with their ``loss``."""
-    start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == GIVEN)].assign(trial=0)
+    start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == AS_GIVEN)].assign(trial=0)
     return rows.assign(loss=suite_losses(rows, suite_levels(start, protocol), protocol))
 
 
@@ -170,7 +170,7 @@ class EntryScoring(ABC):
     def _line(self, name: str, score: EntryScore, more: str, rows: pd.DataFrame) -> str:
         """What came out of the entry ``name``, in one line."""
         half = " a half" if self.kind == "attitude" else ""
-        tuned = (rows.loc[rows["method"] == ENTRY, "tuned_on"] != GIVEN).any()
+        tuned = (rows.loc[rows["method"] == ENTRY, "tuned_on"] != AS_GIVEN).any()
         how = f"tuned, {self.protocol.trials} settings{half}" if tuned else "not tuned"
         return passive(
             f"{name}: {score['ratio']:.3f} of the tuned plain filter [{score['low']:.3f}, {score['high']:.3f}],"

@@ -226,7 +226,12 @@ class Site:
         jobs = _jobs(tries, rules)
         rows = self.rows_of(jobs, rules.numbers, progress=bar)
         bar.advance(count=len(jobs) - len({job.key for job in jobs}))  # settings that are the same run once
-        return _named(rows, tries, rules.numbers)
+        heads = [(own.number, own.entrant.filter["name"], own.entrant.adaptation["name"], own.trial) for own in tries]
+        head = pd.DataFrame(heads, columns=["scenario", "filter", "adaptation", "trial"])
+        named = head.iloc[rows["place"].to_numpy()].reset_index(drop=True)
+        named[["seed", "status", "reason"]] = rows[["seed", "status", "reason"]]
+        named[list(rules.numbers)] = rows[list(rules.numbers)].astype(float)
+        return named.assign(seconds=rows["run_s"])
 
     def rows_of(self, jobs: Sequence[Job], numbers: Sequence[str], **how: Any) -> pd.DataFrame:  # noqa: ANN401 - of `run_missing`
         """Run what is missing of some jobs, and return what `Store.rows` has of all of them.
@@ -255,13 +260,3 @@ def _jobs(tries: Sequence[Try], rules: RunRules) -> list[Job]:
         job, space = made[which]
         jobs.append(dataclasses.replace(space.applied(job, each.setting), draws=each.seeds))
     return sharing_scenarios(jobs)
-
-
-def _named(rows: pd.DataFrame, tries: Sequence[Try], numbers: tuple[str, ...]) -> pd.DataFrame:
-    """Return the rows of tries with what campaigns find them by."""
-    heads = [(each.number, each.entrant.filter["name"], each.entrant.adaptation["name"], each.trial) for each in tries]
-    head = pd.DataFrame(heads, columns=["scenario", "filter", "adaptation", "trial"])
-    named = head.iloc[rows["place"].to_numpy()].reset_index(drop=True)
-    named[["seed", "status", "reason"]] = rows[["seed", "status", "reason"]]
-    named[list(numbers)] = rows[list(numbers)].astype(float)
-    return named.assign(seconds=rows["run_s"])

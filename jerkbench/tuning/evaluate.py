@@ -25,7 +25,7 @@ from jerkbench.tuning.space import Setting, Space
 
 # The objectives: what a setting is worth on a case, as one number; the smaller, the better.
 
-LOST = math.log(100.0)
+LOST_RUN = math.log(100.0)
 """What a lost run counts, and the most that any counts: a hundred times the error of the plain filter."""
 
 
@@ -55,8 +55,8 @@ class Objective:
         With c the column: log(c/plain), or c - plain; of a run that is lost log 100, and never more than that.
         """
         values = [self._value(row) for row in rows]
-        losses = [LOST if math.isnan(value) else self._difference(value, plain) for value in values]
-        return np.asarray(np.minimum(losses, LOST))
+        losses = [LOST_RUN if math.isnan(value) else self._difference(value, plain) for value in values]
+        return np.asarray(np.minimum(losses, LOST_RUN))
 
     def level(self, rows: Sequence[Row], limit_m: float) -> float:
         """Return the mean of the runs that came to their end: geometric of errors, plain of scores.
@@ -80,12 +80,12 @@ class Objective:
 
 RATIO = "position RMSE as a ratio to the plain filter at its defaults, geometric mean; a lost run counts 100"
 TILT = "inclination RMSE as a ratio to mekf at its defaults, geometric mean; a lost run counts 100"
-NATS = "nats an update by which the measurements are less likely than under the plain filter at its defaults"
+LESS_LIKELY = "nats an update by which the measurements are less likely than under the plain filter at its defaults"
 
 OBJECTIVES = {
     "rmse": Objective("rmse", "position_rmse", "position_rmse_m", True, "enu_m", RATIO),  # noqa: FBT003 - relative
     "inclination": Objective("inclination", "inclination", "inclination_rmse_deg", True, "euler_rad", TILT),  # noqa: FBT003 - relative
-    "likelihood": Objective("likelihood", "innovation_likelihood", "innovation_log_loss", False, "", NATS),  # noqa: FBT003
+    "likelihood": Objective("likelihood", "innovation_likelihood", "innovation_log_loss", False, "", LESS_LIKELY),  # noqa: FBT003
 }
 
 

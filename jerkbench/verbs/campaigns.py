@@ -94,7 +94,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there is no such protocol, or a run failed.
     """
     from jerkbench.audit.answer import reweighted_text
-    from jerkbench.audit.page import FOLDER, compare_audits, judged_audit, run_audit
+    from jerkbench.audit.page import AUDIT_FOLDER, compare_audits, judged_audit, run_audit
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.rows import read_rows
     from jerkbench.hydra_app.words import cluster_named
@@ -105,11 +105,11 @@ def audit_verb(chosen: argparse.Namespace) -> None:
         from jerkbench.audit.tilt_study import run_attitude_audit
         from jerkbench.io.files import fetched_folder
 
-        folder = chosen.results / f"{FOLDER}{chosen.what}"
+        folder = chosen.results / f"{AUDIT_FOLDER}{chosen.what}"
         print(run_attitude_audit(chosen.data or fetched_folder(""), folder, workers, chosen.settings))
         print(f"Written to {folder}.")
         return
-    protocol, folder = read_protocol(chosen.scale), chosen.results / f"{FOLDER}{chosen.scale}"
+    protocol, folder = read_protocol(chosen.scale), chosen.results / f"{AUDIT_FOLDER}{chosen.scale}"
     if chosen.reweight:
         print(reweighted_text(read_rows(folder), chosen.reweight))
         return

@@ -13,7 +13,7 @@ from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.timeline import RScale
 from jerkbench.tuning.entrant import Site
-from jerkbench.tuning.evaluate import LOST, Evaluator, objective_of
+from jerkbench.tuning.evaluate import LOST_RUN, Evaluator, objective_of
 from jerkbench.tuning.outcome import budget_curve, knob_intervals
 from jerkbench.tuning.search import Budget, Effort, equal_budgets, score, search, tune
 from jerkbench.tuning.space import space_of
@@ -174,7 +174,7 @@ def test_a_lost_run_counts_log_100_and_none_counts_more():
         {"status": "ok", "position_rmse_m": 1e9},
     ]
 
-    assert objective.losses(rows, 1.0) == pytest.approx([np.log(0.5), LOST, LOST, LOST])
+    assert objective.losses(rows, 1.0) == pytest.approx([np.log(0.5), LOST_RUN, LOST_RUN, LOST_RUN])
     assert objective.level(rows[:1] + rows[1:2], 1000.0) == pytest.approx(0.5)
     assert objective.level(rows[1:2], 1000.0) == pytest.approx(1000.0)
 
