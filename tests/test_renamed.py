@@ -67,7 +67,7 @@ def test_labels_of_stored_rows_are_read_with_the_names_of_today(kind, stored, sh
 
 def test_a_choice_of_stored_rows_may_have_old_names():
     assert parse_baseline("noise=own;disturbance=bias") == {"noise": "default", "disturbance": "imu_bias"}
-    assert named_study("study:jerk+none+own").chosen == {"filter": "jerk", "adaptation": "none", "noise": "default"}
+    assert named_study("study:jerk+none+own")[1] == {"filter": "jerk", "adaptation": "none", "noise": "default"}
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
@@ -93,7 +92,7 @@ class Conclude(Callback):
 def one(config: DictConfig) -> None:
     """Run one job; what is wrong with an option, or with the combination, is a sentence."""
     task = HydraConfig.get()
-    with _sentences():
+    try:
         check_options(config)
         cluster_of(config)  # not needed here; an option that it has not is refused all the same
         plain: Any = OmegaConf.to_container(config, resolve=True)
@@ -126,6 +125,8 @@ def one(config: DictConfig) -> None:
 
         for path in draw_single(plan.jobs[0], study_folder(config), pdf=config.figures_pdf):
             print(f"Figure: {path}")
+    except JerkbenchError as error:  # here, because Hydra would print more than its sentence
+        exit_with(error)
 
 
 def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, Any] | None = None) -> None:
@@ -147,15 +148,6 @@ def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, An
     run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
     _show(plan, store, words.config)
     print(f"\nRows, tables and manifest: {study_folder(words.config)}")
-
-
-@contextmanager
-def _sentences() -> Iterator[None]:
-    """End the command with the sentence of an error here, because Hydra would print more than that."""
-    try:
-        yield
-    except JerkbenchError as error:
-        exit_with(error)
 
 
 def _show(plan: Plan, store: Store, config: DictConfig) -> None:

@@ -89,40 +89,6 @@ class TuneOptions:
     knobs: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class TuneWords:
-    """The words, told apart.
-
-    Attributes:
-        options: of the tuning.
-        methods: for each method its words.
-        scenarios: for each scenario its words.
-        shared: the words of the scenarios as they were typed.
-    """
-
-    options: TuneOptions
-    methods: tuple[tuple[str, ...], ...]
-    scenarios: tuple[tuple[str, ...], ...]
-    shared: tuple[str, ...]
-
-
-def tuning_words(words: Sequence[str], *, several: bool) -> TuneWords:
-    """Tell the words apart; ``several`` methods are only taken where they are asked for (-m).
-
-    Raises:
-        PluginError: a word is no KEY=VALUE or has a wrong value, or there are several methods without -m.
-    """
-    names = {f.name for f in fields(TuneOptions)}
-    own = [word for word in words if word.partition("=")[0] in names]
-    others = [word for word in words if word not in own]
-    groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ALONE in others else METHOD_GROUPS
-    methods = _combinations([word for word in others if owner(word) in groups])
-    if len(methods) > 1 and not several:
-        raise PluginError(f"There are {len(methods)} methods; add -m to tune each of them with the same budget.")
-    shared = [word for word in others if owner(word) not in groups]
-    return TuneWords(_options(own), methods, _combinations(shared), tuple(shared))
-
-
 def _options(words: Sequence[str]) -> TuneOptions:
     try:
         merged = OmegaConf.merge(OmegaConf.structured(TuneOptions), OmegaConf.from_dotlist(list(words)))
@@ -151,14 +117,27 @@ def _combinations(words: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     return tuple(itertools.product(*several))
 
 
-def tune_all(words: TuneWords) -> None:
+def tune_all(words: Sequence[str], *, several: bool) -> None:
     """Tune each method with the same budget; print what came out, and write it.
 
+    Args:
+        words: those of the tuning, and of `jerkbench run`.
+        several: whether several methods were asked for (-m).
+
     Raises:
-        JerkbenchError: there is nothing to tune, or to tune on; a word is unknown.
+        JerkbenchError: there is nothing to tune, or to tune on; a word is unknown; several methods without -m.
     """
-    options = words.options
-    methods = [[composed([*scenario, *method]) for scenario in words.scenarios] for method in words.methods]
+    names_of_options = {f.name for f in fields(TuneOptions)}
+    own = [word for word in words if word.partition("=")[0] in names_of_options]
+    others = [word for word in words if word not in own]
+    groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ALONE in others else METHOD_GROUPS
+    words_of_methods = _combinations([word for word in others if owner(word) in groups])
+    if len(words_of_methods) > 1 and not several:
+        count = len(words_of_methods)
+        raise PluginError(f"There are {count} methods; add -m to tune each of them with the same budget.")
+    shared = [word for word in others if owner(word) not in groups]
+    options, words_of_scenarios = _options(own), _combinations(shared)
+    methods = [[composed([*scenario, *method]) for scenario in words_of_scenarios] for method in words_of_methods]
     config = methods[0][0].config
     jobs = [[composition.job() for composition in scenarios] for scenarios in methods]
     chosen = cluster_of(config)
@@ -179,12 +158,12 @@ def tune_all(words: TuneWords) -> None:
     settings = len(names) * budget.trials * effort.restarts
     with workers, Progress(settings, doing="Tuning", unit="settings") as progress:
         advance, site = partial(progress.advance, ()), Site(folder, workers)
-        several = zip(names, cases, spaces, strict=True)
-        tunings = [tune(name, own, space, effort, site, advance) for name, own, space in several]
-    for tuning, method in zip(tunings, words.methods, strict=True):
-        own = folder / tuning.name
-        command = _command(tuning, own / "conf", words, method)
-        _write(tuning, own, command, figures=figures_choice(config.figures) is not Choice.NONE)
+        each = zip(names, cases, spaces, strict=True)
+        tunings = [tune(name, own, space, effort, site, advance) for name, own, space in each]
+    for tuning, method in zip(tunings, words_of_methods, strict=True):
+        into = folder / tuning.name
+        command = _command(tuning, into / "conf", shared, method, several=len(words_of_scenarios) > 1)
+        _write(tuning, into, command, figures=figures_choice(config.figures) is not Choice.NONE)
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
 
@@ -218,18 +197,17 @@ def _names(jobs: Sequence[Job]) -> list[str]:
     return [f"{name}-{names[:k].count(name) + 1}" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
-def _command(tuning: Tuning, presets: Path, words: TuneWords, method: Sequence[str]) -> str:
+def _command(tuning: Tuning, presets: Path, typed: Sequence[str], method: Sequence[str], *, several: bool) -> str:
     """The command that runs what was tuned: its presets, where it was tuned, on seeds that the tuning has not used."""
-    chosen = preset_words(tuning, typed="experiment" in map(owner, words.shared))
+    chosen = preset_words(tuning, typed="experiment" in map(owner, typed))
     tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
     covered = {part for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
     kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
-    several = ["-m"] if len(words.scenarios) > 1 else []
     folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
     cases = [case for part in (tuning.cases.tune, tuning.cases.choose, tuning.cases.test) for case in part]
     unseen = [f"first_seed={max(case.draws[-1] for case in cases) + 1}"] if cases[0].scenario.seeded else []
-    shared = [word for word in words.shared if not (unseen and word.startswith("first_seed="))]
-    return shlex.join(["jerkbench", "run", *several, *folders, *shared, *kept, *chosen, *unseen])
+    shared = [word for word in typed if not (unseen and word.startswith("first_seed="))]
+    return shlex.join(["jerkbench", "run", *["-m"] * several, *folders, *shared, *kept, *chosen, *unseen])
 
 
 def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:

@@ -107,7 +107,7 @@ class Inputs:
 
     def undisturbed(self, dataset: Dataset, draw: int) -> Recording:
         """Return the recording of ``draw`` as it was loaded."""
-        return undisturbed(self._loaded, dataset, draw)
+        return self._loaded(dataset, dataset.fingerprint(), draw)
 
     def columns(
         self, metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray
@@ -128,16 +128,11 @@ def shared_inputs() -> Inputs:
 Load = Callable[[Dataset, str, int], Recording]
 
 
-def undisturbed(load: Load, dataset: Dataset, draw: int) -> Recording:
-    """Return the recording of ``draw`` as it was loaded."""
-    return load(dataset, dataset.fingerprint(), draw)
-
-
 def disturbed(
     load: Load, dataset: Dataset, disturbances: tuple[Disturbance, ...], fingerprint: str, draw: int
 ) -> Recording:
     """Return the recording of ``draw`` after all ``disturbances``."""
-    recording = undisturbed(load, dataset, draw)
+    recording = load(dataset, dataset.fingerprint(), draw)
     for disturbance in disturbances:
         recording = disturbance.apply(recording, draw)
     require_data(dataset, disturbances, fingerprint)  # afterwards: what was read meanwhile is what the hash says

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,44 +15,32 @@ from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, METHOD, Combination, require_factors
 
 
-class NamedStudy(NamedTuple):
-    """A study's folder, and what was chosen of it.
-
-    Attributes:
-        folder: the folder.
-        chosen: values of factors; empty: everything.
-    """
-
-    folder: Path
-    chosen: Mapping[str, str]
-
-
-def named_study(words: str) -> NamedStudy:
+def named_study(words: str) -> tuple[Path, Mapping[str, str]]:
     """Read ``FOLDER`` or ``FOLDER:FILTER+ADAPTATION+NOISE``; a word ``FACTOR=VALUE`` names another factor.
+
+    Returns:
+        The folder, and values of factors; without any, everything is meant.
 
     Raises:
         JerkbenchError: there is no such factor, or one is named twice.
     """
     folder, colon, method = words.rpartition(":")
     if not (colon and folder and method) or set(method) & {"/", "\\"} or Path(words).exists():
-        return NamedStudy(Path(words), {})
+        return Path(words), {}
     chosen: dict[str, str] = {}
     for position, word in enumerate(method.split("+")):
         factor, equals, value = word.partition("=")
-        factor, value = (factor, value) if equals else (_of_position(position, words), word)
+        if not equals:
+            if position >= len(METHOD):
+                raise JerkbenchError(
+                    f"'{words}' has more words than {', '.join(METHOD)}; write FACTOR=VALUE for another factor."
+                )
+            factor, value = METHOD[position], word
         require_factors([factor])
         if factor in chosen:
             raise JerkbenchError(f"'{words}' names the {factor} twice; name it once.")
         chosen[factor] = new_label(factor, value)
-    return NamedStudy(Path(folder), chosen)
-
-
-def _of_position(position: int, words: str) -> str:
-    if position >= len(METHOD):
-        raise JerkbenchError(
-            f"'{words}' has more words than {', '.join(METHOD)}; write FACTOR=VALUE for another factor."
-        )
-    return METHOD[position]
+    return Path(folder), chosen
 
 
 def selected(study: Study, chosen: Mapping[str, str]) -> Study:

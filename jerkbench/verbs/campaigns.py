@@ -49,9 +49,9 @@ def tune_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, or what it asks for cannot be tuned.
     """
-    from jerkbench.hydra_app.tuning import tune_all, tuning_words
+    from jerkbench.hydra_app.tuning import tune_all
 
-    tune_all(tuning_words(chosen.words, several=chosen.multirun))
+    tune_all(chosen.words, several=chosen.multirun)
 
 
 @verb(

@@ -320,9 +320,9 @@ def compare_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.report.findings import varying_factors
     from jerkbench.report.summary import main_metric
 
-    named = (named_study(chosen.first), named_study(chosen.second))
-    first, second = (selected(load_study(of.folder), of.chosen) for of in named)
-    second, chosen_of = in_the_place_of(first, second, {**named[0].chosen, **named[1].chosen})
+    (a, of_a), (b, of_b) = named_study(chosen.first), named_study(chosen.second)
+    first, second = selected(load_study(a), of_a), selected(load_study(b), of_b)
+    second, chosen_of = in_the_place_of(first, second, {**of_a, **of_b})
     require_alike(first, second)
     tolerances = Tolerances(otherwise=chosen.fail_above)
     if chosen.tolerances is not None:
