@@ -51,6 +51,8 @@ def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingIn
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """
+    from scipy.special import stdtrit
+
     n = len(squares)
     if n == 0 or not np.isfinite(squares).all():
         return RecordingInterval(np.nan, np.nan, np.nan, 0, np.nan)
@@ -59,18 +61,12 @@ def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingIn
     rmse = float(np.sqrt(np.mean(squares)))
     if n < LEAST_TIMES * tau:
         return RecordingInterval(rmse, np.nan, np.nan, block, tau)
-    half = _half_log(_resampled_means(squares, block), n / block, confidence) / 2
+    means, blocks = _resampled_means(squares, block), n / block
+    half = 0.0 if not means.max() > 0 else np.inf  # of the logarithm of the root
+    if means.min() > 0:
+        scale = np.sqrt(blocks / (blocks - 1))
+        half = float(stdtrit(blocks - 1, (1 + confidence) / 2) * np.std(np.log(means)) * scale) / 2
     return RecordingInterval(rmse, rmse * np.exp(-half), rmse * np.exp(half), block, tau)
-
-
-def _half_log(means: FloatArray, blocks: float, confidence: float) -> float:
-    """Return half the width of the interval of the logarithm of a mean, from its resamples; of means of 0 it is 0."""
-    from scipy.special import stdtrit
-
-    if not means.min() > 0:
-        return 0.0 if not means.max() > 0 else np.inf
-    scale = np.sqrt(blocks / (blocks - 1))
-    return float(stdtrit(blocks - 1, (1 + confidence) / 2) * np.std(np.log(means)) * scale)
 
 
 def correlation_rows(values: FloatArray) -> float:

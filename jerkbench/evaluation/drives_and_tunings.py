@@ -184,18 +184,13 @@ def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = 
     own = of_tuning.var(axis=1, ddof=1) - V_e
     V_a = np.maximum(own, own.mean()) / tunings
     V = V_d + V_a
-    third = c * (of_drive - mean[:, None]) ** 3 @ w**3 + _third(of_tuning - mean[:, None])
+    third = c * (of_drive - mean[:, None]) ** 3 @ w**3
+    third += ((of_tuning - mean[:, None]) ** 3).sum(axis=1) / (tunings * (tunings - 1) * (tunings - 2))
     with np.errstate(divide="ignore", invalid="ignore"):  # without any variance nothing is known: NaN, undecided
         dof = V**2 / (V_d**2 / (S2**2 / S4 - 1.0) + V_a**2 / (tunings - 1))
         q, error = stdtrit(dof, 1.0 - level / 2.0), np.sqrt(V)
         ends = [mean - untransformed(end, SHRUNK * third / error**3) * error for end in (q, -q)]
     return mean, np.fmin(ends[0], mean - q * error), np.fmax(ends[1], mean + q * error), tunings * V_a
-
-
-def _third(apart: FloatArray) -> FloatArray:
-    """Return the third cumulant of the mean of (k, n) values, given apart from their mean."""
-    n = apart.shape[1]
-    return np.asarray((apart**3).sum(axis=1) / (n * (n - 1) * (n - 2)))
 
 
 def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> tuple[Statement, ...]:

@@ -196,9 +196,7 @@ def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
 
 def with_updates(outline: Estimate, updates: Updates) -> Estimate:
     """Return the outline with what the updates saw."""
-    return Estimate(
-        outline.index, outline.position_m, outline.velocity_mps, outline.covariance, outline.euler_rad, updates
-    )
+    return replace(outline, updates=updates)
 
 
 # When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row.

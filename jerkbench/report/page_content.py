@@ -328,22 +328,23 @@ def payload(stretches: Sequence[Stretch], styles: Mapping[str, Any], names: Mapp
         styles: colour and dashes of each cell's line, by key.
         names: of each cell's method, by key.
     """
-    return {
-        "lowest": LOWEST,
-        "decades": float(np.log10(HIGHEST / LOWEST)),
-        "levels": LEVELS,
-        "scenarios": [_told(stretch, styles, names) for stretch in stretches if stretch.errors_m],
-    }
-
-
-def _told(stretch: Stretch, styles: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
-    lines = [
-        {"key": key, "name": names[key], **styles[key], "error": encoded(error)}
-        for key, error in stretch.errors_m.items()
+    scenarios = [
+        {
+            "name": stretch.scenario,
+            "draw": stretch.draw,
+            "start": round(stretch.start_s, 6),
+            "step": round(stretch.step_s, 6),
+            "outages": np.round(stretch.outages_s, 3).tolist(),
+            "lines": [
+                {"key": key, "name": names[key], **styles[key], "error": encoded(error)}
+                for key, error in stretch.errors_m.items()
+            ],
+        }
+        for stretch in stretches
+        if stretch.errors_m
     ]
-    outages = np.round(stretch.outages_s, 3).tolist()
-    place = {"start": round(stretch.start_s, 6), "step": round(stretch.step_s, 6)}
-    return {"name": stretch.scenario, "draw": stretch.draw, **place, "outages": outages, "lines": lines}
+    decades = float(np.log10(HIGHEST / LOWEST))
+    return {"lowest": LOWEST, "decades": decades, "levels": LEVELS, "scenarios": scenarios}
 
 
 TOLD = ("protocol", "data", "notes", "created", "seconds", "commit", "versions")

@@ -150,7 +150,11 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     """Whether enough seeds went well in each cell, and the methods of a scenario have the same."""
     rows = evidence.rows
     seeded = rows[rows["replicate"] == "seed"]
-    more = _unseeded(rows)
+    # beside seeds: phases of recordings, and single runs in which nothing is random
+    per_cell = rows[rows["replicate"] == "phase"].groupby([*FACTORS]).size()
+    phases, single = int(per_cell[per_cell > 1].sum()), int((per_cell == 1).sum())
+    more = f" {single} rows are the one run of a recording in which nothing is random." if single else ""
+    more += f" {phases} rows are phases of recordings, which are not independent." if phases else ""
     if len(seeded) == 0:
         return False, f"None:{more}"
     well = (seeded["status"] == "ok").groupby([seeded[key] for key in FACTORS]).sum()
@@ -160,14 +164,6 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     other = "" if alike else " ReviewedCells of one scenario have different seeds."
     passed = bool(well.min() >= LEAST_SEEDS and not more and alike)
     return passed, f"{counted} a cell that went well; {LEAST_SEEDS} are asked for.{other}{more}"
-
-
-def _unseeded(rows: "pd.DataFrame") -> str:
-    """Say what stands in the rows beside seeds: phases of recordings, and single runs in which nothing is random."""
-    per_cell = rows[rows["replicate"] == "phase"].groupby([*FACTORS]).size()
-    phases, single = int(per_cell[per_cell > 1].sum()), int((per_cell == 1).sum())
-    alone = f" {single} rows are the one run of a recording in which nothing is random." if single else ""
-    return alone + (f" {phases} rows are phases of recordings, which are not independent." if phases else "")
 
 
 def _intervals(evidence: Evidence) -> tuple[bool | None, str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jerkbench.notices import plain, styled
 from jerkbench.report.columns import FACTORS, metric_columns, quantity
 from jerkbench.report.summary import main_metric, summarise
-from jerkbench.report.table_model import ABSENT, Table, TableCell, TextPart, arranged, parts
+from jerkbench.report.table_model import ABSENT, Table, TextPart, arranged, parts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,10 +97,11 @@ def blocks(table: Table, width: int) -> list[Block]:
     whole = [max(map(len, [*texts, head])) for texts, head in zip(lines, table.header[keys:], strict=True)]
     if sum(of_keys) + sum(whole) + GAP * (keys + len(whole)) <= width:
         return []
-    own = [
-        max(min(len(head), LONGEST_HEADER), *(len(word) for cell in column for word in _unbroken(cell)), 1)
-        for column, head in zip(columns, table.header[keys:], strict=True)
-    ]
+    own = []
+    for column, head in zip(columns, table.header[keys:], strict=True):
+        told = [part for cell in column for part in parts(cell)]  # words of troubles may stand below each other
+        words = [word for text, style in told for word in (text.split() if style == "trouble" else [text])]
+        own.append(max(min(len(head), LONGEST_HEADER), *map(len, words), 1))
     room = width - (min(of_keys[-1], LONGEST_KEY) + GAP if keys else 0)
     parted: list[list[tuple[int, int]]] = [[]]
     for column in enumerate(own):
@@ -108,11 +109,6 @@ def blocks(table: Table, width: int) -> list[Block]:
             parted.append([])
         parted[-1].append(column)
     return [tuple(block) for block in parted]
-
-
-def _unbroken(cell: TableCell | None) -> list[str]:
-    """Return what must stay whole in a cell: words of troubles may stand below each other."""
-    return [word for text, style in parts(cell) for word in (text.split() if style == "trouble" else [text])]
 
 
 def groups(table: Table) -> list[tuple[str, tuple[int, ...]]]:

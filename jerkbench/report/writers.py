@@ -247,7 +247,7 @@ def _json_number(value: float) -> float | str | None:
 def tidy_csv(tables: Sequence[Table]) -> str:
     """Return a header and one line for each cell of the tables; a number that is not there is empty."""
     lines = (line for table in tables for line in csv_lines(table))
-    return csv_line(["metric", "unit", *FACTORS, *VALUES]) + "".join(lines)
+    return ",".join(["metric", "unit", *FACTORS, *VALUES]) + "\n" + "".join(lines)
 
 
 def csv_lines(table: Table) -> Iterator[str]:
@@ -257,20 +257,14 @@ def csv_lines(table: Table) -> Iterator[str]:
         ratios = (ratio.value, ratio.low, ratio.high, ratio.p) if ratio else (math.nan,) * 4
         counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
         shares = share_interval(cell.diverged + cell.failed, cell.runs)
-        yield csv_line(
-            [
-                *map(csv_escaped, (table.metric, table.unit, *(labels[factor] for factor in FACTORS), cell.kind)),
-                *map(csv_number, (cell.mean, cell.low, cell.high)),
-                *(*map(str, counts), cell.replicate),
-                *map(csv_number, (*ratios, *cell.quartiles)),
-                *(str(cell.locked), *map(csv_number, (*shares, cell.geometric))),
-            ]
-        )
-
-
-def csv_line(texts: Iterable[str]) -> str:
-    """Return texts that are escaped already as a line of CSV."""
-    return ",".join(texts) + "\n"
+        texts = [
+            *map(csv_escaped, (table.metric, table.unit, *(labels[factor] for factor in FACTORS), cell.kind)),
+            *map(csv_number, (cell.mean, cell.low, cell.high)),
+            *(*map(str, counts), cell.replicate),
+            *map(csv_number, (*ratios, *cell.quartiles)),
+            *(str(cell.locked), *map(csv_number, (*shares, cell.geometric))),
+        ]
+        yield ",".join(texts) + "\n"
 
 
 def csv_number(value: float) -> str:
