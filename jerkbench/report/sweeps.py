@@ -142,29 +142,20 @@ def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
     Columns are added: ``severity`` (that value), ``severity_name`` (the parameter), and ``severity_of`` (data set and
     disturbance without the value). A parameter with fewer than three values is none of them.
     """
-    labels = rows["disturbance"].astype(str)
-    places = {label: list(PARAMETER.finditer(label)) for label in labels.unique()}
-    sizes: dict[tuple[str, str], set[float]] = {}
-    for label, matches in places.items():
-        for match in matches:
-            sizes.setdefault((_without(label, match), match[1]), set()).add(float(match[2]))
-    chosen: dict[str, re.Match[str] | None] = {}  # the parameter of a label that has the most values, where enough
-    for label, matches in places.items():
-        values = {match: len(sizes[_without(label, match), match[1]]) for match in matches}
-        best = max(values, key=values.__getitem__, default=None)
-        chosen[label] = best if best is not None and values[best] >= LEAST_SIZES else None
-    kept = labels.map(lambda label: chosen[label] is not None).to_numpy(dtype=bool)
-    swept = rows[kept].copy()
-    parameters = [chosen[label] for label in labels[kept]]
-    swept[SIZE] = [float(match[2]) for match in parameters if match is not None]
-    swept[NAME] = [match[1] for match in parameters if match is not None]
-    rests = [_without(label, match) for label, match in zip(labels[kept], parameters, strict=True) if match is not None]
-    swept[SCENARIO] = swept["dataset"].astype(str) + ": " + np.array(rests, dtype=object)
+    import pandas as pd
+
+    rows = rows.assign(disturbance=rows["disturbance"].astype(str))
+    found = [
+        (label, f"{label[: match.start(2)]}...{label[match.end(2) :]}", match[1], float(match[2]))
+        for label in rows["disturbance"].unique()
+        for match in PARAMETER.finditer(label)
+    ]
+    places = pd.DataFrame(found, columns=["disturbance", SCENARIO, NAME, SIZE])
+    places["values"] = places.groupby([SCENARIO, NAME])[SIZE].transform("nunique")
+    most = places.loc[places.groupby("disturbance")["values"].idxmax()]  # the parameter of a label that has the most
+    swept = rows.merge(most[most["values"] >= LEAST_SIZES].drop(columns="values"), on="disturbance")
+    swept[SCENARIO] = swept["dataset"].astype(str) + ": " + swept[SCENARIO]
     return swept
-
-
-def _without(label: str, match: re.Match[str]) -> str:
-    return f"{label[: match.start(2)]}...{label[match.end(2) :]}"
 
 
 def crossings(sizes: FloatArray, costs: Mapping[str, FloatArray]) -> list[Crossing]:

@@ -203,14 +203,10 @@ class Table:
     @property
     def sparse_rows(self) -> list[list[str]]:
         """Values of `row_keys` without the leading ones that the line above has too."""
-        lines, before = [], None
-        for row in self.rows:
-            same = 0
-            while before is not None and same < len(row) - 1 and row[same] == before[same]:
-                same += 1
-            lines.append([*[""] * same, *row[same:]])
-            before = row
-        return lines
+        return [
+            ["" if k + 1 < len(row) and row[: k + 1] == before[: k + 1] else value for k, value in enumerate(row)]
+            for row, before in zip(self.rows, [(), *self.rows], strict=False)
+        ]
 
     def placed(self) -> "Iterator[tuple[dict[str, str], TableCell]]":
         """Yield each cell that is there with the values of all factors."""
