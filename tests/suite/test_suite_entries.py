@@ -69,7 +69,11 @@ def test_an_entry_has_a_line_a_table_and_both_settings(made):
 def runs_in(paths):
     """The stored runs, each with the time when it was made."""
     table = pd.concat([pd.read_parquet(path, columns=["cell.key", "seed", "cell.created"]) for path in paths])
-    return table.astype({"cell.key": str, "cell.created": str}).set_index(["cell.key", "seed"])["cell.created"].sort_index()
+    return (
+        table.astype({"cell.key": str, "cell.created": str})
+        .set_index(["cell.key", "seed"])["cell.created"]
+        .sort_index()
+    )
 
 
 def test_an_entry_as_it_was_made_is_what_it_says(made):
