@@ -41,12 +41,8 @@ def compensate_gravity(dcm: FloatArray, accel_mps2: FloatArray, compensation: st
         accel_mps2: (n, 3) y_A, specific force, body.
         compensation: one of `COMPENSATIONS`.
     """
-    turn = dcm
-    if compensation == "midpoint":
-        turn = dcm.copy()
-        turn[1:] = 0.5 * (dcm[:-1] + dcm[1:])
-    rotated: FloatArray = np.einsum("kij,kj->ki", turn, accel_mps2)
-    return np.asarray(rotated - np.array([0.0, 0.0, GRAVITY_MPS2]))
+    turn = np.concatenate([dcm[:1], 0.5 * (dcm[:-1] + dcm[1:])]) if compensation == "midpoint" else dcm
+    return np.asarray(np.einsum("kij,kj->ki", turn, accel_mps2) - np.array([0.0, 0.0, GRAVITY_MPS2]))
 
 
 def attitude_from(
@@ -58,9 +54,8 @@ def attitude_from(
 ) -> Attitude:
     """Return the attitude (n, 3) with Omega and the ENU acceleration; ``triggered`` None: never."""
     dcm = dcm_from_euler(euler_rad)
-    accel = compensate_gravity(dcm, imu.accel_mps2, compensation)
-    never = np.zeros(len(imu.t_s), dtype=np.bool_)
-    return Attitude(imu.t_s, dcm, euler_rad, accel, never if triggered is None else triggered, yaw_sigma_rad)
+    seen = np.zeros(len(imu.t_s), dtype=np.bool_) if triggered is None else triggered
+    return Attitude(imu.t_s, dcm, euler_rad, compensate_gravity(dcm, imu.accel_mps2, compensation), seen, yaw_sigma_rad)
 
 
 def run_samples(loop: Callable[..., None], title: str, imu: Imu, state: tuple[object, ...], *filled: Any) -> None:  # noqa: ANN401 - arrays
@@ -146,7 +141,7 @@ class TiltAndYaw(Limited, ABC):
         imu, sigma_min_rad = recording.inertial, self.course_sigma_min_rad
         headings = select_headings(
             recording, self.yaw_source, self.course_min_speed_mps, sigma_min_rad
-        )  # first, because a missing source should not cost the whole loop
+        )  # costs no loop
         x, triggered = self.verticals(recording)
         roll, pitch = roll_pitch(x)
         yaw = estimate_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, sigma_min_rad)

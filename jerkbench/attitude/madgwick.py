@@ -13,6 +13,9 @@ from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
+GAIN_PER_S_RANGE = Range(1e-5, 1.0, log=True, source="ours: from hardly any correction to thirty times the default")
+GAIN_PER_S_ORIGIN = DefaultOrigin("literature: the paper's .033 for gyro and accelerometer")
+
 
 @register("attitude", "madgwick")
 @dataclass(frozen=True)
@@ -40,12 +43,7 @@ class Madgwick(TiltAndYaw):
 
     name: ClassVar[str] = "madgwick"
 
-    gain_per_s: Annotated[
-        float,
-        NOT_NEGATIVE,
-        Range(1e-5, 1.0, log=True, source="ours: from hardly any correction to thirty times the default"),
-        DefaultOrigin("literature: the paper's .033 for gyro and accelerometer"),
-    ] = 0.033
+    gain_per_s: Annotated[float, NOT_NEGATIVE, GAIN_PER_S_RANGE, GAIN_PER_S_ORIGIN] = 0.033
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""

@@ -13,6 +13,10 @@ from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
+PROPORTIONAL_PER_S_ORIGIN = DefaultOrigin("literature: the paper's 1")
+INTEGRAL_PER_S2_RANGE = Range(1e-6, 0.3, log=True, source="ours: from a bias that is found in an hour to the paper's")
+INTEGRAL_PER_S2_ORIGIN = DefaultOrigin("literature: the paper's .3")
+
 
 @register("attitude", "mahony")
 @dataclass(frozen=True)
@@ -45,12 +49,7 @@ class Mahony(TiltAndYaw):
         Range(1e-4, 3.0, log=True, source="ours: time constants from a third of a second to three hours"),
         DefaultOrigin("literature: the paper's 1"),
     ] = 1.0
-    integral_per_s2: Annotated[
-        float,
-        NOT_NEGATIVE,
-        Range(1e-6, 0.3, log=True, source="ours: from a bias that is found in an hour to the paper's"),
-        DefaultOrigin("literature: the paper's .3"),
-    ] = 0.3
+    integral_per_s2: Annotated[float, NOT_NEGATIVE, INTEGRAL_PER_S2_RANGE, INTEGRAL_PER_S2_ORIGIN] = 0.3
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample."""

@@ -25,6 +25,12 @@ from jerkbench.recording import GRAVITY_MPS2, Recording
 MEMS_HAND = DefaultOrigin("ours: a consumer MEMS IMU in a hand")
 
 
+GYRO_DENSITY_RANGE = Range(1e-4, 1e-2, log=True, source="ours: from a tactical gyro to one that errs with the motion")
+WINDOW_S_RANGE = Range(0.01, 3.0, log=True, source="ours: from one sample at 100 Hz to a turn of a car")
+EXTERNAL_MEMORY_RANGE = Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen")
+BIAS_DENSITY_RANGE = Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion")
+
+
 @register("attitude", "mekf")
 @dataclass(frozen=True)
 class Mekf(TiltAndYaw):
@@ -69,24 +75,14 @@ class Mekf(TiltAndYaw):
     name: ClassVar[str] = "mekf"
 
     adapt: str = "none"
-    gyro_density: Annotated[
-        float,
-        NOT_NEGATIVE,
-        Range(1e-4, 1e-2, log=True, source="ours: from a tactical gyro to one that errs with the motion"),
-        MEMS_HAND,
-    ] = 1e-3
+    gyro_density: Annotated[float, NOT_NEGATIVE, GYRO_DENSITY_RANGE, MEMS_HAND] = 1e-3
     accel_density: Annotated[
         float,
         ABOVE_ZERO,
         Range(0.01, 30.0, log=True, source="ours: from quiet ground to hardly any trust in the accelerometer"),
         MEMS_HAND,
     ] = 0.1
-    window_s: Annotated[
-        float,
-        ABOVE_ZERO,
-        Range(0.01, 3.0, log=True, source="ours: from one sample at 100 Hz to a turn of a car"),
-        MEMS_HAND,
-    ] = 0.01
+    window_s: Annotated[float, ABOVE_ZERO, WINDOW_S_RANGE, MEMS_HAND] = 0.01
     external_memory: Annotated[
         float,
         Limit(lambda memory: 0 < memory < 1, "it must be between 0 and 1."),
@@ -94,12 +90,7 @@ class Mekf(TiltAndYaw):
         MEMS_HAND,
     ] = 0.3
     bias: Annotated[bool, SWITCH, DefaultOrigin("ours: MEMS gyros have one")] = True
-    bias_density: Annotated[
-        float,
-        NOT_NEGATIVE,
-        Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion"),
-        MEMS_HAND,
-    ] = 1e-5
+    bias_density: Annotated[float, NOT_NEGATIVE, BIAS_DENSITY_RANGE, MEMS_HAND] = 1e-5
     initial_bias_radps: Annotated[
         float, NOT_NEGATIVE, DefaultOrigin("a data sheet's turn-on bias of a consumer MEMS gyro")
     ] = 0.005

@@ -57,7 +57,14 @@ class ReferenceAttitude:
 
     def _angles(self, recording: Recording) -> FloatArray:
         """Roll, pitch and yaw (n, 3) at the IMU's stamps."""
-        t_s, euler_rad = _known(recording)
+        reference = recording.reference
+        euler_rad = np.empty((0, 3)) if reference.euler_rad is None else reference.euler_rad
+        known = np.isfinite(euler_rad).all(axis=1)
+        if not known.any():
+            raise RecordingError(
+                f"{recording.name} has a reference without attitude; take the attitude tilt or gyro_only."
+            )
+        t_s, euler_rad = reference.t_s[known], euler_rad[known]
         rows = nearest_rows(t_s, recording.inertial.t_s)
         away_s = np.abs(t_s[rows] - recording.inertial.t_s)
         if away_s.max() > self.gap_s:
@@ -67,13 +74,3 @@ class ReferenceAttitude:
                 f" {away_s[worst]:.2f} s away; raise gap_s (now {self.gap_s} s) or take the attitude tilt."
             )
         return euler_rad[rows]
-
-
-def _known(recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Stamps and angles of the reference where it knows all three."""
-    reference = recording.reference
-    if reference.euler_rad is not None:
-        rows = np.isfinite(reference.euler_rad).all(axis=1)
-        if rows.any():
-            return reference.t_s[rows], reference.euler_rad[rows]
-    raise RecordingError(f"{recording.name} has a reference without attitude; take the attitude tilt or gyro_only.")

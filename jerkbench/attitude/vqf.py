@@ -24,6 +24,10 @@ SILENCE_S = 0.1
 OF_PACKAGE = DefaultOrigin("literature: the package's default")
 
 
+TAU_ACC_S_RANGE = Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default")
+BIAS_FORGETTING_S_RANGE = Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default")
+
+
 @register("attitude", "vqf")
 @dataclass(frozen=True)
 class Vqf(TiltAndYaw):
@@ -59,20 +63,10 @@ class Vqf(TiltAndYaw):
     name: ClassVar[str] = "vqf"
 
     alignment: str = field(default="gravity", kw_only=True)
-    tau_acc_s: Annotated[
-        float,
-        ABOVE_ZERO,
-        Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default"),
-        OF_PACKAGE,
-    ] = 3.0
+    tau_acc_s: Annotated[float, ABOVE_ZERO, TAU_ACC_S_RANGE, OF_PACKAGE] = 3.0
     rest_bias: Annotated[bool, SWITCH, OF_PACKAGE] = True
     motion_bias: Annotated[bool, SWITCH, OF_PACKAGE] = True
-    bias_forgetting_s: Annotated[
-        float,
-        ABOVE_ZERO,
-        Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default"),
-        OF_PACKAGE,
-    ] = 100.0
+    bias_forgetting_s: Annotated[float, ABOVE_ZERO, BIAS_FORGETTING_S_RANGE, OF_PACKAGE] = 100.0
 
     def require(self, load: Callable[[], Recording]) -> None:
         """Check, before a sweep begins, that the package is installed and the recording has what was asked to be used.
@@ -102,12 +96,8 @@ class Vqf(TiltAndYaw):
 
     def _parameters(self) -> dict[str, Any]:
         """What the package calls them."""
-        return {
-            "tauAcc": self.tau_acc_s,
-            "restBiasEstEnabled": self.rest_bias,
-            "motionBiasEstEnabled": self.motion_bias,
-            "biasForgettingTime": self.bias_forgetting_s,
-        }
+        enabled = {"restBiasEstEnabled": self.rest_bias, "motionBiasEstEnabled": self.motion_bias}
+        return {"tauAcc": self.tau_acc_s, "biasForgettingTime": self.bias_forgetting_s, **enabled}
 
     def _settle(self, filter_: "vqf.VQF", x: FloatArray, step_s: float) -> None:
         """Hold the filter still until its low-pass shows the start."""
@@ -134,9 +124,8 @@ class OfflineVqf(Vqf):
         """Check that nobody asks for another start."""
         super().__post_init__()
         if self.alignment != "gravity":
-            raise PluginError(
-                f"attitude offline_vqf: alignment is {self.alignment}; a smoother finds its start itself (gravity)."
-            )
+            reason = "a smoother finds its start itself (gravity)."
+            raise PluginError(f"attitude offline_vqf: alignment is {self.alignment}; {reason}")
 
     def verticals(self, recording: Recording) -> Verticals:
         """Return x after each sample, from all of them."""
@@ -146,10 +135,8 @@ class OfflineVqf(Vqf):
                 f"{recording.name} has a gap of {imu.intervals_s.max():.2f} s between two samples, and attitude"
                 f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {SILENCE_S} s."
             )
-        smoothed = vqf_package().offlineVQF(
-            *_samples(imu, 0, len(imu.t_s)), None, imu.nominal_interval_s, self._parameters()
-        )
-        return vertical_of(smoothed["quat6D"]), None
+        samples, step_s = _samples(imu, 0, len(imu.t_s)), imu.nominal_interval_s
+        return vertical_of(vqf_package().offlineVQF(*samples, None, step_s, self._parameters())["quat6D"]), None
 
 
 def vertical_of(q: FloatArray) -> FloatArray:

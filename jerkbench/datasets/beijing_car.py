@@ -58,6 +58,7 @@ def _field(path: Path, line: tuple[int, str], k: int) -> str:
     return fields[k].strip()
 
 
+SOURCE = "RTK of a receiver in the same car"
 NOTES = (
     "There is no IMU: attitude, tilt and yaw do not apply.",
     "It is of the plane: up is 0 in fixes and reference alike, an axis without an error in RMSE and NEES.",
@@ -103,16 +104,11 @@ class BeijingCar(FromFiles):
         t_s, level = columns.numbers(("Time",))[:, 0], np.zeros(len(columns))
         sigmas = sigma_m[:, :, None] * np.eye(3)
         spread = np.tile(self.velocity_sigma_mps**2 * np.eye(3), (len(columns), 1, 1))
+        places, mps = (np.column_stack([columns.numbers(names), level]) for names in (RTK, RTK_VELOCITY))
         return Recording(
             name="beijing_car",
             imu=None,
-            reference=Reference(
-                t_s,
-                source="RTK of a receiver in the same car",
-                independent=True,
-                enu_m=np.column_stack([columns.numbers(RTK), level]),
-                velocity_mps=np.column_stack([columns.numbers(RTK_VELOCITY), level]),
-            ),
+            reference=Reference(t_s, SOURCE, independent=True, enu_m=places, velocity_mps=mps),
             position=Position(t_s, np.column_stack([columns.numbers(GPS), level]), sigmas**2),
             velocity=Velocity(t_s, np.column_stack([velocity_mps[:, :2], level]), spread),
             notes=(*columns.notes, *NOTES),

@@ -116,6 +116,7 @@ DEVICE_SIGNS = (1.0, -1.0, -1.0)
 
 FLU_SIGNS = (1.0, 1.0, 1.0)
 
+SOURCE = "the vendor's optimiser over INS, GNSS and vision (decimetres), which shares the receiver"
 FITTED = (
     "Mounting, wheel scale and age of the fixes, where they are the defaults, were fitted on the reference of the"
     " public minute Example_1."
@@ -241,14 +242,9 @@ class Comma2k19(FromFiles):
         turn = enu_axes(origin)
         device = Rotation.from_quat(segment.frame_wxyz, scalar_first=True).as_matrix() @ np.diag(DEVICE_SIGNS)
         body_from_device = body_from_sensor(FLU_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
-        return Reference(
-            segment.frame_log_s - segment.imu_log_s[0],
-            source="the vendor's optimiser over INS, GNSS and vision (decimetres), which shares the receiver",
-            independent=False,
-            enu_m=ecef_to_enu(segment.frame_ecef_m, origin),
-            velocity_mps=segment.frame_ecef_mps @ turn.T,
-            euler_rad=euler_from_dcm(turn @ device @ body_from_device.T),
-        )
+        t_s, enu_m = segment.frame_log_s - segment.imu_log_s[0], ecef_to_enu(segment.frame_ecef_m, origin)
+        motion = segment.frame_ecef_mps @ turn.T, euler_from_dcm(turn @ device @ body_from_device.T)
+        return Reference(t_s, SOURCE, False, enu_m, *motion)  # noqa: FBT003 - not independent
 
 
 def _utc_s(segment: CommaSegment) -> FloatArray:

@@ -75,15 +75,12 @@ class RealJourney(FromFiles):
         sigma_m, notes = self._sigmas(rows, str(about.get("receiver", "")))
         if shift_s:
             notes = (*notes, f"The stamps of the fixes are shifted by {shift_s:g} s.")
+        true_s = (truth["t_s"] - zero_s).to_numpy()
+        source, independent = str(about.get("reference", "not stated")), bool(about.get("independent", False))
         return Recording(
             name="/".join(str(about[key]) for key in ("group", "name") if key in about) or fixes.parent.name,
             imu=None,
-            reference=Reference(
-                (truth["t_s"] - zero_s).to_numpy(),
-                source=str(about.get("reference", "not stated")),
-                independent=bool(about.get("independent", False)),
-                enu_m=truth[PLACE].to_numpy(),
-            ),
+            reference=Reference(true_s, source, independent, enu_m=truth[PLACE].to_numpy()),
             position=Position(t_s, rows[PLACE].to_numpy(), _diagonal(sigma_m**2)),
             velocity=self._velocity(rows, t_s),
             origin=Origin(*about["origin"]) if about.get("origin") else None,

@@ -150,31 +150,18 @@ class RtklibDrive(FromFiles):
         imu = imu_in_body(log.t_s, log.accel, log.gyro, (self.accel_unit, self.gyro_unit), turn)
         imu = possible_imu(str(imu_path), imu)
         imu = calibrated_at_rest(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
+        own, moves = "the receiver's own fixes", speed_mps >= self.min_speed_mps
+        of_imu = *gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *log.notes
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
-            reference=Reference(
-                t_s,
-                source="the receiver's own fixes",
-                independent=False,
-                enu_m=position.enu_m,
-                scored=speed_mps >= self.min_speed_mps,
-            ),
+            reference=Reference(t_s, own, independent=False, enu_m=position.enu_m, scored=moves),
             position=position,
             velocity=_velocity_of_fixes(fixes, t_s, self.velocity_latency_s),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
-            notes=(
-                *gravity_notes(imu.accel_mps2, "imu_axes"),
-                *repeat_notes(imu),
-                *log.notes,
-                *leaps,
-                *solution.notes,
-                *HEIGHTS[solution.ellipsoidal],
-                SAME,
-                *_fitted_notes(self),
-            ),
+            notes=(*of_imu, *leaps, *solution.notes, *HEIGHTS[solution.ellipsoidal], SAME, *_fitted_notes(self)),
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 

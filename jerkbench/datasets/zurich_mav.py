@@ -75,16 +75,14 @@ class ZurichMav(FromFiles):
         image = truth.numbers(("imgid",))[:, 0]
         places, fixes = truth.numbers(("x_gt", "y_gt", "z_gt")), truth.numbers(("x_gps", "y_gps", "z_gps"))
         origin = fixes[0]
+        truth_s = FIRST_TRUTH_S + image * TRUTH_S - start_s
         fix_s = FIRST_FIX_S + (image - 1) * FIX_S - start_s
         covariance = np.tile(self.position_sigma_m**2 * np.eye(3), (len(fixes), 1, 1))
         return Recording(
             name="zurich_mav",
             imu=imu,
             reference=Reference(
-                FIRST_TRUTH_S + image * TRUTH_S - start_s,
-                source="photogrammetry of the flight's images",
-                independent=True,
-                enu_m=places - origin,
+                truth_s, "photogrammetry of the flight's images", independent=True, enu_m=places - origin
             ),
             position=Position(fix_s, fixes - origin, covariance),
             notes=(*truth.notes, *NOTES),

@@ -229,11 +229,9 @@ class Sensors(SlowErrors):
         cut_off = bool((np.abs(imu.accel_mps2) >= limit).any())
         if self.imu != "per_sample" or cut_off or not all(map(self._on, ("accelerometer", "position", "velocity"))):
             return None
-        return ErrorLaw(
-            *(imu, position, velocity, self.accel_sigma_mps2),
-            *(self.position_coloured_share, self.position_coloured_time_s),
-            *(self.velocity_coloured_share, self.velocity_coloured_time_s),
-        )
+        of_position = self.position_coloured_share, self.position_coloured_time_s
+        of_velocity = self.velocity_coloured_share, self.velocity_coloured_time_s
+        return ErrorLaw(imu, position, velocity, self.accel_sigma_mps2, *of_position, *of_velocity)
 
     def _position(self, truth: Truth, fixes: Truth, seed: int) -> Position:
         late = round(self.position_latency_s * self.imu_rate_hz)
