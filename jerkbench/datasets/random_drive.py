@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -67,8 +67,7 @@ S is the standard deviation of the natural logarithm. Windows do not overlap.
 """
 
 
-@dataclass(frozen=True)
-class Law:
+class Law(NamedTuple):
     """The law of one parameter.
 
     Attributes:

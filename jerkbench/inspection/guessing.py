@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,7 @@ folder: {folder}
 separator: {separator}
 """
 
+DEFAULT = "the default: no column of it is guessed; give"
 ECEF_M = (6.3e6, 6.45e6)
 """So far is the ground from the centre of the Earth."""
 
@@ -70,8 +71,7 @@ SOON_S = 1.0
 """A rest that begins later is not one at the start."""
 
 
-@dataclass(frozen=True)
-class GuessedTable:
+class GuessedTable(NamedTuple):
     """A file with columns.
 
     Attributes:
@@ -288,19 +288,14 @@ def _places(draft: Draft, table: GuessedTable, columns: str, frame: str) -> Floa
 def _sigma(draft: Draft, table: GuessedTable, fixes: BoolArray) -> None:
     """Guess the standard deviations of the fixes in the rows ``fixes``: three columns that are positive there."""
     sigma = sigma_of(table.names)
-    if sigma is None or not _is_sigma(table.columns.numbers(sigma.columns)[fixes]):
-        why = "the default: no column of it is guessed; give position_sigma"
-        draft.add(Guess("position_sigma_m", 1.0, "unsure", why))
+    values = np.zeros((1, 3)) if sigma is None else table.columns.numbers(sigma.columns)[fixes]
+    if sigma is None or not (values > 0).any() or (values <= 0).any():  # they may be missing at some fixes
+        draft.add(Guess("position_sigma_m", 1.0, "unsure", f"{DEFAULT} position_sigma"))
         return
     unit = common_unit(sigma.names, SIGMA_UNITS) or ("m" if table.separator is None else "")
     grade, why = ("named", "the columns say so") if unit else ("unsure", "m: the columns do not say it")
     draft.name("their names", position_sigma=sigma.columns, position_covariance_frame=sigma.frame)
     draft.add(Guess("position_sigma_scale", SIGMA_UNITS[unit or "m"], grade, why))  # type: ignore[arg-type]
-
-
-def _is_sigma(values: FloatArray) -> bool:
-    """Whether standard deviations are positive where they are; they may be missing at some fixes."""
-    return bool((values > 0).any() and not (values <= 0).any())
 
 
 def _measure_imu(draft: Draft, gyro: Triple) -> None:
@@ -330,8 +325,7 @@ def _velocity(draft: Draft, table: GuessedTable) -> None:
         return
     draft.name("it has velocities", velocity_file=draft.file("velocity"))
     draft.name("their names", velocity_columns=velocity.columns)
-    why = "the default: no column of it is guessed; give velocity_sigma"
-    draft.add(Guess("velocity_sigma_mps", 0.1, "unsure", why))
+    draft.add(Guess("velocity_sigma_mps", 0.1, "unsure", f"{DEFAULT} velocity_sigma"))
     if velocity.frame == "body" or table.separator is None:
         draft.name("the columns say so", velocity_frame=velocity.frame)
     else:

@@ -1,7 +1,6 @@
 """A rest of the IMU and its noise there; the real errors of a receiver against its stated sigmas."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -56,8 +55,7 @@ class Rest(NamedTuple):
         return values[(t_s >= self.begin_s) & (t_s <= self.end_s)]
 
 
-@dataclass(frozen=True, eq=False)
-class RestNoise:
+class RestNoise(NamedTuple):
     """The noise of an IMU, measured at rest.
 
     Attributes:
@@ -233,8 +231,7 @@ SHIFTS = range(-2, 3)
 """By so many rows a velocity may be older or younger than the slope that it was computed from."""
 
 
-@dataclass(frozen=True)
-class Sigma:
+class Sigma(NamedTuple):
     """One standard deviation of a stream, stated and real.
 
     Attributes:

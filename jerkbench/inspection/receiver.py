@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -27,8 +28,7 @@ LONGEST_LAG = 0.25
 """Of the time that was compared, no larger part is tried as a lag."""
 
 
-@dataclass(frozen=True)
-class AxisErrors:
+class AxisErrors(NamedTuple):
     """One axis of the fixes that declare alike.
 
     Attributes:

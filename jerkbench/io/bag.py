@@ -113,15 +113,24 @@ def _number(path: Path) -> tuple[int, str]:
     return (int(match[2]) if match else -1, path.name)
 
 
-def _checked(path: Path) -> Path:
-    """Return the path of a file whose content is what its suffix says."""
+def first_bytes(path: Path) -> bytes:
+    """Return the first 16 bytes of a bag.
+
+    Raises:
+        BagError: there is no such file, or it cannot be read.
+    """
     try:
         with path.open("rb") as file:
-            first = file.read(16)
+            return file.read(16)
     except FileNotFoundError as error:
         raise BagError(f"There is no bag {path}; correct the path.") from error
     except OSError as error:
         raise BagError(f"{path} cannot be read: {error.strerror}.") from error
+
+
+def _checked(path: Path) -> Path:
+    """Return the path of a file whose content is what its suffix says."""
+    first = first_bytes(path)
     if not first:
         raise BagError(f"{path} is empty; copy it again from where it was recorded.")
     suffix = next((suffix for magic, suffix in MAGIC.items() if first.startswith(magic)), "")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -137,8 +137,7 @@ class Frames:
 Planner = Callable[[Bag], tuple[TopicPlan, Frames]]
 
 
-@dataclass(frozen=True)
-class Extract:
+class Extract(NamedTuple):
     """The messages that are used, and what they are used for.
 
     Attributes:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from jerkbench.files import write_atomically
-from jerkbench.io.bag import BagError, bag_errors
+from jerkbench.io.bag import BagError, bag_errors, first_bytes
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -158,20 +158,13 @@ def salvage(source: Path, target: Path) -> Salvaged:
 
 def _content(source: Path) -> BagBytes:
     """The file's bytes, read by the system as they are needed: a bag may be larger than the memory."""
-    try:
-        with source.open("rb") as file:
-            first = file.read(8)
-            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if first else b""
-    except FileNotFoundError as error:
-        raise BagError(f"There is no bag {source}; correct the path.") from error
-    except OSError as error:
-        raise BagError(f"{source} cannot be read: {error.strerror}.") from error
-    if first != MAGIC[:8]:
+    if not first_bytes(source).startswith(MAGIC[:8]):
         raise BagError(
             f"{source} is no ROS 1 bag by its first bytes; only those can be salvaged. `mcap recover` and SQLite's"
             " `.recover` do it for the others."
         )
-    return content
+    with source.open("rb") as file:
+        return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 
 
 def _write(content: BagBytes, target: Path, saved: Salvaged, source: Path) -> None:

@@ -3,7 +3,7 @@
 import heapq
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from datetime import UTC, datetime
 from itertools import chain, repeat
 from pathlib import Path
@@ -41,8 +41,7 @@ Stamped = tuple[float, str, Any]
 """Time [s] since the start, type, message."""
 
 
-@dataclass(frozen=True)
-class Maker:
+class Maker(NamedTuple):
     """Makes messages of one generation of ROS.
 
     Attributes:

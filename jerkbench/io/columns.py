@@ -96,9 +96,8 @@ def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
 def _padded(values: Array, rows: int) -> "pd.Series[Any]":
     import pandas as pd
 
-    whole = values.dtype.kind in "iu"
-    plain = values.astype(values.dtype.newbyteorder("=")) if values.dtype.kind != "b" else values.astype(np.int64)
-    return pd.Series(plain, dtype="Int64" if whole else None).reindex(range(rows))
+    plain = values.astype(np.int64 if values.dtype.kind == "b" else values.dtype.newbyteorder("="))
+    return pd.Series(plain, dtype="Int64" if values.dtype.kind in "iu" else None).reindex(range(rows))
 
 
 TIME_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}

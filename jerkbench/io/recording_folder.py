@@ -47,10 +47,9 @@ def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.D
 
     ``evaluated`` is 1 where the reference has a stamp; of the reference itself nothing is in it.
     """
-    bare = Reference(recording.reference.t_s, "not told", independent=False)
-    table = recording_table(replace(recording, reference=bare))
+    table = recording_table(_bare(recording))
     t_ns = nanoseconds(table["t_s"].to_numpy())
-    table.insert(1, EVALUATED, np.isin(t_ns, nanoseconds(bare.t_s)).astype(np.int64))
+    table.insert(1, EVALUATED, np.isin(t_ns, nanoseconds(recording.reference.t_s)).astype(np.int64))
     if attitude is None or recording.imu is None:
         return table
     rows = np.searchsorted(t_ns, nanoseconds(attitude.t_s))
@@ -59,6 +58,11 @@ def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.D
             table[name] = np.nan
             table.loc[rows, name] = column
     return table
+
+
+def _bare(recording: Recording) -> Recording:
+    """Without what the reference knows."""
+    return replace(recording, reference=Reference(recording.reference.t_s, "not told", independent=False))
 
 
 def write_input(table: "pd.DataFrame", recording: Recording, path: Path, more: Mapping[str, Any]) -> list[Path]:
@@ -270,14 +274,8 @@ def _deviations(covariance: FloatArray) -> FloatArray:
 
 Write = Callable[[Recording, Attitude | None, Path], list[Path]]
 
-FORMATS: Mapping[str, str] = {
-    "csv": "recording.csv",
-    "parquet": "recording.parquet",
-    "bag": "recording.bag",
-    "mcap": "recording.mcap",
-    "kf_gins": "kf_gins",
-    "pyins": "pyins",
-}
+FORMATS: dict[str, str] = {name: f"recording.{name}" for name in ("csv", "parquet", "bag", "mcap")}
+FORMATS |= {"kf_gins": "kf_gins", "pyins": "pyins"}
 """Each format, and the file or folder that it is written to."""
 
 _SEVERAL: Mapping[str, Write] = {"kf_gins": write_kf_gins, "pyins": write_pyins}
@@ -298,18 +296,16 @@ def write_recording(
     Raises:
         RecordingError: a format needs something that the recording lacks.
     """
-    return [path for name in formats for path in _written(recording, attitude, folder / FORMATS[name], name, more)]
-
-
-def _written(
-    recording: Recording, attitude: Attitude | None, path: Path, name: str, more: Mapping[str, Any]
-) -> list[Path]:
-    if name in ("csv", "parquet"):
-        return write_input(input_table(recording, attitude), recording, path, more)
-    if name in _SEVERAL:
-        return _SEVERAL[name](recording, attitude, path)
-    if recording.imu is None:
-        raise RecordingError(f"{recording.name} has no IMU, and a bag is written with one; write csv or parquet.")
-    bare = Reference(recording.reference.t_s, "not told", independent=False)
-    write_bag(replace(recording, reference=bare), path)
-    return [path]
+    written: list[Path] = []
+    for name in formats:
+        path = folder / FORMATS[name]
+        if name in ("csv", "parquet"):
+            written += write_input(input_table(recording, attitude), recording, path, more)
+        elif name in _SEVERAL:
+            written += _SEVERAL[name](recording, attitude, path)
+        elif recording.imu is None:
+            raise RecordingError(f"{recording.name} has no IMU, and a bag is written with one; write csv or parquet.")
+        else:
+            write_bag(_bare(recording), path)
+            written.append(path)
+    return written

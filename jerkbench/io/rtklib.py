@@ -375,20 +375,10 @@ _START = struct.Struct("<60xIId")  # header, tick, time_t, fraction of a second
 _RECORD = struct.Struct("<II")  # tick [ms since the start], position in the stream's file
 
 
-class TimeTag(NamedTuple):
-    """Begin and length of a stream, by the clock of the logger.
+def read_time_tag(path: Path) -> tuple[int, float]:
+    """Return when a stream began by the logger's clock (GPST since 1970 [ns]), and how long it lasted [s].
 
-    Attributes:
-        start_gpst_ns: nanoseconds of the GPST calendar since 1970.
-        total_s: from the start to the last record.
-    """
-
-    start_gpst_ns: int
-    total_s: float
-
-
-def read_time_tag(path: Path) -> TimeTag:
-    """Read a time tag: little-endian; 60 B header, u32 tick, u32 time_t, f64 fraction, then (u32 ms, u32 filepos)...
+    A time tag is little-endian; 60 B header, u32 tick, u32 time_t, f64 fraction, then (u32 ms, u32 filepos)...
 
     Raises:
         RecordingError: no such file, empty, not a time tag, or cut short.
@@ -408,7 +398,7 @@ def read_time_tag(path: Path) -> TimeTag:
     last_ms, _ = _RECORD.unpack_from(content, len(content) - _RECORD.size)
     if last_ms == 0:
         raise RecordingError(f"{path}: its last record is at 0 ms; a tag of a recording that ran ends later.")
-    return TimeTag(seconds * 1_000_000_000 + round(fraction * 1e9), last_ms * 1e-3)
+    return seconds * 1_000_000_000 + round(fraction * 1e9), last_ms * 1e-3
 
 
 LEAST_ROWS = 2
@@ -450,12 +440,12 @@ def read_imu_log(path: Path, tag_path: Path) -> ImuLog:
         lines, table, notes = lines[:-1], table[:-1], cut_note(path.name, first=False, last=True)
     milliseconds = table[:, 6]
     require_increasing(path, lines, milliseconds, "the time (field 7)")
-    tag = read_time_tag(tag_path)
+    start_ns, total_s = read_time_tag(tag_path)
     elapsed_s = float(milliseconds[-1] - milliseconds[0]) * 1e-3
-    if abs(elapsed_s - tag.total_s) > CLOCKS_AGREE * tag.total_s:
+    if abs(elapsed_s - total_s) > CLOCKS_AGREE * total_s:
         raise RecordingError(
-            f"{path} covers {elapsed_s:.3f} s, its time tag {tag_path.name} {tag.total_s:.3f} s;"
+            f"{path} covers {elapsed_s:.3f} s, its time tag {tag_path.name} {total_s:.3f} s;"
             " give the tag of the same recording, and neither of them cut short."
         )
-    t_s = (milliseconds - milliseconds[0]) * (1e-3 * tag.total_s / elapsed_s)
-    return ImuLog(tag.start_gpst_ns, t_s, table[:, :3], table[:, 3:6], notes)
+    t_s = (milliseconds - milliseconds[0]) * (1e-3 * total_s / elapsed_s)
+    return ImuLog(start_ns, t_s, table[:, :3], table[:, 3:6], notes)

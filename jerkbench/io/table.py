@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +36,7 @@ _UPPER = [0, 3, 4, 3, 1, 5, 4, 5, 2]
 """Where the nine elements of a matrix stand: of RTKLIB's six (11 22 33 12 23 31), of the upper half's six."""
 
 
-@dataclass(frozen=True)
-class CovarianceMap:
+class CovarianceMap(NamedTuple):
     """Which columns of a table are the covariance of three axes.
 
     Attributes:
@@ -115,8 +115,7 @@ def _in_enu(where: str, matrices: FloatArray, frame: str, origin: Origin | None)
     return turned_covariance(enu_axes(origin), matrices)
 
 
-@dataclass(frozen=True)
-class AttitudeMap:
+class AttitudeMap(NamedTuple):
     """Which columns of a table are an attitude.
 
     Attributes:
@@ -224,8 +223,7 @@ SOLUTION = ".pos"
 """Ending of RTKLIB's solutions, which say themselves what their columns are."""
 
 
-@dataclass(frozen=True)
-class Source:
+class Source(NamedTuple):
     """Where a stream stands.
 
     Attributes:
@@ -262,8 +260,7 @@ class Source:
         return round(self.shift_s * 1e9)
 
 
-@dataclass(frozen=True, eq=False)
-class TableStream:
+class TableStream(NamedTuple):
     """A file's columns with their stamps.
 
     Attributes:

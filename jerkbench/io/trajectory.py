@@ -3,10 +3,10 @@
 import glob
 import hashlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ SAME_S = 1e-6
 """Stamps that are nearer are the same: seconds since 1970 in 64 bits are known to a quarter of that."""
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(NamedTuple):
     """Estimates at stamps of their own.
 
     Attributes:
@@ -412,9 +411,7 @@ def _there(columns: Columns, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _finite(columns: Columns, names: tuple[str, ...], quantity: str) -> FloatArray:
     values = columns.numbers(names)
-    wrong = ~np.isfinite(values)
-    if wrong.any():
-        row, place = (int(k[0]) for k in np.nonzero(wrong))
+    for row, place in np.argwhere(~np.isfinite(values)):
         raise RecordingError(
             f"{columns.where}, row {row + 1}: the {quantity} ({names[place]}) is no finite number; write one at each"
             " stamp, or end the file where the estimate ends."
@@ -468,14 +465,10 @@ def pattern_of(names: Sequence[str]) -> str:
     if len({len(split) for split in parts}) == 1:
         places = [k for k, column in enumerate(zip(*parts, strict=True)) if len(set(column)) > 1]
         pattern = "".join(SEED if k in places else part for k, part in enumerate(parts[0]))
-        if pattern.count(SEED) == 1 and {str(p) for p in _of_numbers(pattern, parts, places)} == set(names):
+        numbers = [split[places[0]] for split in parts if split[places[0]].isdigit()]  # leading zeros would be lost
+        if pattern.count(SEED) == 1 and {pattern.replace(SEED, str(int(n))) for n in numbers} == set(names):
             return pattern
     raise RecordingError(
         f"{', '.join(names[:3])}{', ...' if len(names) > 3 else ''}: files of several seeds must differ in one number,"
         " the seed; or give a pattern with {seed} in its place."
     )
-
-
-def _of_numbers(pattern: str, parts: Iterable[Sequence[str]], places: Sequence[int]) -> list[str]:
-    """The names that the pattern has for those numbers: leading zeros would be lost."""
-    return [pattern.replace(SEED, str(int(split[places[0]]))) for split in parts if split[places[0]].isdigit()]

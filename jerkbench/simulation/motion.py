@@ -143,8 +143,7 @@ class Way(NamedTuple):
     euler_rad: FloatArray
 
 
-@dataclass(frozen=True)
-class Drive:
+class Drive(NamedTuple):
     """The speed over a way of a given length: stand, ramp up, go on, ramp down to a stop at its end.
 
     speed(t) = v [S((t - stand)/ramp) - S((t - stop)/ramp)], S the quintic smoothstep, and the stop begins such that

@@ -30,8 +30,7 @@ class Ground(NamedTuple):
     roll_rad: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Terrain:
+class Terrain(NamedTuple):
     """Height h(s) + A sin(2 pi x/L), and roll r(s); s is the distance driven, x points east.
 
     h and r are sums of 36 waves with random phases, n from .03 to 1.2 cycles/m in geometric steps, of amplitude
@@ -134,8 +133,7 @@ AXIS_SHARE = np.array([0.7, 0.7, 1.0])
 """Rms of east, north and up, in parts of the nominal one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Vibration:
+class Vibration(NamedTuple):
     """14 sines between 8 and 35 Hz, one at a random place in each 14th of the band.
 
     Each axis d(t) = sum_i a_i sin(w_i t) + b_i cos(w_i t) has its own random phases, and all sines have the same
