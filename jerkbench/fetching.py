@@ -39,10 +39,8 @@ class ResumingDownloader:
         """
         del pooch
         self.part.parent.mkdir(parents=True, exist_ok=True)
-        reason = ""
         for _ in range(ATTEMPTS):
-            reason = self._receive(url)
-            if not reason:
+            if not (reason := self._receive(url)):
                 break
         else:
             received = self.part.stat().st_size if self.part.exists() else 0

@@ -24,15 +24,17 @@ from jerkbench.simulation.truth import (
     simulate_truth,
 )
 
-POSITIVE = (
-    *("duration_s", "sensor_rate_hz"),
-    *("ramp_s", "pass_s", "turn_s", "speed_mps", "turn_speed_mps", "speed_change_s", "hill_length_m"),
-    *("rut_tau_s", "rut_force_decay_s"),
+POSITIVE: tuple[str, ...] = (
+    "duration_s",
+    "sensor_rate_hz",
+    "ramp_s",
+    "pass_s",
+    "turn_s",
+    "speed_mps",
+    "turn_speed_mps",
 )
-NOT_NEGATIVE = (
-    *("stand_s", "roughness", "roll_ratio_radpm", "vibration_mps2", "vibration_rad"),
-    "impacts_per_s",
-)
+POSITIVE += ("speed_change_s", "hill_length_m", "rut_tau_s", "rut_force_decay_s")
+NOT_NEGATIVE = ("stand_s", "roughness", "roll_ratio_radpm", "vibration_mps2", "vibration_rad", "impacts_per_s")
 
 
 SENSOR_SAMPLES = 10
@@ -195,18 +197,12 @@ class FieldWhite(Sensors):
     def _check_times(self) -> None:
         """Check that a pass has room for its speed changes, and that nothing happens before the robot moves."""
         if self.pass_s < 2.0 * self.speed_change_s:
-            raise PluginError(
-                f"{self._what}: pass_s is {self.pass_s} and speed_change_s is {self.speed_change_s}; a pass needs room"
-                " for two speed changes."
-            )
+            given = f"pass_s is {self.pass_s} and speed_change_s is {self.speed_change_s}"
+            raise PluginError(f"{self._what}: {given}; a pass needs room for two speed changes.")
         earliest = self.stand_s + 10.0 * self.rut_tau_s  # there 1 - tanh^2 is below 1e-8
         if any(t < earliest for t in self._ruts().times_s):
-            raise PluginError(
-                f"{self._what}: rut_times_s is {self.rut_times_s}; the first rut can come at {earliest:g} s, when the"
-                " robot moves."
-            )
+            given = f"rut_times_s is {self.rut_times_s}"
+            raise PluginError(f"{self._what}: {given}; the first rut can come at {earliest:g} s, when the robot moves.")
         if self.duration_s * self.gnss_rate_hz < 1:
-            raise PluginError(
-                f"{self._what}: duration_s is {self.duration_s}; at {self.gnss_rate_hz} Hz of GNSS it must be at least"
-                f" {1.0 / self.gnss_rate_hz:g} s."
-            )
+            least = f"at {self.gnss_rate_hz} Hz of GNSS it must be at least {1.0 / self.gnss_rate_hz:g} s."
+            raise PluginError(f"{self._what}: duration_s is {self.duration_s}; {least}")

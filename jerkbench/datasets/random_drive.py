@@ -50,18 +50,15 @@ def _scaled(other: float, *factors: float) -> float | tuple[float, ...]:
 
 
 N = r"([-+.\deE]+)"
-FORMS: Mapping[str, tuple[str, Callable[..., Any]]] = {
-    "always VALUE": (N, lambda _, value: value),
-    "uniform LOW to HIGH": (f"{N} to {N}", lambda random, low, high: random.uniform(low, high)),
-    "log_uniform LOW to HIGH": (f"{N} to {N}", _log_uniform),
-    "log_normal MEDIAN sigma S": (f"{N} sigma {N}", _log_normal),
-    "times COUNT in BEGIN to END": (f"{N} in {N} to {N}", _times),
-    "windows FEWEST to MOST of SHORTEST to LONGEST in BEGIN to END": (
-        f"{N} to {N} of {N} to {N} in {N} to {N}",
-        _windows,
-    ),
+FORMS: Mapping[str, Callable[..., Any]] = {
+    "always VALUE": lambda _, value: value,
+    "uniform LOW to HIGH": lambda random, low, high: random.uniform(low, high),
+    "log_uniform LOW to HIGH": _log_uniform,
+    "log_normal MEDIAN sigma S": _log_normal,
+    "times COUNT in BEGIN to END": _times,
+    "windows FEWEST to MOST of SHORTEST to LONGEST in BEGIN to END": _windows,
 }
-"""How each law is written, the pattern of its numbers, and how it is drawn; besides, ``one_of WORD WORD ...``.
+"""How each law is written, its numbers in capitals, and how it is drawn; besides, ``one_of WORD WORD ...``.
 
 S is the standard deviation of the natural logarithm. Windows do not overlap.
 """
@@ -100,8 +97,8 @@ def law(text: str) -> Law:
     name, _, rest = written.partition(" ")
     if name == "one_of" and rest.split():
         return Law(parameter, _one_of, rest.split())
-    for form, (pattern, sampler) in FORMS.items():
-        if form.split()[0] == name and (found := re.fullmatch(pattern, rest)):
+    for form, sampler in FORMS.items():
+        if found := re.fullmatch(re.sub("[A-Z]+", lambda _: N, form), written):
             return Law(parameter, sampler, _checked(text, form, _floats(text, found.groups())))
     raise PluginError(unknown("law", text, [f"NAME ~ {form}" for form in (*FORMS, "one_of WORD ...")]))
 

@@ -217,8 +217,7 @@ def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, Flo
 def _from_place_to_place(t_s: FloatArray, enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Times half-way between places, and the mean speed there."""
     t_s, places = without_nan_rows(t_s, enu_m[:, :2])
-    every = _every(t_s)
-    t_s, places = t_s[::every], places[::every]
+    t_s, places = t_s[:: _every(t_s)], places[:: _every(t_s)]
     return 0.5 * (t_s[1:] + t_s[:-1]), np.linalg.norm(mean_velocity(t_s, places, t_s), axis=1)
 
 

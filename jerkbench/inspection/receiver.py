@@ -153,11 +153,9 @@ def _autocorrelation(
     grid = np.full((place[-1] + 1, 3), np.nan)
     limit_m = GROSS * np.array([_middle(error[np.isfinite(error)]) for error in error_m.T])
     grid[place] = np.clip(error_m, -limit_m, limit_m)
-    there = np.isfinite(grid)
-    filled = np.where(there, grid, 0.0)
+    both = np.hstack([np.nan_to_num(grid), np.isfinite(grid)])
     size = 1 << int(np.ceil(np.log2(2 * len(grid))))  # by the Wiener-Khinchin theorem, gaps left out of both sums
-    power = np.fft.irfft(np.abs(np.fft.rfft(filled, size, axis=0)) ** 2, axis=0)
-    pairs = np.fft.irfft(np.abs(np.fft.rfft(there.astype(float), size, axis=0)) ** 2, axis=0)
+    power, pairs = np.hsplit(np.fft.irfft(np.abs(np.fft.rfft(both, size, axis=0)) ** 2, axis=0), 2)
     most = max(2, int(LONGEST_LAG * len(grid)))
     mean = power[:most] / np.maximum(np.round(pairs[:most]), 1)
     return step_s * np.arange(most, dtype=np.float64), mean / np.where(mean[0] > 0, mean[0], np.nan)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, nearest_rows
+from jerkbench.arrays import nearest_rows
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
 from jerkbench.io.bag import Bag, Messages, bag_files, content_files, missing_parts
@@ -56,10 +56,8 @@ def with_courses(recording: Recording, over_s: float) -> Recording:
             f"{recording.name}: within {over_s:g} s no two fixes are further apart than {SURE:g} of their sigmas; make"
             " course_over_s longer."
         )
-    note = (
-        f"Headings are courses between fixes {over_s:g} s apart, placed in the middle: they look"
-        f" {over_s / 2:g} s ahead, and share the fixes' errors."
-    )
+    ahead = f"they look {over_s / 2:g} s ahead, and share the fixes' errors."
+    note = f"Headings are courses between fixes {over_s:g} s apart, placed in the middle: {ahead}"
     return replace(recording, heading=heading, notes=(*recording.notes, note))
 
 
@@ -176,10 +174,9 @@ def load_bag(options: BagOptions, planner: Planner) -> Loaded:
     extracted = extract(path, planner, choices_of(options, BagOptions))
     plan, raw = extracted.plan, dict(extracted.raw)
     samples = raw[plan.topics["imu"]]
-    raw[samples.topic] = samples.with_values(
-        linear_acceleration=samples["linear_acceleration"] * ACCEL_UNITS[options.accel_unit],
-        angular_velocity=samples["angular_velocity"] * GYRO_UNITS[options.gyro_unit],
-    )
+    force = samples["linear_acceleration"] * ACCEL_UNITS[options.accel_unit]
+    rate = samples["angular_velocity"] * GYRO_UNITS[options.gyro_unit]
+    raw[samples.topic] = samples.with_values(linear_acceleration=force, angular_velocity=rate)
     ledger = Ledger(options.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
     clean = clean_topics(raw, plan, ledger, options.earliest_ns, bag_time=options.time_source == "bag")
     parts = missing_parts(bag_files(path))
@@ -237,11 +234,9 @@ def _rest_s(options: BagOptions, metadata: Metadata | None, velocity: Velocity |
         return options.rest_s
     if metadata is not None:
         return metadata.static_start_s
-    if velocity is None:
+    if velocity is None or not (late := velocity.t_s >= 0).any():
         return 0.0
-    late = velocity.t_s >= 0
-    speed: FloatArray = np.linalg.norm(np.nan_to_num(velocity.mps[late]), axis=1)
-    return first_rest_s(velocity.t_s[late], speed, end_s) if late.any() else 0.0
+    return first_rest_s(velocity.t_s[late], np.linalg.norm(np.nan_to_num(velocity.mps[late]), axis=1), end_s)
 
 
 def _dependence(plan: TopicPlan) -> tuple[str, ...]:

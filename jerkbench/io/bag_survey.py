@@ -9,6 +9,7 @@ from jerkbench.geometry import dcm_from_quaternion
 from jerkbench.io.bag import Bag, Messages, Topic
 from jerkbench.io.bag_decode import LAYOUTS
 from jerkbench.io.bag_roles import FIX, IMU, is_ecef
+from jerkbench.io.frames import felt_axis
 from jerkbench.io.sanitiser import frozen_rows, unit_quaternions
 
 # The frame of a twist, body or world, and its independence from its own positions.
@@ -26,13 +27,13 @@ MOVES_MPS = 0.1
 def twist_frame(messages: Messages) -> Iterator[str]:
     """Yield in which frame the velocity fits the slope of the positions: as it is, or turned by the orientation."""
     rows = unit_quaternions(messages["orientation"]) & np.isfinite(messages["linear"]).all(axis=1)
-    t_s = (messages.stamp_ns[rows] - messages.stamp_ns[0]) * 1e-9
-    keep = np.concatenate([[True], np.diff(t_s) > 0])[: len(t_s)]
-    t_s, position, linear = t_s[keep], messages["position"][rows][keep], messages["linear"][rows][keep]
+    m = messages.rows(rows)
+    m = m.rows(np.diff(m.stamp_ns, prepend=-1) > 0)
+    t_s, position, linear = (m.stamp_ns - messages.stamp_ns[0]) * 1e-9, m["position"], m["linear"]
     if len(t_s) < 5 or np.sqrt((linear**2).sum(axis=1).mean()) < MOVES_MPS:
         return
     slope, middle = np.diff(position, axis=0) / np.diff(t_s)[:, None], 0.5 * (linear[1:] + linear[:-1])
-    turned = np.einsum("nij,nj->ni", dcm_from_quaternion(messages["orientation"][rows][keep][1:]), middle)
+    turned = np.einsum("nij,nj->ni", dcm_from_quaternion(m["orientation"][1:]), middle)
     world, body = _misfit(middle - slope), _misfit(turned - slope)
     misfit = f"(misfit to the slope of the positions {min(world, body):.3f}, else {max(world, body):.3f} m/s)"
     if min(world, body) < TELLS * max(world, body):
@@ -115,10 +116,8 @@ def _imu(messages: Messages) -> Iterator[str]:
     if not np.isfinite(middle).all():
         yield "the specific force is never a number on some axis"
         return
-    size, axis = float(np.linalg.norm(middle)), int(np.argmax(np.abs(middle)))
-    felt = f"gravity on {'-' if middle[axis] < 0 else '+'}{'xyz'[axis]}"
-    if size < LEAST_GRAVITY_MPS2:
-        felt = "no gravity in it"
+    size = float(np.linalg.norm(middle))
+    felt = f"gravity on {felt_axis(middle[None])}" if size >= LEAST_GRAVITY_MPS2 else "no gravity in it"
     turn = "" if felt in ("gravity on +z", "no gravity in it") else ": give imu_axes"
     yield f"specific force (median) {_numbers(middle)} m/s2, length {size:.3f}: {felt}{turn}"
     if (frozen := frozen_rows(rate)).any():
@@ -128,8 +127,8 @@ def _imu(messages: Messages) -> Iterator[str]:
 
 
 def _fixes(messages: Messages) -> Iterator[str]:
-    states, counts = np.unique(messages["status"], return_counts=True)
-    yield "status " + ", ".join(f"{int(s)}: {n}" for s, n in zip(states, counts, strict=True))
+    states = zip(*np.unique(messages["status"], return_counts=True), strict=True)
+    yield "status " + ", ".join(f"{int(s)}: {n}" for s, n in states)
     coordinates = [messages[name][:, 0] for name in ("latitude", "longitude", "altitude")]
     if not all(np.isfinite(axis).any() for axis in coordinates):
         yield "no coordinates: never a number"

@@ -57,9 +57,9 @@ def _table(path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str) 
         table["height"] = 0.0
         notes = (*notes, f"{path.name} has no heights: all are taken to be 0.")
     kept = [name for name in ORDER if name in PLACE or table[name].notna().any()]
-    others = len(rows) - len(placed)
-    without = (f"{path.name}: {others} of {len(rows)} reports have no fix or no time: they are dropped.",)
-    return table[kept], (*notes, *(without if others else ()))
+    if others := len(rows) - len(placed):
+        notes = (*notes, f"{path.name}: {others} of {len(rows)} reports have no fix or no time: they are dropped.")
+    return table[kept], notes
 
 
 # NMEA 0183: what the sentences GGA, RMC, GST and ZDA of one time of day say together.

@@ -116,9 +116,8 @@ def trace_path(trace: str) -> Path:
         return SHIPPED / f"{trace}{SUFFIX}"
     path = Path(trace).expanduser()
     if path.suffix != SUFFIX:
-        raise RecordingError(
-            unknown("trace", trace, shipped()) + " `jerkbench data trace` makes others: give the file."
-        )
+        others = "`jerkbench data trace` makes others: give the file."
+        raise RecordingError(f"{unknown('trace', trace, shipped())} {others}")
     if not path.is_file():
         raise RecordingError(f"There is no file {path}; correct 'trace', or make it with `jerkbench data trace`.")
     return path
@@ -164,8 +163,7 @@ def _covariances(values: dict[str, FloatArray]) -> FloatArray:
     correlation = np.tile(np.eye(3), (len(sigma), 1, 1))
     for name, (i, j) in CORRELATIONS.items():
         correlation[:, i, j] = correlation[:, j, i] = values[name]
-    broken = np.linalg.eigvalsh(correlation)[:, 0] < 1e-3
-    correlation[broken] = np.eye(3)
+    correlation[np.linalg.eigvalsh(correlation)[:, 0] < 1e-3] = np.eye(3)
     return np.asarray(correlation * sigma[:, :, None] * sigma[:, None, :])
 
 
@@ -178,8 +176,7 @@ GAP = 1.5
 
 def trace_text(trace: Trace) -> str:
     """Return rows, rate, gaps, size and correlation of the errors."""
-    steps = np.diff(trace.t_s)
-    gaps = steps[steps > GAP * trace.interval_s]
+    gaps = (steps := np.diff(trace.t_s))[steps > GAP * trace.interval_s]
     level = np.hypot(trace.error_m[:, 0], trace.error_m[:, 1])
     nees = np.einsum("mi,mij,mj->m", trace.error_m, np.linalg.inv(trace.covariance_m2), trace.error_m)
     correlation = ", ".join(f"{value:.2f}" for value in (lagged_correlation(trace, lag)[:2].mean() for lag in LAGS_S))
@@ -230,14 +227,12 @@ def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", o
     true, known = _at(reference, position.t_s)
     kept = known & np.isfinite(position.enu_m).all(axis=1)
     if kept.sum() < LEAST_ROWS:
-        raise RecordingError(
-            f"{recording.name} has {kept.sum()} fixes where its reference is known; {LEAST_ROWS} are needed."
-        )
+        few = f"{kept.sum()} fixes where its reference is known; {LEAST_ROWS} are needed."
+        raise RecordingError(f"{recording.name} has {few}")
     error = (position.enu_m - true)[kept]
     if not error.any():
-        raise RecordingError(
-            f"The reference of {recording.name} is its own fixes, which have no errors against themselves."
-        )
+        own = "is its own fixes, which have no errors against themselves."
+        raise RecordingError(f"The reference of {recording.name} {own}")
     offset = np.median(error, axis=0) if centred else np.zeros(3)
     about = About(recording.name, reference.source, licence, origin, tuple(offset.tolist()))
     t_s = position.t_s[kept]
