@@ -26,7 +26,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.io.bag import Messages, open_bag
 from jerkbench.io.bag_decode import MessageBlock, decode_each

@@ -20,7 +20,7 @@ from plain_loops import filterpy_loop
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.alignment import tilt_start
+from jerkbench.attitude.common import tilt_start
 from jerkbench.attitude.tilt import Tilt, run_tilt
 from jerkbench.contracts import Engine, Filter
 from jerkbench.engines.compiled_engine import CompiledEngine

@@ -25,7 +25,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Batched
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.evaluation.evaluated_run import scored
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import build_timeline

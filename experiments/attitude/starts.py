@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.alignment import tilt_start
+from jerkbench.attitude.common import tilt_start
 from jerkbench.audit.tilt_trials import kitti_pieces
 from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.recording import Position, Recording

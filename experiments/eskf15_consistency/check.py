@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.imu import ImuBias
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run import InertialSolution

@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals
+from jerkbench.attitude.common import TiltAndYaw, Verticals, tilt_start
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 

@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatMatrix, FloatVector
-from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals, quaternion_of, run_samples, set_quaternion
+from jerkbench.attitude.common import TiltAndYaw, Verticals, quaternion_of, run_samples, set_quaternion, tilt_start
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

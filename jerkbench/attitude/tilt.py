@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolVector, FloatMatrix, FloatVector
-from jerkbench.attitude.alignment import TiltStart, tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals, run_samples
+from jerkbench.attitude.common import TiltAndYaw, TiltStart, Verticals, run_samples, tilt_start
 from jerkbench.attitude.gravity_update import (
     ADAPTATIONS,
     GravityUpdate,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.attitude.alignment import tilt_start
-from jerkbench.attitude.common import TiltAndYaw, Verticals
+from jerkbench.attitude.common import TiltAndYaw, Verticals, tilt_start
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import ABOVE_ZERO, SWITCH, DefaultOrigin, Range
 from jerkbench.plugins import register

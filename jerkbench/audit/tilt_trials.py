@@ -20,8 +20,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.attitude.alignment import TRACK_S
-from jerkbench.attitude.common import TiltAndYaw
+from jerkbench.attitude.common import TRACK_S, TiltAndYaw
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.madgwick import Madgwick
 from jerkbench.attitude.mahony import Mahony

@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.attitude.track import Track
-from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, is_coarse, select_headings
+from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, Track, is_coarse, select_headings
 from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.evidence import moving_speed_mps, without_nan_rows
 from jerkbench.inspection.lags import LEAST_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags

@@ -39,7 +39,7 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
 
 def fingerprint(paths: tuple[Path, ...]) -> str:
     """Return the SHA-256 over the bytes of ``paths``, one after the other."""
-    digests = [_sha256(path, path.stat()) for path in paths]
+    digests = [_sha256(path, _version(path)) for path in paths]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
@@ -58,19 +58,15 @@ class FromFiles:
         return fingerprint(self.paths())
 
 
-def _sha256(path: Path, stat: os.stat_result) -> str:
-    """Hash a file; one that was hashed before, and has rested since, is not read again."""
-    if time.time_ns() - stat.st_ctime_ns < RESTING_NS:
-        return _read_sha256(path)
-    return _rested_sha256(path, (stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size))
+def _version(path: Path) -> tuple[int, ...]:
+    """What changes with a file; one that has not rested since it was changed has another version each time."""
+    stat, now_ns = path.stat(), time.time_ns()
+    unrested = now_ns if now_ns - stat.st_ctime_ns < RESTING_NS else 0
+    return stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size, unrested
 
 
 @lru_cache(maxsize=64)
-def _rested_sha256(path: Path, version: tuple[int, ...]) -> str:  # noqa: ARG001 - it says when to read it again
-    return _read_sha256(path)
-
-
-def _read_sha256(path: Path) -> str:
+def _sha256(path: Path, version: tuple[int, ...]) -> str:  # noqa: ARG001 - it says when to read it again
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -7,7 +7,7 @@ import pytest
 from moved import G, degrees_between, recording
 from scipy.spatial.transform import Rotation
 
-from jerkbench.attitude.alignment import tilt_start
+from jerkbench.attitude.common import tilt_start
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.madgwick import Madgwick
 from jerkbench.attitude.tilt import Tilt

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.attitude.track import FINE_RAD, LONGEST_S, chords_of
+from jerkbench.attitude.yaw import FINE_RAD, LONGEST_S, chords_of
 from jerkbench.recording import Position
 
 

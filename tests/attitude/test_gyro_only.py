@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins.catalogue import docstrings

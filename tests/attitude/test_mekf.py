@@ -6,7 +6,7 @@ from moved import G, degrees_between, pushed, recording, shaken, turning
 from scipy.spatial.transform import Rotation
 
 from jerkbench.attitude import common
-from jerkbench.attitude.alignment import TiltStart
+from jerkbench.attitude.common import TiltStart
 from jerkbench.attitude.mekf import Mekf, run_mekf
 from jerkbench.errors import PluginError
 

@@ -6,7 +6,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.attitude.reference import ReferenceAttitude
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.recording import Imu, Recording, Reference
 from synthetic import recording_at_rest

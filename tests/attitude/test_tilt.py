@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tilt_oracle import G, tilt_samples
 
 from jerkbench.attitude import common
-from jerkbench.attitude.alignment import TiltStart
+from jerkbench.attitude.common import TiltStart
 from jerkbench.attitude.gravity_update import ADAPTATIONS
 from jerkbench.attitude.tilt import PROPAGATIONS, Tilt, run_tilt
 from jerkbench.geometry import roll_pitch

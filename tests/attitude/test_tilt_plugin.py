@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from jerkbench.attitude.alignment import TiltStart, tilt_start
+from jerkbench.attitude.common import TiltStart, tilt_start
 from jerkbench.attitude.gravity_update import ADAPTATIONS
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import PluginError, RecordingError

@@ -7,10 +7,20 @@ import pytest
 from scipy.integrate import quad
 
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.attitude import track
+from jerkbench.attitude import yaw as track
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.attitude.track import Chords, Courses, courses_of, filter_drift, offsets_at, rate_at_rest
-from jerkbench.attitude.yaw import UNKNOWN_RAD, estimate_yaw, required_track, select_headings
+from jerkbench.attitude.yaw import (
+    UNKNOWN_RAD,
+    Chords,
+    Courses,
+    courses_of,
+    estimate_yaw,
+    filter_drift,
+    offsets_at,
+    rate_at_rest,
+    required_track,
+    select_headings,
+)
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.errors import RecordingError
 from jerkbench.filters._eskf15_inputs import first_yaw

@@ -8,7 +8,7 @@ import pytest
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Remarking
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.facts import yaw_line
 from jerkbench.recording import Heading, Position
 from synthetic import recording_at_rest

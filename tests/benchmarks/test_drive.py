@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 

@@ -4,7 +4,7 @@ import inspect
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler

@@ -3,9 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jerkbench.datasets import field_white
-from jerkbench.datasets.field import Field, FieldHeadland, FieldRuts, FieldVibration
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets import field as field_white
+from jerkbench.datasets.field import Field, FieldHeadland, FieldRuts, FieldVibration, FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.plugins import create, get

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from jerkbench import run
-from jerkbench.datasets.field import Field
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import Field, FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.jobs.names import choose

@@ -9,8 +9,7 @@ from scipy.linalg import block_diag, solve_discrete_are
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.reference import ReferenceAttitude
-from jerkbench.datasets.field import Field
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import Field, FieldWhite
 from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.engines.compiled_engine import CompiledEngine

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.kinematic import Baseline
 from jerkbench.timeline import build_timeline

@@ -4,7 +4,7 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.kinematic import Baseline, Bias, Jerk
 from jerkbench.timeline import build_timeline

@@ -11,7 +11,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone

@@ -11,7 +11,7 @@ from test_error_state import BENT, STATE, WORN, derivative, difference
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
 from jerkbench.inertial.mechanisation import FLAT, process_noise

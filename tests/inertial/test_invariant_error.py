@@ -11,7 +11,7 @@ from test_error_state import BENT, STATE, derivative, difference
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.inertial.mechanisation import FLAT, advance_navigation

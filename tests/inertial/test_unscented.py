@@ -13,7 +13,7 @@ from test_error_state import STATE, difference
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.ukf import Ukf

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.verbs.recordings import dataset_of

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.facts import findings_text
 from jerkbench.inspection.noise import allan_deviation, longest_rest, nearest_grade, rest_noise
 from jerkbench.recording import Imu, Position, Recording, Reference

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.noise import velocity_dependence
 from jerkbench.plugins.requirements import small_recording
 from jerkbench.recording import Position, Velocity

@@ -7,7 +7,7 @@ import pytest
 from given import kitti
 from mistakes import MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.doctor import IDENTITY, PLANE, diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
 from jerkbench.io.frames import axes_matrix

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from logs import GAP_S, LATE_S, SIGMA_M, car_log, columns, kitti_like, ned_degrees
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
 from jerkbench.inspection.guesses import is_date, parse_name

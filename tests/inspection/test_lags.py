@@ -7,7 +7,7 @@ import pytest
 from given import in_a_hand, kitti
 from mistakes import of_imu
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.facts import findings_text

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.facts import findings_text, overview_figure
 from jerkbench.recording import Reference, Velocity
 from synthetic import recording_at_rest

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jerkbench
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import RecordingError

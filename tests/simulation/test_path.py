@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jerkbench.datasets.field import FieldHeadland
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldHeadland, FieldWhite
 from jerkbench.simulation.motion import Path
 
 FIELD = FieldWhite()._path()

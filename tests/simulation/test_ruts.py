@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 from scipy.special import expit
 
-from jerkbench.datasets.field import FieldRuts
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldRuts, FieldWhite
 from jerkbench.simulation.truth import drive_course
 
 RUTS = FieldRuts()._ruts()

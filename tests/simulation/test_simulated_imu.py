@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field import FieldVibration
-from jerkbench.datasets.field_white import FieldWhite
+from jerkbench.datasets.field import FieldVibration, FieldWhite
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.simulation.imu import perfect_imu, saturate
 from jerkbench.simulation.truth import Truth
