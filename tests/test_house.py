@@ -19,9 +19,9 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 294, 26
+MOST_FILES, MOST_FOLDERS = 291, 26
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 31_589
+MOST_CODE = 31_456
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 20
 """Modules that one other module imports; the aim is none."""
