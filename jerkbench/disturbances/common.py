@@ -36,6 +36,12 @@ class Once(Limited):
             raise PluginError(f"{least} to {most} {unit} is no range; {rule}")
 
 
+class Drawn(Once):
+    """A disturbance that draws: each seed is another one."""
+
+    seeded: ClassVar[bool] = True
+
+
 class Phased(Limited):
     """A disturbance whose replicates are phases of one recording: seed s has the phase s mod n, unless one is fixed."""
 

@@ -9,7 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.disturbances.common import (
     DEVIATION,
     FROM_0_TO_1,
-    Once,
+    Drawn,
     RegularWindows,
     WindowTimes,
     displaced,
@@ -25,7 +25,7 @@ from jerkbench.simulation.motion import harmonics
 
 @register("disturbance", "imu_bias")
 @dataclass(frozen=True)
-class ImuBias(Once):
+class ImuBias(Drawn):
     """A constant bias on each axis of accelerometer and gyro, drawn once a run.
 
     For each axis of the body::
@@ -41,8 +41,6 @@ class ImuBias(Once):
         gyro_radps: sigma_g, one sigma of an axis [rad/s].
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     accel_mps2: Annotated[float, DEVIATION] = 0.08
     gyro_radps: Annotated[float, DEVIATION] = 0.002
@@ -62,7 +60,7 @@ SINES = 64
 
 @register("disturbance", "imu_vibration")
 @dataclass(frozen=True)
-class ImuVibration(Once):
+class ImuVibration(Drawn):
     """Band-limited noise on accelerometer and gyro: a vibration of the IMU's mounting that the vehicle does not make.
 
     On each axis of the body::
@@ -80,8 +78,6 @@ class ImuVibration(Once):
         highest_hz: end of the band.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     accel_mps2: Annotated[float, DEVIATION] = 1.0
     gyro_radps: Annotated[float, DEVIATION] = 0.01
@@ -109,7 +105,7 @@ class ImuVibration(Once):
 
 @register("disturbance", "dropout")
 @dataclass(frozen=True)
-class Dropout(Once):
+class Dropout(Drawn):
     """IMU samples are missing, one or a few in a row.
 
     From each sample on, with the given probability, N ~ U{1 ... longest} samples are missing. The first and the last
@@ -121,8 +117,6 @@ class Dropout(Once):
         longest: most samples that one gap takes.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     probability: Annotated[float, FROM_0_TO_1] = 0.01
     longest: Annotated[int, Limit(lambda count: count >= 1, "a gap takes 1 sample or more.")] = 5

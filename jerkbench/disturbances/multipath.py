@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
     CORRELATION_TIME,
     OFFSET,
-    Once,
+    Drawn,
     RegularWindows,
     WindowTimes,
     displaced,
@@ -30,7 +30,7 @@ LASTING = Limit(lambda time: 0 < time < np.inf, "a burst must be longer than 0 s
 
 
 @dataclass(frozen=True)
-class Bursts(Once):
+class Bursts(Drawn):
     """When the bursts are, and how large.
 
     A burst begins at random and lasts T ~ U(shortest, longest); an offset is d ~ U(smallest, largest) with a random
@@ -50,7 +50,6 @@ class Bursts(Once):
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
 
-    seeded: ClassVar[bool] = True
     stream_name: ClassVar[str]
 
     bursts: Annotated[int, Limit(lambda count: count >= 0, "give 0 or more.")] = 10

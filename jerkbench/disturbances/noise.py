@@ -1,7 +1,7 @@
 """Measurement noise that is not what the covariance says: larger, heavy-tailed, correlated, or stated otherwise."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
     CORRELATION_TIME,
     FROM_0_TO_1,
+    Drawn,
     FixesOrVelocity,
     Once,
     changed,
@@ -34,7 +35,7 @@ STATED = Limit(lambda k: 0 < k < np.inf, "a standard deviation must stay positiv
 
 @register("disturbance", "noise_step")
 @dataclass(frozen=True)
-class NoiseStep(Once):
+class NoiseStep(Drawn):
     """Noise of position and velocity that doubles at each of the given times; the covariance does not say so.
 
     With n(t) the number of times up to t, the standard deviation of the noise is k(t) = factor^n(t) times the reported
@@ -46,8 +47,6 @@ class NoiseStep(Once):
         factor: on the standard deviation, at each step; 1 or more.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     times_s: Annotated[tuple[float, ...], FINITE] = (50.0, 100.0)
     factor: Annotated[float, ADDED] = 2.0
@@ -68,7 +67,7 @@ class NoiseStep(Once):
 
 @register("disturbance", "noise_sine")
 @dataclass(frozen=True)
-class NoiseSine(Once):
+class NoiseSine(Drawn):
     """Noise of position and velocity whose standard deviation follows a sine; the covariance does not say so.
 
     The standard deviation is k(t) times the reported one, between 1 and the largest factor::
@@ -83,8 +82,6 @@ class NoiseSine(Once):
         period_s: from one crest to the next.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     largest: Annotated[float, ADDED] = 5.0
     period_s: Annotated[float, Limit(lambda time: 0 < time < np.inf, "give a positive number.")] = 60.0
@@ -104,7 +101,7 @@ class NoiseSine(Once):
 
 @register("disturbance", "heavy_tailed")
 @dataclass(frozen=True)
-class HeavyTailed(Once):
+class HeavyTailed(Drawn):
     """Heavy-tailed noise of position and velocity: a tenth of it has ten sigma; the covariance does not say so.
 
     Tukey's contaminated normal, at the level of what is reported::
@@ -122,8 +119,6 @@ class HeavyTailed(Once):
         factor: k, 1 or more.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     probability: Annotated[float, FROM_0_TO_1] = 0.1
     factor: Annotated[float, ADDED] = 10.0
@@ -143,7 +138,7 @@ class HeavyTailed(Once):
 
 @register("disturbance", "coloured")
 @dataclass(frozen=True)
-class Coloured(Once):
+class Coloured(Drawn):
     """A slow error on top of the noise of position and velocity: a share of the variance then lasts.
 
     With R as reported and L L' = R, a Gauss-Markov process b(t) of unit variance and f = s/(1 - s)::
@@ -162,8 +157,6 @@ class Coloured(Once):
         reported: whether the reported covariance grows as well.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     position_share: Annotated[float, BELOW_1] = 0.8
     position_time_s: Annotated[float, CORRELATION_TIME] = 10.0

@@ -10,6 +10,7 @@ from jerkbench.arrays import nearest_rows
 from jerkbench.disturbances.common import (
     FROM_0_TO_1,
     OFFSET,
+    Drawn,
     Once,
     RegularWindows,
     WindowTimes,
@@ -29,7 +30,7 @@ from jerkbench.recording import Recording
 
 @register("disturbance", "outliers")
 @dataclass(frozen=True)
-class Outliers(Once):
+class Outliers(Drawn):
     """Single position fixes that are off by metres; the reported covariance does not change.
 
     Each fix, with the given probability and independent of the others, is moved by o = d u: d ~ U(smallest, largest),
@@ -44,8 +45,6 @@ class Outliers(Once):
         start_s: no outlier before (the first fix is where a filter starts).
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     probability: Annotated[float, FROM_0_TO_1] = 0.02
     smallest_m: float = 5.0
@@ -75,7 +74,7 @@ class Outliers(Once):
 
 @register("disturbance", "spike_sweep")
 @dataclass(frozen=True)
-class SpikeSweep(Once):
+class SpikeSweep(Drawn):
     """Single fixes that are displaced horizontally, each by another size; the reported covariance does not change.
 
     The spike k = 0, 1, ... is the first fix at or after first_s + k every_s, n of them in the recording. Their lengths
@@ -93,8 +92,6 @@ class SpikeSweep(Once):
         first_s: time of the first.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     smallest_m: float = 1.0
     largest_m: float = 200.0

@@ -1,12 +1,19 @@
 """Errors of a real receiver, laid over the fixes of any recording."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
-from jerkbench.disturbances.common import Once, fixes_of, own_stream, reported_covariance, rows_of, true_covariance
+from jerkbench.disturbances.common import (
+    Drawn,
+    fixes_of,
+    own_stream,
+    reported_covariance,
+    rows_of,
+    true_covariance,
+)
 from jerkbench.io.files import fingerprint
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
@@ -37,7 +44,7 @@ class Replayed(NamedTuple):
 
 @register("disturbance", "replayed_gnss")
 @dataclass(frozen=True)
-class ReplayedGnss(Once):
+class ReplayedGnss(Drawn):
     """Fixes that are off as a real receiver's were, and that report what it reported.
 
     A trace holds errors e_j (fix less a better reference) and reported covariances R_j of a real drive: jumps, false
@@ -64,8 +71,6 @@ class ReplayedGnss(Once):
         moment_s: length of the window of M_j.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     trace: str = "tokyo_1105"
     scale: Annotated[float, Limit(lambda s: 0 < s < np.inf, "it must be positive.")] = 1.0

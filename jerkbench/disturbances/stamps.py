@@ -1,12 +1,12 @@
 """Errors of the stamps: later than the time at which the values were true, or off at random."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import DEVIATION, AnyStream, Once, own_stream, rows_of
+from jerkbench.disturbances.common import DEVIATION, AnyStream, Drawn, Once, own_stream, rows_of
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -53,7 +53,7 @@ NEAREST = 0.45
 
 @register("disturbance", "jitter")
 @dataclass(frozen=True)
-class Jitter(Once):
+class Jitter(Drawn):
     """Stamps of the IMU and of the measurements are off at random; the values and the reference stay.
 
     t_k' = t_k + e_k,  e_k ~ N(0, sigma^2), cut off at .45 of the interval to the neighbour, so that stamps go on
@@ -65,8 +65,6 @@ class Jitter(Once):
         measurement_s: sigma of the stamps of position, velocity and heading.
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
-
-    seeded: ClassVar[bool] = True
 
     imu_s: Annotated[float, DEVIATION] = 0.001
     measurement_s: Annotated[float, DEVIATION] = 0.01
