@@ -21,6 +21,9 @@ PUBLISHED = ("published", "simplified")
 MOST_DRIVES = 10_000
 """Seeds of one audit, at most."""
 
+FEWEST_JUDGED = 64
+"""Drives to judge on: of fewer, hardly any kind of fault has enough to be told."""
+
 
 class AuditMethod(NamedTuple):
     """A filter with an adaptation, by their names."""
@@ -81,6 +84,9 @@ class AuditProtocol:
             raise PluginError(
                 f"An audit of {drives} drives is too large; {MOST_DRIVES} of all tunings together are allowed."
             )
+        if self.judged_drives < FEWEST_JUDGED:
+            wanted = f"give {FEWEST_JUDGED} or more, so that kinds of faults can be told"
+            raise PluginError(f"judged_drives is {self.judged_drives}; {wanted}.")
 
     @cached_property
     def digest(self) -> str:

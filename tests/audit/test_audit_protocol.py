@@ -79,3 +79,8 @@ def test_a_parameter_that_is_wrong_is_named(more, less):
 
     with pytest.raises(PluginError, match=f"mine.yaml lacks {[*more, *less][0]}"):
         audit_protocol(stated, "mine.yaml")
+
+
+def test_too_few_drives_to_judge_on_are_refused_before_anything_runs():
+    with pytest.raises(PluginError, match="judged_drives is 48; give 64 or more"):
+        dataclasses.replace(read_protocol("small"), judged_drives=48)
