@@ -1,6 +1,8 @@
 """Files that are written as a whole or not at all, and YAML of anybody, measured before it is read."""
 
+import hashlib
 import os
+import stat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -36,6 +38,56 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+# What is run, or unpickled, when it is loaded: believed only if this user alone can have written it.
+
+
+class Distrusted(Exception):  # noqa: N818 - no error: it is made anew
+    """Why a file is not loaded."""
+
+
+def write_trusted(path: Path, content: bytes) -> None:
+    """Keep ``content`` at ``path``, as a whole, so that nobody else may write it.
+
+    Raises:
+        OSError: nothing can be written there.
+    """
+
+    def write(partial: Path) -> None:
+        partial.touch(mode=0o600)
+        partial.write_bytes(hashlib.sha256(content).digest() + content)
+
+    write_atomically(path, write)
+
+
+def read_trusted(path: Path) -> bytes | None:
+    """Return what `write_trusted` kept at ``path``, or None where there is nothing to read.
+
+    The file that is checked is the one that is read, whoever puts another in its place.
+
+    Raises:
+        Distrusted: it belongs to somebody else, others may write to it, or it is not what was written.
+    """
+    try:
+        with path.open("rb") as file:
+            _require_own(os.fstat(file.fileno()))
+            content = file.read()
+    except OSError:  # there is none, or it cannot be read; whether it can be written shows later
+        return None
+    if hashlib.sha256(content[32:]).digest() != content[:32]:
+        raise Distrusted("it is not what was written there")
+    return content[32:]
+
+
+def _require_own(file: os.stat_result) -> None:
+    """Check that only this user, or the system's, can have written it; where there are no such users, all is well."""
+    if not hasattr(os, "geteuid"):
+        return
+    if file.st_uid not in (os.geteuid(), 0):
+        raise Distrusted(f"it belongs to another user ({file.st_uid})")
+    if file.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise Distrusted("others may write to it")
 
 
 def exists(path: Path) -> bool:

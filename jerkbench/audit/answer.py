@@ -401,7 +401,7 @@ def by_trace(rows: AuditRows, average: FloatArray) -> dict[str, float]:
 def main_kind(rows: AuditRows, losses: Losses) -> str:
     """Return the kind of fault that the average adaptation gains most from: without it, least is left of the gain."""
     average = average_over_drives(losses)
-    known = {kind: own for kind, own in kinds_of(rows).items() if kind != NO_FAULT and own.sum() >= FEWEST}
+    known = {kind: own for kind, own in kinds_of(rows).items() if kind != NO_FAULT and own.sum() >= FEWEST_DRIVES}
     return max(known, key=lambda kind: float(average[~known[kind]].mean()))
 
 

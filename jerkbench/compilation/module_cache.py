@@ -2,10 +2,9 @@
 
 import gc
 import hashlib
-import json
 import os
+import pickle
 import platform
-import stat
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -20,21 +19,15 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from jerkbench.compilation.code_digest import unknown_part
-from jerkbench.files import cache_folder, write_atomically
+from jerkbench.files import Distrusted, cache_folder, read_trusted, write_trusted
 from jerkbench.notices import notify
 
 Files = Mapping[str, bytes]
 """What numba wrote for an entry point, and its text: content by name."""
 
 
-class Distrusted(Exception):  # noqa: N818 - no error: it is compiled anew
-    """Why a file is not loaded."""
-
-
 def read_kept(path: Path, name: str, source: str) -> Files | None:
-    """Return what `write_kept` kept at ``path``, or None where there is nothing to read.
-
-    Loading it means running it. The file that is checked is the one that is read, whoever puts another in its place.
+    """Return what `write_kept` kept at ``path``, or None where there is nothing to read. Loading it means running it.
 
     Args:
         path: the file.
@@ -42,56 +35,24 @@ def read_kept(path: Path, name: str, source: str) -> Files | None:
         source: its text.
 
     Raises:
-        Distrusted: it belongs to somebody else, others may write to it, or it is not what was written.
+        Distrusted: as `jerkbench.files.read_trusted` says, or it is another entry point's.
     """
-    try:
-        with path.open("rb") as file:
-            _require_own(os.fstat(file.fileno()))
-            content = file.read()
-    except OSError:  # there is none, or it cannot be read; whether it can be written shows later
+    content = read_trusted(path)
+    if content is None:
         return None
-    return _unpacked(content, name, source)
+    files: Files = pickle.loads(content)  # noqa: S301 - only this user can have written it
+    if files.get(f"{name}.py") != source.encode():
+        raise Distrusted("it belongs to something else")
+    return files
 
 
 def write_kept(path: Path, files: Files) -> None:
-    """Keep ``files`` at ``path``, as a whole, for this user.
+    """Keep ``files`` at ``path``.
 
     Raises:
         OSError: nothing can be written there.
     """
-    lengths = {name: len(inside) for name, inside in files.items()}
-    packed = b"".join([json.dumps(lengths).encode(), b"\n", *files.values()])
-
-    def write(partial: Path) -> None:
-        """Write it so that nobody else may."""
-        partial.touch(mode=0o600)
-        partial.write_bytes(hashlib.sha256(packed).hexdigest().encode() + b"\n" + packed)
-
-    write_atomically(path, write)
-
-
-def _require_own(file: os.stat_result) -> None:
-    """Check that only this user, or the system's, can have written it; where there are no such users, all is well."""
-    if not hasattr(os, "geteuid"):
-        return
-    if file.st_uid not in (os.geteuid(), 0):
-        raise Distrusted(f"it belongs to another user ({file.st_uid})")
-    if file.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise Distrusted("others may write to it")
-
-
-def _unpacked(content: bytes, name: str, source: str) -> Files:
-    digest, _, packed = content.partition(b"\n")
-    if digest != hashlib.sha256(packed).hexdigest().encode():
-        raise Distrusted("it is not what was written there")
-    head, _, rest = packed.partition(b"\n")
-    files, begin = {}, 0
-    for inside, length in json.loads(head).items():
-        files[inside] = rest[begin : begin + length]
-        begin += length
-    if files.get(f"{name}.py") != source.encode():
-        raise Distrusted("it belongs to something else")
-    return files
+    write_trusted(path, pickle.dumps(dict(files)))
 
 
 # Entry points: small generated modules, real files, because numba keeps on disk only what comes from a file.
@@ -106,7 +67,7 @@ COMPILED = "compiled"
 """The kind of cache that holds compiled code."""
 
 IN_WHEEL = Path(__file__).parents[1] / COMPILED
-"""Where a wheel has what its build has compiled (`hatch_build.py`): looked into after the cache."""
+"""Where a wheel has what its build has compiled (`.ci/compile_ahead`): looked into after the cache."""
 
 PROCESSOR_LEVELS = {
     "x86-64-v3": {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"},
@@ -160,12 +121,10 @@ def _kept(path: Path, title: str, source: str) -> Files | None:
     """What is in the cache, or else in the package, compiled; nothing where it cannot be believed."""
     for place in (path, IN_WHEEL / path.name):
         try:
-            files = read_kept(place, path.stem, source)
+            if files := read_kept(place, path.stem, source):
+                return files
         except Distrusted as reason:
             notify(f"what is kept of {title} in {place} is not used, it is compiled anew: {reason}")
-            continue
-        if files is not None:
-            return files
     return None
 
 

@@ -3,7 +3,6 @@
 import hashlib
 import os
 import pickle
-import zlib
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,10 +16,11 @@ from jerkbench.arrays import BoolArray, Same
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.evaluated_run import outlined, scored
-from jerkbench.files import cache_folder, forget_oldest, write_atomically
+from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_trusted, write_trusted
 from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, require_data, versions
 from jerkbench.jobs.sources import plugin_digest
+from jerkbench.notices import notify
 from jerkbench.plugins.optional import part_read
 from jerkbench.recording import Recording
 from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
@@ -57,24 +57,24 @@ def _key(dataset: Dataset, seed: int) -> str:
 
 
 def _write(recording: Recording, path: Path) -> None:
-    """Write a recording: a checksum, what it is, and its arrays beside it."""
+    """Write what a recording is, and its arrays beside it."""
     arrays: list[pickle.PickleBuffer] = []
     described = pickle.dumps(recording, 5, buffer_callback=arrays.append)
-    content = pickle.dumps((described, [bytes(array.raw()) for array in arrays]))
-    checksum = zlib.crc32(content).to_bytes(4, "little")
-    write_atomically(path, lambda partial: partial.write_bytes(checksum + content))
+    write_trusted(path, pickle.dumps((described, [bytes(array.raw()) for array in arrays])))
 
 
 def _read(path: Path) -> Recording | None:
-    """The recording at ``path``, or None where there is none that is whole."""
-    content = b""
-    with suppress(OSError):
-        content = path.read_bytes()
-    if len(content) <= 4 or zlib.crc32(content[4:]).to_bytes(4, "little") != content[:4]:
+    """The recording at ``path``, or None where there is none that is whole, and this user's."""
+    try:
+        content = read_trusted(path)
+    except Distrusted as reason:
+        notify(f"{path} is not used, the drive is simulated again: {reason}")
+        return None
+    if content is None:
         return None
     with suppress(OSError):
         os.utime(path)  # used just now: others go first
-    described, arrays = pickle.loads(content[4:])  # noqa: S301 - of our own cache, as machine code is
+    described, arrays = pickle.loads(content)  # noqa: S301 - only this user can have written it
     recording: Recording = pickle.loads(described, buffers=arrays)  # noqa: S301 - as above
     return recording
 

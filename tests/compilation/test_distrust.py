@@ -4,7 +4,8 @@ import os
 
 import pytest
 
-from jerkbench.compilation.module_cache import Distrusted, read_kept, write_kept
+from jerkbench.compilation.module_cache import read_kept, write_kept
+from jerkbench.files import Distrusted
 
 SOURCE = "x = 1\n"
 FILES = {"ours.py": SOURCE.encode(), "__pycache__/ours.1.nbc": bytes(range(256)) * 20, "__pycache__/ours.nbi": b""}

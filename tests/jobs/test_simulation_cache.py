@@ -61,6 +61,15 @@ def test_what_is_damaged_is_simulated_again(folder, damage):
     assert isinstance(simulated._read(path), Recording)
 
 
+def test_what_others_may_write_to_is_not_unpickled(folder, capsys):
+    wanted = simulated.simulated(Field(duration_s=8.0), 1)
+    (path,) = folder.glob(simulated.SIMULATED_PATTERN)
+    path.chmod(0o666)
+
+    same(simulated.simulated(Field(duration_s=8.0), 1), wanted)
+    assert f"{path} is not used, the drive is simulated again: others may write to it" in capsys.readouterr().err
+
+
 def test_the_longest_unused_go_when_there_are_too_many(folder, monkeypatch):
     monkeypatch.setattr(simulated, "MOST_CACHED_BYTES", 1)
     for seed in (1, 2, 16):
