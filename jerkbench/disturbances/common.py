@@ -36,7 +36,7 @@ class Once(Limited):
             raise PluginError(f"{least} to {most} {unit} is no range; {rule}")
 
 
-class Drawn(Once):
+class DrawnFault(Once):
     """A disturbance that draws: each seed is another one."""
 
     seeded: ClassVar[bool] = True

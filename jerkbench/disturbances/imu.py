@@ -9,7 +9,7 @@ from jerkbench.arrays import BoolArray, FloatArray, nearest_rows
 from jerkbench.disturbances.common import (
     DEVIATION,
     FROM_0_TO_1,
-    Drawn,
+    DrawnFault,
     RegularWindows,
     WindowTimes,
     displaced,
@@ -25,7 +25,7 @@ from jerkbench.simulation.motion import harmonics
 
 @register("disturbance", "imu_bias")
 @dataclass(frozen=True)
-class ImuBias(Drawn):
+class ImuBias(DrawnFault):
     """A constant bias on each axis of accelerometer and gyro, drawn once a run.
 
     For each axis of the body::
@@ -60,7 +60,7 @@ SINES = 64
 
 @register("disturbance", "imu_vibration")
 @dataclass(frozen=True)
-class ImuVibration(Drawn):
+class ImuVibration(DrawnFault):
     """Band-limited noise on accelerometer and gyro: a vibration of the IMU's mounting that the vehicle does not make.
 
     On each axis of the body::
@@ -105,7 +105,7 @@ class ImuVibration(Drawn):
 
 @register("disturbance", "dropout")
 @dataclass(frozen=True)
-class Dropout(Drawn):
+class Dropout(DrawnFault):
     """IMU samples are missing, one or a few in a row.
 
     From each sample on, with the given probability, N ~ U{1 ... longest} samples are missing. The first and the last

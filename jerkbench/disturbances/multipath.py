@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
     CORRELATION_TIME,
     OFFSET,
-    Drawn,
+    DrawnFault,
     RegularWindows,
     WindowTimes,
     displaced,
@@ -30,7 +30,7 @@ LASTING = Limit(lambda time: 0 < time < np.inf, "a burst must be longer than 0 s
 
 
 @dataclass(frozen=True)
-class Bursts(Drawn):
+class Bursts(DrawnFault):
     """When the bursts are, and how large.
 
     A burst begins at random and lasts T ~ U(shortest, longest); an offset is d ~ U(smallest, largest) with a random

@@ -9,7 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.disturbances.common import (
     CORRELATION_TIME,
     FROM_0_TO_1,
-    Drawn,
+    DrawnFault,
     FixesOrVelocity,
     Once,
     changed,
@@ -35,7 +35,7 @@ STATED = Limit(lambda k: 0 < k < np.inf, "a standard deviation must stay positiv
 
 @register("disturbance", "noise_step")
 @dataclass(frozen=True)
-class NoiseStep(Drawn):
+class NoiseStep(DrawnFault):
     """Noise of position and velocity that doubles at each of the given times; the covariance does not say so.
 
     With n(t) the number of times up to t, the standard deviation of the noise is k(t) = factor^n(t) times the reported
@@ -67,7 +67,7 @@ class NoiseStep(Drawn):
 
 @register("disturbance", "noise_sine")
 @dataclass(frozen=True)
-class NoiseSine(Drawn):
+class NoiseSine(DrawnFault):
     """Noise of position and velocity whose standard deviation follows a sine; the covariance does not say so.
 
     The standard deviation is k(t) times the reported one, between 1 and the largest factor::
@@ -101,7 +101,7 @@ class NoiseSine(Drawn):
 
 @register("disturbance", "heavy_tailed")
 @dataclass(frozen=True)
-class HeavyTailed(Drawn):
+class HeavyTailed(DrawnFault):
     """Heavy-tailed noise of position and velocity: a tenth of it has ten sigma; the covariance does not say so.
 
     Tukey's contaminated normal, at the level of what is reported::
@@ -138,7 +138,7 @@ class HeavyTailed(Drawn):
 
 @register("disturbance", "coloured")
 @dataclass(frozen=True)
-class Coloured(Drawn):
+class Coloured(DrawnFault):
     """A slow error on top of the noise of position and velocity: a share of the variance then lasts.
 
     With R as reported and L L' = R, a Gauss-Markov process b(t) of unit variance and f = s/(1 - s)::

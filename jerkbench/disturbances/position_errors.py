@@ -10,7 +10,7 @@ from jerkbench.arrays import nearest_rows
 from jerkbench.disturbances.common import (
     FROM_0_TO_1,
     OFFSET,
-    Drawn,
+    DrawnFault,
     Once,
     RegularWindows,
     WindowTimes,
@@ -30,7 +30,7 @@ from jerkbench.recording import Recording
 
 @register("disturbance", "outliers")
 @dataclass(frozen=True)
-class Outliers(Drawn):
+class Outliers(DrawnFault):
     """Single position fixes that are off by metres; the reported covariance does not change.
 
     Each fix, with the given probability and independent of the others, is moved by o = d u: d ~ U(smallest, largest),
@@ -74,7 +74,7 @@ class Outliers(Drawn):
 
 @register("disturbance", "spike_sweep")
 @dataclass(frozen=True)
-class SpikeSweep(Drawn):
+class SpikeSweep(DrawnFault):
     """Single fixes that are displaced horizontally, each by another size; the reported covariance does not change.
 
     The spike k = 0, 1, ... is the first fix at or after first_s + k every_s, n of them in the recording. Their lengths

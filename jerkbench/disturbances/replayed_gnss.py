@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, nearest_rows
 from jerkbench.disturbances.common import (
-    Drawn,
+    DrawnFault,
     fixes_of,
     own_stream,
     reported_covariance,
@@ -44,7 +44,7 @@ class Replayed(NamedTuple):
 
 @register("disturbance", "replayed_gnss")
 @dataclass(frozen=True)
-class ReplayedGnss(Drawn):
+class ReplayedGnss(DrawnFault):
     """Fixes that are off as a real receiver's were, and that report what it reported.
 
     A trace holds errors e_j (fix less a better reference) and reported covariances R_j of a real drive: jumps, false

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.disturbances.common import DEVIATION, AnyStream, Drawn, Once, own_stream, rows_of
+from jerkbench.disturbances.common import DEVIATION, AnyStream, DrawnFault, Once, own_stream, rows_of
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -53,7 +53,7 @@ NEAREST = 0.45
 
 @register("disturbance", "jitter")
 @dataclass(frozen=True)
-class Jitter(Drawn):
+class Jitter(DrawnFault):
     """Stamps of the IMU and of the measurements are off at random; the values and the reference stay.
 
     t_k' = t_k + e_k,  e_k ~ N(0, sigma^2), cut off at .45 of the interval to the neighbour, so that stamps go on

@@ -1,7 +1,6 @@
 """The measurements of an IMU on a true motion, and its errors in the units of data sheets."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -59,7 +58,8 @@ ALLAN_FLOOR = 0.664
 """The floor of an Allan deviation, sqrt(2 ln 2/pi), in parts of the flicker noise's coefficient (IEEE Std 952)."""
 
 
-class SensorErrors(NamedTuple):
+@dataclass(frozen=True)
+class SensorErrors:
     """Errors of three like axes, in SI units.
 
     A measurement is (I + M) y + b_0 + b(t) + noise: M holds scale factors on its diagonal and misalignments off it,
