@@ -28,7 +28,7 @@ ORDER = [
     ["contracts"],
     ["plugins.optional"],
     ["kinematic"],
-    ["inertial", "linear", "plugins", "simulation", "io"],
+    ["inertial", "plugins", "simulation", "io"],
     ["datasets", "disturbances", "attitude"],
     ["filters", "adaptation"],
     ["engines", "evaluation"],

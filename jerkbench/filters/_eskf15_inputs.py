@@ -11,9 +11,18 @@ from jerkbench.arrays import FloatArray, Same
 from jerkbench.attitude.yaw import estimate_yaw, required_track
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude
-from jerkbench.inertial.alignment import StartSigmas, align, with_body_velocity
 from jerkbench.inertial.mechanisation import SensorNoise, earth_at
-from jerkbench.inertial.run_inputs import Constraints, Events, InertialSettings, Journey, merge_events, still_samples
+from jerkbench.inertial.run_inputs import (
+    Constraints,
+    Events,
+    InertialSettings,
+    Journey,
+    StartSigmas,
+    align,
+    merge_events,
+    still_samples,
+    with_body_velocity,
+)
 from jerkbench.inertial.state import NavigationState
 from jerkbench.parameters import DefaultOrigin, Limit, Limited, Range
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording

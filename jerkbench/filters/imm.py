@@ -31,7 +31,7 @@ from jerkbench.recording import Recording
 from jerkbench.timeline import Recorder, Timeline, build_timeline
 
 if TYPE_CHECKING:
-    from jerkbench.linear.mixture import Mixed  # what it imports takes half a second
+    from jerkbench.kinematic.mixture import Mixed  # what it imports takes half a second
 
 MODELS = ("acceleration", "baseline", "bias", "jerk")
 BETWEEN_0_AND_1 = Limit(lambda p: 0 < p < 1, "it must lie between 0 and 1.")
@@ -148,7 +148,7 @@ class InteractingMultipleModels(Limited, OverTimelines):
 
     def compiled_ways(self) -> CompiledWays:
         """Return what mixes the filters over one timeline, and over several side by side."""
-        from jerkbench.linear.mixture import mix_alone, mix_many
+        from jerkbench.kinematic.mixture import mix_alone, mix_many
 
         return mix_alone, mix_many
 
@@ -160,7 +160,7 @@ class InteractingMultipleModels(Limited, OverTimelines):
 
     def start(self, timeline: Timeline) -> "Mixed":
         """Return the filters with their mixed states at the start of a timeline."""
-        from jerkbench.linear.mixture import Mixed
+        from jerkbench.kinematic.mixture import Mixed
 
         models, transitions = self.models(), self.transitions()
         x, P, weights = mixed_start(timeline, models, transitions, self._probabilities())

@@ -63,7 +63,7 @@ class Smoother(OverTimelines):
 
     def compiled_ways(self) -> CompiledWays | None:
         """Return what smooths one timeline, and several side by side; of a turn there is no compiled way."""
-        from jerkbench.linear.smoother import smooth_many, smooth_one
+        from jerkbench.kinematic.smoother import smooth_many, smooth_one
 
         return None if isinstance(self.kinematic_filter(), ConstantTurn) else (smooth_one, smooth_many)
 
@@ -90,9 +90,9 @@ class RauchTungStriebel(Smoother):
     that it faded: to the backward pass that is a larger Q. One that chooses P- or the gain otherwise is not accepted.
 
     The engine `filterpy` runs this in NumPy, the definition of right, and keeps every step: 1.4 kB each with six
-    states, 2.9 kB with nine. The engine `compiled` runs the same by adjoints (`jerkbench.linear.smoother`), which take
-    no inverse of P-, and agrees to 1e-9 m, and to 1e-12 of sqrt(P_ii P_jj) or what the inverse of P- makes of changes
-    in the last bits of the input. In a gap both subtract nearly equal covariances, and have errors of 1e-12
+    states, 2.9 kB with nine. The engine `compiled` runs the same by adjoints (`jerkbench.kinematic.smoother`), which
+    take no inverse of P-, and agrees to 1e-9 m, and to 1e-12 of sqrt(P_ii P_jj) or what the inverse of P- makes of
+    changes in the last bits of the input. In a gap both subtract nearly equal covariances, and have errors of 1e-12
     of the filtered P, hundreds of times Ps and more: of Ps after 4 s up to 1e-10 here and 6e-12 in NumPy, against
     extended precision; where P is larger still it is the other way round. The filtered P itself is that uncertain.
 

@@ -7,8 +7,8 @@ accelerometer bias b_a. The error state is truth less estimate, in this order, t
 
 with phi in ENU. All units are SI.
 
-    run                    the definition, a step at a time, of state, mechanisation and update; run_inputs, alignment
+    run                    the definition, a step at a time, of state, mechanisation and update; run_inputs
     compiled_runs          the same compiled, from Python: one run with its trajectory, or many side by side
-    kernel                 its loop, over strapdown, aiding (what is measured) and feedback (what a correction leaves)
+    kernel                 its loop, over strapdown and aiding (what is measured, and what a correction leaves)
     smoother, unscented    other estimators of the same parts; factor_graph, graph_solution: by GTSAM
 """

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.views import Lanes, ask_for, room, row, runs_in
-from jerkbench.inertial.aiding import conclude, constrain, observe, take_heading
-from jerkbench.inertial.feedback import feed_back
+from jerkbench.inertial.aiding import conclude, constrain, feed_back, observe, take_heading
 from jerkbench.inertial.state import LAYOUTS
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps, type_with

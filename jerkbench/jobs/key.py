@@ -21,7 +21,7 @@ PACKAGE_FOLDER = Path(__file__).parents[1]
 KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
-    *("filters", "inertial", "io", "kinematic", "linear", "recording", "simulation", "measurements", "timeline"),
+    *("filters", "inertial", "io", "kinematic", "recording", "simulation", "measurements", "timeline"),
     *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("plugins/optional", "random_streams", "renamed", "sums", "tuning/splits"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),

@@ -10,7 +10,8 @@ quantities on three axes is x[3 a + i], a the quantity and i the axis.
     loop                   the steps: predict, update, score, trajectory; compiled, or from the disk
     predict, correction    the equations
     adapt                  the calls of an adaptation, in their order: `fade`, `adapt_prior`, `adapt` (plugin_call),
-                           `adapt_gain`; what an own gain does is in own_gain
+                           `adapt_gain`; what an own gain does is in correction
     adapt_lanes            the same of an adaptation that many runs ask at once, in vectors
     trajectory_score       the sums of a run that has a trajectory
+    mixture, smoother      several filters mixed (imm), and the smoother (rts), over the same parts
 """

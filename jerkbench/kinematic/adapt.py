@@ -1,7 +1,7 @@
 """The adaptation: it sees one run after the other, as its author wrote it.
 
 Vectors hold a number of each run, and it wants all numbers of one run: they are spread and gathered around its calls.
-An own gain is found likewise; what it does is in `own_gain`.
+An own gain is found likewise; what it does is in `correction`.
 """
 
 import numpy as np

@@ -8,8 +8,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row, taken
-from jerkbench.kinematic.adapt import adapt_runs
-from jerkbench.kinematic.adapt_lanes import adapt_lanes
+from jerkbench.kinematic.adapt import adapt_runs, find_gains
+from jerkbench.kinematic.adapt_lanes import adapt_lanes, find_gains_of_lanes
 from jerkbench.kinematic.arguments import (
     ASKED,
     AT_ONCE,
@@ -26,8 +26,7 @@ from jerkbench.kinematic.arguments import (
     Steps,
     run_type,
 )
-from jerkbench.kinematic.correction import NAN, check_definite, correct, determinant, mahalanobis
-from jerkbench.kinematic.own_gain import correct_by_gains
+from jerkbench.kinematic.correction import NAN, check_definite, correct, correct_by_gains, determinant, mahalanobis
 from jerkbench.kinematic.predict import (
     ANY,
     LATER,
@@ -128,7 +127,12 @@ def update(
     kept.which[place] = which
     nis = expect(run, steps, rules, exchange, seen, which)
     if DENSE == 1:
-        correct_by_gains(run, exchange, rules, states)
+        run.own = run.zero
+        if ASKED == AT_ONCE:
+            find_gains_of_lanes(run, exchange.rows, rules)
+        else:
+            find_gains(run, exchange, rules)
+        correct_by_gains(run, states)
         mirror(run)
     else:
         correct(run, states)

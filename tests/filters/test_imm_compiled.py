@@ -22,8 +22,8 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
+from jerkbench.kinematic.mixture import mix_alone
 from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.linear.mixture import mix_alone
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import build_timeline
 

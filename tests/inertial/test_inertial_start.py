@@ -8,9 +8,16 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import roll_pitch
-from jerkbench.inertial.alignment import LEVELLING_S, MOVING_TILT_RAD, StartSigmas, align
 from jerkbench.inertial.mechanisation import SensorNoise
-from jerkbench.inertial.run_inputs import deviation, merge_events, still_samples
+from jerkbench.inertial.run_inputs import (
+    LEVELLING_S,
+    MOVING_TILT_RAD,
+    StartSigmas,
+    align,
+    deviation,
+    merge_events,
+    still_samples,
+)
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Position
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest

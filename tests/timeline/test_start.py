@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.inertial.alignment import with_body_velocity
+from jerkbench.inertial.run_inputs import with_body_velocity
 from jerkbench.inertial.state import NavigationState, rotation_exp
 from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, UNSEEN_SIGMA_MPS2
 from jerkbench.recording import Imu, Position, Velocity

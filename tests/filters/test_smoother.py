@@ -25,7 +25,7 @@ from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.linear.smoother import smooth_one
+from jerkbench.kinematic.smoother import smooth_one
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import build_timeline
 
