@@ -253,8 +253,8 @@ class TrueCovariance(Protocol):
 class InLanes(Protocol):
     """An adaptation that many runs ask at once, if the attribute is True; `jerkbench.compilation.lanes` says how.
 
-    It may not branch on what it is given: numbers are vectors then, one number of each run. One that fades, or has a
-    gain of its own, is asked by each run all the same.
+    It may not branch on what it is given: numbers are vectors then, one number of each run. One that fades is asked by
+    each run all the same.
     """
 
     lanes: ClassVar[bool]

@@ -1,7 +1,8 @@
 """The sliding innovation filter."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -43,6 +44,8 @@ class SlidingInnovation(Limited):
         DefaultOrigin("ours: a gain of about a tenth where nothing is wrong"),
     ] = 10.0
 
+    lanes: ClassVar[bool] = True
+
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
@@ -53,7 +56,7 @@ class SlidingInnovation(Limited):
         self, x: FloatArray, P: FloatArray, innovation: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return K."""
-        gain = np.zeros((len(x), len(rows)))
+        gain = np.zeros((len(x), len(rows)), P.dtype)
         for i, row in enumerate(rows):
-            gain[row, i] = min(1.0, abs(innovation[i]) / (self.width * np.sqrt(R[i, i])))
+            gain[row, i] = min(1.0, abs(innovation[i]) / (self.width * math.sqrt(R[i, i])))
         return gain

@@ -34,6 +34,7 @@ def test_the_iterating_methods_are_asked_at_once():
         "cerkf_r",
         "maximum_correntropy",
         "maximum_correntropy_r",
+        "sif",
         "ssmkf",
         "ssmkf_r",
     }
