@@ -259,11 +259,6 @@ def gain_of(stack: Stack) -> FloatArray:
     return K
 
 
-def doubtable(stack: Stack) -> int:
-    """Return p, how many components of the prior the rows may see; the weights of the rows stand behind theirs."""
-    return len(stack.Up)
-
-
 def still_moves(step: FloatArray, before: FloatArray, x: FloatArray) -> float:
     """Return 1, or 0 where a pass has moved the state, x + ``before``, to x + ``step`` by next to nothing of itself."""
     moved = size = 0.0

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, settle, stack_of, weighed_prior
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, settle, stack_of, weighed_prior
 from jerkbench.adaptation.linalg import root_of, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
@@ -66,7 +66,7 @@ class Huber(Limited):
     ) -> FloatArray:
         """Return P~, and leave the inverse weights of the rows in the memory."""
         stack = stack_of(P, R, rows, innovation)
-        first = 0 if self.sides == "both" else doubtable(stack)
+        first = 0 if self.sides == "both" else len(stack.Up)
         by_threshold, moves = 1.0 / self.threshold, 1.0
         for k in range(PASSES):
             if k > 0:
@@ -76,7 +76,7 @@ class Huber(Limited):
             moves = settle(stack, x)
             if not anywhere(moves):
                 break
-        memory[: len(rows)] = stack.inverses[doubtable(stack) :]
+        memory[: len(rows)] = stack.inverses[len(stack.Up) :]
         return weighed_prior(P, stack)
 
     def adapt(

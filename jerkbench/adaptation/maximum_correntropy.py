@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, ONE_OF_SIDES, one_of
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, doubtable, gain_of, inverse_kernel, settle, stack_of
+from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, gain_of, inverse_kernel, settle, stack_of
 from jerkbench.adaptation.linalg import whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
@@ -63,7 +63,7 @@ class MaximumCorrentropy(Limited):
     ) -> FloatArray:
         """Return K of the last pass."""
         stack = stack_of(P, R, rows, innovation)
-        p = doubtable(stack)
+        p = len(stack.Up)
         first = 0 if self.sides == "both" else p
         if self.start == "prediction":  # r_p = 0, r_r = B_r^-1 (z - H x-)
             for c in range(p):

@@ -91,7 +91,10 @@ class StatisticalSimilarity(Limited):
         n, m = len(x), len(rows)
         vectors, steps, X = np.empty((2, m), P.dtype), np.zeros((2, n), P.dtype), np.empty((m, n + 1), P.dtype)
         d, w = vectors[0], vectors[1]
-        _fill_columns(P, rows, innovation, X)
+        for i in range(m):  # [H P-, y]
+            for s in range(n):
+                X[i, s] = P[rows[i], s]
+            X[i, n] = innovation[i]
         X = diagonalise(submatrix(P, rows), R, d, X)
         xi = weight = r = moves = 1.0
         explained = prior = measured = 0.0
@@ -115,14 +118,6 @@ class StatisticalSimilarity(Limited):
     ) -> FloatArray:
         """Return R~."""
         return divided(R, memory[0])
-
-
-def _fill_columns(P: FloatArray, rows: IntArray, innovation: FloatArray, X: FloatArray) -> None:
-    """Fill [H P-, y]."""
-    for i in range(len(rows)):
-        for s in range(len(P)):
-            X[i, s] = P[rows[i], s]
-        X[i, len(P)] = innovation[i]
 
 
 def _take_step(X: FloatArray, w: FloatArray, steps: FloatArray) -> None:
