@@ -140,11 +140,11 @@ class Picturing:
     steps: int = 0
 
 
-Drawn = tuple[tuple[Picture, ...], tuple[Stretch, ...]]
+DrawnStudy = tuple[tuple[Picture, ...], tuple[Stretch, ...]]
 """What a report shows of runs: the figures, and the errors over time of each scenario."""
 
 
-def draw_study(study: Study, request: Request, workers: int) -> Drawn:
+def draw_study(study: Study, request: Request, workers: int) -> DrawnStudy:
     """Draw the figures of a study: those of all its rows, then those of its scenarios' runs.
 
     A scenario that cannot be run again is told on standard error.
@@ -160,7 +160,7 @@ def draw_study(study: Study, request: Request, workers: int) -> Drawn:
     if request.choice is Choice.NONE:
         return (), ()
     jobs = _jobs(study, request)
-    done: dict[str, Drawn] = {}
+    done: dict[str, DrawnStudy] = {}
     slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
     with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as processes:
         for job, result in each_result(draw, slowest_first, processes):
@@ -205,7 +205,7 @@ def _requested(study: Study, request: Request) -> Study:
     return study
 
 
-def draw(job: Picturing) -> Drawn:
+def draw(job: Picturing) -> DrawnStudy:
     """Draw the figures of ``job``; none where its runs cannot be run again, which is told on standard error."""
     if job.rows is not None:
         return tuple(_picture(drawing, job) for drawing in of_rows(job.rows, job.palette)), ()
