@@ -19,11 +19,11 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 291, 26
+MOST_FILES, MOST_FOLDERS = 287, 25
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 31_447
+MOST_CODE = 31_444
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
-MOST_LONE = 20
+MOST_LONE = 18
 """Modules that one other module imports; the aim is none."""
 MOST_CONSTANTS = 93
 """Names of constants in two or more modules."""
