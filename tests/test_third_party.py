@@ -12,9 +12,9 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.errors import PluginError
 from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.key import plugin_digest
 from jerkbench.jobs.preflight import TRACEBACK
 from jerkbench.jobs.rows import job_rows
-from jerkbench.jobs.sources import plugin_digest
 from made_jobs import with_method
 
 MODULE = '''

@@ -21,8 +21,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.cluster import ClusterError, Lent, Workers
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import code_digest, versions
-from jerkbench.jobs.sources import plugin_digest
+from jerkbench.jobs.key import code_digest, plugin_digest, versions
 from jerkbench.notices import keep_output_plain
 from jerkbench.plugins import is_own
 

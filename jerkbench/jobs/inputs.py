@@ -18,8 +18,7 @@ from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.evaluated_run import outlined, scored
 from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_trusted, write_trusted
 from jerkbench.jobs.job import Scenario
-from jerkbench.jobs.key import code_digest, require_data, versions
-from jerkbench.jobs.sources import plugin_digest
+from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.notices import notify
 from jerkbench.plugins.optional import part_read
 from jerkbench.recording import Recording

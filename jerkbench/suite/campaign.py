@@ -8,8 +8,8 @@ import pandas as pd
 
 from jerkbench.contracts import ReadingFile
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs.key import plugin_digest
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.sources import plugin_digest
 from jerkbench.suite.protocol import BOTH, SuiteProtocol, domain_of
 from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
 from jerkbench.tuning.evaluate import LOST_RUN

@@ -13,7 +13,7 @@ RUNNING = ("jobs/rows", "tuning/splits")
 NO_NUMBERS = {
     *("api", "errors", "fetching", "files", "notices", "parameters", "places", "presets"),
     *(f"plugins/{name}" for name in ("__init__", "checks", "requirements")),
-    *(f"jobs/{name}" for name in ("key", "names", "preflight", "sources")),
+    *(f"jobs/{name}" for name in ("key", "names", "preflight")),
 }
 """Rooms and modules that refuse, name or say something; what they import is not followed."""
 

@@ -9,9 +9,9 @@ import pytest
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.datasets.field import Field
 from jerkbench.errors import PluginError
-from jerkbench.jobs import sources
+from jerkbench.jobs import key
 from jerkbench.jobs.inputs import _key
-from jerkbench.jobs.sources import plugin_digest
+from jerkbench.jobs.key import plugin_digest
 
 LONE = """
 from importlib import import_module
@@ -76,7 +76,7 @@ def digest():
         sys.modules.pop(name, None)
     importlib.invalidate_caches()
     plugin_digest.cache_clear()
-    sources._owners.cache_clear()
+    key._owners.cache_clear()
     return plugin_digest(importlib.import_module("lone_rule").Rule)
 
 
@@ -146,7 +146,7 @@ def test_a_class_without_a_file_is_another_in_each_process(monkeypatch):
     before = plugin_digest(rule)
     plugin_digest.cache_clear()
     assert plugin_digest(rule) == before
-    monkeypatch.setattr("jerkbench.jobs.sources._this_process", lambda: "another")
+    monkeypatch.setattr("jerkbench.jobs.key._this_process", lambda: "another")
     plugin_digest.cache_clear()
 
     assert plugin_digest(rule) == "another"
