@@ -19,7 +19,7 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 287, 25
+MOST_FILES, MOST_FOLDERS = 286, 25
 """Of Python code; the aim is 280 and 22."""
 MOST_CODE = 31_444
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
