@@ -70,9 +70,28 @@ def error_figure(
     figure = new_figure(7.5 if single else 3.2)
     ratios = [1.5, 1.0, 1.0, 1.0][:panels]
     top, *below = figure.subplots(panels, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
-    _draw_norms(top, recording, estimates, burn_in_s, window_s or (-np.inf, np.inf), palette)
-    top.set_title(literal(recording.name))
-    for name, look in method_styles(estimates, palette):
+    top.set(title=literal(recording.name), ylabel="Position error [m]")
+    looks = dict(method_styles(estimates, palette))
+    if recording.reference.enu_m is None:
+        say(top, "The recording has no position reference.")
+    else:
+        norms = {name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()}
+        begin_s, end_s = window_s or (-np.inf, np.inf)
+        for place, names in enumerate(coinciding(norms)):
+            t_s = recording.reference.t_s[estimates[names[0]].index]
+            seen = (t_s >= begin_s) & (t_s <= end_s)
+            rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
+            curve = thinned(t_s[seen], norms[names[0]][seen])
+            label = f"{' = '.join(names)}: {', '.join(rmses)}"
+            order = 3 - 0.01 * place  # the first on top
+            top.plot(*curve, **looks[names[0]].stroke, linewidth=1.0, label=label, zorder=order)
+        if _spread(norms) > LOGARITHMIC_FROM:
+            lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
+            top.set_yscale("log")
+            top.set_ylim(bottom=0.5 * min(lowest))
+        else:
+            top.set_ylim(bottom=0.0)
+    for name, look in looks.items():
         for axis, axes in enumerate(below):
             _draw_axis(axes, recording, estimates[name], axis, look.colour)
     if window_s is None:
@@ -84,36 +103,6 @@ def error_figure(
     figure.align_ylabels()
     legend_below(figure)
     return figure
-
-
-def _draw_norms(
-    axes: Axes,
-    recording: Recording,
-    estimates: Mapping[str, Estimate],
-    burn_in_s: float,
-    window_s: tuple[float, float],
-    palette: Palette | None,
-) -> None:
-    axes.set_ylabel("Position error [m]")
-    if recording.reference.enu_m is None:
-        say(axes, "The recording has no position reference.")
-        return
-    norms = {name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()}
-    look_of = dict(method_styles(estimates, palette))
-    for place, names in enumerate(coinciding(norms)):
-        name = names[0]
-        t_s = recording.reference.t_s[estimates[name].index]
-        seen = (t_s >= window_s[0]) & (t_s <= window_s[1])
-        rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
-        curve, label = thinned(t_s[seen], norms[name][seen]), f"{' = '.join(names)}: {', '.join(rmses)}"
-        order = 3 - 0.01 * place  # the first on top
-        axes.plot(*curve, **look_of[name].stroke, linewidth=1.0, label=label, zorder=order)
-    if _spread(norms) > LOGARITHMIC_FROM:
-        lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
-        axes.set_yscale("log")
-        axes.set_ylim(bottom=0.5 * min(lowest))
-    else:
-        axes.set_ylim(bottom=0.0)
 
 
 def _rmse(recording: Recording, estimate: Estimate, burn_in_s: float) -> str:
