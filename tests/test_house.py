@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 286, 25
 """Of Python code; the aim is 280 and 22."""
-MOST_CODE = 31_444
+MOST_CODE = 31_435
 """Lines without docstrings, comments, blanks and imports; the aim is 28 000."""
 MOST_LONE = 18
 """Modules that one other module imports; the aim is none."""
