@@ -15,9 +15,8 @@ import pytest
 from commands import swept
 from jerkbench.jobs.replay import stored_row
 from jerkbench.jobs.store import Store
-from jerkbench.report import page
 from jerkbench.report.drawings import Picture
-from jerkbench.report.page import Results
+from jerkbench.report.page import Results, page
 from jerkbench.report.page_content import Stretch, nees_verdict
 from jerkbench.report.review import Evidence, review
 
