@@ -249,8 +249,8 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
 
 # A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
 #
-# A new column is a new metric, one file in `metrics`, also where nothing of the estimate enters (`position_bound`);
-# here the answers are only put together. What a row says of the run itself, `RUN`, is filled by
+# A new column is a new metric, in the file of its kind in `metrics`, also where nothing of the estimate enters
+# (`position_bound`); here the answers are only put together. What a row says of the run itself, `RUN`, is filled by
 # `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.jobs.parts`.
 
 RUN = ("seed", "replicate", "status", "reason")

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_inputs import Eskf15Parameters, aided, run_inputs, takes_timeline
 from jerkbench.filters.common import of_r_alone
+from jerkbench.filters.inertial_parameters import Eskf15Parameters, aided, run_inputs, takes_timeline
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Journey
 from jerkbench.inertial.smoother import smooth_navigation

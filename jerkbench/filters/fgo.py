@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar
 from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, RecordingError, unknown
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.filters.eskf15 import InertialFilter
+from jerkbench.filters.inertial_parameters import DEFORMATION
 from jerkbench.inertial.factor_graph import Graph, Options, batch, estimate_of, fixed_lag
 from jerkbench.inertial.smoother import forward_states
 from jerkbench.parameters import ABOVE_ZERO, DefaultOrigin, Limit, Provenance, Range

@@ -5,8 +5,8 @@ from typing import Annotated, ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters._eskf15_inputs import DEFORMATION
 from jerkbench.filters.eskf15 import InertialFilter
+from jerkbench.filters.inertial_parameters import DEFORMATION
 from jerkbench.inertial.unscented import UnscentedRun
 from jerkbench.parameters import DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register

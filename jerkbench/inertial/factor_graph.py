@@ -69,7 +69,7 @@ def measured_heading(gtsam: Any, pose: int, yaw_rad: float, sigma_rad: float) ->
     return gtsam.CustomFactor(gtsam.noiseModel.Isotropic.Sigma(1, sigma_rad), [pose], residual)
 
 
-# The factors of an inertial navigation on GTSAM, node by node; `graph_solution`, beside it, has what solves them.
+# The factors of an inertial navigation on GTSAM, node by node; `batch` and `fixed_lag` solve them.
 #
 # A node for the start and for each time of a measurement: pose X, velocity V, biases B. Between two nodes stands
 # GTSAM's CombinedImuFactor, of the samples between them preintegrated; at a node a GPSFactor and a prior of V, or the

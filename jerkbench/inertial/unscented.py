@@ -40,7 +40,7 @@ def step_all(
 ) -> tuple[NavigationState, FloatArray]:
     """Carry every sigma point over a step.
 
-    For each, as in `jerkbench.inertial.mechanisation.advance` over a plane::
+    For each, as in `jerkbench.inertial.mechanisation.advance_navigation` over a plane::
 
         C+ = C Exp(w dt);  v+ = v + ((C + C+)/2 f + g) dt;  p+ = p + (v + v+)/2 dt
 

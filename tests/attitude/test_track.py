@@ -23,8 +23,8 @@ from jerkbench.attitude.yaw import (
 )
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.errors import RecordingError
-from jerkbench.filters._eskf15_inputs import first_yaw
 from jerkbench.filters.eskf15 import Eskf15
+from jerkbench.filters.inertial_parameters import first_yaw
 from jerkbench.geometry import wrap_angle
 from jerkbench.recording import Imu, Velocity
 from synthetic import recording_at_rest

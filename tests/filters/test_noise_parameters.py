@@ -8,7 +8,7 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.filters._eskf15_inputs import DEFORMATION
+from jerkbench.filters.inertial_parameters import DEFORMATION
 
 NO_NOISES = ("first_stays", "second_stays", "first_probability", "correlation")
 KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velocity", "imm", "jerk", "okf", "rts")

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from stepping import mechanise, transition
 
 from jerkbench.inertial.mechanisation import FLAT, SensorNoise, calibrated, process_noise, propagated, step_noise
-from jerkbench.inertial.state import Deformation, NavigationState, corrected
+from jerkbench.inertial.state import LAYOUTS, Deformation, ErrorLayout, NavigationState, corrected
 from jerkbench.inertial.update import (
     carried_over,
     correction,
@@ -246,3 +246,8 @@ def test_the_update_is_that_of_the_information_form():
     np.testing.assert_allclose(dx, np.linalg.solve(information, H.T @ np.linalg.solve(R, y)), atol=1e-9)
     assert nis == pytest.approx(y @ np.linalg.inv(H @ P @ H.T + R) @ y)
     np.testing.assert_array_equal(posterior, posterior.T)
+
+
+def test_no_two_layouts_have_the_same_size():
+    """A layout is found by its size: of two with one size the second would stand for both."""
+    assert len(LAYOUTS) == 2 ** len(ErrorLayout._fields)
