@@ -1,5 +1,6 @@
 """A loop compiled for the types that its annotations name, from the disk where it was compiled before."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -9,7 +10,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.compilation.code_digest import digest
-from jerkbench.compilation.module_cache import is_kept, load_entry
+from jerkbench.compilation.module_cache import is_kept, load_entry, target
 
 Loop = Callable[..., Any]
 Constants = Mapping[str, Any]
@@ -100,9 +101,9 @@ RUNNING: Final[list[subprocess.Popen[bytes]]] = []
 def run_beside(code: str) -> None:
     """Start a process that runs ``code``, and do not wait for it; what it says is not shown.
 
-    It outlives this one and its Ctrl-C: what it compiles is kept all the same.
+    It compiles for what this one compiles for. It outlives this one and its Ctrl-C: what it compiles is kept.
     """
-    nothing = subprocess.DEVNULL
-    words = [sys.executable, "-c", code]
-    process = subprocess.Popen(words, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)  # noqa: S603 - our own code
+    nothing, words = subprocess.DEVNULL, [sys.executable, "-c", code]
+    own = os.environ | dict(zip(("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"), target()[1:], strict=True))
+    process = subprocess.Popen(words, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True, env=own)  # noqa: S603 - our own code
     RUNNING.append(process)

@@ -209,14 +209,14 @@ def _module_name(title: str, source: str, key: str) -> str:
     import numba
 
     python = ".".join(platform.python_version_tuple()[:2])
-    versions = f"{numba.__version__} {python} {_processor()} {_own_digest()}"
+    versions = f"{numba.__version__} {python} {target()!r} {_own_digest()}"
     digest = hashlib.sha256(f"{versions} {key} {source}".encode()).hexdigest()[:16]
     return f"jerkbench_{''.join(c if c.isalnum() else '_' for c in title)}_{digest}"
 
 
 @cache
-def _processor() -> str:
-    """What numba makes machine code for; a folder may serve machines with different processors.
+def target() -> tuple[str, str, str]:
+    """Return what numba makes machine code for: system, processor, and its features.
 
     It is a level that many models have, unless the environment names another, or numba has made something already.
     """
@@ -228,7 +228,7 @@ def _processor() -> str:
     )
     if free and (level := level_of_processor()):
         config.CPU_NAME, config.CPU_FEATURES = level, ""
-    return repr(cpu_target.target_context.codegen().magic_tuple())
+    return cpu_target.target_context.codegen().magic_tuple()  # type: ignore[no-any-return]  # numba has no types
 
 
 def level_of_processor() -> str | None:

@@ -9,6 +9,7 @@ import warnings
 import pytest
 
 from jerkbench.compilation.compiled_loop import RUNNING, run_beside
+from jerkbench.compilation.module_cache import target
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.kinematic import Baseline
 from jerkbench.kinematic import loop
@@ -50,6 +51,14 @@ def test_a_process_that_still_runs_is_no_warning(recwarn):
     process = RUNNING.pop()
     process.kill()
     process.wait()
+
+
+def test_it_compiles_for_what_this_process_compiles_for(tmp_path):
+    told = tmp_path / "told"
+    run_beside(f"import os, pathlib; pathlib.Path({str(told)!r}).write_text(os.environ['NUMBA_CPU_NAME'])")
+    RUNNING.pop().wait(60)
+
+    assert told.read_text() == target()[1]
 
 
 SOURCE = """
