@@ -61,7 +61,7 @@ def write_trusted(path: Path, content: bytes) -> None:
     write_atomically(path, write)
 
 
-def read_trusted(path: Path) -> bytes | None:
+def read_trusted(path: Path) -> memoryview | None:
     """Return what `write_trusted` kept at ``path``, or None where there is nothing to read.
 
     The file that is checked is the one that is read, whoever puts another in its place.
@@ -75,9 +75,10 @@ def read_trusted(path: Path) -> bytes | None:
             content = file.read()
     except OSError:  # there is none, or it cannot be read; whether it can be written shows later
         return None
-    if hashlib.sha256(content[32:]).digest() != content[:32]:
+    digest, kept = content[:32], memoryview(content)[32:]
+    if hashlib.sha256(kept).digest() != digest:
         raise Distrusted("it is not what was written there")
-    return content[32:]
+    return kept
 
 
 def _require_own(file: os.stat_result) -> None:

@@ -46,7 +46,7 @@ class Mahony(TiltAndYaw):
         float,
         NOT_NEGATIVE,
         Range(1e-4, 3.0, log=True, source="ours: time constants from a third of a second to three hours"),
-        DefaultOrigin("literature: the paper's 1"),
+        PROPORTIONAL_PER_S_ORIGIN,
     ] = 1.0
     integral_per_s2: Annotated[float, NOT_NEGATIVE, INTEGRAL_PER_S2_RANGE, INTEGRAL_PER_S2_ORIGIN] = 0.3
 

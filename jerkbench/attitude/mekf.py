@@ -85,7 +85,7 @@ class Mekf(TiltAndYaw):
     external_memory: Annotated[
         float,
         Limit(lambda memory: 0 < memory < 1, "it must be between 0 and 1."),
-        Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen"),
+        EXTERNAL_MEMORY_RANGE,
         MEMS_HAND,
     ] = 0.3
     bias: Annotated[bool, SWITCH, DefaultOrigin("ours: MEMS gyros have one")] = True

@@ -237,7 +237,8 @@ def with_errors(
 
 def changed(measured: FixesOrVelocity, values: FloatArray, reported: FloatArray, true: FloatArray) -> FixesOrVelocity:
     """Return measurements with other values (m, 3), and other reported and true covariances (m, 3, 3)."""
-    changes: dict[str, Any] = dict(zip(_FIELDS[type(measured)], (values, reported, true), strict=True))
+    kind = Position if isinstance(measured, Position) else Velocity
+    changes: dict[str, Any] = dict(zip(_FIELDS[kind], (values, reported, true), strict=True))
     return replace(measured, **changes)
 
 

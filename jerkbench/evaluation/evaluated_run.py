@@ -89,7 +89,7 @@ class Summed(ABC):
     """A metric that needs the sums of a run alone, whether or not its trajectory was stored."""
 
     reads_covariance: ClassVar[bool] = True
-    """Whether it reads what the filter says of its errors: sums of e' P^-1 e, or ``sampled`` ones with covariance."""
+    """Whether it reads sums of e' P^-1 e, or any of the ``sampled`` errors: without it these are empty."""
 
     @abstractmethod
     def summarise(self, sums: Sums) -> dict[str, float]:

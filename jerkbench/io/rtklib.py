@@ -240,23 +240,24 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
         ),
         velocity_enu_mps=mps,
         velocity_covariance_m2ps2=spread,
-        axes_at=ecef_to_origin(_position(header, numbers)[0]) if ecef else None,
+        axes_at=ecef_to_origin(numbers[0, _columns(header)]) if ecef else None,
         ellipsoidal=True if ecef else header.ellipsoidal,
         notes=notes,
     )
 
 
-def _position(header: PosHeader, numbers: FloatArray) -> FloatArray:
-    """The three columns of the places (m, 3); of dms where each angle begins."""
+def _columns(header: PosHeader) -> list[int]:
+    """The three columns of the places; of an angle in degrees, minutes and seconds the first."""
     names = next(names for frame, names, _ in FRAMES.values() if frame == header.frame)
-    return numbers[:, header.named(*names.split())]
+    return [header.columns[name] for name in names.split()]
 
 
 def _places(path: Path, header: PosHeader, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Latitude and longitude [deg] and height [m] (m, 3), and what turns the file's vectors (3, 3) into ENU."""
-    position = _position(header, numbers)
+    columns = _columns(header)
+    position = numbers[:, columns]
     if header.frame == "dms":
-        angles = [_degrees(numbers[:, begin : begin + 3]) for begin in list(header.columns.values())[:2]]
+        angles = [_degrees(numbers[:, begin : begin + 3]) for begin in columns[:2]]
         return np.column_stack([*angles, position[:, 2]]), np.eye(3)
     if header.frame == "ecef":
         return ecef_to_geodetic(position), enu_axes(ecef_to_origin(position[0]))

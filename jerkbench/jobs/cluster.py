@@ -84,10 +84,12 @@ class OwnPool(Executor):
         told: Future[Any] = Future()
         told.set_running_or_notify_cancel()
         while True:
-            if not self._idle:
+            if self._idle:
+                worker = self._idle.pop()
+            else:
                 executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
-                self._all.append(_Worker(executor, executor.submit(_import, plugins.modules_of_user())))
-            worker = self._idle.pop() if self._idle else self._all[-1]
+                worker = _Worker(executor, executor.submit(_import, plugins.modules_of_user()))
+                self._all.append(worker)
             with suppress(BrokenProcessPool):  # it has died while it had nothing to do
                 done = worker.executor.submit(work, *arguments, **named)
                 done.add_done_callback(partial(self._tell, worker, told))

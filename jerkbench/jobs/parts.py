@@ -129,7 +129,8 @@ def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
         raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
     columns = {name: _values(name, [row.get(name) for row in rows]) for name in names}
     known, places = list(map(_facts, blocks)), np.repeat(np.arange(len(blocks)), [len(block.rows) for block in blocks])
-    facts = {KEY: [block.key for block in blocks]} | {name: [own.get(name) for own in known] for name in chain(*known)}
+    told = dict.fromkeys(chain(*known))
+    facts = {KEY: [block.key for block in blocks]} | {name: [own.get(name) for own in known] for name in told}
     texts = {name: pa.array(own, pa.string()).dictionary_encode().take(pa.array(places)) for name, own in facts.items()}
     runs = pa.array([block.runs for block in blocks], pa.int32()).take(pa.array(places))
     table = pa.table({**columns, RUNS: runs, **texts})

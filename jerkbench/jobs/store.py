@@ -51,7 +51,7 @@ ABANDONED_S = 3600.0
 SMALL_ROWS = 20_000
 """Rows of a part that is not worth joining with others."""
 JOINED = 100_000
-"""Rows of which joined parts have no more: so many are in memory at once."""
+"""Rows of which joined parts have hardly more: so many are in memory at once."""
 MANY_PARTS = 16
 """Small parts from which on they are joined."""
 

@@ -195,12 +195,7 @@ def rules_of(rules: Sequence[Rule], states: int) -> Rules:
     for run, rule in enumerate(rules):
         parameters[run, : len(rule.parameters)] = rule.parameters
     if lanes:
-        parameters = _aligned(parameters.T)
+        parameters, by_rule = aligned_zeros(*parameters.T.shape), parameters
+        parameters[...] = by_rule.T
     memory = aligned_zeros(max(1, 2 * sizes.max()), WIDE) if lanes else np.zeros((len(rules), sizes.max()))
     return Rules(parameters, whole, adapt, fade, prior, gain, memory, sizes)
-
-
-def _aligned(array: FloatArray) -> FloatArray:
-    copy = aligned_zeros(*array.shape)
-    copy[...] = array
-    return copy

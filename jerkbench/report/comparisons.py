@@ -119,7 +119,7 @@ class VerdictRule:
 RULE = VerdictRule()
 
 SPENDS = "level"
-"""Among the attributes of a study's rows: see `Rule.level`."""
+"""Among the attributes of a study's rows: see `VerdictRule.level`."""
 
 
 # The combination that each one is held against: like it but for some factors.

@@ -24,7 +24,7 @@ from jerkbench.report.columns import (
 from jerkbench.report.comparisons import MOST_PAIRS, family_note, leaders_of
 from jerkbench.report.study_verdicts import StudyVerdicts, is_rival, study_verdicts
 from jerkbench.report.table_model import ABSENT, Grid, Ratio, Table, TableCell, Values, arranged, number
-from jerkbench.report.writers import csv_lines, latex, markdown, tidy_csv
+from jerkbench.report.writers import csv_labels, csv_lines, latex, markdown, tidy_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -282,7 +282,7 @@ def summarise(
         place = tuple(getattr(one.subject, key) for key in (*grid.across, *grid.down))
         judgement = one.judgement
         ratio = Ratio(judgement.ratio, judgement.low, judgement.high, judgement.p, one.mark, judgement.median)
-        cells[place] = dataclasses.replace(cells[place], ratio=ratio)
+        cells[place] = cells[place]._replace(ratio=ratio)
     if leaders and verdicts:
         cells = with_leaders(cells, grid, verdicts)
     table = dataclasses.replace(grid.table(metric, cells), baseline=tuple((baseline or {}).items()))
@@ -321,7 +321,7 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
         leaders = [places[key] for key in leaders_of(field, list(itertools.islice(comparisons, len(pair))))]
         whole = [place for place in leaders if cells[place].complete]  # lost no runs
         for place in (whole or leaders) if len(leaders) < len(field) else ():
-            marked[place] = dataclasses.replace(marked[place], best=True)
+            marked[place] = marked[place]._replace(best=True)
     return marked
 
 
@@ -350,7 +350,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     """
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
-    grid = arranged(with_metric(rows, first), None, None)
+    grid, labels = arranged(with_metric(rows, first), None, None), csv_labels(main)
     sections = {first: markdown(main, level=1)}
 
     def write_csv(path: Path) -> None:
@@ -360,7 +360,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
             for metric in metric_columns(rows):
                 if metric != first:
                     cells = grid.cells(metric)
-                    file.writelines(csv_lines(grid.table(metric, cells)))
+                    file.writelines(csv_lines(grid.table(metric, cells), labels))
                     if metric in SECTIONS and len(cells) <= MANY_CELLS:
                         sections[metric] = _section(grid, metric, cells, main.footnotes)
 

@@ -55,8 +55,7 @@ class Ratio(NamedTuple):
         return f"×{factor_number(self.value) if self.mark == '*' else number(self.value)}{self.mark}"  # noqa: RUF001
 
 
-@dataclass(frozen=True)
-class TableCell:
+class TableCell(NamedTuple):
     """One combination with all its runs.
 
     Attributes:
@@ -243,10 +242,10 @@ def number(value: float) -> str:
     """
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
-    exponent = int(f"{value:.2e}".partition("e")[2])
-    if not -4 <= exponent <= 5:
-        return f"{value:.2e}"
-    return f"{value:.{max(0, 2 - exponent)}f}"
+    text = f"{value:#.3g}"
+    if "e" in text:
+        return f"{value:.0f}" if 999 < abs(value) < 999_500 else f"{value:.2e}"
+    return text.removesuffix(".")
 
 
 def factor_number(value: float) -> str:
@@ -326,14 +325,13 @@ class Grid:
         for places, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
             if of_phases.shape[1] > 1:  # one has no range
                 centres.low[places], centres.high[places] = of_phases.min(axis=1), of_phases.max(axis=1)
-        for ends, name in zip(
-            (centres.low, centres.high), OWN_INTERVAL.get(metric, ()) if own.any() else (), strict=False
-        ):
-            with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
-                logs = Samples(np.log(self.samples(name).values), self.sizes).only(self.ok)
-            for places, of_phases in logs.only(own[logs.owner]).by_size():
-                if of_phases.shape[1]:
-                    ends[places] = np.exp(of_phases.mean(axis=1))
+        if own.any():
+            for ends, name in zip((centres.low, centres.high), OWN_INTERVAL[metric], strict=True):
+                with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
+                    logs = Samples(np.log(self.samples(name).values), self.sizes).only(self.ok)
+                for places, of_phases in logs.only(own[logs.owner]).by_size():
+                    if of_phases.shape[1]:
+                        ends[places] = np.exp(of_phases.mean(axis=1))
         counts = (self.sizes, self.diverged, self.failed, missing, self.phases, own)
         columns = zip(self.runs, centres.tolist(), *(of.tolist() for of in counts), strict=True)
         cells = {}

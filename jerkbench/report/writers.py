@@ -13,6 +13,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from jerkbench.evaluation.intervals import share_interval
+from jerkbench.io.text import is_number
 from jerkbench.notices import plain
 from jerkbench.report.columns import FACTORS
 from jerkbench.report.table_model import ABSENT, Table, TableCell, TextPart, parts
@@ -246,25 +247,34 @@ def _json_number(value: float) -> float | str | None:
 
 def tidy_csv(tables: Sequence[Table]) -> str:
     """Return a header and one line for each cell of the tables; a number that is not there is empty."""
-    lines = (line for table in tables for line in csv_lines(table))
+    lines = (line for table in tables for line in csv_lines(table, csv_labels(table)))
     return ",".join(["metric", "unit", *FACTORS, *VALUES]) + "\n" + "".join(lines)
 
 
-def csv_lines(table: Table) -> Iterator[str]:
-    """Yield a line for each cell of ``table``."""
-    for labels, cell in table.placed():
-        ratio = cell.ratio
-        ratios = (ratio.value, ratio.low, ratio.high, ratio.p) if ratio else (math.nan,) * 4
-        counts = (cell.runs, cell.diverged, cell.failed, cell.missing)
-        shares = share_interval(cell.diverged + cell.failed, cell.runs)
-        texts = [
-            *map(csv_escaped, (table.metric, table.unit, *(labels[factor] for factor in FACTORS), cell.kind)),
-            *map(csv_number, (cell.mean, cell.low, cell.high)),
-            *(*map(str, counts), cell.replicate),
-            *map(csv_number, (*ratios, *cell.quartiles)),
-            *(str(cell.locked), *map(csv_number, (*shares, cell.geometric))),
-        ]
-        yield ",".join(texts) + "\n"
+def csv_labels(table: Table) -> list[str]:
+    """Return the factors of each cell as they stand in its line; they are the same for every metric of a study."""
+    return [",".join(csv_escaped(labels[factor]) for factor in FACTORS) for labels, _ in table.placed()]
+
+
+def csv_lines(table: Table, labels: Sequence[str]) -> Iterator[str]:
+    """Yield a line for each cell of ``table``, which begins with its metric, unit and ``labels``."""
+    head = f"{csv_escaped(table.metric)},{csv_escaped(table.unit)}"
+    cells = (cell for line in table.cells for cell in line if cell is not None)
+    for factors, cell in zip(labels, cells, strict=True):
+        numbers = cell.mean, cell.low, cell.high, *cell.quartiles, cell.geometric
+        mean, low, high, lower, upper, geometric = map(csv_number, numbers)
+        counts = f"{cell.runs},{cell.diverged},{cell.failed},{cell.missing},{cell.replicate}"
+        ratio = ",".join(map(csv_number, cell.ratio[:4])) if cell.ratio else ",,,"
+        shares = _csv_shares(cell.diverged + cell.failed, cell.runs)
+        yield (
+            f"{head},{factors},{cell.kind},{mean},{low},{high},{counts},{ratio},{lower},{upper},"
+            f"{cell.locked},{shares},{geometric}\n"
+        )
+
+
+@cache
+def _csv_shares(lost: int, runs: int) -> str:
+    return ",".join(map(csv_number, share_interval(lost, runs)))
 
 
 def csv_number(value: float) -> str:
@@ -286,15 +296,7 @@ def inert(text: str) -> str:
     >>> inert("=1+1")
     "'=1+1"
     """
-    return f"'{text}" if text.startswith(FORMULA) and len(text) > 1 and not _is_number(text) else text
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return f"'{text}" if text.startswith(FORMULA) and len(text) > 1 and not is_number(text) else text
 
 
 WRITERS: Mapping[str, Callable[[Table], str]] = {

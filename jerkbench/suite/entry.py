@@ -172,10 +172,6 @@ def _is_text(value: object) -> bool:
     return isinstance(value, str) and is_plain(value)
 
 
-def _are_texts(value: object) -> bool:
-    return isinstance(value, list) and all(map(_is_text, value))
-
-
 def _is_number(value: object) -> bool:
     """Whether it is a finite number, and none that is too large for a float."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
@@ -205,7 +201,7 @@ FACTS: Mapping[str, tuple[Test, str]] = {
     "entry": (_is_text, "the name of the entry"),
     "suite": (_is_text, "the name of its suite"),
     "protocol": (_is_text, "a digest"),
-    "data": (_are_texts, "a list of digests"),
+    "data": (lambda value: isinstance(value, list) and all(map(_is_text, value)), "a list of digests"),
     "method": (_is_method, "filter, adaptation (attitude) with name and plain values, and r_scale with numbers"),
     "tuned": (lambda value: isinstance(value, bool), "true or false"),
     "score": (_is_mapping_of(_is_of_score), "numbers and words by their names"),

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.jobs import parts
 from jerkbench.jobs import store as store_of_cells
 from jerkbench.jobs.manifest import read_manifest, write_manifest
 from jerkbench.jobs.parts import RowBlock
@@ -55,6 +56,22 @@ def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store)
     pd.testing.assert_frame_equal(a.rows, pd.DataFrame(first[::-1]), check_exact=True, check_dtype=False)
     pd.testing.assert_frame_equal(b.rows, pd.DataFrame(second), check_exact=True)
     assert [cell.metadata["notes"] for cell in (a, b)] == [["of a"], ["of b"]]
+
+
+def test_what_is_known_of_many_cells_is_looked_up_once_each(monkeypatch):
+    looked_up = []
+
+    class Facts(dict):
+        def get(self, name):
+            looked_up.append(name)
+            return super().get(name)
+
+    facts_of = parts._facts
+    monkeypatch.setattr(parts, "_facts", lambda block: Facts(facts_of(block)))
+    blocks = [RowBlock(f"{k}", 1, [row(seed=k)], about()) for k in range(50)]
+
+    assert parts.table_of(blocks).num_rows == 50
+    assert len(looked_up) == 50 * len(set(looked_up))
 
 
 def test_a_cell_is_whole_when_its_last_block_is_there(store):
