@@ -1,8 +1,13 @@
-"""The measurement update of a Kalman filter in NumPy, and the limit of double precision."""
+"""The measurement update of a Kalman filter in NumPy, with its adaptation; and the limit of double precision."""
+
+from collections.abc import Callable
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.contracts import Adaptation, Fading
+from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
+from jerkbench.timeline import Recorder, Timeline
 
 ROUNDING = 1e-12
 """A variance that is left over when all but this share is taken away is rounding, not information (`spread_by`).
@@ -143,18 +148,55 @@ def is_healthy(x: FloatArray, P: FloatArray) -> bool:
 
 def has_factor(P: FloatArray) -> bool:
     """Whether P is finite and has a Cholesky factor."""
-    if not np.isfinite(P).all():
-        return False
     try:
-        np.linalg.cholesky(P)
+        return bool(np.isfinite(np.linalg.cholesky(P)).all())
     except np.linalg.LinAlgError:
         return False
-    return True
 
 
 def is_positive_definite(P: FloatArray) -> bool:
     """Whether P is finite and positive definite but for rounding: P + INDEFINITE diag(P) has a factor."""
-    try:
-        return bool(np.isfinite(np.linalg.cholesky(P + INDEFINITE * np.diag(np.diag(P)))).all())
-    except np.linalg.LinAlgError:
-        return False
+    return has_factor(P + INDEFINITE * np.diag(np.diag(P)))
+
+
+# The measurement updates of one run with its adaptation, whatever the filter is.
+
+Innovate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
+"""z (m,) and its rows -> the innovation y (m,) and H P H' (m, m)."""
+
+Correct = Callable[[FloatArray, FloatArray, IntArray], float]
+"""y, R and the rows that the adaptation did not drop -> y' S^-1 y, after the filter was updated with them."""
+
+
+class AdaptedUpdates:
+    """The updates of one run: for each the adaptation says R, the filter takes it, and the recorder keeps both.
+
+    Attributes:
+        recorder: of the run.
+        fading: factor on P by the latest update.
+    """
+
+    def __init__(self, timeline: Timeline, adaptation: Adaptation, *, log_det: bool = True) -> None:
+        """Begin with an empty memory; an adaptation that asks for the true covariances gets them."""
+        self.measured, self.recorder, self._log_det = timeline.measurements, Recorder(timeline), log_det
+        self._R = self.measured.covariances(true=wants_truth(adaptation))
+        self._adaptation, self._memory = clocked(adaptation, timeline), empty_memory(adaptation)
+        self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
+        self.fading = 1.0
+
+    def take(self, update: int, innovate: Innovate, correct: Correct) -> None:
+        """Adapt R, and correct with the rows that are left; without any measured row nobody is asked."""
+        z = self.measured.z[update]
+        rows = np.flatnonzero(np.isfinite(z))
+        block = np.ix_(rows, rows)
+        R, (innovation, HPHt) = self._R[update][block], innovate(z[rows], rows)
+        S = HPHt + self.measured.R[update][block]
+        nis, log_det = squared_distance(innovation, S), np.linalg.slogdet(S)[1] if self._log_det else np.nan
+        if rows.size and self._fade is not None:
+            self.fading = self._fade(innovation, HPHt, R, rows, self._memory)
+            HPHt = HPHt * self.fading
+        if rows.size:
+            R = self._adaptation.adapt(innovation, HPHt, R, rows, self._memory)
+        kept = np.isfinite(np.diag(R))
+        used = correct(innovation[kept], R[np.ix_(kept, kept)], rows[kept]) if kept.any() else np.nan
+        self.recorder.update(update, rows, innovation, np.diag(R), nis, used, float(log_det))

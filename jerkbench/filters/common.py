@@ -7,15 +7,15 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from jerkbench import plugins
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.kalman import squared_distance, updated
+from jerkbench.kalman import AdaptedUpdates, squared_distance, updated
 from jerkbench.parameters import DefaultOrigin, Limited, Range
-from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
+from jerkbench.plugins.optional import clocked
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
-from jerkbench.timeline import Recorder, Timeline, kept_timeline
+from jerkbench.timeline import Timeline, kept_timeline
 
 
 class StepModel(NamedTuple):
@@ -94,40 +94,24 @@ def outer(scale: FloatArray, b: FloatArray) -> FloatArray:
 # The measurement updates of an estimator whose state begins with position and velocity.
 
 
-class MeasurementUpdates:
-    """The measurement updates of one run, with the adaptation's memory."""
+class MeasurementUpdates(AdaptedUpdates):
+    """The measurement updates of one run, of a state and its covariance."""
 
-    def __init__(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> None:
-        """Start with an empty memory; an adaptation that asks for the true covariances gets them."""
-        measured = timeline.measurements
-        adaptation = clocked(adaptation, timeline)
-        self.measured, self.adaptation, self.recorder = measured, adaptation, recorder
-        self.R = measured.covariances(true=wants_truth(adaptation))
-        self.memory = empty_memory(adaptation)
-        self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
-
-    def __call__(self, row: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x and P after the measurement ``row``, and the prior covariance that it took, which may be faded.
+    def __call__(self, update: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x and P after an update, and the prior covariance that it took, which may be faded.
 
         Where every row of it is dropped the state stays as it is.
         """
-        z = self.measured.z[row]
-        rows = np.flatnonzero(np.isfinite(z))
-        block = np.ix_(rows, rows)
-        innovation, R = z[rows] - x[rows], self.R[row][block]
-        S = P[block] + self.measured.R[row][block]
-        nis, log_det = squared_distance(innovation, S), float(np.linalg.slogdet(S)[1])
-        if self.fade is not None and len(rows):
-            P = P * self.fade(innovation, P[block], R, rows, self.memory)
-        prior = P
-        R = self.adaptation.adapt(innovation, P[block], R, rows, self.memory) if len(rows) else R
-        kept, used = np.isfinite(np.diag(R)), float("nan")
-        if kept.any():
-            few = np.ix_(kept, kept)
-            used = squared_distance(innovation[kept], P[block][few] + R[few])
-            x, P = updated(x, P, innovation[kept], np.eye(len(x))[rows[kept]], R[few])
-        self.recorder.update(row, rows, innovation, np.diag(R), nis, used, log_det)
-        return x, P, prior
+        after: list[tuple[FloatArray, FloatArray]] = []
+
+        def correct(innovation: FloatArray, R: FloatArray, rows: IntArray) -> float:
+            prior = P * self.fading
+            after.append(updated(x, prior, innovation, np.eye(len(x))[rows], R))
+            return squared_distance(innovation, prior[np.ix_(rows, rows)] + R)
+
+        self.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]), correct)
+        prior = P * self.fading
+        return *(after[0] if after else (x, prior)), prior
 
 
 CompiledWays = tuple[Callable[..., Estimate | None], Callable[..., Sequence[Streamed | None]]]

@@ -13,7 +13,7 @@ from jerkbench.kalman import is_healthy
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline import Recorder, Timeline, build_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 TURN_WALK = Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot")
 STRAIGHT_RAD = 1e-4
@@ -72,11 +72,7 @@ class ConstantTurn(Limited):
 
     def filtered(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
         """Return the solution of a timeline."""
-        recorder = Recorder(timeline)
-        return recorder.estimate(self._run(timeline, adaptation, recorder))
-
-    def _run(self, timeline: Timeline, adaptation: Adaptation, recorder: Recorder) -> str:
-        update = MeasurementUpdates(timeline, adaptation, recorder)
+        update = MeasurementUpdates(timeline, adaptation)
         x, P = self.start(timeline)
         for k, dt in enumerate(timeline.dt_s.tolist()):
             if dt > 0:
@@ -85,10 +81,11 @@ class ConstantTurn(Limited):
             if row >= 0:
                 x, P, _ = update(row, x, P)
             if not is_healthy(x[:6], P[:6, :6]):
-                return f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
+                failure = f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
+                return update.recorder.estimate(failure)
             if reference >= 0:
-                recorder.state(reference, x[:6], P[:6, :6])
-        return ""
+                update.recorder.state(reference, x[:6], P[:6, :6])
+        return update.recorder.estimate()
 
     def start(self, timeline: Timeline) -> tuple[FloatArray, FloatArray]:
         """Return x (7,) and P (7, 7) at the start of a timeline."""

@@ -23,12 +23,11 @@ from jerkbench.filters.common import (
     of_r_alone,
 )
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
-from jerkbench.kalman import is_healthy, squared_distance, updated
+from jerkbench.kalman import AdaptedUpdates, is_healthy, squared_distance, updated
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Limited, Provenance
 from jerkbench.plugins import register
-from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
 from jerkbench.recording import Recording
-from jerkbench.timeline import Recorder, Timeline, build_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.mixture import Mixed  # what it imports takes half a second
@@ -231,62 +230,51 @@ class Mixture:
         self.timeline, self.transitions = timeline, transitions
         self.models = [StepModels(model, timeline.dt0_s) for model in models]
         self.x, self.P, self.weights = mixed_start(timeline, models, transitions, mu)
-        measured = timeline.measurements
-        self.R = measured.covariances(true=wants_truth(adaptation))
-        self.adaptation, self.memory = clocked(adaptation, timeline), empty_memory(adaptation)
-        self.recorder = Recorder(timeline)
+        self.updates, self.healthy = AdaptedUpdates(timeline, adaptation), True
 
     def to_the_end(self) -> Estimate:
         """Go through the timeline; stops at the first sign of divergence."""
-        t = self.timeline
+        t, recorder = self.timeline, self.updates.recorder
         steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
         for k, (dt, sample, update, reference) in enumerate(steps):
             if dt > 0:
                 self._predict(dt, t.accel_enu_mps2[sample])
-            if update >= 0 and not self._update(update):
-                return self.recorder.estimate(f"the covariance is no longer positive definite at {t.t_s[k]:.2f} s")
+            if update >= 0:
+                self._update(update)
+            if not self.healthy:
+                return recorder.estimate(f"the covariance is no longer positive definite at {t.t_s[k]:.2f} s")
             if reference >= 0:
                 x, P = combined(self.x, self.P, self.weights)
-                self.recorder.state(reference, x[:6], P[:6, :6])
-        return self.recorder.estimate()
+                recorder.state(reference, x[:6], P[:6, :6])
+        return recorder.estimate()
 
     def _predict(self, dt: float, u: FloatArray) -> None:
         for j, models in enumerate(self.models):
             F, B, Q = models.of(dt)
             self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
 
-    def _update(self, row: int) -> bool:
-        """Adapt R by the combined prediction, update all, weigh and mix; return whether all are healthy."""
-        rows, R = self._adapted(row)
-        if not len(rows):
-            return True
-        z, H = self.timeline.measurements.z[row], np.eye(self.x.shape[1])[rows]
-        log_likelihood = np.empty(len(self.models))
+    def _update(self, update: int) -> None:
+        """Adapt R by the combined prediction, and go through a cycle with it."""
+        x, P = combined(self.x, self.P, self.weights)
+        z = self.timeline.measurements.z[update]
+
+        def correct(y: FloatArray, R: FloatArray, rows: IntArray) -> float:
+            self._cycle(z[rows], R, rows)
+            return squared_distance(y, P[np.ix_(rows, rows)] + R)
+
+        self.updates.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]), correct)
+
+    def _cycle(self, z: FloatArray, R: FloatArray, rows: IntArray) -> None:
+        """Update all filters; weigh and mix them if all are healthy."""
+        H, log_likelihood = np.eye(self.x.shape[1])[rows], np.empty(len(self.models))
         for j in range(len(self.models)):
-            y = z[rows] - self.x[j, rows]
+            y = z - self.x[j, rows]
             log_likelihood[j] = log_density(y, self.P[j][np.ix_(rows, rows)] + R)
             self.x[j], self.P[j] = updated(self.x[j], self.P[j], y, H, R)
-        if not all(is_healthy(x, P) for x, P in zip(self.x, self.P, strict=True)):
-            return False
-        mu = weighed(self.weights, log_likelihood)
-        self.x, self.P, self.weights = mixed(self.x, self.P, mu, self.transitions)
-        return True
-
-    def _adapted(self, row: int) -> tuple[IntArray, FloatArray]:
-        """Return the rows that are used, and their R, from the innovation of the combined prediction, which is kept."""
-        x, P = combined(self.x, self.P, self.weights)
-        measured = self.timeline.measurements
-        rows = np.flatnonzero(np.isfinite(measured.z[row]))
-        block = np.ix_(rows, rows)
-        y, HPHt = measured.z[row, rows] - x[rows], P[block]
-        S = HPHt + measured.R[row][block]
-        nis, log_det = squared_distance(y, S), float(np.linalg.slogdet(S)[1])
-        R = self.adaptation.adapt(y, HPHt, self.R[row][block], rows, self.memory)
-        kept = np.isfinite(np.diag(R))
-        few = np.ix_(kept, kept)
-        used = squared_distance(y[kept], HPHt[few] + R[few]) if kept.any() else float("nan")
-        self.recorder.update(row, rows, y, np.diag(R), nis, used, log_det)
-        return rows[kept], R[few]
+        self.healthy = all(is_healthy(x, P) for x, P in zip(self.x, self.P, strict=True))
+        if self.healthy:
+            mu = weighed(self.weights, log_likelihood)
+            self.x, self.P, self.weights = mixed(self.x, self.P, mu, self.transitions)
 
 
 def mixed(

@@ -29,7 +29,7 @@ from jerkbench.kalman import is_healthy
 from jerkbench.parameters import DefaultOrigin, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.timeline import Recorder, Timeline, build_timeline
+from jerkbench.timeline import Timeline, build_timeline
 
 MODELS = ("baseline", "bias", "jerk")
 OF_FIXES = ("acceleration", "constant_turn", "constant_velocity")
@@ -54,12 +54,12 @@ class Smoother(OverTimelines):
 
     def smooth(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
         """Return the smoothed solution of a timeline."""
-        recorder = Recorder(timeline)
-        forward, failure = _forward(timeline, self.kinematic_filter(), adaptation, recorder)
+        update = MeasurementUpdates(timeline, adaptation)
+        forward, failure = _forward(timeline, self.kinematic_filter(), update)
         x, P = smoothed(forward)
         for k in np.flatnonzero(timeline.reference[: len(x)] >= 0).tolist():
-            recorder.state(int(timeline.reference[k]), x[k, :6], P[k, :6, :6])
-        return recorder.estimate(failure)
+            update.recorder.state(int(timeline.reference[k]), x[k, :6], P[k, :6, :6])
+        return update.recorder.estimate(failure)
 
     def compiled_ways(self) -> CompiledWays | None:
         """Return what smooths one timeline, and several side by side; of a turn there is no compiled way."""
@@ -231,14 +231,11 @@ def _begin(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray
     return *initial(timeline, model), predicted
 
 
-def _forward(
-    timeline: Timeline, model: Filter | ConstantTurn, adaptation: Adaptation, recorder: Recorder
-) -> tuple[ForwardPass, str]:
+def _forward(timeline: Timeline, model: Filter | ConstantTurn, update: MeasurementUpdates) -> tuple[ForwardPass, str]:
     """Filter; return every step up to the end or the first sign of divergence, and the reason for that."""
     x, P, predicted = _begin(timeline, model)
     n, s = len(timeline.dt_s), len(x)
     kept = ForwardPass(np.empty((n, s)), np.empty((n, s, s)), np.empty((n, s)), np.empty((n, s, s)), [np.eye(s)] * n)
-    update = MeasurementUpdates(timeline, adaptation, recorder)
     for k, (dt, sample) in enumerate(zip(timeline.dt_s.tolist(), timeline.sample.tolist(), strict=True)):
         if dt > 0:
             x, P, kept.F[k] = predicted(x, P, dt, timeline.accel_enu_mps2[sample])

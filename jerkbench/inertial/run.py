@@ -1,11 +1,12 @@
 """One run of the error-state inertial navigation over the events of a recording."""
 
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.mechanisation import advance_navigation, calibrated, propagated, step_noise, transition
@@ -23,23 +24,12 @@ from jerkbench.inertial.update import (
     wheel_speed,
     widened,
 )
-from jerkbench.kalman import has_factor
-from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
+from jerkbench.kalman import AdaptedUpdates, has_factor
 from jerkbench.recording import Heading, Imu
-from jerkbench.timeline import Recorder, Timeline
+from jerkbench.timeline import Timeline
 
 STRETCH = 512
 """Most steps that are made at once: their Phi have to find room."""
-
-
-class Adapts(Protocol):
-    """What a run needs of an adaptation; `jerkbench.contracts.Adaptation` has it."""
-
-    def adapt(
-        self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
-    ) -> FloatArray:
-        """Return the R to use."""
-        ...
 
 
 class InertialSolution(NamedTuple):
@@ -76,18 +66,15 @@ class InertialRun:
         timeline: Timeline,
         headings: Heading | None,
         start: tuple[NavigationState, FloatArray],
-        adaptation: Adapts,
+        adaptation: Adaptation,
         settings: InertialSettings,
     ) -> None:
         """Put a run together; it starts from the state and covariance of ``start``."""
         self.imu, self.timeline, self.headings, self.settings = imu, timeline, headings, settings
         self.state, self.P = start
-        self.adaptation, self.memory = clocked(adaptation, timeline), empty_memory(adaptation)
-        measured = timeline.measurements
-        self.R = measured.covariances(true=wants_truth(adaptation))
+        self.updates = AdaptedUpdates(timeline, adaptation, log_det=False)
         self.noises: dict[int, FloatArray] = {}
         self.rate = np.zeros(3)
-        self.recorder = Recorder(timeline)
         self.dcms: list[FloatArray] = []
 
     def over(self, events: Events) -> InertialSolution:
@@ -154,18 +141,12 @@ class InertialRun:
 
     def _update(self, update: int) -> None:
         """Adapt R and take position and velocity."""
-        measured = self.timeline.measurements
-        rows = np.flatnonzero(np.isfinite(measured.z[update]))
-        block = np.ix_(rows, rows)
         h, H = self._expected()
-        innovation, H = measured.z[update, rows] - h[rows], H[rows]
-        HPHt = H @ self.P @ H.T
-        nis = float(innovation @ np.linalg.solve(HPHt + measured.R[update][block], innovation))
-        R = self.adaptation.adapt(innovation, HPHt, self.R[update][block], rows, self.memory)
-        kept, used = np.isfinite(np.diag(R)), float("nan")
-        if kept.any():
-            used = self._correct(innovation[kept], H[kept], R[np.ix_(kept, kept)])
-        self.recorder.update(update, rows, innovation, np.diag(R), nis, used)
+        self.updates.take(
+            update,
+            lambda z, rows: (z - h[rows], H[rows] @ self.P @ H[rows].T),
+            lambda innovation, R, rows: self._correct(innovation, H[rows], R),
+        )
 
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         """The six rows of position and velocity that the state expects, and their H."""
@@ -208,10 +189,12 @@ class InertialRun:
 
     def _keep(self, reference: int) -> None:
         """Keep position and velocity of the reference point, and the attitude."""
-        self.recorder.state(reference, *given_out(self.state, self.P, self.rate, self.settings.reference_point_m))
+        self.updates.recorder.state(
+            reference, *given_out(self.state, self.P, self.rate, self.settings.reference_point_m)
+        )
         self.dcms.append(self.state.dcm)
 
     def _solution(self, failure: str = "") -> InertialSolution:
-        estimate = self.recorder.estimate(failure)
+        estimate = self.updates.recorder.estimate(failure)
         euler_rad = euler_from_dcm(np.array(self.dcms)) if self.dcms else np.empty((0, 3))
         return InertialSolution(replace(estimate, euler_rad=euler_rad), self.state, self.P)

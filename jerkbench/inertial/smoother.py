@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.contracts import Adaptation
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
-from jerkbench.inertial.run import Adapts, InertialRun, InertialSolution, given_out
+from jerkbench.inertial.run import InertialRun, InertialSolution, given_out
 from jerkbench.inertial.run_inputs import Events, Journey
 from jerkbench.inertial.state import PHI, NavigationState, corrected, error_between
 from jerkbench.inertial.update import carried_over, reset
@@ -94,7 +95,7 @@ class Smoothed(NamedTuple):
     covariance: FloatArray
 
 
-def smooth_navigation(journey: Journey, adaptation: Adapts) -> Estimate:
+def smooth_navigation(journey: Journey, adaptation: Adaptation) -> Estimate:
     """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
     run = ForwardRun(*journey[:3], journey.start, adaptation, journey.settings)
     estimate = run.over(journey.events).estimate
@@ -138,7 +139,7 @@ def gain(P: FloatArray, Phi: FloatArray, P_prior: FloatArray) -> FloatArray:
     return np.asarray((solved / sigma[:, None]).T)
 
 
-def forward_states(journey: Journey, adaptation: Adapts, steps: Sequence[int]) -> list[NavigationState]:
+def forward_states(journey: Journey, adaptation: Adaptation, steps: Sequence[int]) -> list[NavigationState]:
     """Return the filter's states after ``steps``, at each of which something is taken; the start's for step 0.
 
     Raises:

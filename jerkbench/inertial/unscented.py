@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.contracts import Adaptation
 from jerkbench.geometry import wrap_angle
-from jerkbench.inertial.run import Adapts, InertialRun, InertialSolution
+from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Events, Journey
 from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState, P, V, orthonormal, rotation_exp
 from jerkbench.inertial.update import heading, point_in_enu, velocity_in_body, wheel_speed
@@ -77,7 +78,7 @@ def rotation_vectors(dcm: FloatArray) -> FloatArray:
 class UnscentedRun(InertialRun):
     """The state of one run, and its steps; `over` of the error-state filter goes through them."""
 
-    def __init__(self, journey: Journey, adaptation: Adapts, points: Any) -> None:  # noqa: ANN401 - filterpy's
+    def __init__(self, journey: Journey, adaptation: Adaptation, points: Any) -> None:  # noqa: ANN401 - filterpy's
         """Put a run together.
 
         Args:
@@ -164,16 +165,12 @@ class UnscentedRun(InertialRun):
 
     def _update(self, update: int) -> None:
         """Adapt R and take position and velocity."""
-        measured = self.timeline.measurements
-        rows = np.flatnonzero(np.isfinite(measured.z[update]))
-        block, z = np.ix_(rows, rows), measured.z[update, rows]
-        innovation, HPHt = self._innovate(z, lambda dx: self._expect(dx)[rows])
-        nis = float(innovation @ np.linalg.solve(HPHt + measured.R[update][block], innovation))
-        R = self.adaptation.adapt(innovation, HPHt, self.R[update][block], rows, self.memory)
-        kept, used = np.isfinite(np.diag(R)), float("nan")
-        if kept.any():
-            used = self._take_rows(z[kept], R[np.ix_(kept, kept)], lambda dx: self._expect(dx)[rows[kept]])
-        self.recorder.update(update, rows, innovation, np.diag(R), nis, used)
+        z = self.timeline.measurements.z[update]
+        self.updates.take(
+            update,
+            lambda z, rows: self._innovate(z, lambda dx: self._expect(dx)[rows]),
+            lambda _, R, rows: self._take_rows(z[rows], R, lambda dx: self._expect(dx)[rows]),
+        )
 
     def _take_rows(self, z: FloatArray, R: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> float:
         """Update with rows that are there, from the sigma points of the prior; return their NIS."""

@@ -124,6 +124,21 @@ def test_an_adapted_covariance_is_symmetric_where_the_prior_is_large():
 
 
 @pytest.mark.slow
+def test_a_rule_that_raises_where_the_last_bits_are_others_cuts_the_comparison():
+    """After two gaps of 100 s `jerk` has a prior of 1e14 R; of six runs with other bits one fails, one is refused."""
+    short, none = (0.01, False, "both", 1e-3), (0.01, True, "none", 1e-3)
+    first = [(0.01, True, "both", 1e-3), (0.01, True, "some", 0.01), short, (1e-9, False, "both", 1e-3)]
+    more = [(0.0, True, "both", 1e-3), short, (0.01, True, "some", 1e-3), (0.1, False, "both", 1.0)]
+    third = [(0.01, True, "both", 1e-3), (0.01, True, "velocity", 30.0), short, (0.01, True, "both", 30.0)]
+    gap = [(100.0, False, "both", 1.0), (1.0, True, "both", 30.0), none, (1e-9, False, "both", 1.0)]
+    last = [(0.1, False, "both", 1.0), short, (0.1, True, "position", 0.01), (100.0, True, "both", 1.0)]
+    end = [(1e-9, False, "both", 1.0), short, (1e-9, False, "both", 1.0), (0.01, True, "both", 30.0)]
+    timeline = timeline_of([*first, *more, *third, *gap, *last, *end], 42224, correlated=True)
+    jerk, adaptation = (plugins.create(*both) for both in (("filter", {"name": "jerk"}), ("adaptation", VBAKF)))
+    assert compare(timeline, jerk, adaptation) == "cut"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sif", "maximum_correntropy"])
 def test_a_gain_of_their_own_leaves_nothing_of_a_prior_that_is_large_after_a_gap(name):
     """(I - K H) is worked out before P, which is 1e16 R here: P less what is nearly P is no millimetre."""
@@ -284,7 +299,10 @@ class ChangedRun(filterpy_engine._Run):
     def update(self, update):
         self.z = self.z.copy()
         self.z[update] *= self._other(6)
-        failure = super().update(update)
+        try:
+            failure = super().update(update)
+        except np.linalg.LinAlgError as error:  # a rule that takes factors of P says in this way that it is none
+            return str(error)
         factor = np.tril(self._other(self.kf.P.shape))
         self.kf.P = self.kf.P * (factor + np.tril(factor, -1).T)
         self.kf.x = self.kf.x * self._other(self.kf.x.shape)
