@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.contracts import Metric, Reading, Summarising
+from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.evaluation.counted_rows import (
@@ -25,7 +25,7 @@ from jerkbench.evaluation.counted_rows import (
     rows_at,
 )
 from jerkbench.kinematic.trajectory_score import scored_trajectory
-from jerkbench.plugins.optional import has_methods
+from jerkbench.plugins.optional import has_methods, part_read
 from jerkbench.recording import Recording
 from jerkbench.sums import ErrorWeights, Streamed, Sums
 from jerkbench.timeline import Timeline
@@ -169,7 +169,7 @@ def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
 
 def can_stream(metric: Metric) -> bool:
     """Whether the metric needs no trajectory."""
-    return isinstance(metric, Summarising | Reading)
+    return has_methods(metric, Summarising) or part_read(metric) != "everything"
 
 
 def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:

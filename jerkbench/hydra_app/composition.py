@@ -5,8 +5,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from functools import cache, reduce
-from operator import or_
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -88,7 +87,7 @@ class _Composer:
         self._loader, self._sweep = loader, sweep
         self._whole, self._choice, self._part = cache(self._of_hydra), cache(self._chosen), cache(self._made)
         self._ours, self._config = cache(self._is_ours), cache(self._chosen_config)
-        self._value, self._converted = cache(OverridesParser.create().parse_override), cache(self._field)
+        self._value = cache(OverridesParser.create().parse_override)
         sources = [
             source for source in sweep.hydra.runtime.config_sources if source.provider not in ("hydra", "schema")
         ]
@@ -156,19 +155,15 @@ class _Composer:
         """Return what stands under a key with ``words``: their choice, or what ``whole`` has, with their values."""
         choice = self._choice(key, words)
         config, own = self._config(whole, key, choice)
-        values = [word for word in words if _is_value(word)]
-        of_fields = all(word.partition("=")[0].count(".") == 1 for word in values)
-        if choice and key in plugins.KINDS and key != "disturbance" and of_fields:
-            return reduce(or_, (self._converted(key, own["name"], word) for word in values), own)
+        parsed = [self._value(word) for word in words if _is_value(word)]
+        values = {value.key_or_group: value.value() for value in parsed}
+        if choice and key in plugins.KINDS and key != "disturbance" and all(name.count(".") == 1 for name in values):
+            named = {name.partition(".")[2]: value for name, value in values.items()}
+            return own | plugins.converted(key, own["name"], named) if named else own
         config = copy.deepcopy(config)
-        for parsed in map(self._value, values):
-            OmegaConf.update(config, parsed.key_or_group, parsed.value(), merge=True)
+        for name, value in values.items():
+            OmegaConf.update(config, name, value, merge=True)
         return _plain(config)[key]
-
-    def _field(self, kind: str, name: str, word: str) -> dict[str, Any]:
-        """Return the field of a plugin to which a word gives a value."""
-        value = self._value(word)
-        return plugins.converted(kind, name, {value.key_or_group.partition(".")[2]: value.value()})
 
     def _chosen_config(self, whole: _Whole, key: str, choice: str) -> tuple[DictConfig, Any]:
         """Return what ``whole`` is with the choice, before any value, and what stands under the key then."""

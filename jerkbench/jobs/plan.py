@@ -73,7 +73,8 @@ def joined_jobs(jobs: Iterable[Job]) -> tuple[Job, ...]:
     for job in jobs:
         first.setdefault(job.key, job)
         draws.setdefault(job.key, set()).update(job.draws)
-    return tuple(replace(job, draws=in_order(draws[key])) for key, job in first.items())
+    alike = {key: draws[key] == set(job.draws) for key, job in first.items()}
+    return tuple(job if alike[key] else replace(job, draws=in_order(draws[key])) for key, job in first.items())
 
 
 def in_order(draws: Collection[int]) -> Sequence[int]:

@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 import typing
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, TypeVar
@@ -120,7 +120,7 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
     Raises:
         PluginError: unknown name or field, or a value of the wrong type; names the plugin and the field.
     """
-    from omegaconf import OmegaConf
+    from omegaconf import MISSING
     from omegaconf.errors import OmegaConfBaseException
 
     name = str(config.get("name"))
@@ -129,28 +129,38 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
     for key in config:
         if key not in (*known, "name"):
             raise PluginError(unknown(f"parameter of {kind} {name}", str(key), list(known)))
+    given = {key: value for key, value in config.items() if key != "name" and repr(_as_lists(value)) != known[key]}
+    lacking = {key: MISSING for key, default in known.items() if not default and key not in given}
     try:
-        given = {key: value for key, value in config.items() if key != "name" and repr(_as_lists(value)) != known[key]}
-        asked = frozenset({*given, *(key for key, default in known.items() if not default)})
-        merged = OmegaConf.merge(_structured(kind, name, cls, asked), given)  # which copies the first
-        values = OmegaConf.to_container(merged, resolve=True, throw_on_missing=True)
+        values = converted(kind, name, {**given, **lacking}, resolve=True)
     except OmegaConfBaseException as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
-    return cls(**_fitted(f"{kind} {name}", cls, typing.cast("dict[str, Any]", values)))
+    return cls(**_fitted(f"{kind} {name}", cls, values))
 
 
-def converted(kind: str, name: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``values`` of fields of a plugin as its schema has them.
+def converted(kind: str, name: str, values: Mapping[str, Any], *, resolve: bool = False) -> dict[str, Any]:
+    """Return ``values`` of fields of a plugin as its schema has them, references to others ``resolved`` or as they are.
 
     Raises:
-        OmegaConfBaseException: there is no such field, or a value has the wrong type.
+        OmegaConfBaseException: there is no such field, or a value has the wrong type, or is not given.
     """
+    cls = get(kind, name)
+    fields = {key: _scalar if type(value) in SCALARS else _field for key, value in values.items()}
+    return {key: field(kind, name, cls, key, values[key], resolve) for key, field in fields.items()}
+
+
+def _field(kind: str, name: str, cls: type, key: str, value: Any, resolve: bool) -> Any:  # noqa: ANN401 - cached
     from omegaconf import OmegaConf
 
-    merged = OmegaConf.merge(_structured(kind, name, get(kind, name), frozenset(values)), dict(values))
-    plain = typing.cast("dict[str, Any]", OmegaConf.to_container(merged))
-    return {key: plain[key] for key in values}
+    merged = OmegaConf.merge(_structured(kind, name, cls, frozenset({key})), {key: value})  # which copies the first
+    plain: Any = OmegaConf.to_container(merged, resolve=resolve, throw_on_missing=resolve)
+    return plain[key]
+
+
+SCALARS = (bool, int, float, str)
+_scalar = lru_cache(maxsize=4096, typed=True)(_field)
+"""A field, whose scalar value is read once: of a grid each is asked for again and again."""
 
 
 @cache

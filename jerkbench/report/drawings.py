@@ -199,22 +199,10 @@ def of_scene(scene: Scene, palette: Palette) -> Iterator[Drawing]:
     only = {scene.best: estimates[scene.best]}
     updated = {name: estimate for name, estimate in estimates.items() if len(estimate.updates.t_s)}
     figures = {
-        "errors": (
-            "position error, first seed",
-            error_figure(recording, estimates, panels=1, **common),
-        ),
-        "zoom": (
-            "position error around a disturbance",
-            zoomed_error_figure(recording, estimates, window_s, **common),
-        ),
-        "trajectory": (
-            "trajectory, and a part of it enlarged",
-            inset_trajectory_figure(recording, estimates, palette),
-        ),
-        "three-sigma": (
-            f"errors of {scene.best} with three sigmas",
-            error_figure(recording, only, **common),
-        ),
+        "errors": ("position error, first seed", error_figure(recording, estimates, panels=1, **common)),
+        "zoom": ("position error around a disturbance", zoomed_error_figure(recording, estimates, window_s, **common)),
+        "trajectory": ("trajectory, and a part of it enlarged", inset_trajectory_figure(recording, estimates, palette)),
+        "three-sigma": (f"errors of {scene.best} with three sigmas", error_figure(recording, only, **common)),
         "consistency": (f"NEES and NIS of {scene.best}", consistency_figure(scene.best_runs, scene.best, palette)),
         "adapted-r": ("measurement noise that was used", adapted_r_figure(recording, updated, palette)),
     }

@@ -146,11 +146,12 @@ def _standing(
 ) -> Standing:
     rivals = tuple(key for key in field if is_rival(key, method))
     scenario = (rivals or tuple(field))[0]._asdict().items()
+    pairs = itertools.combinations(rivals if judged else (), 2)
     return Standing(
         scenario=tuple(value for key, value in scenario if key not in method and key in varying),
         method=tuple(key for key in FACTORS if key in method and key in varying) or tuple(method),
         rivals=rivals,
-        comparisons=tuple(judged[pair] for pair in itertools.combinations(rivals, 2) if pair in judged),
+        comparisons=tuple(judged[pair] for pair in pairs if pair in judged),
     )
 
 

@@ -264,17 +264,17 @@ def test_values_of_a_parameter_take_one_composition_and_are_what_composing_each_
     assert made[::4] == [by_hydra(loader, config, job) for job in jobs[::4]]
 
 
-def test_a_word_of_a_grid_is_read_once(loader, monkeypatch):
-    config, calls, converted = base(loader), [], plugins.converted
-    monkeypatch.setattr(plugins, "converted", lambda *told: calls.append(told) or converted(*told))
+def test_a_value_of_a_grid_is_read_once(loader):
+    config = base(loader)
     jobs = [
         ["filter=jerk", f"filter.accel_mps2={accel}", f"filter.jerk_mps3_per_sqrt_s={jerk}"]
         for accel in ("0.1", "0.2", "0.3")
         for jerk in ("1", "2", "3")
     ]
+    plugins._scalar.cache_clear()
     made = of_parts(loader, config, jobs)
 
-    assert len(calls) == 6
+    assert plugins._scalar.cache_info().misses == 6
     assert made == [by_hydra(loader, config, job) for job in jobs]
 
 
