@@ -24,6 +24,9 @@ MOST_DRIVES = 10_000
 FEWEST_JUDGED = 64
 """Drives to judge on: of fewer, hardly any kind of fault has enough to be told."""
 
+FEWEST_TUNINGS = 3
+"""Independent tunings: of fewer there is no third moment, which the intervals need."""
+
 
 class AuditMethod(NamedTuple):
     """A filter with an adaptation, by their names."""
@@ -87,6 +90,9 @@ class AuditProtocol:
         if self.judged_drives < FEWEST_JUDGED:
             wanted = f"give {FEWEST_JUDGED} or more, so that kinds of faults can be told"
             raise PluginError(f"judged_drives is {self.judged_drives}; {wanted}.")
+        if self.tunings < FEWEST_TUNINGS:
+            wanted = f"give {FEWEST_TUNINGS} or more, so that their spread can be told"
+            raise PluginError(f"tunings is {self.tunings}; {wanted}.")
 
     @cached_property
     def digest(self) -> str:

@@ -81,6 +81,7 @@ def test_a_parameter_that_is_wrong_is_named(more, less):
         audit_protocol(stated, "mine.yaml")
 
 
-def test_too_few_drives_to_judge_on_are_refused_before_anything_runs():
-    with pytest.raises(PluginError, match="judged_drives is 48; give 64 or more"):
-        dataclasses.replace(read_protocol("small"), judged_drives=48)
+@pytest.mark.parametrize(("field", "given", "least"), [("judged_drives", 48, 64), ("tunings", 2, 3)])
+def test_too_few_drives_or_tunings_are_refused_before_anything_runs(field, given, least):
+    with pytest.raises(PluginError, match=f"{field} is {given}; give {least} or more"):
+        dataclasses.replace(read_protocol("small"), **{field: given})

@@ -44,6 +44,8 @@ SHARE = 3
 COUNT = int(os.environ.get("JERKBENCH_RANDOM_TIMELINES", SHARE))
 LAST_BITS, CHANGED, FACTOR, LARGEST = 4, 6, 20.0, 0.05
 """Bits [ulp], changed runs, how much more than these the engine may differ, and the most that they may [sigma]."""
+MOST_CHANGED = 60
+"""Changed runs where six do not explain a difference: a threshold within an iteration flips in one of ten."""
 
 LENGTHS_S = st.sampled_from([0.01, 0.01, 0.01, 0.1, 1.0, 100.0, 0.0, 1e-9])
 ROWS = st.sampled_from(["both", "both", "position", "velocity", "none", "some"])
@@ -136,6 +138,16 @@ def test_a_rule_that_raises_where_the_last_bits_are_others_cuts_the_comparison()
     timeline = timeline_of([*first, *more, *third, *gap, *last, *end], 42224, correlated=True)
     jerk, adaptation = (plugins.create(*both) for both in (("filter", {"name": "jerk"}), ("adaptation", VBAKF)))
     assert compare(timeline, jerk, adaptation) == "cut"
+
+
+@pytest.mark.slow
+def test_a_threshold_that_flips_in_one_of_ten_runs_explains_the_difference():
+    """At 100 sigmas a pass of maximum_correntropy has weights of 1e-8: its S is singular to rounding in some runs."""
+    first = [(0.1, True, "position", 1e-3), (0.01, True, "position", 1e-3), (1.0, True, "both", 30.0)]
+    last = [(1.0, True, "position", 1e-3), (0.1, True, "none", 1e-3), (0.0, True, "both", 0.01)]
+    timeline = timeline_of([*first, *last], 2310669, correlated=True)
+    baseline = plugins.create("filter", {"name": "baseline"})
+    assert compare(timeline, baseline, plugins.create("adaptation", {"name": "maximum_correntropy"})) == "rounded"
 
 
 @pytest.mark.slow
@@ -261,13 +273,19 @@ def compare(timeline, model, adaptation):
     alike = compiled.failure == reference.failure and len(compiled.index) == len(reference.index)
     if alike and (difference < strict_limits(scale)).all():
         return "refused" if reference.failure else "strictly"
-    changed = [with_other_bits(timeline, model, adaptation, seed) for seed in range(CHANGED)]
-    largest = np.max([padded(apart(run, reference, scale), len(scale)) for run in changed], axis=0)
-    spread = np.maximum.accumulate(shared_by_axes(largest), axis=0)
-    told = int(np.argmax((spread > LARGEST).any(axis=1))) if (spread > LARGEST).any() else len(scale)
-    end = min(told, len(difference))
-    allowed = strict_limits(scale) + FACTOR * spread
-    assert (difference[:end] <= allowed[:end]).all(), f"{(difference / allowed[: len(difference)])[:end].max()} times"
+    changed = []
+    for seed in range(MOST_CHANGED):
+        changed.append(with_other_bits(timeline, model, adaptation, seed))
+        if len(changed) < CHANGED:
+            continue
+        largest = np.max([padded(apart(run, reference, scale), len(scale)) for run in changed], axis=0)
+        spread = np.maximum.accumulate(shared_by_axes(largest), axis=0)
+        told = int(np.argmax((spread > LARGEST).any(axis=1))) if (spread > LARGEST).any() else len(scale)
+        end = min(told, len(difference))
+        times = (difference / (strict_limits(scale) + FACTOR * spread)[: len(difference)])[:end]
+        if (times <= 1.0).all():
+            break
+    assert (times <= 1.0).all(), f"{times.max()} times what other last bits explain"
     same_end = all(run.failure == reference.failure for run in changed)
     if told == len(scale) and same_end:
         assert alike, f"{compiled.failure!r} is not {reference.failure!r}, and rounding does not explain it"
