@@ -111,10 +111,8 @@ class Mekf(TiltAndYaw):
         """Return what the loop begins with, of samples ``step_s`` apart."""
         bias_variance, bias_density = (self.initial_bias_radps**2, self.bias_density) if self.bias else (0.0, 0.0)
         memory, window = self.external_memory if self.adapt == "lee" else 0.0, max(1, round(self.window_s / step_s))
-        C, P = (
-            dcm_from_euler(np.array([*roll_pitch(start.x), 0.0])),
-            np.diag([start.variance] * 3 + [bias_variance] * 3),
-        )
+        C = dcm_from_euler(np.array([*roll_pitch(start.x), 0.0]))
+        P = np.diag([start.variance] * 3 + [bias_variance] * 3)
         room = np.zeros((3, 3)), np.zeros((3, 6)), np.zeros(3)
         powers = float(self.gyro_density**2), float(self.accel_density**2), float(bias_density**2)
         update = gravity_update(6, window, memory, self.adapt)

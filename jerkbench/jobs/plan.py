@@ -135,13 +135,17 @@ def grouped(
     size = min(max(math.ceil(sum(map(len, several)) / BUNDLES), least), MOST_TASKS)
     number, cut = itertools.count(), list[list[Task]]()
     for group in several:
-        tasks = []
-        for k in range(0, len(group), size):
-            n = next(number)
-            left = [task._replace(bundle=n) for task in group[k : k + size] if task.draws]
-            for _, own in itertools.groupby(left, lambda task: (task.draws, shared_call(task.jobs[0]))):
-                first, *others = own
-                tasks.append(first._replace(jobs=(*first.jobs, *(task.jobs[0] for task in others))))
+        tasks, n, room = list[Task](), 0, 0
+        for _, sharing in itertools.groupby(group, lambda task: shared_call(task.jobs[0])):
+            together = list(sharing)  # one call, if the bundle has room
+            for part in (together[k : k + size] for k in range(0, len(together), size)):
+                if len(part) > room:
+                    n, room = next(number), size
+                room -= len(part)
+                left = [task._replace(bundle=n) for task in part if task.draws]
+                for _, own in itertools.groupby(left, lambda task: task.draws):
+                    first, *others = own
+                    tasks.append(first._replace(jobs=(*first.jobs, *(task.jobs[0] for task in others))))
         if tasks:
             cut.append(tasks)
     return cut

@@ -4,6 +4,7 @@ import os
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 
 import numpy as np
 
@@ -148,6 +149,7 @@ def _reference_notes(job: Job, recording: Recording) -> list[str]:
     return [f"Reference of {name}: {reference.source}; {independence} the measurements.", *notes]
 
 
+@lru_cache(maxsize=64)  # asked for each run
 def _gaps(recording: Recording) -> list[str]:
     if recording.imu is None:
         return []

@@ -128,12 +128,16 @@ def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
 
 
 def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]]:
-    """The places by WIDE: as many as there are of one recording, which they share, then what is left of each."""
+    """The places by WIDE: as many as there are of one recording, which they share, then one of each that is left.
+
+    The next ones of each meet the same recordings in the same lanes, whose streams are stacked already.
+    """
     of_course: dict[_Course, list[int]] = {}
     for place in places:
         of_course.setdefault(_Course(runs[place]), []).append(place)
     whole = [own[: len(own) - len(own) % WIDE] for own in of_course.values()]
-    rest = [place for own in of_course.values() for place in own[len(own) - len(own) % WIDE :]]
+    left = [own[len(own) - len(own) % WIDE :] for own in of_course.values()]
+    rest = [own[k] for k in range(WIDE) for own in left if k < len(own)]
     return [tuple(own[begin : begin + WIDE]) for own in (*whole, rest) for begin in range(0, len(own), WIDE)]
 
 
@@ -224,7 +228,7 @@ def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_tr
     )
 
 
-_streams = lru_cache(maxsize=8)(_stacked_streams)  # some 15 MB each
+_streams = lru_cache(maxsize=16)(_stacked_streams)  # some 15 MB each
 _one_stream = lru_cache(maxsize=64)(_stacked_streams)  # less than 2 MB each
 
 

@@ -239,10 +239,7 @@ def constants(rows: "pd.DataFrame", placed: Iterable[str]) -> tuple[tuple[str, s
 
 ORACLE, FLOOR = "oracle", "gnss_only"
 
-WHY = {
-    "adaptation": {ORACLE: "is told the true covariance"},
-    "filter": {FLOOR: "is the floor, without an IMU"},
-}
+WHY = {"adaptation": {ORACLE: "is told the true covariance"}, "filter": {FLOOR: "is the floor, without an IMU"}}
 """Factor -> label without its parameters -> why it does not compete."""
 
 TOLD_ATTITUDE = "reference"

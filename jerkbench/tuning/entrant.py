@@ -98,12 +98,7 @@ class Entrant:
         """What it was given, as plain data."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
-    def job(
-        self,
-        scenario: FaultScenario,
-        limits: Protocol = LIMITS,
-        metrics: Sequence[str] = (ERROR,),
-    ) -> Job:
+    def job(self, scenario: FaultScenario, limits: Protocol = LIMITS, metrics: Sequence[str] = (ERROR,)) -> Job:
         """Return its job on a scenario; an attitude filter that it has not is that of the data set.
 
         Raises:
