@@ -149,7 +149,7 @@ def is_healthy(x: FloatArray, P: FloatArray) -> bool:
 def has_factor(P: FloatArray) -> bool:
     """Whether P is finite and has a Cholesky factor."""
     try:
-        return bool(np.isfinite(np.linalg.cholesky(P)).all())
+        return bool(np.isfinite(P).all() and np.isfinite(np.linalg.cholesky(P)).all())
     except np.linalg.LinAlgError:
         return False
 
@@ -173,7 +173,7 @@ class AdaptedUpdates:
 
     Attributes:
         recorder: of the run.
-        fading: factor on P by the latest update.
+        fading: factor on P that the latest update asked for.
     """
 
     def __init__(self, timeline: Timeline, adaptation: Adaptation, *, log_det: bool = True) -> None:
@@ -182,10 +182,13 @@ class AdaptedUpdates:
         self._R = self.measured.covariances(true=wants_truth(adaptation))
         self._adaptation, self._memory = clocked(adaptation, timeline), empty_memory(adaptation)
         self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
-        self.fading = 1.0
 
     def take(self, update: int, innovate: Innovate, correct: Correct) -> None:
-        """Adapt R, and correct with the rows that are left; without any measured row nobody is asked."""
+        """Adapt R, and correct with the rows that are left; without any measured row nobody is asked.
+
+        Of an adaptation that fades P, ``correct`` takes P times `fading`.
+        """
+        self.fading = 1.0
         z = self.measured.z[update]
         rows = np.flatnonzero(np.isfinite(z))
         block = np.ix_(rows, rows)

@@ -103,6 +103,11 @@ class Imu:
         """The interval dt0 between samples (median)."""
         return float(np.median(np.diff(self.t_s)))
 
+    @cached_property
+    def largest_interval_s(self) -> float:
+        """The largest interval between samples."""
+        return float(np.diff(self.t_s).max())
+
     @property
     def intervals_s(self) -> FloatArray:
         """The interval (n,) that ends at each stamp; nobody saw the first one begin, so it is the nominal one."""

@@ -1,6 +1,7 @@
 """Registries: what a plugin is, how it is found, and what is said when something is wrong with it."""
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 
@@ -34,6 +35,24 @@ def test_a_wrong_name_lists_what_there_is_and_the_nearest():
 def test_a_wrong_parameter_names_the_plugin_and_the_parameter():
     with pytest.raises(PluginError, match="mean 'window'"):
         plugins.create("adaptation", {"name": "mtf", "windw": 3})
+
+
+def test_a_value_may_refer_to_another_or_to_the_environment(monkeypatch):
+    told = {"name": "jerk", "accel_mps2": "${.jerk_mps3_per_sqrt_s}", "jerk_mps3_per_sqrt_s": 2.0}
+    assert plugins.create("filter", told).accel_mps2 == 2.0
+
+    for sigma in ("0.5", "0.7"):
+        monkeypatch.setenv("SIGMA_OF_A_TEST", sigma)
+        told = {"name": "jerk", "accel_mps2": "${oc.env:SIGMA_OF_A_TEST}"}
+        assert plugins.create("filter", told).accel_mps2 == float(sigma)
+
+    with pytest.raises(PluginError, match="filter jerk, parameter 'accel_mps2': Interpolation key 'nowhere'"):
+        plugins.create("filter", OmegaConf.create({"name": "jerk", "accel_mps2": "${nowhere}"}))
+
+
+def test_zeros_of_both_signs_are_two_values():
+    signs = [plugins.create("filter", {"name": "jerk", "accel_mps2": zero}).accel_mps2 for zero in (0.0, -0.0, 0.0)]
+    assert [math.copysign(1.0, sign) for sign in signs] == [1.0, -1.0, 1.0]
 
 
 def test_a_wrong_type_names_the_plugin_and_the_parameter():

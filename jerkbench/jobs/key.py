@@ -63,7 +63,7 @@ ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
 
 @cache
 def processor_kind() -> str:
-    """Return what computes here: the processor's family, and its instructions for arithmetic."""
+    """Return the kind of processor that computes here: its family, and its instructions for arithmetic."""
     from llvmlite import binding
 
     features = binding.get_host_cpu_features()

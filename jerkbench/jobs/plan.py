@@ -73,8 +73,10 @@ def joined_jobs(jobs: Iterable[Job]) -> tuple[Job, ...]:
     for job in jobs:
         first.setdefault(job.key, job)
         draws.setdefault(job.key, set()).update(job.draws)
-    alike = {key: draws[key] == set(job.draws) for key, job in first.items()}
-    return tuple(job if alike[key] else replace(job, draws=in_order(draws[key])) for key, job in first.items())
+    ordered = {key: in_order(own) for key, own in draws.items()}
+    return tuple(  # one with these very seeds keeps what is known of it
+        job if job.draws == ordered[key] else replace(job, draws=ordered[key]) for key, job in first.items()
+    )
 
 
 def in_order(draws: Collection[int]) -> Sequence[int]:
@@ -135,17 +137,13 @@ def grouped(
     size = min(max(math.ceil(sum(map(len, several)) / BUNDLES), least), MOST_TASKS)
     number, cut = itertools.count(), list[list[Task]]()
     for group in several:
-        tasks, n, room = list[Task](), 0, 0
-        for _, sharing in itertools.groupby(group, lambda task: shared_call(task.jobs[0])):
-            together = list(sharing)  # one call, if the bundle has room
-            for part in (together[k : k + size] for k in range(0, len(together), size)):
-                if len(part) > room:
-                    n, room = next(number), size
-                room -= len(part)
-                left = [task._replace(bundle=n) for task in part if task.draws]
-                for _, own in itertools.groupby(left, lambda task: task.draws):
-                    first, *others = own
-                    tasks.append(first._replace(jobs=(*first.jobs, *(task.jobs[0] for task in others))))
+        tasks = []
+        for k in range(0, len(group), size):
+            n = next(number)
+            left = [task._replace(bundle=n) for task in group[k : k + size] if task.draws]
+            for _, own in itertools.groupby(left, lambda task: (task.draws, shared_call(task.jobs[0]))):
+                first, *others = own
+                tasks.append(first._replace(jobs=(*first.jobs, *(task.jobs[0] for task in others))))
         if tasks:
             cut.append(tasks)
     return cut

@@ -4,7 +4,6 @@ import os
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 
 import numpy as np
 
@@ -149,13 +148,10 @@ def _reference_notes(job: Job, recording: Recording) -> list[str]:
     return [f"Reference of {name}: {reference.source}; {independence} the measurements.", *notes]
 
 
-@lru_cache(maxsize=64)  # asked for each run
 def _gaps(recording: Recording) -> list[str]:
-    if recording.imu is None:
+    if recording.imu is None or recording.imu.largest_interval_s <= IMU_GAP_S:
         return []
     steps_s = np.diff(recording.imu.t_s)
-    if steps_s.max() <= IMU_GAP_S:
-        return []
     gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * recording.imu.nominal_interval_s)]
     if not len(gaps_s):
         return []

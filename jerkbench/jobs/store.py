@@ -39,10 +39,7 @@ from jerkbench.notices import notify, plain
 SEEN_COLUMNS = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
 
-RUN_COLUMNS = {
-    **{name: name for name in ("seed", "status", "reason")},
-    f"{CELL}run_s": "run_s",
-}
+RUN_COLUMNS = {"seed": "seed", "status": "status", "reason": "reason", f"{CELL}run_s": "run_s"}
 """Columns that `Store.rows` has of each run besides its metrics, by their names in a file."""
 
 ABANDONED_S = 3600.0
@@ -51,7 +48,7 @@ ABANDONED_S = 3600.0
 SMALL_ROWS = 20_000
 """Rows of a part that is not worth joining with others."""
 JOINED = 100_000
-"""Rows of which joined parts have hardly more: so many are in memory at once."""
+"""About as many rows has a joined part: so many are in memory at once."""
 MANY_PARTS = 16
 """Small parts from which on they are joined."""
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from hashlib import blake2b
+from itertools import zip_longest
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -128,16 +129,19 @@ def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
 
 
 def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]]:
-    """The places by WIDE: as many as there are of one recording, which they share, then one of each that is left.
+    """The places by WIDE: as many as there are of one recording, which they share, then what is left of each.
 
-    The next ones of each meet the same recordings in the same lanes, whose streams are stacked already.
+    Of WIDE recordings one each, so that the next ones meet the same in the same lanes, whose streams are stacked then.
     """
     of_course: dict[_Course, list[int]] = {}
     for place in places:
         of_course.setdefault(_Course(runs[place]), []).append(place)
     whole = [own[: len(own) - len(own) % WIDE] for own in of_course.values()]
-    left = [own[len(own) - len(own) % WIDE :] for own in of_course.values()]
-    rest = [own[k] for k in range(WIDE) for own in left if k < len(own)]
+    left = [tail for own in of_course.values() if (tail := own[len(own) - len(own) % WIDE :])]
+    rest: list[int] = []
+    for some in (left[k : k + WIDE] for k in range(0, len(left), WIDE)):
+        lanes = zip_longest(*some) if len(some) == WIDE else some
+        rest += [place for of_lane in lanes for place in of_lane if place is not None]
     return [tuple(own[begin : begin + WIDE]) for own in (*whole, rest) for begin in range(0, len(own), WIDE)]
 
 
@@ -228,7 +232,7 @@ def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_tr
     )
 
 
-_streams = lru_cache(maxsize=16)(_stacked_streams)  # some 15 MB each
+_streams = lru_cache(maxsize=8)(_stacked_streams)  # some 15 MB each
 _one_stream = lru_cache(maxsize=64)(_stacked_streams)  # less than 2 MB each
 
 

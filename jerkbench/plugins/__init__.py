@@ -7,6 +7,7 @@ plugin's name. What each kind has to offer is written in `jerkbench.contracts`.
 
 import dataclasses
 import importlib
+import json
 import pkgutil
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -129,9 +130,9 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
     for key in config:
         if key not in (*known, "name"):
             raise PluginError(unknown(f"parameter of {kind} {name}", str(key), list(known)))
-    given = {key: value for key, value in config.items() if key != "name" and repr(_as_lists(value)) != known[key]}
-    lacking = {key: MISSING for key, default in known.items() if not default and key not in given}
     try:
+        given = {key: value for key, value in config.items() if key != "name" and repr(_as_lists(value)) != known[key]}
+        lacking = {key: MISSING for key, default in known.items() if not default and key not in given}
         values = converted(kind, name, {**given, **lacking}, resolve=True)
     except OmegaConfBaseException as error:
         reason = str(error).splitlines()[0].rstrip(".")
@@ -140,27 +141,38 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
 
 
 def converted(kind: str, name: str, values: Mapping[str, Any], *, resolve: bool = False) -> dict[str, Any]:
-    """Return ``values`` of fields of a plugin as its schema has them, references to others ``resolved`` or as they are.
+    """Return ``values`` of fields of a plugin as its schema has them; what refers to another is as it stands there.
+
+    Args:
+        kind: of the plugin.
+        name: of the plugin.
+        values: by field.
+        resolve: put what is referred to in the place of references.
 
     Raises:
-        OmegaConfBaseException: there is no such field, or a value has the wrong type, or is not given.
+        OmegaConfBaseException: there is no such field, a value has the wrong type, or (``resolve``) is not given.
     """
     cls = get(kind, name)
-    fields = {key: _scalar if type(value) in SCALARS else _field for key, value in values.items()}
-    return {key: field(kind, name, cls, key, values[key], resolve) for key, field in fields.items()}
+    if "${" in repr(values):
+        return _merged(kind, name, cls, values, resolve)
+    known = {key: json.dumps(value) for key, value in values.items() if type(value) in (bool, int, float, str)}
+    others = {key: value for key, value in values.items() if key not in known}
+    fields = {key: _field(kind, name, cls, key, text, resolve) for key, text in known.items()}
+    return fields | (_merged(kind, name, cls, others, resolve) if others else {})
 
 
-def _field(kind: str, name: str, cls: type, key: str, value: Any, resolve: bool) -> Any:  # noqa: ANN401 - cached
+@lru_cache(maxsize=4096)
+def _field(kind: str, name: str, cls: type, key: str, text: str, resolve: bool) -> Any:  # noqa: ANN401 - a field's value
+    """A field from its value as JSON, read once: of a grid each is asked for again and again."""
+    return _merged(kind, name, cls, {key: json.loads(text)}, resolve)[key]
+
+
+def _merged(kind: str, name: str, cls: type, values: Mapping[str, Any], resolve: bool) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
-    merged = OmegaConf.merge(_structured(kind, name, cls, frozenset({key})), {key: value})  # which copies the first
-    plain: Any = OmegaConf.to_container(merged, resolve=resolve, throw_on_missing=resolve)
-    return plain[key]
-
-
-SCALARS = (bool, int, float, str)
-_scalar = lru_cache(maxsize=4096, typed=True)(_field)
-"""A field, whose scalar value is read once: of a grid each is asked for again and again."""
+    merged = OmegaConf.merge(_structured(kind, name, cls, frozenset(values)), dict(values))  # which copies the first
+    plain = typing.cast("dict[str, Any]", OmegaConf.to_container(merged, resolve=resolve, throw_on_missing=resolve))
+    return {key: plain[key] for key in values}
 
 
 @cache

@@ -232,3 +232,23 @@ def test_a_turn_goes_on_through_a_gap_where_a_constant_velocity_cuts_the_corner(
 
     assert straight_m[20:27].max() > 0.5
     assert turning_m[20:27].max() < 0.1
+
+
+def test_an_update_without_rows_neither_fades_nor_adapts():
+    """The innovation of an outlier makes `scalar_q` fade by hundreds; the rows behind it are not there."""
+    recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)
+    timeline = build_timeline(recording, level_attitude(recording))
+    at = len(timeline.measurements.z) // 2
+    z = timeline.measurements.z.copy()
+    z[at] += 50.0
+    z[at + 1 : at + 5] = np.nan
+    absent = replace(timeline, measurements=replace(timeline.measurements, z=z))
+    update = timeline.update.copy()
+    update[(update > at) & (update < at + 5)] = -1
+    none = replace(absent, update=update)
+    scalar_q = plugins.create("adaptation", {"name": "scalar_q"})
+
+    smoothed, expected = (RauchTungStriebel("jerk").smooth(of, scalar_q) for of in (absent, none))
+
+    np.testing.assert_array_equal(smoothed.covariance, expected.covariance)
+    np.testing.assert_array_equal(smoothed.position_m, expected.position_m)

@@ -271,10 +271,10 @@ def test_a_value_of_a_grid_is_read_once(loader):
         for accel in ("0.1", "0.2", "0.3")
         for jerk in ("1", "2", "3")
     ]
-    plugins._scalar.cache_clear()
+    plugins._field.cache_clear()
     made = of_parts(loader, config, jobs)
 
-    assert plugins._scalar.cache_info().misses == 6
+    assert plugins._field.cache_info().misses == 6
     assert made == [by_hydra(loader, config, job) for job in jobs]
 
 
