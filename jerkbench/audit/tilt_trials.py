@@ -244,14 +244,8 @@ def _part(name: str, part: pd.DataFrame, seed: int) -> TiltPiece:
     )
     moving = np.linalg.norm(velocity, axis=1) > RESTING_MPS
     rest_s = float(t_s[np.argmax(moving)]) if moving.any() else float(t_s[-1])
-    reference = Reference(
-        t_s,
-        "the OXTS's own fused solution",
-        independent=False,
-        enu_m=place,
-        velocity_mps=velocity,
-        euler_rad=euler,
-    )
+    told = {"enu_m": place, "velocity_mps": velocity, "euler_rad": euler}
+    reference = Reference(t_s, "the OXTS's own fused solution", independent=False, **told)
     measured = with_noise(t_s, velocity, seed)
     recording = Recording(name, Imu(t_s, accel, gyro), reference, velocity=measured, static_start_s=rest_s)
     return recording, vertical_in_body(euler), np.ones(len(t_s), dtype=np.bool_)

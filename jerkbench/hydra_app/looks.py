@@ -117,7 +117,7 @@ def _time(plan: Plan, left: Mapping[str, int], store: Store, workers: int) -> st
     times_s = defaultdict(list)
     for cell in stored:
         for names in _names(cell.metadata["spec"]):
-            times_s[names].append(cell.metadata["seconds"] / max(len(cell.table), 1))
+            times_s[names].append(cell.metadata["seconds"] / max(len(cell.runs), 1))
     usual_s = {names: float(np.median(times)) for names, times in times_s.items()}
     run_s = {  # as the cells took that are most like it
         job.key: next((usual_s[names] for names in _names(job.spec) if names in usual_s), np.nan)

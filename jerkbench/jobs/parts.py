@@ -9,7 +9,7 @@ import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import chain, pairwise
+from itertools import chain, pairwise, repeat, starmap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -191,21 +191,23 @@ class Stored:
     Attributes:
         key: its name in the store.
         metadata: its specification, protocol, data, notes and times.
-        table: its runs, by seed.
+        whole: a table with its runs, by seed, and with those of others.
+        runs: where they are.
         columns: its metrics, in its own order.
         others: how many runs it has besides, of other seeds.
     """
 
     key: str
     metadata: Mapping[str, Any]
-    table: pa.Table
+    whole: pa.Table
+    runs: range
     columns: Sequence[str]
     others: int = 0
 
     @cached_property
     def rows(self) -> pd.DataFrame:
         """One row a seed."""
-        return frame(self.table, (*HEAD_COLUMNS, *self.columns))
+        return frame(self.whole.slice(self.runs.start, len(self.runs)), (*HEAD_COLUMNS, *self.columns))
 
 
 def frame(table: pa.Table, names: Iterable[str]) -> pd.DataFrame:
@@ -234,11 +236,11 @@ def cells_of(tables: Sequence[pa.Table], shown: ShownSeeds) -> list[Stored]:
     edges = _edges(table)
     first = table.take(pa.array(edges[:-1]))
     columns = [parsed(text) for text in first[COLUMNS].to_pylist()]
-    own = [table.slice(begin, end - begin) for begin, end in pairwise(edges)]
+    own = list(starmap(range, pairwise(edges.tolist())))
     metadata = _metadata(first)
     for place in _in_blocks(table, edges):
-        metadata[place] |= _of_blocks(own[place])
-    return list(map(Stored, first[KEY].to_pylist(), metadata, own, columns, others))
+        metadata[place] |= _of_blocks(table.slice(own[place].start, len(own[place])))
+    return list(map(Stored, first[KEY].to_pylist(), metadata, repeat(table), own, columns, others))
 
 
 def concatenated(tables: Sequence[pa.Table]) -> pa.Table:

@@ -187,7 +187,7 @@ class Store:
             raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
         if not cells:
             raise JerkbenchError(f"{self.folder} holds no results.")
-        return self._replace(self._names(), pa.concat_tables([cell.table for cell in cells]).combine_chunks())
+        return self._replace(self._names(), cells[0].whole)
 
     # Its files: listed, loaded, written atomically, replaced.
 

@@ -138,8 +138,9 @@ def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -
 def _rows(cells: Sequence[Stored], labels: Sequence[Mapping[str, str]]) -> tuple[pd.DataFrame, list[int]]:
     """The rows of some cells, in this order and with these labels, and the number of rows of each."""
     columns = dict.fromkeys([*HEAD_COLUMNS, *chain(*{id(cell.columns): cell.columns for cell in cells}.values())])
-    rows = frame(pa.concat_tables([cell.table for cell in cells]).combine_chunks(), columns)
-    counts = [len(cell.table) for cell in cells]
+    places = pa.array(np.concatenate([cell.runs for cell in cells]))  # all were read together
+    rows = frame(cells[0].whole.take(places), columns)
+    counts = [len(cell.runs) for cell in cells]
     for name in Labels._fields:
         rows[name] = pd.Series(np.repeat(np.array([own[name] for own in labels], dtype=object), counts), dtype="str")
     return rows, counts

@@ -100,7 +100,9 @@ def cell_of(place, filter_name, adaptation, **labels):
     rows = pd.DataFrame({"seed": [0], "status": ["ok"], "replicate": ["seed"], "position_rmse_m": [1.0 + place]})
     labels = {"filter": filter_name, "adaptation": adaptation, "noise": "default", **labels}
     spec = {kind: {"name": labels[kind].partition("(")[0]} for kind in ("filter", "adaptation")}
-    return Stored(f"{place}", {"labels": labels, "spec": spec}, pa.Table.from_pandas(rows), list(rows.columns))
+    return Stored(
+        f"{place}", {"labels": labels, "spec": spec}, pa.Table.from_pandas(rows), range(len(rows)), list(rows.columns)
+    )
 
 
 def drawn(cells, wanted=()):
