@@ -72,7 +72,7 @@ def tell_cells(seeds: int) -> None:
         store.known([first.key])
         keys = [block.key for block in others]
         tell("stored", "each cell", len(keys), lambda: [store.write_blocks([block]) for block in others])
-        tell("looked up and checked", "each cell that is done", len(keys), lambda: store.known(keys))
+        tell("looked up and checked", "each cell that is done", len(keys), lambda: store.known(set(keys)))
 
 
 def main() -> None:

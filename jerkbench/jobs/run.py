@@ -120,7 +120,7 @@ class KnownSeeds(dict[str, set[int]]):
     def __init__(self, store: Store, jobs: Sequence[Job]) -> None:
         """Know nothing yet."""
         super().__init__()
-        self._store, self._keys, self._files = store, [job.key for job in jobs], set[str]()
+        self._store, self._keys, self._files = store, {job.key for job in jobs}, set[str]()
 
     def look(self) -> None:
         """Read what is new in the store."""

@@ -3,7 +3,7 @@
 import os
 import re
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
@@ -103,13 +103,15 @@ class Store:
         """
         self._put(table_of(blocks))
 
-    def known(self, keys: Iterable[str], *, failed: bool = False, seen: set[str] | None = None) -> dict[str, set[int]]:
+    def known(
+        self, keys: Collection[str], *, failed: bool = False, seen: set[str] | None = None
+    ) -> dict[str, set[int]]:
         """Return the seeds of the runs of ``keys`` that are stored; of those that failed only where ``failed`` asks.
 
         Files that are ``seen`` are left out; those that are read now are seen then.
         """
         known: dict[str, set[int]] = {}
-        for table in self._tables(list(keys), SEEN_COLUMNS, seen)[0]:
+        for table in self._tables(keys, SEEN_COLUMNS, seen)[0]:
             runs = (table[name].cast(pa.string()) for name in (KEY, "status"))
             for key, status, seed in zip(*(own.to_pylist() for own in (*runs, table["seed"])), strict=True):
                 if failed or status != "failed":
@@ -125,7 +127,7 @@ class Store:
             keys: default: all, sorted.
             shown: the seeds of each cell that are; default: those of the manifest.
         """
-        wanted = None if keys is None else list(keys)
+        wanted = None if keys is None else dict.fromkeys(keys)
         tables, damaged = self._tables(wanted)
         known = read_manifest(self.folder.parent).get("seeds", {}) if shown is None and tables else shown or {}
         cells = {cell.key: cell for cell in (cells_of(tables, known) if tables else ())}
@@ -151,7 +153,7 @@ class Store:
                 "seed": np.concatenate([[*job.draws] for job in jobs]) if jobs else [],
             }
         )
-        tables, _ = self._tables([*{job.key for job in jobs}], [KEY, *RUN_COLUMNS, "cell.created", *metrics])
+        tables, _ = self._tables({job.key for job in jobs}, [KEY, *RUN_COLUMNS, "cell.created", *metrics])
         stored = pd.DataFrame()
         if tables:
             table = concatenated(tables)
@@ -192,18 +194,18 @@ class Store:
     # Its files: listed, loaded, written atomically, replaced.
 
     def _tables(
-        self, keys: Sequence[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
+        self, keys: Collection[str] | None, columns: list[str] | None = None, seen: set[str] | None = None
     ) -> tuple[list[pa.Table], list[str]]:
         """The rows of ``keys`` in each file that is not ``seen``, and the names of the files that are damaged."""
         tables, damaged = [], []
-        wanted = None if keys is None else pa.array(keys, pa.string())
         for name, table in self._each(columns, seen):
             if table is None:
                 damaged.append(name)
                 continue
-            own = table if wanted is None else table.filter(pc.is_in(table[KEY].cast(pa.string()), wanted))
-            if own.num_rows:
-                tables.append(own)
+            there = pc.unique(table[KEY].cast(pa.string()))
+            mask = [keys is None or key in keys for key in there.to_pylist()]  # of all keys a file has few
+            if any(mask):
+                tables.append(table if all(mask) else table.filter(pc.is_in(table[KEY], there.filter(mask))))
         return tables, damaged
 
     def _each(
