@@ -350,7 +350,8 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     """
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
-    grid, labels = arranged(with_metric(rows, first), None, None), csv_labels(main)
+    grid = arranged(with_metric(rows, first), None, None)
+    labels = csv_labels(grid.table(first, grid.cells(first)))  # of the runs: the first table has bounds besides
     sections = {first: markdown(main, level=1)}
 
     def write_csv(path: Path) -> None:

@@ -261,14 +261,14 @@ def csv_lines(table: Table, labels: Sequence[str]) -> Iterator[str]:
     head = f"{csv_escaped(table.metric)},{csv_escaped(table.unit)}"
     cells = (cell for line in table.cells for cell in line if cell is not None)
     for factors, cell in zip(labels, cells, strict=True):
-        numbers = cell.mean, cell.low, cell.high, *cell.quartiles, cell.geometric
-        mean, low, high, lower, upper, geometric = map(csv_number, numbers)
+        centre = f"{cell.mean!r},{cell.low!r},{cell.high!r}".replace("nan", "")
+        quartiles = f"{cell.quartiles[0]!r},{cell.quartiles[1]!r}".replace("nan", "")
         counts = f"{cell.runs},{cell.diverged},{cell.failed},{cell.missing},{cell.replicate}"
         ratio = ",".join(map(csv_number, cell.ratio[:4])) if cell.ratio else ",,,"
         shares = _csv_shares(cell.diverged + cell.failed, cell.runs)
         yield (
-            f"{head},{factors},{cell.kind},{mean},{low},{high},{counts},{ratio},{lower},{upper},"
-            f"{cell.locked},{shares},{geometric}\n"
+            f"{head},{factors},{cell.kind},{centre},{counts},{ratio},{quartiles},"
+            f"{cell.locked},{shares},{csv_number(cell.geometric)}\n"
         )
 
 
