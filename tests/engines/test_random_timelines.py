@@ -127,7 +127,7 @@ def test_an_adapted_covariance_is_symmetric_where_the_prior_is_large():
 
 @pytest.mark.slow
 def test_a_rule_that_raises_where_the_last_bits_are_others_cuts_the_comparison():
-    """After two gaps of 100 s `jerk` has a prior of 1e14 R; of six runs with other bits one fails, one is refused."""
+    """After a gap of 100 s `jerk` has a sigma of 600 km; of six runs with other bits one fails, one is refused."""
     short, none = (0.01, False, "both", 1e-3), (0.01, True, "none", 1e-3)
     first = [(0.01, True, "both", 1e-3), (0.01, True, "some", 0.01), short, (1e-9, False, "both", 1e-3)]
     more = [(0.0, True, "both", 1e-3), short, (0.01, True, "some", 1e-3), (0.1, False, "both", 1.0)]
