@@ -164,16 +164,13 @@ def is_positive_definite(P: FloatArray) -> bool:
 Innovate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
 """z (m,) and its rows -> the innovation y (m,) and H P H' (m, m)."""
 
-Correct = Callable[[FloatArray, FloatArray, IntArray], float]
-"""y, R and the rows that the adaptation did not drop -> y' S^-1 y, after the filter was updated with them."""
-
 
 class AdaptedUpdates:
-    """The updates of one run: for each the adaptation says R, the filter takes it, and the recorder keeps both.
+    """The updates of one run: for each the adaptation says R, and the recorder keeps what it saw.
 
     Attributes:
         recorder: of the run.
-        fading: factor on P that the latest update asked for.
+        fading: factor on P that the latest update asks for, before the filter takes it.
     """
 
     def __init__(self, timeline: Timeline, adaptation: Adaptation, *, log_det: bool = True) -> None:
@@ -183,23 +180,26 @@ class AdaptedUpdates:
         self._adaptation, self._memory = clocked(adaptation, timeline), empty_memory(adaptation)
         self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
 
-    def take(self, update: int, innovate: Innovate, correct: Correct) -> None:
-        """Adapt R, and correct with the rows that are left; without any measured row nobody is asked.
+    def take(self, update: int, innovate: Innovate) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Adapt R, and keep what the update saw; without any measured row nobody is asked.
 
-        Of an adaptation that fades P, ``correct`` takes P times `fading`.
+        Returns:
+            The innovation y (m,), R (m, m) and the rows (m,) that are not dropped, for the filter to take.
         """
         self.fading = 1.0
         z = self.measured.z[update]
         rows = np.flatnonzero(np.isfinite(z))
         block = np.ix_(rows, rows)
-        R, (innovation, HPHt) = self._R[update][block], innovate(z[rows], rows)
+        R, (y, HPHt) = self._R[update][block], innovate(z[rows], rows)
         S = HPHt + self.measured.R[update][block]
-        nis, log_det = squared_distance(innovation, S), np.linalg.slogdet(S)[1] if self._log_det else np.nan
+        nis, log_det = squared_distance(y, S), np.linalg.slogdet(S)[1] if self._log_det else np.nan
         if rows.size and self._fade is not None:
-            self.fading = self._fade(innovation, HPHt, R, rows, self._memory)
+            self.fading = self._fade(y, HPHt, R, rows, self._memory)
             HPHt = HPHt * self.fading
         if rows.size:
-            R = self._adaptation.adapt(innovation, HPHt, R, rows, self._memory)
+            R = self._adaptation.adapt(y, HPHt, R, rows, self._memory)
         kept = np.isfinite(np.diag(R))
-        used = correct(innovation[kept], R[np.ix_(kept, kept)], rows[kept]) if kept.any() else np.nan
-        self.recorder.update(update, rows, innovation, np.diag(R), nis, used, float(log_det))
+        few = np.ix_(kept, kept)
+        used = squared_distance(y[kept], HPHt[few] + R[few]) if kept.any() else np.nan
+        self.recorder.update(update, rows, y, np.diag(R), nis, used, float(log_det))
+        return y[kept], R[few], rows[kept]

@@ -1,4 +1,4 @@
-"""The rest that an update leaves of a variance, and its rounding, against many decimal digits."""
+"""The rest that an update leaves of a variance, and its rounding, against many decimal digits; what an update keeps."""
 
 from decimal import Decimal, localcontext
 
@@ -8,7 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decimals import exact, numbers, solve
-from jerkbench.kalman import EXPOSED, FLOOR, gain_and_rest, innovation_factor, rounding_noise, spread_by
+from jerkbench.kalman import (
+    EXPOSED,
+    FLOOR,
+    AdaptedUpdates,
+    gain_and_rest,
+    innovation_factor,
+    rounding_noise,
+    spread_by,
+)
+from jerkbench.timeline import build_timeline
+from synthetic import level_attitude, recording_at_rest
 
 UNIT = np.finfo(float).eps / 2
 MEASURED = np.array([0, 1])
@@ -60,3 +70,32 @@ def test_a_nearly_singular_innovation_covariance_makes_the_spread_more_than_the_
 def test_rounding_is_added_only_where_little_is_left():
     left = np.array([0.5, 2.0 * EXPOSED, 0.5 * EXPOSED, -1e-17])
     np.testing.assert_array_equal(rounding_noise(left, np.ones(4)), [0.0, 0.0, FLOOR, FLOOR])
+
+
+class Halved:
+    """Says half of R, and drops the second row."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        changed = 0.5 * R
+        changed[1, 1] = np.inf
+        return changed
+
+
+def test_an_update_keeps_what_was_expected_and_what_was_used():
+    rng, recording = np.random.default_rng(3), recording_at_rest(duration_s=2.0, imu_rate_hz=50)
+    timeline = build_timeline(recording, level_attitude(recording))
+    root = rng.normal(size=(6, 6))
+    HPHt, x = root @ root.T, rng.normal(size=6)
+    updates = AdaptedUpdates(timeline, Halved())
+
+    y, R, rows = updates.take(0, lambda z, rows: (z - x[rows], HPHt[np.ix_(rows, rows)]))
+
+    z, told = timeline.measurements.z[0], timeline.measurements.R[0]
+    kept = [0, 2, 3, 4, 5]
+    np.testing.assert_array_equal(rows, kept)
+    np.testing.assert_array_equal(y, (z - x)[kept])
+    np.testing.assert_array_equal(R, 0.5 * told[np.ix_(kept, kept)])
+    seen, few = updates.recorder.estimate().updates, np.ix_(kept, kept)
+    assert seen.nis[0] == pytest.approx((z - x) @ np.linalg.inv(HPHt + told) @ (z - x), rel=1e-9)
+    assert seen.nis_used[0] == pytest.approx(y @ np.linalg.inv(HPHt[few] + 0.5 * told[few]) @ y, rel=1e-9)
+    assert seen.log_det[0] == pytest.approx(np.log(np.linalg.det(HPHt + told)), rel=1e-9)

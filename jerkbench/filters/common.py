@@ -7,10 +7,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from jerkbench import plugins
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.kalman import AdaptedUpdates, squared_distance, updated
+from jerkbench.kalman import AdaptedUpdates, updated
 from jerkbench.parameters import DefaultOrigin, Limited, Range
 from jerkbench.plugins.optional import clocked
 from jerkbench.recording import Recording
@@ -102,16 +102,11 @@ class MeasurementUpdates(AdaptedUpdates):
 
         Where every row of it is dropped the state stays as it is.
         """
-        after: list[tuple[FloatArray, FloatArray]] = []
-
-        def correct(innovation: FloatArray, R: FloatArray, rows: IntArray) -> float:
-            prior = P * self.fading
-            after.append(updated(x, prior, innovation, np.eye(len(x))[rows], R))
-            return squared_distance(innovation, prior[np.ix_(rows, rows)] + R)
-
-        self.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]), correct)
+        y, R, rows = self.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]))
         prior = P * self.fading
-        return *(after[0] if after else (x, prior)), prior
+        if rows.size:
+            x, P = updated(x, prior, y, np.eye(len(x))[rows], R)
+        return x, P if rows.size else prior, prior
 
 
 CompiledWays = tuple[Callable[..., Estimate | None], Callable[..., Sequence[Streamed | None]]]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, unknown
 from jerkbench.estimate import Attitude, Estimate
@@ -254,18 +254,12 @@ class Mixture:
             self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
 
     def _update(self, update: int) -> None:
-        """Adapt R by the combined prediction, and go through a cycle with it."""
+        """Adapt R by the combined prediction, update all filters; weigh and mix them if all are healthy."""
         x, P = combined(self.x, self.P, self.weights)
-        z = self.timeline.measurements.z[update]
-
-        def correct(y: FloatArray, R: FloatArray, rows: IntArray) -> float:
-            self._cycle(z[rows], R, rows)
-            return squared_distance(y, P[np.ix_(rows, rows)] + R)
-
-        self.updates.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]), correct)
-
-    def _cycle(self, z: FloatArray, R: FloatArray, rows: IntArray) -> None:
-        """Update all filters; weigh and mix them if all are healthy."""
+        _, R, rows = self.updates.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]))
+        if not rows.size:
+            return
+        z = self.timeline.measurements.z[update, rows]
         H, log_likelihood = np.eye(self.x.shape[1])[rows], np.empty(len(self.models))
         for j in range(len(self.models)):
             y = z - self.x[j, rows]

@@ -142,11 +142,9 @@ class InertialRun:
     def _update(self, update: int) -> None:
         """Adapt R and take position and velocity."""
         h, H = self._expected()
-        self.updates.take(
-            update,
-            lambda z, rows: (z - h[rows], H[rows] @ self.P @ H[rows].T),
-            lambda innovation, R, rows: self._correct(innovation, H[rows], R),
-        )
+        y, R, rows = self.updates.take(update, lambda z, rows: (z - h[rows], H[rows] @ self.P @ H[rows].T))
+        if rows.size:
+            self._correct(y, H[rows], R)
 
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         """The six rows of position and velocity that the state expects, and their H."""
@@ -174,9 +172,9 @@ class InertialRun:
             h, H = velocity_in_body(self.state, self.rate, limits.sideways_point_m)
             self._correct(-h[1:], H[1:], limits.sideways_sigma_mps**2 * np.eye(2))
 
-    def _correct(self, innovation: FloatArray, H: FloatArray, R: FloatArray) -> float:
-        """Update with rows that are there; return their NIS."""
-        dx, self.P, nis = correction(self.P, innovation, widened(H, len(self.P), self.rate), R)
+    def _correct(self, innovation: FloatArray, H: FloatArray, R: FloatArray) -> None:
+        """Update with rows that are there."""
+        dx, self.P = correction(self.P, innovation, widened(H, len(self.P), self.rate), R)
         before = self.state
         if self.settings.invariant:
             self.state = corrected_on_group(before, dx)
@@ -185,7 +183,6 @@ class InertialRun:
             self.state = corrected(before, dx)
             G = reset(before, self.state, dx[PHI], len(dx))
         self.P = carried_over(self.P, G)
-        return nis
 
     def _keep(self, reference: int) -> None:
         """Keep position and velocity of the reference point, and the attitude."""

@@ -165,18 +165,15 @@ class UnscentedRun(InertialRun):
 
     def _update(self, update: int) -> None:
         """Adapt R and take position and velocity."""
-        z = self.timeline.measurements.z[update]
-        self.updates.take(
-            update,
-            lambda z, rows: self._innovate(z, lambda dx: self._expect(dx)[rows]),
-            lambda _, R, rows: self._take_rows(z[rows], R, lambda dx: self._expect(dx)[rows]),
-        )
+        _, R, rows = self.updates.take(update, lambda z, rows: self._innovate(z, lambda dx: self._expect(dx)[rows]))
+        if rows.size:
+            z = self.timeline.measurements.z[update, rows]
+            self._take_rows(z, R, lambda dx: self._expect(dx)[rows])
 
-    def _take_rows(self, z: FloatArray, R: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> float:
-        """Update with rows that are there, from the sigma points of the prior; return their NIS."""
+    def _take_rows(self, z: FloatArray, R: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> None:
+        """Update with rows that are there, from the sigma points of the prior."""
         self.ukf.update(z, R=R, hx=expect)
         self._recentre()
-        return float(self.ukf.y @ self.ukf.SI @ self.ukf.y)
 
     def _take_alone(self, z: FloatArray, R: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> None:
         """Take rows that no adaptation sees."""

@@ -144,8 +144,8 @@ def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray,
 
 def correction(
     covariance: FloatArray, innovation: FloatArray, H: FloatArray, R: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return the estimated error dx (n,), the covariance after the update and the NIS y' S^-1 y.
+) -> tuple[FloatArray, FloatArray]:
+    """Return the estimated error dx (n,), and the covariance after the update.
 
     S = H P H' + R;  K = P H' S^-1;  dx = K y;  P = (I - K H) P (I - K H)' + K R K', symmetrised. The prior dx is 0:
     every estimated error goes into the nominal state at once.
@@ -156,7 +156,7 @@ def correction(
     K, y = solved[:, :-1].T, solved[:, -1]
     rest = np.eye(len(covariance)) - K.dot(H)
     posterior = rest.dot(covariance).dot(rest.T) + K.dot(R).dot(K.T)
-    return PHt.dot(y), 0.5 * (posterior + posterior.T), float(innovation.dot(y))
+    return PHt.dot(y), 0.5 * (posterior + posterior.T)
 
 
 # The update of an invariant error: the correction on the group SE_2(3), and the covariance of what is left.

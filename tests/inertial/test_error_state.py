@@ -239,12 +239,11 @@ def test_the_update_is_that_of_the_information_form():
     rng = np.random.default_rng(2)
     root, H = rng.normal(size=(15, 15)), rng.normal(size=(4, 15))
     P, R, y = root @ root.T + np.eye(15), np.diag([1.0, 2.0, 0.5, 3.0]), rng.normal(size=4)
-    dx, posterior, nis = correction(P, y, H, R)
+    dx, posterior = correction(P, y, H, R)
     information = np.linalg.inv(P) + H.T @ np.linalg.inv(R) @ H
 
     np.testing.assert_allclose(posterior, np.linalg.inv(information), atol=1e-9)
     np.testing.assert_allclose(dx, np.linalg.solve(information, H.T @ np.linalg.solve(R, y)), atol=1e-9)
-    assert nis == pytest.approx(y @ np.linalg.inv(H @ P @ H.T + R) @ y)
     np.testing.assert_array_equal(posterior, posterior.T)
 
 
