@@ -1,6 +1,7 @@
 """Studies whose rows are kept in the repository: every verb that reads works on them, as on a packed one."""
 
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,19 @@ from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study
 from stored_cells import about, put, row
 
-RESULTS = Path(__file__).parents[1] / "results"
-KEPT = sorted(path.parent for path in RESULTS.glob("*/cells") if any(path.glob("part-*.parquet")))
+ROOT = Path(__file__).parents[1]
+PARTS = "results/*/cells/part-*.parquet"
+
+
+def kept_studies():
+    """Those of the repository: what a user has run beside them is not kept. Without git, all that are there."""
+    if (git := shutil.which("git")) and (ROOT / ".git").exists():
+        listed = subprocess.check_output([git, "ls-files", "--", PARTS], cwd=ROOT, text=True)
+        return sorted({(ROOT / line).parents[1] for line in listed.splitlines()})
+    return sorted({path.parents[1] for path in ROOT.glob(PARTS)})
+
+
+KEPT = kept_studies()
 
 
 def require_answers(study, folder):
