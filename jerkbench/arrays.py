@@ -21,6 +21,9 @@ IntVector = Annotated[IntArray, 1]
 BoolVector = Annotated[BoolArray, 1]
 """Contiguous arrays of so many axes: what a compiled loop takes (`jerkbench.compilation.compiled_loop`)."""
 
+WIDE = 8
+"""Runs that go side by side: a vector has a number of each. 512 bits, one or a few registers on every processor."""
+
 
 class Same:
     """Objects, as the key of a cache: the same as others if each is the same object, whatever they hold."""

@@ -13,12 +13,12 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import WIDE, FloatArray
 from jerkbench.compilation.code_digest import digest, own_function
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.lanes import above_in_lanes
 from jerkbench.compilation.module_cache import load_entry
-from jerkbench.compilation.vectors import WIDE, anywhere, chosen, vector_of
+from jerkbench.compilation.vectors import anywhere, chosen, vector_of
 from jerkbench.compilation.views import Untyped, View, data_of
 
 # Calls of compiled functions by their address: a caller that is kept on the disk cannot know them by name.

@@ -17,10 +17,7 @@ from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
-from jerkbench.arrays import FloatArray
-
-WIDE = 8
-"""Numbers in a vector of several runs: 512 bits, one or a few registers on every processor."""
+from jerkbench.arrays import WIDE, FloatArray
 
 NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
 """As LLVM knows them."""

@@ -24,7 +24,8 @@ from numba.extending import (
     register_model,
 )
 
-from jerkbench.compilation.vectors import INDEX, NUMBER, WIDE, llvm_vector, repeated, turned, vector_of
+from jerkbench.arrays import WIDE
+from jerkbench.compilation.vectors import INDEX, NUMBER, llvm_vector, repeated, turned, vector_of
 
 Untyped = Any
 """What numba and llvmlite, which have no types, hand over."""

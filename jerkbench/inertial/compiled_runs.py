@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.arrays import WIDE, FloatArray, IntArray
 from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.vectors import WIDE
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation
 from jerkbench.geometry import euler_from_rotations

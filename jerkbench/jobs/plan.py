@@ -2,9 +2,10 @@
 
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from jerkbench.arrays import WIDE
 from jerkbench.contracts import PerSeed
 from jerkbench.errors import PluginError
 from jerkbench.jobs.inputs import KEPT_INPUTS
@@ -130,20 +131,43 @@ def grouped(
         for begin in range(0, len(job.draws), size):
             block = job.draws[begin : begin + size]
             draws = block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
-            near = groups.setdefault((scenario.dataset, scenario.data, begin), {})
+            near = groups.setdefault((scenario.dataset, scenario.data, block[0]), {})
             near.setdefault((scenario.disturbances, scenario.attitude), []).append(Task((job,), draws))
-    several = [group for near in groups.values() for group in near.values()]
+    several = [_calls(group) for near in groups.values() for group in near.values()]
     # Bundles are few enough to go round and long enough to share; one of each group is shorter.
-    size = min(max(math.ceil(sum(map(len, several)) / BUNDLES), least), MOST_TASKS)
+    count = sum(len(call) for calls in several for call in calls)
+    size = min(max(math.ceil(count / BUNDLES), least), MOST_TASKS)
     number, cut = itertools.count(), list[list[Task]]()
-    for group in several:
+    for calls in several:
         tasks = []
-        for k in range(0, len(group), size):
+        for bundle in _bundles(calls, size):
             n = next(number)
-            left = [task._replace(bundle=n) for task in group[k : k + size] if task.draws]
-            for _, own in itertools.groupby(left, lambda task: (task.draws, shared_call(task.jobs[0]))):
-                first, *others = own
-                tasks.append(first._replace(jobs=(*first.jobs, *(task.jobs[0] for task in others))))
+            for call in bundle:
+                for draws, own in itertools.groupby((task for task in call if task.draws), lambda task: task.draws):
+                    tasks.append(Task(tuple(task.jobs[0] for task in own), draws, n))
         if tasks:
             cut.append(tasks)
     return cut
+
+
+def _calls(group: Sequence[Task]) -> list[list[Task]]:
+    """The tasks of a group by what may share a call, wherever in the plan they stand."""
+    calls: dict[object, list[Task]] = {}
+    for task in group:
+        calls.setdefault(shared_call(task.jobs[0]), []).append(task)
+    return list(calls.values())
+
+
+def _bundles(calls: Sequence[Sequence[Task]], size: int) -> Iterator[list[Sequence[Task]]]:
+    """Fill bundles of ``size`` tasks; a call is cut where it alone is longer, and then into whole vectors."""
+    step = size - size % WIDE or size
+    bundle: list[Sequence[Task]] = []
+    for call in calls:
+        for begin in range(0, len(call), step if len(call) > size else size):
+            part = call[begin : begin + (step if len(call) > size else size)]
+            if bundle and sum(map(len, bundle)) + len(part) > size:
+                yield bundle
+                bundle = []
+            bundle.append(part)
+    if bundle:
+        yield bundle

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
-from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.arrays import WIDE, FloatCube, FloatMatrix, FloatVector, IntVector
+from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes, View, fields_of
 
 SIX, MATRIX = 8, 40

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, FloatCube, FloatMatrix, FloatStack
+from jerkbench.arrays import WIDE, FloatArray, FloatCube, FloatMatrix, FloatStack
 from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.vectors import WIDE, aligned_zeros, chosen
+from jerkbench.compilation.vectors import aligned_zeros, chosen
 from jerkbench.compilation.views import Lanes, View, lane, room, row, runs_in, taken
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate

@@ -9,8 +9,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.compilation.vectors import WIDE
+from jerkbench.arrays import WIDE, FloatArray, IntArray
 from jerkbench.contracts import Filter
 from jerkbench.kinematic.arguments import Model, Score, Steps
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart

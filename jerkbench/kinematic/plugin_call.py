@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import WIDE, FloatArray
 from jerkbench.compilation.methods import (
     CompiledMethod,
     address_of,
@@ -20,7 +20,7 @@ from jerkbench.compilation.methods import (
     whole_numbers,
 )
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
 from jerkbench.kinematic.arguments import AT_ONCE, EACH, NEVER, Packed, Rules, Whole

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.arrays import WIDE, FloatArray, IntArray
+from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate, Updates

@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntArray, IntVector
+from jerkbench.arrays import WIDE, FloatArray, FloatMatrix, FloatVector, IntArray, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.vectors import WIDE, aligned_zeros, chosen
+from jerkbench.compilation.vectors import aligned_zeros, chosen
 from jerkbench.compilation.views import Lanes, View, copy, eights, room, row, runs_in, shared_row, wide_room
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate

@@ -2,7 +2,8 @@
 
 from numba.core.registry import cpu_target
 
-from jerkbench.compilation.vectors import WIDE, vector_of
+from jerkbench.arrays import WIDE
+from jerkbench.compilation.vectors import vector_of
 
 
 def test_a_vector_may_begin_at_any_number_of_an_array():

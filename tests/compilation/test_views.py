@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from jerkbench.compilation.vectors import WIDE, aligned_zeros
+from jerkbench.arrays import WIDE
+from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import (
     Lanes,
     View,

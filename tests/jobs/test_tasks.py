@@ -8,7 +8,9 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from jerkbench.arrays import WIDE
 from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs.cluster import Lent, Workers
 from jerkbench.jobs.dispatch import TRIES
@@ -110,6 +112,42 @@ def test_a_piece_that_is_lost_is_a_piece_of_failed_rows_and_runs_again(plan, tmp
     run_missing(plan, store)
     (again,), _ = store.read([lost.key])
     pd.testing.assert_frame_equal(again.rows, pd.DataFrame(job_rows(lost)[0]), check_exact=True)
+
+
+def settings(adaptation, count):
+    first = replace(cell(adaptation), draws=range(4, 6))
+    return [with_method(first, filter=Jerk(accel_mps2=1.0 + k)) for k in range(count)]
+
+
+def named(task):
+    return [(job.labels.adaptation, job.method.filter.accel_mps2) for job in task.jobs]
+
+
+def test_settings_of_a_method_share_a_call_wherever_the_plan_has_them():
+    turns = [job for pair in zip(settings("none", 3), settings("mtf", 3), strict=True) for job in pair]
+
+    (tasks,) = grouped(turns, least=3)
+
+    assert list(map(named, tasks)) == [[(name, 1.0 + k) for k in range(3)] for name in ("none", "mtf")]
+
+
+def test_a_call_is_cut_into_whole_vectors_and_only_where_it_fits_no_bundle():
+    jobs = [*settings("none", 5), *settings("mtf", 2 * WIDE + 3)]
+
+    (tasks,) = grouped(jobs, least=WIDE + 2)
+
+    assert [(task.bundle, len(task.jobs)) for task in tasks] == [(0, 5), (1, WIDE), (2, WIDE), (3, 3)]
+
+
+def test_jobs_of_other_seeds_meet_no_recording_of_each_other():
+    jobs = [replace(job, draws=range(4 + 2 * k, 6 + 2 * k)) for k in range(2) for job in settings("none", 2)]
+
+    groups = grouped(jobs, least=4)
+
+    assert [[(len(task.jobs), task.draws) for task in group] for group in groups] == [
+        [(2, range(4, 6))],
+        [(2, range(6, 8))],
+    ]
 
 
 def test_a_task_whose_time_is_up_comes_back_with_its_rest(plan, monkeypatch):
