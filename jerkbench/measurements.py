@@ -26,21 +26,23 @@ class Measurements:
         z: (m, 6) position and velocity in ENU; NaN: not there.
         R: (m, 6, 6) as reported, the diagonal not below the floor.
         R_true: (m, 6, 6) what the errors were drawn from, where it is known; else R.
+        unfloored: (m, 6, 6) R before its diagonal was raised to the floor; None: none of it was.
     """
 
     t_ns: IntArray
     z: FloatArray
     R: FloatArray
     R_true: FloatArray
+    unfloored: FloatArray | None = None
 
     def covariances(self, *, true: bool) -> FloatArray:
         """Return (m, 6, 6) those that a filter gets."""
         return self.R_true if true else self.R
 
-    @cached_property
-    def above_floor(self) -> bool:
-        """Whether no variance that is reported was raised to the floor."""
-        return bool((np.einsum("nii->ni", self.R) > VARIANCE_FLOOR).all())
+    @property
+    def as_reported(self) -> FloatArray:
+        """(m, 6, 6) R whatever its floor."""
+        return self.R if self.unfloored is None else self.unfloored
 
     @cached_property
     def apart(self) -> bool:
@@ -66,7 +68,7 @@ class ScaledMeasurements(Measurements):
     """Measurements of which a filter is told another R: made where it is read, for runs side by side share `reported`.
 
     Attributes:
-        reported: as they were, no variance at the floor.
+        reported: as they were.
         position: factor on the covariance of each position [-].
         velocity: factor on the covariance of each velocity [-].
     """
@@ -79,7 +81,7 @@ class ScaledMeasurements(Measurements):
     @cached_property
     def R(self) -> FloatArray:  # noqa: N802 - read like the field
         """(m, 6, 6) the factors times R; of what is not there it stays."""
-        R, there = self.reported.R.copy(), np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
+        R, there = self.reported.as_reported.copy(), np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
         for k, factor in enumerate((self.position, self.velocity)):
             rows: slice | BoolArray = slice(None) if there[:, k].all() else there[:, k]
             R[rows, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] *= factor
@@ -106,7 +108,9 @@ def merged_measurements(recording: Recording, attitude: Attitude) -> Measurement
         rows, block = np.searchsorted(t_ns, stamp), slice(at, at + 3)
         z[rows, block], R[rows, block, block], R_true[rows, block, block] = values, reported, true
     present = np.isfinite(z).any(axis=1)
-    return Measurements(t_ns[present], z[present], floored(R[present]), floored(R_true[present]))
+    reported, raised = R[present], floored(R[present])
+    unfloored = reported if (raised != reported).any() else None
+    return Measurements(t_ns[present], z[present], raised, floored(R_true[present]), unfloored)
 
 
 def velocity_in_enu(velocity: Velocity, attitude: Attitude) -> Velocity:
@@ -179,9 +183,9 @@ class Start(NamedTuple):
 
     Attributes:
         position_m: (3,) of the first fix.
-        covariance_m2: (3, 3) likewise.
-        velocities: of each measurement of some axes: their rows of x, z moved up to the fix, R, and the variance that
-            moving it adds to each axis.
+        covariance_m2: (3, 3) likewise, whatever its floor.
+        velocities: of each measurement of some axes: their rows of x, z moved up to the fix, R whatever its floor, and
+            the variance that moving it adds to each axis.
     """
 
     position_m: FloatArray
@@ -199,7 +203,11 @@ class Start(NamedTuple):
 
 
 def _told(R: FloatArray, factor: float) -> FloatArray:
-    return R if factor == 1.0 else floored((factor * R)[None])[0]
+    """The factor times R (k, k), the diagonal not below the floor."""
+    told = factor * R
+    variances = told.reshape(-1)[:: len(R) + 1]
+    np.maximum(variances, VARIANCE_FLOOR, out=variances)
+    return told
 
 
 def start_of(measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float) -> Start:
@@ -214,18 +222,18 @@ def start_of(measurements: Measurements, first: int, attitude: Attitude | None, 
     An axis that was not measured by then is 0 +- 10 m/s: what comes later is an update, and must not be used twice. A
     measurement that is no surer than that in some direction (a speed, across) is not taken there.
     """
-    start_s, velocities = measurements.t_ns[first] * 1e-9, []
+    start_s, reported, velocities = measurements.t_ns[first] * 1e-9, measurements.as_reported, []
     rows = latest_rows(measurements, first)
     for row in sorted(set(rows.tolist()) - {-1}):
         axes = 3 + np.flatnonzero(rows == row)
-        z, R, grown = measurements.z[row, axes], measurements.R[row, axes[:, None], axes], 0.0
+        z, R, grown = measurements.z[row, axes], reported[row, axes[:, None], axes], 0.0
         age_s = (measurements.t_ns[first] - measurements.t_ns[row]) * 1e-9
         if age_s > 0:
             gained, seen_s = _gained(attitude, dt0_s, start_s - age_s, start_s)
             grown = (seen_s * INPUT_SIGMA_MPS2) ** 2 + ((age_s - seen_s) * UNSEEN_SIGMA_MPS2) ** 2
             z = z + gained[axes - 3]
         velocities.append((axes, z, R, grown))
-    return Start(measurements.z[first, :3], measurements.R[first, :3, :3], tuple(velocities))
+    return Start(measurements.z[first, :3], reported[first, :3, :3], tuple(velocities))
 
 
 def latest_rows(measurements: Measurements, first: int) -> IntArray:
@@ -238,6 +246,8 @@ def latest_rows(measurements: Measurements, first: int) -> IntArray:
 
 def _bounded(z: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A velocity and its covariance, 0 +- 10 m/s along the principal axes where it is no surer."""
+    if R.trace() < INITIAL_SPEED_SIGMA_MPS**2:  # the sum of all variances
+        return z, R
     variances, axes = np.linalg.eigh(R)
     sure = variances < INITIAL_SPEED_SIGMA_MPS**2
     if sure.all():

@@ -7,6 +7,7 @@ two IMU stamps splits the interval. Times are compared as whole nanoseconds, so 
 import dataclasses
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TypeVar
@@ -220,19 +221,23 @@ def with_r_scale(recording: Recording, scale: RScale) -> Recording:
 def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:
     """Return what `build_timeline` makes of `with_r_scale`, to the bit, from the ``timeline`` of ``recording`` itself.
 
-    It takes a tenth of the time, and shares with ``timeline`` all that no covariance changes.
+    It shares with ``timeline`` all that no covariance changes, and takes a hundredth of the time, but where a velocity
+    was turned.
     """
     if not scale.changed:
         return timeline
     before = timeline.measurements
-    if timeline.start and before.above_floor and (recording.velocity is None or recording.velocity.frame == "enu"):
-        told: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
+    if timeline.start and (recording.velocity is None or recording.velocity.frame == "enu"):
+        measured: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
         x0, P0 = timeline.start.motion(scale.position, scale.velocity)
-    else:  # R is not the reported one, but was turned, or raised to the floor
-        told = dataclasses.replace(before, R=merged_measurements(with_r_scale(recording, scale), attitude).R)
+    else:  # R is not the reported one, but was turned
+        again = merged_measurements(with_r_scale(recording, scale), attitude)
+        measured = dataclasses.replace(before, R=again.R, unfloored=again.unfloored)
         first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
-        x0, P0 = start_of(told, first, attitude if recording.imu else None, timeline.dt0_s).motion()
-    return dataclasses.replace(timeline, measurements=told, x0=x0, P0=P0)
+        x0, P0 = start_of(measured, first, attitude if recording.imu else None, timeline.dt0_s).motion()
+    told = copy(timeline)  # a fifth of the time of `replace`
+    vars(told).update(measurements=measured, x0=x0, P0=P0)
+    return told
 
 
 _Stream = TypeVar("_Stream", Position, Velocity)

@@ -22,7 +22,7 @@ from jerkbench.jobs.key import code_digest, plugin_digest, require_data, version
 from jerkbench.notices import notify
 from jerkbench.plugins.optional import part_read
 from jerkbench.recording import Recording
-from jerkbench.timeline import build_timeline, told_timeline, with_r_scale
+from jerkbench.timeline import build_timeline, with_r_scale
 
 # Simulated recordings, kept in the user's cache: another sweep over the same seeds need not
 # simulate them again.
@@ -95,7 +95,6 @@ class Inputs:
         self.attitude = lru_cache(KEPT_INPUTS)(attitude_of)
         self.told = lru_cache(KEPT_INPUTS)(with_r_scale)
         self.timeline = lru_cache(KEPT_INPUTS)(build_timeline)
-        self.told_timeline = lru_cache(8 * KEPT_INPUTS)(told_timeline)
         self.scored = lru_cache(KEPT_INPUTS)(scored)
         self._outline = lru_cache(KEPT_INPUTS)(_Outline.of)
         self._columns = lru_cache(8 * KEPT_INPUTS)(_columns)

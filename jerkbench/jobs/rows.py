@@ -33,7 +33,7 @@ from jerkbench.notices import plain
 from jerkbench.plugins.optional import part_read
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
-from jerkbench.timeline import Timeline, build_timeline
+from jerkbench.timeline import Timeline, build_timeline, told_timeline
 
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
@@ -170,7 +170,7 @@ def run_seed(job: Job, draw: int, inputs: Inputs | None = None) -> tuple[Recordi
     if isinstance(model, Estimator):
         told = inputs.told(recording, method.r_scale)
         return recording, solution(told, attitude, model, method.adaptation, method.engine)
-    timeline = inputs.told_timeline(inputs.timeline(recording, attitude), recording, attitude, method.r_scale)
+    timeline = told_timeline(inputs.timeline(recording, attitude), recording, attitude, method.r_scale)
     return recording, method.engine.run(timeline, model, method.adaptation)
 
 
@@ -322,7 +322,7 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
     )
     bare = [
         Run(
-            how.inputs.told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
+            told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
             seed.scored.scoring if whole else seed.scored.errors_alone,
         )
         for job, seed in runs

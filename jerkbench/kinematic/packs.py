@@ -213,7 +213,7 @@ def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_tr
     lengths_s, model = step_lengths(first.dt_s)
     updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
     marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
-    reported = [_covariances(course.run, updated, measured.R) for course, measured in streams]
+    reported = [_covariances(course.run, updated, measured.as_reported) for course, measured in streams]
     truth = [_covariances(course.run, updated, measured.R_true) for course, measured in streams] if wants_truth else []
     return _Stacked(
         model,
@@ -278,7 +278,7 @@ def _measured(run: Run, updated: IntArray) -> FloatArray:
     return z
 
 
-AS_REPORTED = np.array([1.0, 1.0, -np.inf])
+AS_REPORTED, FLOORED = np.array([1.0, 1.0, -np.inf]), np.array([1.0, 1.0, VARIANCE_FLOOR])
 
 
 def _told(run: Run) -> tuple[Measurements, FloatArray]:
@@ -286,7 +286,7 @@ def _told(run: Run) -> tuple[Measurements, FloatArray]:
     measured = run.timeline.measurements
     if isinstance(measured, ScaledMeasurements):
         return measured.reported, np.array([measured.position, measured.velocity, VARIANCE_FLOOR])
-    return measured, AS_REPORTED
+    return measured, AS_REPORTED if measured.unfloored is None else FLOORED
 
 
 def _covariances(run: Run, updated: IntArray, covariances: FloatArray) -> FloatArray:
