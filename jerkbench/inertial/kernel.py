@@ -2,7 +2,7 @@
 
 The error state stands in the places of the kernel of kinematic filters, so innovation, adaptation, update and sums are
 that kernel's own. The first six places of its state hold the nominal position and velocity, the others the estimated
-error until it is put into the nominal state. What all runs of one compilation have in common is the size of the error
+error until it is put into the nominal state. What all runs of one compilation have in common is the layout of the error
 state and whether it is invariant.
 """
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.views import Lanes, ask_for, room, row, runs_in
 from jerkbench.inertial.aiding import conclude, constrain, feed_back, observe, take_heading
-from jerkbench.inertial.state import LAYOUTS
+from jerkbench.inertial.state import ErrorLayout
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps, type_with
 from jerkbench.kinematic.correction import check_definite
@@ -222,7 +222,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 
 
 @cache
-def inertial_type(states: int, width: int, *, invariant: bool) -> Lanes:
-    """Return the type of ``width`` runs with an error state of that size, invariant or additive."""
-    kinds = {**LAYOUTS[states]._asdict(), "invariant": invariant}
-    return type_with(SHAPES, states, width, **{name: int(holds) for name, holds in kinds.items()})
+def inertial_type(layout: ErrorLayout, width: int, *, invariant: bool) -> Lanes:
+    """Return the type of ``width`` runs with an error state of that layout, invariant or additive."""
+    kinds = {**layout._asdict(), "invariant": invariant}
+    return type_with(SHAPES, layout.size, width, **{name: int(holds) for name, holds in kinds.items()})
