@@ -82,7 +82,7 @@ def stream_journeys(
 
     def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
         own = [chosen[k][1] for k in lanes]
-        inertial = inertial_of(own, pack.lengths_s, len(pack.score.truth) if attitude else 0)
+        inertial = inertial_of(own, pack.lengths_s, len(pack.scored.truth) if attitude else 0)
         attitudes.update((k, inertial.dcm[:, :, lane]) for lane, k in enumerate(pack.members))
         return _loop_of(own[0], WIDE), _type_of(own[0], WIDE), inertial
 
