@@ -1,4 +1,4 @@
-"""The verbs of single rows: `rerun` and `export` run a stored one again, `score` adds those of trajectories."""
+"""The verbs of single runs: `rerun` and `export` run a stored one again, `score` adds those of other programs."""
 
 import argparse
 import re
