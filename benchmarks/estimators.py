@@ -26,7 +26,7 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Batched
 from jerkbench.datasets.field import FieldWhite
-from jerkbench.evaluation.evaluated_run import scored
+from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import build_timeline
 
@@ -43,7 +43,7 @@ def recorded_runs() -> list[RecordedRun]:
         recording = FieldWhite().load(seed)
         attitude = Tilt().estimate(recording)
         timeline = build_timeline(recording, attitude)
-        scene = scored(recording, timeline, BURN_IN_S)
+        scene = prepare_reference(recording, timeline, BURN_IN_S)
         if scene is not None:
             runs.append(RecordedRun(recording, attitude, timeline, scene.scoring))
     return runs

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jerkbench.evaluation.evaluated_run import scored
+from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.job import Job, Protocol, build
 from jerkbench.jobs.rows import Result, job_rows
@@ -54,8 +54,8 @@ def tell_recordings(job: Job) -> None:
     attitudes = [attitude_of(recording, job.scenario.attitude) for recording in changed]
     both = list(zip(changed, attitudes, strict=True))
     tell("timeline", ONCE, len(seeds), lambda: [build_timeline(*pair) for pair in both])
-    lines = [(recording, build_timeline(recording, attitude), job.scoring.burn_in_s) for recording, attitude in both]
-    tell("what the errors count for", ONCE, len(seeds), lambda: [scored(*line) for line in lines])
+    lines = [(recording, build_timeline(recording, attitude), job.evaluation.burn_in_s) for recording, attitude in both]
+    tell("what the errors count for", ONCE, len(seeds), lambda: [prepare_reference(*line) for line in lines])
 
 
 def tell_cells(seeds: int) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.rows import JUDGED, AuditRows
+from jerkbench.audit.runs import JUDGED, AuditRows
 from jerkbench.plugins import create
 
 SMALL = dataclasses.replace(

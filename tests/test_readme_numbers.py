@@ -10,7 +10,7 @@ import pytest
 from experiment_scripts import experiment
 from jerkbench.audit.answer import answered
 from jerkbench.audit.page import answer_summary, audit_page
-from jerkbench.audit.rows import read_rows
+from jerkbench.audit.runs import read_rows
 from jerkbench.jobs.study import load_study
 from jerkbench.report.table_model import number
 

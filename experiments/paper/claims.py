@@ -17,7 +17,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.audit.answer import FEWEST_DRIVES, NO_FAULT, kinds_of
 from jerkbench.audit.page import AUDIT_FOLDER
 from jerkbench.audit.protocol import AuditMethod
-from jerkbench.audit.rows import AuditRows, cubes, read_rows
+from jerkbench.audit.runs import AuditRows, cubes, read_rows
 from jerkbench.evaluation.drives_and_tunings import crossed_intervals
 from jerkbench.evaluation.intervals import student_intervals
 from jerkbench.evaluation.judgement import LEVEL

@@ -14,7 +14,7 @@ import pandas as pd
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod
-from jerkbench.audit.rows import AuditRows, cubes, defaults, losses_of, lost_shares
+from jerkbench.audit.runs import AuditRows, cubes, defaults, losses_of, lost_shares
 from jerkbench.errors import PluginError, unknown
 from jerkbench.evaluation.drives_and_tunings import (
     MARGIN,

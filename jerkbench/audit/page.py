@@ -27,7 +27,7 @@ from jerkbench.audit.answer import (
     worded,
 )
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.rows import collected, losses_of, read_rows, write_protocol
+from jerkbench.audit.runs import collected, losses_of, read_rows, write_protocol
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.evaluation.judgement import Verdict

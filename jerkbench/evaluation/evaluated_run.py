@@ -42,11 +42,11 @@ class Numbers(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Scored:
-    """The scoring of the runs over one timeline, or of one trajectory.
+class PreparedReference:
+    """The reference of a recording, prepared for the runs over one timeline, or for one trajectory.
 
     Attributes:
-        scoring: for the engine.
+        scoring: what errors count for, for the engine.
         rows: which rows count for what.
         counted: (k,) which rows count at all.
         outline: an estimate of which ``index`` and ``euler_rad`` are known at least.
@@ -73,12 +73,12 @@ class Scored:
 def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sums:
     """Return the sums of a trajectory; ``counted`` (k,) says which of its rows count."""
     rows = counting(estimate.index, recording, counted)
-    scoring = scoring_of(recording, estimate.index, rows)
-    sums = sums_from(scored_trajectory(estimate, scoring), Scored(scoring, rows, counted, estimate), recording)
+    prepared = PreparedReference(error_weights(recording, estimate.index, rows), rows, counted, estimate)
+    sums = sums_from(scored_trajectory(estimate, prepared.scoring), prepared, recording)
     if (rows.position == rows.position[0]).all() and (rows.velocity == rows.velocity[0]).all():
         return sums
-    position = [replace(scoring, counted=which.astype(np.float64)) for which in rows.position]
-    velocity = [replace(scoring, moving=which.astype(np.float64)) for which in rows.velocity]
+    position = [replace(prepared.scoring, counted=which.astype(np.float64)) for which in rows.position]
+    velocity = [replace(prepared.scoring, moving=which.astype(np.float64)) for which in rows.velocity]
     return sums._replace(
         position_m2=_over_axes([scored_trajectory(estimate, s).position_m2 for s in position], POSITION_AXES),
         velocity_m2ps2=_over_axes([scored_trajectory(estimate, s).velocity_m2ps2 for s in velocity], VELOCITY_AXES),
@@ -100,9 +100,9 @@ class Summed(ABC):
         return self.summarise(sums_of(estimate, recording, counted))
 
 
-def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
+def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Recording) -> Sums:
     """Return the sums of a run; the reference knows all axes at the same stamps, of position and of velocity."""
-    rows, numbers = scored.rows, scored.numbers
+    rows, numbers = prepared.rows, prepared.numbers
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -132,7 +132,7 @@ def sums_from(streamed: Streamed, scored: Scored, recording: Recording) -> Sums:
         )
 
 
-def scoring_of(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
+def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
     """Return the weights of the errors at the rows ``index`` (k,) of the reference, which count for ``rows``."""
     reference = recording.reference
     truth = np.zeros((len(index), 6))
@@ -172,8 +172,8 @@ def can_stream(metric: Metric) -> bool:
     return has_methods(metric, Summarising) or part_read(metric) != "everything"
 
 
-def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored | None:
-    """Return how runs over ``timeline`` are scored, or None where that needs a trajectory.
+def prepare_reference(recording: Recording, timeline: Timeline, burn_in_s: float) -> PreparedReference | None:
+    """Return the reference for runs over ``timeline``, or None where scoring them needs a trajectory.
 
     It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
     nothing counts.
@@ -185,7 +185,7 @@ def scored(recording: Recording, timeline: Timeline, burn_in_s: float) -> Scored
     located = known_axes(recording.reference.enu_m, outline.index).all()
     if not (located and counted.any() and (rows.velocity == rows.velocity[0]).all()):
         return None
-    return Scored(scoring_of(recording, outline.index, rows), rows, counted, outline)
+    return PreparedReference(error_weights(recording, outline.index, rows), rows, counted, outline)
 
 
 def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:

@@ -15,7 +15,7 @@ from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.inertial.run_inputs import InertialSettings, Journey
-from jerkbench.inertial.state import Deformation, NavigationState
+from jerkbench.inertial.state import Deformation, ErrorLayout, NavigationState
 from jerkbench.kinematic.loop import APART, runs_of
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import compiled_rule
@@ -81,13 +81,13 @@ def stream_journeys(
 
     def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
         own = [chosen[k][1] for k in lanes]
-        inertial = inertial_of(own, pack.lengths_s, len(pack.score.truth) if attitude else 0)
+        inertial = inertial_of(own, pack.lengths_s, len(pack.scored.truth) if attitude else 0)
         attitudes.update((k, inertial.dcm[:, :, lane]) for lane, k in enumerate(pack.members))
         return _loop_of(own[0], WIDE), _type_of(own[0], WIDE), inertial
 
     runs = [Run(_split(journey), scorings[k]) for k, journey, _ in chosen]
-    sizes = [(len(journey.start[1]), journey.settings.invariant) for _, journey, _ in chosen]
-    sums = run_packs(runs, sizes, [rule for *_, rule in chosen], prepare, updates=updates, threads=threads)
+    kinds = [(journey.start[0].layout, journey.settings.invariant) for _, journey, _ in chosen]
+    sums = run_packs(runs, kinds, [rule for *_, rule in chosen], prepare, updates=updates, threads=threads)
     results: list[Streamed | None] = [None] * len(journeys)
     for place, (k, *_) in enumerate(chosen):
         result = sums[place]
@@ -98,18 +98,18 @@ def stream_journeys(
 
 
 def _type_of(journey: Journey, width: int) -> Lanes:
-    return inertial_type(len(journey.start[1]), width, invariant=journey.settings.invariant)
+    return inertial_type(journey.start[0].layout, width, invariant=journey.settings.invariant)
 
 
 def _loop_of(journey: Journey, width: int) -> Any:  # noqa: ANN401 - numba has no types
-    return _compiled(len(journey.start[1]), width, invariant=journey.settings.invariant)
+    return _compiled(journey.start[0].layout, width, invariant=journey.settings.invariant)
 
 
 @cache
-def _compiled(states: int, width: int, *, invariant: bool) -> Any:  # noqa: ANN401 - numba has no types
-    """The loop of ``width`` runs for an error state of that size, invariant or additive."""
-    title = f"the {'invariant ' if invariant else ''}inertial navigation of {runs_of(width)} with {states} states"
-    constants = {"RUN": inertial_type(states, width, invariant=invariant), "DENSE": 0}
+def _compiled(layout: ErrorLayout, width: int, *, invariant: bool) -> Any:  # noqa: ANN401 - numba has no types
+    """The loop of ``width`` runs for an error state of that layout, invariant or additive."""
+    title = f"the {'invariant ' if invariant else ''}inertial navigation of {runs_of(width)} with {layout.size} states"
+    constants = {"RUN": inertial_type(layout, width, invariant=invariant), "DENSE": 0}
     return compiled_loop(run_navigation, title, constants, APART + OWN)
 
 
@@ -219,7 +219,7 @@ def _numbers(state: NavigationState) -> FloatArray:
     """The numbers of a state, as `Inertial.nominal0` has them."""
     none = np.zeros((3, 3))
     deformation = state.deformation or Deformation(none, none)
-    return np.concatenate([np.ravel(part) for part in (*state[:5], *deformation, state.wheel_scale)])
+    return np.concatenate([np.ravel(part) for part in (*state[:5], *deformation, state.wheel_scale or 0.0)])
 
 
 def _end(w: FloatArray, of: Lanes) -> tuple[NavigationState, FloatArray]:
@@ -231,5 +231,6 @@ def _end(w: FloatArray, of: Lanes) -> tuple[NavigationState, FloatArray]:
 
     C, gyro_bias, accel_bias, gyro, accel, wheel = map(part, PARTS)
     deformation = Deformation(gyro, accel) if of.sizes["deformed"] else None
+    wheel_scale = float(wheel) if of.sizes["wheeled"] else None
     x = part("x")
-    return NavigationState(x[:3], x[3:6], C, gyro_bias, accel_bias, deformation, float(wheel)), part("P")
+    return NavigationState(x[:3], x[3:6], C, gyro_bias, accel_bias, deformation, wheel_scale), part("P")

@@ -2,7 +2,7 @@
 
 The error state stands in the places of the kernel of kinematic filters, so innovation, adaptation, update and sums are
 that kernel's own. The first six places of its state hold the nominal position and velocity, the others the estimated
-error until it is put into the nominal state. What all runs of one compilation have in common is the size of the error
+error until it is put into the nominal state. What all runs of one compilation have in common is the layout of the error
 state and whether it is invariant.
 """
 
@@ -12,9 +12,9 @@ from typing import NamedTuple
 from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.views import Lanes, ask_for, room, row, runs_in
 from jerkbench.inertial.aiding import conclude, constrain, feed_back, observe, take_heading
-from jerkbench.inertial.state import LAYOUTS
+from jerkbench.inertial.state import ErrorLayout
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
-from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps, type_with
+from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, type_with
 from jerkbench.kinematic.correction import check_definite
 from jerkbench.kinematic.loop import AHEAD, all_lost, keep, update
 
@@ -68,7 +68,7 @@ class Inertial(NamedTuple):
 
 
 def run_navigation(
-    steps: Steps, score: Score, own: Inertial, rules: Rules, kept: Kept, exchange: Exchange
+    steps: Steps, scored: TruthRows, own: Inertial, rules: Rules, kept: Kept, exchange: Exchange
 ) -> tuple[int, int]:
     """Run all steps, or up to where the last run is lost; arguments as those of `jerkbench.kinematic.loop.run_steps`.
 
@@ -81,7 +81,7 @@ def run_navigation(
     for k in range(len(steps.model)):
         move_navigation(run, own, steps.model[k], steps.sample[k])
         if steps.update[k] >= 0:
-            take_update(run, own, steps, score, rules, kept, exchange, steps.update[k], updates)
+            take_update(run, own, steps, scored, rules, kept, exchange, steps.update[k], updates)
             updates += 1
         if own.heading[k] >= 0:
             remember(run)
@@ -97,7 +97,7 @@ def run_navigation(
         if (steps.update[k] >= 0 or own.heading[k] >= 0 or own.constrained[k] >= 0) and all_lost(run, k):
             return reached, updates
         if steps.reference[k] >= 0:
-            give_out(run, own, score, kept, steps.reference[k], reached)
+            give_out(run, own, scored, kept, steps.reference[k], reached)
             reached += 1
     return reached, updates
 
@@ -141,7 +141,7 @@ def take_update(
     run: Lanes,
     own: Inertial,
     steps: Steps,
-    score: Score,
+    scored: TruthRows,
     rules: Rules,
     kept: Kept,
     exchange: Exchange,
@@ -152,18 +152,18 @@ def take_update(
     remember(run)
     if not own.direct:
         observe(run, row(own.arms, 0, run, "3"), row(own.arms, 1, run, "3"), row(own.frame, 0, run, "2"))
-    update(run, steps, score, rules, kept, exchange, which, place, own.states)
+    update(run, steps, scored, rules, kept, exchange, which, place, own.states)
     if not own.direct:
         conclude(run)
     feed_back(run)
 
 
-def give_out(run: Lanes, own: Inertial, score: Score, kept: Kept, reference: int, k: int) -> None:
+def give_out(run: Lanes, own: Inertial, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
     """Keep, and score, what is known at the ``k``-th visited stamp of the point whose position is given out."""
     if own.centred:
-        keep(run, score, kept, reference, k)
+        keep(run, scored, kept, reference, k)
     else:
-        keep_point(run, own, score, kept, reference, k)
+        keep_point(run, own, scored, kept, reference, k)
     if len(own.dcm) > 0:
         dcm = row(own.dcm, k, run, "3 3")
         for i in range(3):
@@ -171,7 +171,7 @@ def give_out(run: Lanes, own: Inertial, score: Score, kept: Kept, reference: int
                 dcm[i, j] = run.C[i, j]
 
 
-def keep_point(run: Lanes, own: Inertial, score: Score, kept: Kept, reference: int, k: int) -> None:
+def keep_point(run: Lanes, own: Inertial, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
     """Do so with another point than the IMU, and leave state and covariance as they were."""
     P, arm, frame = room(run, "6 s"), row(own.arms, 3, run, "3"), room(run, "2")
     frame[0] = frame[1] = run.zero
@@ -180,7 +180,7 @@ def keep_point(run: Lanes, own: Inertial, score: Score, kept: Kept, reference: i
         for t in range(run.s):
             P[s, t] = run.P[s, t]
     observe(run, arm, arm, frame)
-    keep(run, score, kept, reference, k)
+    keep(run, scored, kept, reference, k)
     for s in range(6):
         run.x[s] = run.nominal[s]
         for t in range(run.s):
@@ -222,7 +222,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 
 
 @cache
-def inertial_type(states: int, width: int, *, invariant: bool) -> Lanes:
-    """Return the type of ``width`` runs with an error state of that size, invariant or additive."""
-    kinds = {**LAYOUTS[states]._asdict(), "invariant": invariant}
-    return type_with(SHAPES, states, width, **{name: int(holds) for name, holds in kinds.items()})
+def inertial_type(layout: ErrorLayout, width: int, *, invariant: bool) -> Lanes:
+    """Return the type of ``width`` runs with an error state of that layout, invariant or additive."""
+    kinds = {**layout._asdict(), "invariant": invariant}
+    return type_with(SHAPES, layout.size, width, **{name: int(holds) for name, holds in kinds.items()})

@@ -8,7 +8,6 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inertial.state import (
     BA,
     BG,
-    LAYOUTS,
     MA,
     MG,
     PHI,
@@ -206,9 +205,9 @@ def transition(
         dt_s: (k,) lengths.
         dcm: (k, 3, 3) C.
         force_enu_mps2: (k, 3) a.
-        states: n, as in `jerkbench.inertial.state.ErrorLayout`; what is not named above is constant.
-        sensed: f and w (k, 3) in the body, for the deformations only: dM y acts as a bias, so column j of dM_g as db_g
-            times w_j, and column j of dM_a as db_a times f_j.
+        states: n; what is not named above is constant.
+        sensed: f and w (k, 3) in the body where the sensors are deformed, else None: dM y acts as a bias, so column j
+            of dM_g as db_g times w_j, and column j of dM_a as db_a times f_j.
     """
     dt, a = dt_s[:, None, None], skew(force_enu_mps2)
     aC = a @ dcm
@@ -218,7 +217,7 @@ def transition(
     Phi[:, V, PHI], Phi[:, V, BG], Phi[:, V, BA] = -dt * a, (dt**2 / 2.0) * aC, -dt * dcm
     Phi[:, P, PHI], Phi[:, P, BG], Phi[:, P, BA] = (-(dt**2) / 2.0) * a, (dt**3 / 6.0) * aC, (-(dt**2) / 2.0) * dcm
     Phi[:, PHI, BG] = -dt * dcm
-    if sensed is not None and LAYOUTS[states].deformed:
+    if sensed is not None:
         Phi[:, :9, MG], Phi[:, :9, MA] = by_column(Phi[:, :9, BG], sensed[1]), by_column(Phi[:, :9, BA], sensed[0])
     return Phi
 

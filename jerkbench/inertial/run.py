@@ -38,7 +38,7 @@ class InertialSolution(NamedTuple):
     Attributes:
         estimate: at the reference's stamps.
         state: nominal state at the end.
-        covariance: (n, n) of its error, n as in `jerkbench.inertial.state.ErrorLayout`.
+        covariance: (n, n) of its error.
     """
 
     estimate: Estimate
@@ -53,7 +53,7 @@ def given_out(
     if not point_m.any():  # nearly always, and at every step where the reference is that dense
         return np.concatenate([state.position_m, state.velocity_mps]), covariance[:6, :6]
     x, H = point_in_enu(state, rate_radps, point_m)
-    H = widened(H, len(covariance), rate_radps)
+    H = widened(H, state.layout, rate_radps)
     return x, H @ covariance @ H.T
 
 
@@ -103,7 +103,7 @@ class InertialRun:
         start = self.state
         sensed = calibrated(start, self.imu.accel_mps2[samples], self.imu.gyro_radps[samples])
         passage = advance_navigation(start, *sensed, dt_s, self.settings.earth)
-        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), sensed)
+        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), start.deformation and sensed)
         references = events.reference[steps].tolist()
         for k, dt in enumerate(dt_s.tolist()):
             self._grow(Phi[k], self._noise(dt))
@@ -154,7 +154,7 @@ class InertialRun:
         elif self.settings.velocity_frame == "speed":
             H = np.pad(H, ((0, 0), (0, 1)))
             h[3:], H[3:] = wheel_speed(self.state, self.rate, self.settings.wheel_m)
-        return h, widened(H, len(self.P), self.rate)
+        return h, widened(H, self.state.layout, self.rate)
 
     def _take_heading(self, yaw_rad: float, sigma_rad: float) -> None:
         expected, H = heading(self.state)
@@ -174,14 +174,14 @@ class InertialRun:
 
     def _correct(self, innovation: FloatArray, H: FloatArray, R: FloatArray) -> None:
         """Update with rows that are there."""
-        dx, self.P = correction(self.P, innovation, widened(H, len(self.P), self.rate), R)
         before = self.state
+        dx, self.P = correction(self.P, innovation, widened(H, before.layout, self.rate), R)
         if self.settings.invariant:
             self.state = corrected_on_group(before, dx)
-            G = reset_on_group(before, self.state, len(dx))
+            G = reset_on_group(before, self.state)
         else:
             self.state = corrected(before, dx)
-            G = reset(before, self.state, dx[PHI], len(dx))
+            G = reset(before, self.state, dx[PHI])
         self.P = carried_over(self.P, G)
 
     def _keep(self, reference: int) -> None:

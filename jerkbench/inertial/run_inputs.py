@@ -8,7 +8,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler, roll_pitch
 from jerkbench.inertial.mechanisation import Earth, SensorNoise, by_column
-from jerkbench.inertial.state import BA, BG, LAYOUTS, MA, MG, PHI, Deformation, ErrorLayout, NavigationState, V
+from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, ErrorLayout, NavigationState, V
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, merged_times, nanoseconds
 
@@ -199,9 +199,9 @@ class StartSigmas(NamedTuple):
     wheel_scale: float = 0.0
 
     @property
-    def deformed(self) -> bool:
-        """Whether the sensors have scale factors and misalignments."""
-        return self.gyro_scale > 0.0
+    def layout(self) -> ErrorLayout:
+        """That of the error state: scale factors and misalignments belong together."""
+        return ErrorLayout(deformed=self.gyro_scale > 0.0, wheeled=self.wheel_scale > 0.0)
 
 
 def align(
@@ -220,7 +220,7 @@ def align(
     over the rest as its bias, with the variance q_g/T. Moving: roll and pitch of ``attitude`` at the start, v from
     the timeline. p is the first fix.
     """
-    P = _of_sensors(sigmas)
+    P, layout = _of_sensors(sigmas), sigmas.layout
     P[:6, :6] = timeline.P0
     roll, pitch, _ = attitude.euler_rad[timeline.sample[0]]
     v, bg, resting = timeline.x0[3:], np.zeros(3), _is_resting(recording, timeline)
@@ -235,9 +235,9 @@ def align(
     level = np.sqrt(noise.velocity / LEVELLING_S) / GRAVITY_MPS2 if resting else MOVING_TILT_RAD
     P[PHI, PHI] = np.diag([level**2, level**2, sigmas.yaw_rad**2])
     if resting:
-        _couple_tilt(P, C)
-    deformation = Deformation(np.zeros((3, 3)), np.zeros((3, 3))) if sigmas.deformed else None
-    return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3), deformation), P
+        _couple_tilt(P, C, layout)
+    deformation = Deformation(np.zeros((3, 3)), np.zeros((3, 3))) if layout.deformed else None
+    return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3), deformation, 0.0 if layout.wheeled else None), P
 
 
 def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -> tuple[NavigationState, FloatArray]:
@@ -256,13 +256,12 @@ def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -
 
 def _of_sensors(sigmas: StartSigmas) -> FloatArray:
     """The covariance (n, n) of what is not known of the sensors, the rest zero."""
-    states = ErrorLayout(deformed=sigmas.deformed, wheeled=sigmas.wheel_scale > 0.0).size
-    variances = np.zeros(states)
+    variances = np.zeros(sigmas.layout.size)
     variances[BG], variances[BA] = sigmas.gyro_bias_radps**2, sigmas.accel_bias_mps2**2
-    if sigmas.deformed:
+    if sigmas.layout.deformed:
         for at, scale in ((MG, sigmas.gyro_scale), (MA, sigmas.accel_scale)):
             variances[at] = np.where(np.eye(3), scale, sigmas.misalignment_rad).ravel() ** 2
-    if sigmas.wheel_scale > 0.0:
+    if sigmas.layout.wheeled:
         variances[-1] = sigmas.wheel_scale**2
     return np.diag(variances)
 
@@ -277,7 +276,7 @@ def _mean_rate(recording: Recording) -> FloatArray:
     return np.asarray(imu.gyro_radps[imu.t_s < imu.t_s[0] + recording.static_start_s].mean(axis=0))
 
 
-def _couple_tilt(P: FloatArray, C: FloatArray) -> None:
+def _couple_tilt(P: FloatArray, C: FloatArray, layout: ErrorLayout) -> None:
     """Put the tilt that errors of the accelerometer make of levelling into P, in place.
 
     At rest 0 = -[g e3] phi - C (db_a + dM_a f), so that phi = J (db_a + dM_a f) with f = g C' e3 and
@@ -285,7 +284,7 @@ def _couple_tilt(P: FloatArray, C: FloatArray) -> None:
     """
     J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ C / GRAVITY_MPS2
     of_errors = [(BA, J)]
-    if LAYOUTS[len(P)].deformed:
+    if layout.deformed:
         of_errors.append((MA, by_column(J, GRAVITY_MPS2 * C[2])))
     for at, block in of_errors:
         P[PHI, at] = block @ P[at, at]

@@ -123,12 +123,12 @@ def backward(nodes: Sequence[Node]) -> list[Smoothed]:
 def _smoothed(node: Node, later: Node, known: Smoothed) -> Smoothed:
     """Return ``node`` from ``later``, the node after it, of which all is ``known``."""
     G = gain(node.P, later.Phi, later.P_prior)
-    error = error_between(known.state, later.prior, len(node.P))
-    back = np.asarray(np.linalg.inv(reset(later.prior, known.state, error[PHI], len(error))), dtype=np.float64)
+    error = error_between(known.state, later.prior)
+    back = np.asarray(np.linalg.inv(reset(later.prior, known.state, error[PHI])), dtype=np.float64)
     change = carried_over(known.covariance, back) - later.P_prior
     dx = G @ error
     state = corrected(node.posterior, dx)
-    onward = reset(node.posterior, state, dx[PHI], len(dx))
+    onward = reset(node.posterior, state, dx[PHI])
     return Smoothed(state, carried_over(node.P + G @ change @ G.T, onward))
 
 

@@ -88,10 +88,6 @@ class ErrorLayout(NamedTuple):
         return (DEFORMED if self.deformed else STATES) + self.wheeled
 
 
-LAYOUTS = {own.size: own for own in (ErrorLayout(d, w) for d in (False, True) for w in (False, True))}
-"""Every layout by its size; no two have the same."""
-
-
 class Deformation(NamedTuple):
     """Scale factors (diagonal) and misalignments of both sensors; a sensor shows (I + M) times what is true.
 
@@ -105,7 +101,7 @@ class Deformation(NamedTuple):
 
 
 class NavigationState(NamedTuple):
-    """Nominal state of the inertial navigation.
+    """Nominal state of the inertial navigation; what is None in it has no errors in the error state either.
 
     Attributes:
         position_m: (3,) p of the IMU, ENU.
@@ -113,8 +109,8 @@ class NavigationState(NamedTuple):
         dcm: (3, 3) C, body FLU -> ENU.
         gyro_bias_radps: (3,) b_g, body.
         accel_bias_mps2: (3,) b_a, body.
-        deformation: of the sensors, or None: they have none.
-        wheel_scale: k; a wheel shows 1 + k times the speed.
+        deformation: of the sensors; None: it is not estimated.
+        wheel_scale: k, a wheel shows 1 + k times the speed; None: it is not estimated.
     """
 
     position_m: FloatArray
@@ -123,11 +119,16 @@ class NavigationState(NamedTuple):
     gyro_bias_radps: FloatArray
     accel_bias_mps2: FloatArray
     deformation: Deformation | None = None
-    wheel_scale: float = 0.0
+    wheel_scale: float | None = None
+
+    @property
+    def layout(self) -> ErrorLayout:
+        """That of its error state."""
+        return ErrorLayout(deformed=self.deformation is not None, wheeled=self.wheel_scale is not None)
 
 
 def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
-    """Return ``state`` with the estimated error dx (n,), n as in `ErrorLayout`, put into it.
+    """Return ``state`` with the estimated error dx (n,) put into it.
 
     Tilt and accelerometer bias are found together, because levelling has hidden the one in the other. With a the force
     that holds the body up, C+ = Exp(phi) C and c = db_a + dM_a C' a, the bias becomes the one with which that force
@@ -137,14 +138,13 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
 
     Else g phi^2/2 of a correction would be left in the vertical, 4 mm/s2 for 28 mrad, and not in P.
     """
-    states, deformation = len(dx), state.deformation
+    deformation, wheel_scale = state.deformation, state.wheel_scale
     dcm = orthonormal(rotation_exp(dx[PHI]) @ state.dcm)
     up = GRAVITY_MPS2 * state.dcm[2]  # C' a
     change, of_accel = dx[BA], np.zeros((3, 3))
-    if LAYOUTS[states].deformed:
-        known = deformation or Deformation(np.zeros((3, 3)), np.zeros((3, 3)))
+    if deformation is not None:
         of_gyro, of_accel = dx[MG].reshape(3, 3).T, dx[MA].reshape(3, 3).T
-        deformation = Deformation(known.gyro + of_gyro, known.accel + of_accel)
+        deformation = Deformation(deformation.gyro + of_gyro, deformation.accel + of_accel)
         change = change + of_accel @ up
     east, north, _ = dx[PHI].tolist()
     force = GRAVITY_MPS2 * np.array([north, -east, 1.0]) - state.dcm @ change
@@ -156,12 +156,12 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
         state.gyro_bias_radps + dx[BG],
         state.accel_bias_mps2 + up - shown - of_accel @ shown,
         deformation,
-        state.wheel_scale + float(dx[-1]) if LAYOUTS[states].wheeled else state.wheel_scale,
+        None if wheel_scale is None else wheel_scale + float(dx[-1]),
     )
 
 
-def error_between(after: NavigationState, before: NavigationState, states: int) -> FloatArray:
-    """Return dx (n,), n = ``states``, with which `corrected` takes ``before`` to ``after``.
+def error_between(after: NavigationState, before: NavigationState) -> FloatArray:
+    """Return dx (n,) with which `corrected` takes ``before`` to ``after``.
 
     With dM_a = 0 for an IMU without deformation::
 
@@ -187,7 +187,7 @@ def error_between(after: NavigationState, before: NavigationState, states: int) 
             after.gyro_bias_radps - before.gyro_bias_radps,
             dcm.T @ (force - after.dcm @ shown) - of_accel @ up,
             deformed,
-            [after.wheel_scale - before.wheel_scale] if LAYOUTS[states].wheeled else [],
+            [] if before.wheel_scale is None else [(after.wheel_scale or 0.0) - before.wheel_scale],
         ]
     )
 

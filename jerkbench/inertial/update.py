@@ -9,12 +9,12 @@ from jerkbench.inertial.mechanisation import by_column
 from jerkbench.inertial.state import (
     BA,
     BG,
-    LAYOUTS,
     MA,
     MG,
     PHI,
     STATES,
     Deformation,
+    ErrorLayout,
     NavigationState,
     P,
     V,
@@ -69,24 +69,24 @@ def wheel_speed(
     With u as in `velocity_in_body`: h = [(1 + k) u_x, u_y, u_z]; dh_x = (1 + k) du_x + u_x dk.
     """
     h, of_velocity = velocity_in_body(state, rate_radps, lever_arm_m)
-    H = np.hstack([of_velocity, [[h[0]], [0.0], [0.0]]])
-    H[0, :STATES] *= 1.0 + state.wheel_scale
-    h[0] *= 1.0 + state.wheel_scale
+    H, shown = np.hstack([of_velocity, [[h[0]], [0.0], [0.0]]]), 1.0 + (state.wheel_scale or 0.0)
+    H[0, :STATES] *= shown
+    h[0] *= shown
     return h, H
 
 
-def widened(H: FloatArray, states: int, rate_radps: FloatArray) -> FloatArray:
+def widened(H: FloatArray, layout: ErrorLayout, rate_radps: FloatArray) -> FloatArray:
     """Return H (m, n) of rows (m, 15), or (m, 16) with the wheel's scale last.
 
     A deformation of the gyro is a wrong rate, as its bias is; one of the accelerometer is in no measurement.
     """
-    if H.shape[1] == states:
+    if H.shape[1] == layout.size:
         return H
-    wide = np.zeros((len(H), states))
+    wide = np.zeros((len(H), layout.size))
     wide[:, :STATES] = H[:, :STATES]
-    if LAYOUTS[states].deformed:
+    if layout.deformed:
         wide[:, MG] = by_column(H[:, BG], rate_radps)
-    if LAYOUTS[states].wheeled and H.shape[1] > STATES:
+    if layout.wheeled and H.shape[1] > STATES:
         wide[:, -1] = H[:, -1]
     return wide
 
@@ -121,7 +121,7 @@ def carried_over(covariance: FloatArray, G: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (carried + carried.T))
 
 
-def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray, states: int) -> FloatArray:
+def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray) -> FloatArray:
     """Return G (n, n), from an error of ``before`` that the correction has left, to the same one as ``after`` has it.
 
     The same error has other numbers there. With a the force that holds the body up::
@@ -131,13 +131,13 @@ def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray,
     so that the error of that force in ENU, phi x a - C (db_a + dM_a C' a), stays what it is: levelling has made it
     known well, while tilt and bias are not. That a correction changes the force itself is left out.
     """
-    G = np.eye(states)
+    G = np.eye(before.layout.size)
     half = 0.5 * skew(turn_rad)
     back = after.dcm.T @ before.dcm
     G[PHI, PHI] += half
     G[BA, BA] = back
     G[BA, PHI] = -after.dcm.T @ skew(UP_MPS2) @ half
-    if LAYOUTS[states].deformed:
+    if before.deformation is not None:
         G[BA, MA] = by_column(back, before.dcm.T @ UP_MPS2) - by_column(np.eye(3), after.dcm.T @ UP_MPS2)
     return G
 
@@ -171,7 +171,7 @@ def correction(
 
 
 def corrected_on_group(state: NavigationState, dx: FloatArray) -> NavigationState:
-    """Return ``state`` with the estimated error dx (n,), n as in `ErrorLayout`, put into it: Exp(T dx) Xh.
+    """Return ``state`` with the estimated error dx (n,) put into it: Exp(T dx) Xh.
 
     With the left Jacobian J of phi, for which J [phi] = Exp(phi) - I::
 
@@ -179,10 +179,9 @@ def corrected_on_group(state: NavigationState, dx: FloatArray) -> NavigationStat
 
     so that it does not matter where the origin lies.
     """
-    J, deformation = left_jacobian(dx[PHI]), state.deformation
-    if LAYOUTS[len(dx)].deformed:
-        known = deformation or Deformation(np.zeros((3, 3)), np.zeros((3, 3)))
-        deformation = Deformation(known.gyro + dx[MG].reshape(3, 3).T, known.accel + dx[MA].reshape(3, 3).T)
+    J, deformation, wheel_scale = left_jacobian(dx[PHI]), state.deformation, state.wheel_scale
+    if deformation is not None:
+        deformation = Deformation(deformation.gyro + dx[MG].reshape(3, 3).T, deformation.accel + dx[MA].reshape(3, 3).T)
     return NavigationState(
         state.position_m + J @ dx[P],
         state.velocity_mps + J @ dx[V],
@@ -190,16 +189,16 @@ def corrected_on_group(state: NavigationState, dx: FloatArray) -> NavigationStat
         state.gyro_bias_radps + dx[BG],
         state.accel_bias_mps2 + dx[BA],
         deformation,
-        state.wheel_scale + float(dx[-1]) if LAYOUTS[len(dx)].wheeled else state.wheel_scale,
+        None if wheel_scale is None else wheel_scale + float(dx[-1]),
     )
 
 
-def reset_on_group(before: NavigationState, after: NavigationState, states: int) -> FloatArray:
+def reset_on_group(before: NavigationState, after: NavigationState) -> FloatArray:
     """Return G (n, n) = T(after)^-1 T(before), from an additive error of ``before`` to the same xi as ``after`` has it.
 
     dp+ = dp - [p+ - p] phi;  dv+ = dv - [v+ - v] phi.
     """
-    G = np.eye(states)
+    G = np.eye(before.layout.size)
     G[P, PHI] = -skew(after.position_m - before.position_m)
     G[V, PHI] = -skew(after.velocity_mps - before.velocity_mps)
     return G

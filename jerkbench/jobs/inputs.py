@@ -1,4 +1,4 @@
-"""The inputs that the filters of a sweep share: recording, attitude, timeline, scoring."""
+"""The inputs that the filters of a sweep share: recording, attitude, timeline, prepared reference."""
 
 import hashlib
 import os
@@ -15,7 +15,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, Same
 from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
 from jerkbench.estimate import Attitude, Estimate, no_attitude
-from jerkbench.evaluation.evaluated_run import outlined, scored
+from jerkbench.evaluation.evaluated_run import outlined, prepare_reference
 from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_trusted, write_trusted
 from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
@@ -83,7 +83,7 @@ KEPT_INPUTS = 32
 
 
 class Inputs:
-    """Recordings, attitudes, timelines and scorings, each made once and the latest `KEPT_INPUTS` of each kind kept.
+    """Recordings, attitudes, timelines and prepared references, each made once; `KEPT_INPUTS` of each kind are kept.
 
     No cache holds the object that holds it, so that all of them go with the last reference, some 100 MB.
     """
@@ -95,7 +95,7 @@ class Inputs:
         self.attitude = lru_cache(KEPT_INPUTS)(attitude_of)
         self.told = lru_cache(KEPT_INPUTS)(with_r_scale)
         self.timeline = lru_cache(KEPT_INPUTS)(build_timeline)
-        self.scored = lru_cache(KEPT_INPUTS)(scored)
+        self.prepared = lru_cache(KEPT_INPUTS)(prepare_reference)
         self._outline = lru_cache(KEPT_INPUTS)(_Outline.of)
         self._columns = lru_cache(8 * KEPT_INPUTS)(_columns)
 

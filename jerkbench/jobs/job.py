@@ -188,8 +188,8 @@ class Method:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Scoring:
-    """How runs are judged.
+class Evaluation:
+    """The metrics that are asked of each run, and from when its errors count.
 
     Attributes:
         metrics: what is computed from each run.
@@ -217,27 +217,27 @@ class Job:
         labels: what tables call its parts.
         scenario: what is driven.
         method: what navigates.
-        scoring: how runs are judged.
+        evaluation: how runs are judged.
         draws: its seeds, or phases, in order.
     """
 
     labels: Labels
     scenario: Scenario
     method: Method
-    scoring: Scoring
+    evaluation: Evaluation
     draws: Sequence[int]
 
     @property
     def spec(self) -> dict[str, Any]:
         """Its parts as plain data; `build` makes the same job from it."""
-        return {**self.scenario.plain, **self.method.plain, "metrics": list(self.scoring.names)}
+        return {**self.scenario.plain, **self.method.plain, "metrics": list(self.evaluation.names)}
 
     @cached_property
     def key(self) -> str:
         """A hash of all that its rows depend on but their seeds."""
         model = self.method.filter
         data = [self.scenario.data, model.fingerprint() if isinstance(model, ReadingFile) else ""]
-        what = {"labels": self.labels, "spec": self.spec, "protocol": self.scoring.limits, "data": data}
+        what = {"labels": self.labels, "spec": self.spec, "protocol": self.evaluation.limits, "data": data}
         return key_of(what, (type(plugin) for _, _, plugin in self.parts()))
 
     def part(self, kind: str) -> Any:  # noqa: ANN401 - the kind decides the contract
@@ -266,7 +266,7 @@ class Job:
             yield kind, spec[kind]["name"], self.part(kind)
         for own, disturbance in zip(spec["disturbance"], self.scenario.disturbances, strict=True):
             yield "disturbance", own["name"], disturbance
-        for name, metric in zip(self.scoring.names, self.scoring.metrics, strict=True):
+        for name, metric in zip(self.evaluation.names, self.evaluation.metrics, strict=True):
             yield "metric", name, metric
 
 
@@ -295,11 +295,11 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job
     method = Method(plugin["filter"], plugin["adaptation"], plugin["engine"], r_scale, navigates)
     names = metric_names(spec.get("metrics") or (), seeded=scenario.seeded)
     metrics = tuple(_part("metric", {"name": name}).plugin for name in names)
-    scoring = Scoring(metrics, names, protocol.burn_in_s, protocol.divergence_limit_m)
+    evaluation = Evaluation(metrics, names, protocol.burn_in_s, protocol.divergence_limit_m)
     labels = labels or default_labels({**driven, **navigates})
     if isinstance(method.filter, Labelled):
         labels = labels._replace(filter=method.filter.table_label)
-    return Job(Labels(*map(plain_text, labels)), scenario, method, scoring, scenario.draws(protocol))
+    return Job(Labels(*map(plain_text, labels)), scenario, method, evaluation, scenario.draws(protocol))
 
 
 class _Part(NamedTuple):

@@ -14,7 +14,7 @@ from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
 from jerkbench.evaluation.evaluated_run import (
-    Scored,
+    PreparedReference,
     Summary,
     can_stream,
     evaluate_run,
@@ -176,14 +176,14 @@ def run_seed(job: Job, draw: int, inputs: Inputs | None = None) -> tuple[Recordi
 
 def alone(job: Job, draw: int, how: How, values: Mapping[str, float] | None = None) -> NotedRows:
     """Return the row of a seed that is run alone; ``values`` are its metrics, where they are known."""
-    scoring = job.scoring
+    evaluation = job.evaluation
     try:
         recording, estimate = run_seed(job, draw, how.inputs)
         if isinstance(job.method.filter, PerSeed):
-            require_begin(estimate, recording, scoring.burn_in_s)
-        status, reason = run_status(estimate, recording, scoring.divergence_limit_m)
+            require_begin(estimate, recording, evaluation.burn_in_s)
+        status, reason = run_status(estimate, recording, evaluation.divergence_limit_m)
         if values is None or estimate.failure:  # one that stops has the values up to there
-            values = evaluate_run(estimate, recording, scoring.burn_in_s, scoring.metrics, how.inputs.columns)
+            values = evaluate_run(estimate, recording, evaluation.burn_in_s, evaluation.metrics, how.inputs.columns)
         return [{**_head(job, draw), "status": status, "reason": plain(reason), **values}], notes_of(job, recording)
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row, or a sentence
         return failed_piece(job, [draw], error, how)
@@ -231,15 +231,15 @@ def shared_call(job: Job) -> object:
     """Return what jobs of one scenario that may share a call have in common; a job by itself where none may."""
     if not streams(job) or unfit(job):
         return job
-    method, scoring = job.method, job.scoring
-    limits = scoring.burn_in_s, scoring.divergence_limit_m
-    return type(method.filter), type(method.adaptation), method.engine, scoring.metrics, limits
+    method, evaluation = job.method, job.evaluation
+    limits = evaluation.burn_in_s, evaluation.divergence_limit_m
+    return type(method.filter), type(method.adaptation), method.engine, evaluation.metrics, limits
 
 
 def streams(job: Job) -> bool:
     """Whether the runs of ``job`` need no trajectories, and its engine or its estimator can do without."""
     able = isinstance(job.method.filter, Batched) or not isinstance(job.method.filter, Estimator)
-    return able and isinstance(job.method.engine, SideBySide) and all(map(can_stream, job.scoring.metrics))
+    return able and isinstance(job.method.engine, SideBySide) and all(map(can_stream, job.evaluation.metrics))
 
 
 def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[NotedRows]:
@@ -255,13 +255,13 @@ def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[Noted
     ]
 
 
-class _Prepared(NamedTuple):
+class _ReadySeed(NamedTuple):
     """A seed, ready to run; R is as reported."""
 
     recording: Recording
     attitude: Attitude
     timeline: Timeline
-    scored: Scored
+    reference: PreparedReference
 
 
 class _Sums(NamedTuple):
@@ -285,12 +285,12 @@ def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple
     The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
     what is the matter. What the engine itself raises goes on to the caller.
     """
-    every = {draw: _prepared(jobs[0], draw, how.inputs) for draw in draws}
+    every = {draw: _ready(jobs[0], draw, how.inputs) for draw in draws}
     ready = {(k, draw): seed for k in range(len(jobs)) for draw, seed in every.items() if seed is not None}
     if not ready:
         return {}
     results = _run_all([(jobs[k], seed) for (k, _), seed in ready.items()], how)
-    limit_m = jobs[0].scoring.divergence_limit_m
+    limit_m = jobs[0].evaluation.divergence_limit_m
     return {
         (k, draw): _Sums(seed.recording, _values(jobs[k], seed, result, how.inputs), strays(result, limit_m))
         for ((k, draw), seed), result in zip(ready.items(), results, strict=True)
@@ -298,7 +298,7 @@ def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple
     }
 
 
-def _prepared(job: Job, draw: int, inputs: Inputs) -> _Prepared | None:
+def _ready(job: Job, draw: int, inputs: Inputs) -> _ReadySeed | None:
     """Return what a run needs; None where something is wrong, which the run alone says."""
     try:
         recording = inputs.recording(job.scenario, draw)
@@ -306,24 +306,24 @@ def _prepared(job: Job, draw: int, inputs: Inputs) -> _Prepared | None:
         timeline = inputs.timeline(recording, attitude)
     except Exception:  # noqa: BLE001 - the run alone raises it again, where it becomes a row that says so
         return None
-    scored = inputs.scored(recording, timeline, job.scoring.burn_in_s)
-    return None if scored is None else _Prepared(recording, attitude, timeline, scored)
+    reference = inputs.prepared(recording, timeline, job.evaluation.burn_in_s)
+    return None if reference is None else _ReadySeed(recording, attitude, timeline, reference)
 
 
-def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Streamed | None]:
+def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Streamed | None]:
     """Run all of them in one call, in the estimator's own way or in the engine's."""
     first, _ = runs[0]
-    reads = {part_read(metric) for metric in first.scoring.metrics}
+    reads = {part_read(metric) for metric in first.evaluation.metrics}
     updates, attitude = "updates" in reads, "attitude" in reads
     models: list[Any] = [job.method.filter for job, _ in runs]
     rules = [job.method.adaptation for job, _ in runs]
     whole = any(
-        getattr(metric, "reads_covariance", not isinstance(metric, Reading)) for metric in first.scoring.metrics
+        getattr(metric, "reads_covariance", not isinstance(metric, Reading)) for metric in first.evaluation.metrics
     )
     bare = [
         Run(
             told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
-            seed.scored.scoring if whole else seed.scored.errors_alone,
+            seed.reference.scoring if whole else seed.reference.errors_alone,
         )
         for job, seed in runs
     ]
@@ -339,12 +339,12 @@ def _run_all(runs: Sequence[tuple[Job, _Prepared]], how: How) -> Sequence[Stream
     )
 
 
-def _values(job: Job, seed: _Prepared, result: Streamed, inputs: Inputs) -> dict[str, float]:
+def _values(job: Job, seed: _ReadySeed, result: Streamed, inputs: Inputs) -> dict[str, float]:
     """Return the metrics of a run by column, from its sums."""
     with np.errstate(over="ignore", invalid="ignore"):
-        sums = sums_from(result, seed.scored, seed.recording)
-    outline = seed.scored.outline
+        sums = sums_from(result, seed.reference, seed.recording)
+    outline = seed.reference.outline
     if result.euler_rad is not None:  # an attitude of its own
         outline = outlined(outline.index, result.euler_rad)
-    summary = Summary(with_updates(outline, result.updates), seed.scored.counted, sums)
-    return metric_values(job.scoring.metrics, summary, seed.recording, inputs.columns)
+    summary = Summary(with_updates(outline, result.updates), seed.reference.counted, sums)
+    return metric_values(job.evaluation.metrics, summary, seed.recording, inputs.columns)

@@ -189,7 +189,7 @@ def block_of(job: Job, result: Result) -> RowBlock:
     about = {
         "labels": job.labels._asdict(),
         "spec": job.spec,
-        "protocol": job.scoring.limits,
+        "protocol": job.evaluation.limits,
         "data": job.scenario.data,
         "notes": result.notes,
         "code": code_digest(),

@@ -261,7 +261,7 @@ def _scene(job: Picturing, cells: Sequence[Stored], wanted: Methods) -> Scene:
         tilts=_tilts(row, estimate),
         best=best,
         best_runs=tuple(row_of(chosen[best], seed, run_programs=True).run() for seed in seeds or [None]),
-        burn_in_s=row.job.scoring.burn_in_s,
+        burn_in_s=row.job.evaluation.burn_in_s,
     )
 
 
@@ -406,7 +406,7 @@ def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
     from jerkbench.report.plots.style import save_figure
 
     recording, estimate = run_seed(job, job.draws[0])
-    errors = partial(error_figure, burn_in_s=job.scoring.burn_in_s)
+    errors = partial(error_figure, burn_in_s=job.evaluation.burn_in_s)
     drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
     if estimate.attitude_only:
         drawn = {"inclination": inclination_figure}

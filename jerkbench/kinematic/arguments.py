@@ -52,8 +52,8 @@ class Steps(NamedTuple):
     P0: FloatMatrix
 
 
-class Score(NamedTuple):
-    """What the k visited rows of the reference count for, W as in `Steps`; nothing is scored where there are none.
+class TruthRows(NamedTuple):
+    """The k rows of the reference that are visited, and what each counts for; W as in `Steps`. No row: no scoring.
 
     Attributes:
         mark: (k,) row of the errors that are kept, or -1.

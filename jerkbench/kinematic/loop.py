@@ -22,8 +22,8 @@ from jerkbench.kinematic.arguments import (
     Kept,
     Model,
     Rules,
-    Score,
     Steps,
+    TruthRows,
     run_type,
 )
 from jerkbench.kinematic.correction import NAN, check_definite, correct, correct_by_gains, determinant, mahalanobis
@@ -43,33 +43,33 @@ from jerkbench.kinematic.predict import (
 )
 
 
-def compare_later(run: Lanes, score: Score, errors: FloatArray, k: int) -> None:
+def compare_later(run: Lanes, scored: TruthRows, errors: FloatArray, k: int) -> None:
     """The same as `compare` where the covariance is predicted later."""
-    if score.truth.shape[2] > 1:
-        ask_for(row(score.truth, k + AHEAD, run, "6"))
+    if scored.truth.shape[2] > 1:
+        ask_for(row(scored.truth, k + AHEAD, run, "6"))
     P = room(run, "6 6")
-    if score.consistency:
+    if scored.consistency:
         predict_measured(run, P)
-    compare(run, P, score, errors, k)
+    compare(run, P, scored, errors, k)
 
 
-def compare(run: Lanes, P: View, score: Score, errors: FloatArray, k: int) -> None:
+def compare(run: Lanes, P: View, scored: TruthRows, errors: FloatArray, k: int) -> None:
     """Score the state with row ``k`` of the reference; P (6, 6) is the covariance of position and velocity."""
-    add_row(run, P, score, k)
-    if score.mark[k] >= 0:
-        marked = row(errors, score.mark[k], run, "marked")
+    add_row(run, P, scored, k)
+    if scored.mark[k] >= 0:
+        marked = row(errors, scored.mark[k], run, "marked")
         for i in range(3):
             marked[i] = run.e[i]
-        if score.consistency:
+        if scored.consistency:
             marked[3], marked[4], marked[5] = P[0, 0], P[0, 1], P[0, 2]
             marked[6], marked[7], marked[8] = P[1, 1], P[1, 2], P[2, 2]
-    if len(score.outage) > 0:
-        run.outage += taken(score.outage, k, run, "1")[0] * run.square
+    if len(scored.outage) > 0:
+        run.outage += taken(scored.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: Lanes, P: View, score: Score, k: int) -> None:
+def add_row(run: Lanes, P: View, scored: TruthRows, k: int) -> None:
     """Add the errors of the state to the sums."""
-    truth, weights = taken(score.truth, k, run, "6"), score.weights[k]
+    truth, weights = taken(scored.truth, k, run, "6"), scored.weights[k]
     counted, whole, moving = weights[0], weights[1], weights[2]  # in the order of `arguments.WEIGHTS`
     for s in range(6):
         run.e[s] = run.x[s] - truth[s]
@@ -81,7 +81,7 @@ def add_row(run: Lanes, P: View, score: Score, k: int) -> None:
     run.whole += whole * square
     run.farthest = chosen(square, run.farthest, square, run.farthest)
     run.largest = chosen(counted * square, run.largest, square, run.largest)
-    if score.consistency:
+    if scored.consistency:
         _add_nees(run, P, counted, weights[3])
 
 
@@ -114,7 +114,7 @@ def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
 def update(
     run: Lanes,
     steps: Steps,
-    score: Score,
+    scored: TruthRows,
     rules: Rules,
     kept: Kept,
     exchange: Exchange,
@@ -137,7 +137,7 @@ def update(
     else:
         correct(run, states)
     check_definite(run)
-    finish(run, seen, score, which, nis)
+    finish(run, seen, scored, which, nis)
 
 
 def seen_of(run: Lanes, kept: Kept, place: int) -> View:
@@ -220,14 +220,14 @@ def clear_absent(run: Lanes) -> None:
             run.R[r, c] = chosen(run.used[r] * run.used[c], 0.0, run.R[r, c], 0.0)
 
 
-def finish(run: Lanes, seen: View, score: Score, which: int, nis: float) -> None:
+def finish(run: Lanes, seen: View, scored: TruthRows, which: int, nis: float) -> None:
     """Keep what the adapted R made of it, and count the update."""
     seen[2] = _rows_used(run)
     seen[3] = chosen(seen[2], 0.0, nis, NAN)
     for r in range(6):
         seen[10 + r] = run.variance[r]
-    if len(score.counts) > 0:
-        counts = taken(score.counts, which, run, "1")[0]
+    if len(scored.counts) > 0:
+        counts = taken(scored.counts, which, run, "1")[0]
         run.nis += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
         run.updates += chosen(seen[0], 0.0, counts, 0.0)
         run.nis_used += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
@@ -250,13 +250,13 @@ AHEAD = 64
 
 
 def run_steps(
-    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, exchange: Exchange
+    steps: Steps, scored: TruthRows, model: Model, rules: Rules, kept: Kept, exchange: Exchange
 ) -> tuple[int, int]:
     """Run all steps, or up to where the last run is lost.
 
     Args:
         steps: the steps.
-        score: what the errors count for.
+        scored: what the errors count for.
         model: the filter.
         rules: the adaptation.
         kept: gets what comes out.
@@ -280,16 +280,16 @@ def run_steps(
             elif DENSE == 1:
                 advance(run, model, steps, begun, k + 1)
                 begun = k + 1
-            update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
+            update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
             if how == LATER:
                 kept.reference[reached] = steps.reference[k]
-                compare_later(run, score, kept.errors, reached)
+                compare_later(run, scored, kept.errors, reached)
             else:
-                keep(run, score, kept, steps.reference[k], reached)
+                keep(run, scored, kept, steps.reference[k], reached)
             reached += 1
     return reached, updates
 
@@ -345,7 +345,7 @@ def move_by(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> 
         predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), how, u)
 
 
-def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
+def keep(run: Lanes, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
     """Keep, and score, the state at the ``k``-th visited stamp of the reference."""
     kept.reference[k] = reference
     if len(kept.x) > 0:
@@ -353,10 +353,10 @@ def keep(run: Lanes, score: Score, kept: Kept, reference: int, k: int) -> None:
         for s in range(6):
             x[s] = run.x[s]
         copy(row(kept.P, k, run, "6 6"), run.P_measured)
-    if len(score.mark) > 0:
-        if score.truth.shape[2] > 1:
-            ask_for(row(score.truth, k + AHEAD, run, "6"))
-        compare(run, run.P_measured, score, kept.errors, k)
+    if len(scored.mark) > 0:
+        if scored.truth.shape[2] > 1:
+            ask_for(row(scored.truth, k + AHEAD, run, "6"))
+        compare(run, run.P_measured, scored, kept.errors, k)
 
 
 def all_lost(run: Lanes, step: int) -> bool:

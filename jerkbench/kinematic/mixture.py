@@ -16,7 +16,7 @@ from jerkbench.compilation.vectors import aligned_zeros, chosen
 from jerkbench.compilation.views import Lanes, View, lane, room, row, runs_in, taken
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Score, Steps, run_type
+from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, run_type
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
 from jerkbench.kinematic.loop import APART, all_lost, expect, finish, keep, move_by, runs_of, seen_of
 from jerkbench.kinematic.packs import Pack, model_of
@@ -146,7 +146,7 @@ def _mix_covariances(mixing: Mixing, run: Lanes, joint: View, mean: View) -> Non
 
 
 def run_mixture(
-    steps: Steps, score: Score, mixing: Mixing, rules: Rules, kept: Kept, exchange: Exchange
+    steps: Steps, scored: TruthRows, mixing: Mixing, rules: Rules, kept: Kept, exchange: Exchange
 ) -> tuple[int, int]:
     """Run all steps, or up to where the last run is lost; arguments as those of `jerkbench.kinematic.loop.run_steps`.
 
@@ -164,13 +164,13 @@ def run_mixture(
             models = mixing.A[j], mixing.b[j], mixing.Q[j]
             move_by(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
         if steps.update[k] >= 0:
-            update_mixture(combined, steps, score, mixing, rules, kept, exchange, steps.update[k], updates, states)
+            update_mixture(combined, steps, scored, mixing, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(combined, k):
                 return reached, updates
         if steps.reference[k] >= 0:
             combine(mixing, combined)
-            keep(combined, score, kept, steps.reference[k], reached)
+            keep(combined, scored, kept, steps.reference[k], reached)
             reached += 1
     return reached, updates
 
@@ -192,7 +192,7 @@ def begin_mixture(mixing: Mixing, combined: Lanes) -> None:
 def update_mixture(
     combined: Lanes,
     steps: Steps,
-    score: Score,
+    scored: TruthRows,
     mixing: Mixing,
     rules: Rules,
     kept: Kept,
@@ -215,7 +215,7 @@ def update_mixture(
     mix(mixing, combined, rows)
     for j in range(combined.count):
         mirror(runs_in(mixing.filters[j], RUN))
-    finish(combined, seen, score, which, nis)
+    finish(combined, seen, scored, which, nis)
 
 
 def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j: int, which: int, states: int) -> None:

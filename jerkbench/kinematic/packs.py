@@ -11,7 +11,7 @@ import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray, IntArray
 from jerkbench.contracts import Filter
-from jerkbench.kinematic.arguments import Model, Score, Steps
+from jerkbench.kinematic.arguments import Model, Steps, TruthRows
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart
 from jerkbench.plugins.optional import axis_models
 from jerkbench.sums import Run
@@ -81,7 +81,7 @@ class Pack:
         members: their places in the batch.
         timelines: theirs.
         steps: all of them in vectors; a vector that is not full repeats its last run.
-        score: likewise.
+        scored: likewise.
         lengths_s: the lengths of steps that come, for the model.
         update_s: (m,) times of the updates, of any run.
         marks: for each run, the rows of the kept errors that are its own.
@@ -91,7 +91,7 @@ class Pack:
     members: tuple[int, ...]
     timelines: tuple[Timeline, ...]
     steps: Steps
-    score: Score
+    scored: TruthRows
     lengths_s: FloatArray
     update_s: FloatArray
     marks: tuple[IntArray, ...]
@@ -182,7 +182,7 @@ class _Stacked(NamedTuple):
     z: FloatArray
     R: FloatArray
     reported: FloatArray
-    score: Score
+    scored: TruthRows
     lengths_s: FloatArray
     updated: IntArray
     marks: tuple[IntArray, ...]
@@ -204,7 +204,7 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, a
     update_s = lanes[0].timeline.t_s[shared.updated]
     timelines = tuple(run.timeline for run in lanes)
     marks = shared.marks * (WIDE // len(shared.marks))
-    return Pack(members, timelines, steps, shared.score, shared.lengths_s, update_s, marks, apart)
+    return Pack(members, timelines, steps, shared.scored, shared.lengths_s, update_s, marks, apart)
 
 
 def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_truth: bool) -> _Stacked:
@@ -224,7 +224,7 @@ def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_tr
         _stacked(lanes, lambda run: _measured(run, updated)),
         _stack(truth) if wants_truth else np.empty((0, 36, 1)),
         _stack(reported),
-        _score(lanes, marks, first.t_s[updated]),
+        _truth_rows(lanes, marks, first.t_s[updated]),
         lengths_s,
         updated,
         tuple(np.searchsorted(marks, run.scoring.marks) for run in lanes),
@@ -235,9 +235,9 @@ _streams = lru_cache(maxsize=8)(_stacked_streams)  # some 15 MB each
 _one_stream = lru_cache(maxsize=64)(_stacked_streams)  # less than 2 MB each
 
 
-def _score(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> Score:
+def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> TruthRows:
     first = lanes[0].scoring
-    return Score(
+    return TruthRows(
         _numbered(len(first.truth), marks),
         _stacked(lanes, lambda run: (update_s >= run.scoring.start_s).astype(np.float64)),
         _stacked(lanes, lambda run: run.scoring.truth),

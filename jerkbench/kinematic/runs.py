@@ -15,7 +15,7 @@ from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.kinematic.arguments import MARKED, SEEN, TOTALS, Kept, Score, Steps, exchange_for, run_type
+from jerkbench.kinematic.arguments import MARKED, SEEN, TOTALS, Kept, Steps, TruthRows, exchange_for, run_type
 from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs
 from jerkbench.kinematic.plugin_call import Rule, rules_of
@@ -23,7 +23,7 @@ from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
 NO_ROWS = np.empty((0, 6, 1))
-NO_SCORE = Score(np.empty(0, np.int64), NO_ROWS[:, 0], NO_ROWS, NO_ROWS[:, :4, 0], NO_ROWS[:, 0], consistency=False)
+NO_TRUTH = TruthRows(np.empty(0, np.int64), NO_ROWS[:, 0], NO_ROWS, NO_ROWS[:, :4, 0], NO_ROWS[:, 0], consistency=False)
 
 
 def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
@@ -45,7 +45,7 @@ def run_alone(
     loop, of, own, *more = prepared
     kept, steps = _room_of(timeline, of), _steps_of(timeline, which, wants_truth=rule.wants_truth)
     rules, room = rules_of([rule], of.sizes["s"]), exchange_for(of.sizes["n"], 1)
-    states, updates = loop(steps, NO_SCORE, own, rules, kept, room, *more)
+    states, updates = loop(steps, NO_TRUTH, own, rules, kept, room, *more)
     return _estimate_of(timeline, kept, states, updates, of), kept.w
 
 
@@ -191,7 +191,7 @@ def run_packs(
         if prepared is not None:
             loop, of, own, *more = prepared
             kept, rule = _room_of_pack(pack, of, updates=updates), rules_of([rules[k] for k in lanes], of.sizes["s"])
-            loop(pack.steps, pack.score, own, rule, kept, exchange_for(of.sizes["n"], WIDE), *more)
+            loop(pack.steps, pack.scored, own, rule, kept, exchange_for(of.sizes["n"], WIDE), *more)
             coupled = kept.w[of.fields["coupled"].places[0] :].tolist()
             if pack.apart and any(coupled[:WIDE]):
                 run_pack(replace(pack, apart=False))
@@ -221,10 +221,10 @@ _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for 
 
 def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
     """Room for the sums of a pack, and for what its updates saw."""
-    m, marks = len(pack.steps.z), int(pack.score.mark.max(initial=-1)) + 1
+    m, marks = len(pack.steps.z), int(pack.scored.mark.max(initial=-1)) + 1
     return Kept(
         aligned_zeros(of.sizes["length"]),
-        np.empty(len(pack.score.truth), dtype=np.int64),
+        np.empty(len(pack.scored.truth), dtype=np.int64),
         np.empty((0, 6, WIDE)),
         np.empty((0, 36, WIDE)),
         np.full((marks, MARKED, WIDE), np.nan),
@@ -246,7 +246,7 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
 
 def _result(pack: Pack, kept: Kept, totals: FloatArray, lane: int, *, updates: bool) -> Streamed:
     sums, errors = totals[6:].tolist(), kept.errors[pack.marks[lane], :, lane]
-    if not pack.score.consistency:
+    if not pack.scored.consistency:
         sums[4:6] = np.nan, np.nan
     seen = _updates(pack, kept.seen, lane) if updates else NOTHING
     return Streamed._make([totals[:3], totals[3:6], *sums, errors[:, :3], errors[:, 3:], seen, None])

@@ -32,7 +32,17 @@ from jerkbench.compilation.vectors import aligned_zeros, chosen
 from jerkbench.compilation.views import Lanes, View, copy, eights, room, row, runs_in, shared_row, wide_room
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
-from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Model, Rules, Score, Steps, run_type, with_covariance
+from jerkbench.kinematic.arguments import (
+    RUN,
+    Exchange,
+    Kept,
+    Model,
+    Rules,
+    Steps,
+    TruthRows,
+    run_type,
+    with_covariance,
+)
 from jerkbench.kinematic.loop import APART, all_lost, compare, move, runs_of, start, update, way_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
@@ -279,7 +289,7 @@ class Tape(NamedTuple):
 
 
 def run_smoother(
-    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape
+    steps: Steps, scored: TruthRows, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape
 ) -> tuple[int, int]:
     """Run all steps forward and back; only forward where the last run is lost on the way.
 
@@ -289,14 +299,14 @@ def run_smoother(
         How many stamps of the reference were visited, and how many updates there were.
     """
     states = 3 * (2 + len(model.extra))
-    rows, reached, updates = run_forward(steps, score, model, rules, kept, exchange, tape, states)
+    rows, reached, updates = run_forward(steps, scored, model, rules, kept, exchange, tape, states)
     if rows > 0:
-        run_back(steps, score, model, kept, tape, rows, reached, states)
+        run_back(steps, scored, model, kept, tape, rows, reached, states)
     return reached, updates
 
 
 def run_forward(
-    steps: Steps, score: Score, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape, states: int
+    steps: Steps, scored: TruthRows, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape, states: int
 ) -> tuple[int, int, int]:
     """Filter, and fill the tape; returns its rows and the stamps of the reference (0: lost), and the updates."""
     run = runs_in(kept.w, RUN)
@@ -308,7 +318,7 @@ def run_forward(
         move(run, steps, model, way_of(model), k)
         due = steps.update[k] >= 0
         if due:
-            update(run, steps, score, rules, kept, exchange, steps.update[k], updates, states)
+            update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(run, k):
                 return 0, 0, updates
@@ -324,7 +334,7 @@ def run_forward(
 
 
 def run_back(
-    steps: Steps, score: Score, model: Model, kept: Kept, tape: Tape, rows: int, reached: int, states: int
+    steps: Steps, scored: TruthRows, model: Model, kept: Kept, tape: Tape, rows: int, reached: int, states: int
 ) -> None:
     """Smooth, from the last row of the tape to the first."""
     a, moving = runs_in(tape.adjoint, RUN), runs_in(tape.moving, RUN)
@@ -336,12 +346,12 @@ def run_back(
         for k in range(first + 1, last):
             move(moving, steps, model, way_of(model), k)
             copy_state(runs_in(tape.between[k - first - 1], ROW), moving)
-        left = give(steps, score, kept, last, runs_in(tape.rows[number], ROW), a, left)
+        left = give(steps, scored, kept, last, runs_in(tape.rows[number], ROW), a, left)
         if tape.updated[number] > 0:
             absorb(a, runs_in(tape.rows[number], ROW), states)
         step_back(a, steps, model, last)
         for k in range(last - 1, first, -1):
-            left = give(steps, score, kept, k, runs_in(tape.between[k - first - 1], ROW), a, left)
+            left = give(steps, scored, kept, k, runs_in(tape.between[k - first - 1], ROW), a, left)
             step_back(a, steps, model, k)
 
 
@@ -354,7 +364,7 @@ def step_back(a: Lanes, steps: Steps, model: Model, k: int) -> None:
             retreat(a, row(model.A, steps.model[k], a, "n n"))
 
 
-def give(steps: Steps, score: Score, kept: Kept, k: int, filtered: Lanes, a: Lanes, left: int) -> int:
+def give(steps: Steps, scored: TruthRows, kept: Kept, k: int, filtered: Lanes, a: Lanes, left: int) -> int:
     """Keep, or score, the smoothed state after step ``k``, if the reference is there; return how many are left."""
     if steps.reference[k] < 0:
         return left
@@ -365,8 +375,8 @@ def give(steps: Steps, score: Score, kept: Kept, k: int, filtered: Lanes, a: Lan
         smooth_alone(row(kept.x, place, run, "6"), row(kept.P, place, run, "6 6"), filtered, a)
     else:
         smooth(run, filtered, a)
-        if len(score.mark) > 0:
-            compare(run, run.P_measured, score, kept.errors, place)
+        if len(scored.mark) > 0:
+            compare(run, run.P_measured, scored, kept.errors, place)
     return place
 
 

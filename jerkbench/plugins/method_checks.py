@@ -22,7 +22,7 @@ from jerkbench.contracts import (
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.plugins import create
 from jerkbench.plugins.optional import empty_memory
@@ -80,7 +80,7 @@ def _check_sums(
     subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
 ) -> None:
     timeline = build_timeline(recording, attitude)
-    scene = scored(recording, timeline, BURN_IN_S)
+    scene = prepare_reference(recording, timeline, BURN_IN_S)
     if scene is None:
         return
     subject = f"{subject}.run_settings()"

@@ -181,9 +181,9 @@ class Evaluator:
     def _jobs(self, settings: Sequence[Setting], case: Job) -> Iterator[Job]:
         """The job of each setting, and that of the plain filter, with the objective as their only metric."""
         metric: Metric = plugins.create("metric", {"name": self.objective.metric})
-        scoring = dataclasses.replace(case.scoring, metrics=(metric,), names=(self.objective.metric,))
+        evaluation = dataclasses.replace(case.evaluation, metrics=(metric,), names=(self.objective.metric,))
         for job in (*(self.space.applied(case, setting) for setting in settings), plain_job(case)):
-            yield dataclasses.replace(job, scoring=scoring)
+            yield dataclasses.replace(job, evaluation=evaluation)
 
     def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, BoolArray]:
         """Return (n, draws) the loss of each run, and whether it was lost."""
@@ -194,7 +194,7 @@ class Evaluator:
                 f"The filter {case.method.plain['filter']['name']} has no {column} over {case.labels.scenario}, so"
                 f" objective={self.objective.name} cannot be used; take another objective."
             )
-        level = self.objective.level(plain, case.scoring.divergence_limit_m)
+        level = self.objective.level(plain, case.evaluation.divergence_limit_m)
         losses = np.array([self.objective.losses(own, level) for own in tried])
         return losses, np.array([[row["status"] != "ok" for row in own] for own in tried])
 

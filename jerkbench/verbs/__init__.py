@@ -4,7 +4,7 @@ import argparse
 from functools import cache
 from importlib.metadata import version
 
-from jerkbench.verbs import campaigns, completing, inspecting, plugins, recordings, results, rows
+from jerkbench.verbs import campaigns, completing, inspecting, plugins, recordings, results, single_runs
 from jerkbench.verbs.arguments import group
 
 SUITE = group(
@@ -28,9 +28,9 @@ DATA = group(
 
 VERBS = (
     *(plugins.list_verb, plugins.show_verb, DATA),
-    *(results.table_verb, results.figures_verb, results.report_verb, results.compare_verb, rows.score_verb),
+    *(results.table_verb, results.figures_verb, results.report_verb, results.compare_verb, single_runs.score_verb),
     *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
-    *(rows.rerun_verb, rows.export_verb, results.pack_verb),
+    *(single_runs.rerun_verb, single_runs.export_verb, results.pack_verb),
     *(plugins.new_verb, plugins.check_verb, results.cite_verb, completing.completion_verb),
 )
 """In the order in which `jerkbench --help` names them."""

@@ -96,7 +96,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.audit.answer import reweighted_text
     from jerkbench.audit.page import AUDIT_FOLDER, compare_audits, judged_audit, run_audit
     from jerkbench.audit.protocol import read_protocol
-    from jerkbench.audit.rows import read_rows
+    from jerkbench.audit.runs import read_rows
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.cluster import processors
 

@@ -11,7 +11,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.evaluated_run import scored
+from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.sums import RecordedRun, Run
 from jerkbench.timeline import build_timeline
 
@@ -76,7 +76,7 @@ def test_runs_side_by_side_each_at_its_own_rate(jumping, name):
     runs, wanted = [], []
     for recording, attitude in jumping:
         timeline = build_timeline(recording, attitude)
-        runs.append(RecordedRun(recording, attitude, timeline, scored(recording, timeline, 0.0).scoring))
+        runs.append(RecordedRun(recording, attitude, timeline, prepare_reference(recording, timeline, 0.0).scoring))
         count = int(np.sum(timeline.t_s[timeline.update >= 0] - timeline.t_s[0] < AFTER_S))
         wanted.append(Mtf(after=count))
     given = {"updates": False, "threads": 1}

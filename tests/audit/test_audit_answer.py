@@ -19,7 +19,7 @@ from jerkbench.audit.answer import (
     reweighted_text,
 )
 from jerkbench.audit.page import write_page
-from jerkbench.audit.rows import losses_of
+from jerkbench.audit.runs import losses_of
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.drives_and_tunings import statements
 from made_rows import SMALL, made_rows

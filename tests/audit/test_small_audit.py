@@ -14,7 +14,7 @@ from commands import PATIENCE_S, environment
 from jerkbench.audit.answer import answered
 from jerkbench.audit.page import run_audit
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.rows import read_rows
+from jerkbench.audit.runs import read_rows
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.cluster import LOCAL
 

@@ -9,7 +9,7 @@ from test_side_by_side import BURN_IN_S, one, side_by_side, trajectory
 from jerkbench import plugins
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.evaluated_run import evaluate_run, scored, sums_from
+from jerkbench.evaluation.evaluated_run import evaluate_run, prepare_reference, sums_from
 from jerkbench.kinematic import packs, runs
 from jerkbench.measurements import TURNING_NOISE, Measurements, axes_apart
 from jerkbench.sums import Run
@@ -61,7 +61,7 @@ def strides(monkeypatch):
 
 def errors_alone(pairs, model, adaptation):
     """The metrics of errors of each pair, run side by side without anything of the covariances."""
-    scores = [scored(recording, timeline, BURN_IN_S) for recording, timeline in pairs]
+    scores = [prepare_reference(recording, timeline, BURN_IN_S) for recording, timeline in pairs]
     bare = [Run(timeline, score.errors_alone) for (_, timeline), score in zip(pairs, scores, strict=True)]
     several = [model] * len(pairs), [adaptation] * len(pairs)
     results = CompiledEngine().run_settings(bare, *several, updates=False, threads=1)

@@ -18,7 +18,7 @@ from jerkbench.compilation.compiled_loop import signature_of
 from jerkbench.compilation.jitted import jitted
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, scored, sums_from, with_updates
+from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, prepare_reference, sums_from, with_updates
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
@@ -47,7 +47,7 @@ def several():
 
 
 def side_by_side(pairs, model, adaptation, **options):
-    score = [scored(recording, timeline, BURN_IN_S) for recording, timeline in pairs]
+    score = [prepare_reference(recording, timeline, BURN_IN_S) for recording, timeline in pairs]
     runs = [Run(timeline, s.scoring) for (_, timeline), s in zip(pairs, score, strict=True)]
     models, adaptations = (of if isinstance(of, list) else [of] * len(runs) for of in (model, adaptation))
     results = CompiledEngine().run_settings(runs, models, adaptations, **{"updates": True, "threads": 1, **options})
@@ -323,9 +323,10 @@ def test_a_reference_with_holes_needs_a_trajectory(several):
     recording, timeline = several[0]
     truth = recording.reference.enu_m.copy()
     truth[20, 1] = np.nan
+    holed = replace(recording, reference=replace(recording.reference, enu_m=truth))
 
-    assert scored(replace(recording, reference=replace(recording.reference, enu_m=truth)), timeline, BURN_IN_S) is None
-    assert scored(recording, timeline, burn_in_s=100.0) is None
+    assert prepare_reference(holed, timeline, BURN_IN_S) is None
+    assert prepare_reference(recording, timeline, burn_in_s=100.0) is None
 
 
 @pytest.mark.slow
@@ -344,7 +345,7 @@ def test_what_stands_apart_in_the_loop_is_there_once_and_not_in_what_calls_it(wi
 
 
 def test_a_run_without_consistency_has_all_other_sums(several):
-    score = [scored(recording, timeline, BURN_IN_S) for recording, timeline in several[:3]]
+    score = [prepare_reference(recording, timeline, BURN_IN_S) for recording, timeline in several[:3]]
     both = [
         CompiledEngine().run_settings(
             [Run(timeline, scoring) for (_, timeline), scoring in zip(several, scorings, strict=False)],

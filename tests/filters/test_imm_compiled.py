@@ -19,7 +19,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.kinematic.mixture import mix_alone
@@ -72,7 +72,7 @@ def test_an_adaptation_changes_what_both_filters_take_for_noise():
 def test_its_sums_are_those_of_a_trajectory():
     (recording, attitude), model = recorded(), InteractingMultipleModels()
     timeline = build_timeline(recording, attitude)
-    scene = scored(recording, timeline, 2.0)
+    scene = prepare_reference(recording, timeline, 2.0)
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
     one, _ = model.run_settings([run] * 2, [model] * 2, [Mtf()] * 2, updates=True, attitude=True, threads=2)
     estimate = model.estimate(recording, attitude, Mtf())

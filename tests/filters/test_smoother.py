@@ -22,7 +22,7 @@ from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.kinematic.smoother import smooth_one
@@ -106,7 +106,7 @@ def test_it_keeps_what_an_adaptation_fades():
 def test_its_sums_are_those_of_a_trajectory_with_settings_side_by_side():
     models = [RauchTungStriebel("jerk", accel_mps2=0.1 * (1 + k)) for k in range(3)]
     (recording, attitude), timeline = recorded(), build_timeline(*recorded())
-    scene = scored(recording, timeline, 2.0)
+    scene = prepare_reference(recording, timeline, 2.0)
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
     results = models[0].run_settings([run] * 3, models, [Mtf()] * 3, updates=True, attitude=False, threads=1)
 

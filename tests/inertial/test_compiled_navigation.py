@@ -13,7 +13,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
@@ -179,7 +179,7 @@ def test_its_sums_are_those_of_a_trajectory(case):
     kind, fields = CASES[case]
     (recording, attitude), model = recorded(kind), Eskf15(**fields)
     timeline = build_timeline(recording, attitude)
-    scene = scored(recording, timeline, BURN_IN_S)
+    scene = prepare_reference(recording, timeline, BURN_IN_S)
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
     one, two = model.run_settings([run] * 2, [model] * 2, [Mtf()] * 2, updates=True, attitude=True, threads=2)
     estimate = model.estimate(recording, attitude, Mtf())

@@ -108,7 +108,7 @@ def test_the_error_between_two_states_takes_one_to_the_other(about, states):
     dx = 0.02 * np.sin(np.arange(1.0, states + 1.0))
     after = corrected(about, dx)
 
-    np.testing.assert_allclose(error_between(after, about, states), dx, atol=1e-12)
+    np.testing.assert_allclose(error_between(after, about), dx, atol=1e-12)
 
 
 def drive(seed):

@@ -86,7 +86,7 @@ def test_where_the_origin_lies_does_not_matter():
 def test_the_covariance_of_the_invariant_error_stays_as_it_is():
     dx = np.concatenate([LARGE, np.zeros(6)])
     after = corrected_on_group(STATE, dx)
-    G = reset_on_group(STATE, after, 15)
+    G = reset_on_group(STATE, after)
 
     np.testing.assert_allclose(numbers(after) @ G[:9, :9], numbers(STATE), atol=1e-7)
     np.testing.assert_allclose(G[9:, 9:], np.eye(6))

@@ -11,7 +11,7 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.evaluated_run import scored, sums_from, sums_of
+from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
 from jerkbench.inertial.compiled_runs import stream_journeys
@@ -19,7 +19,7 @@ from jerkbench.timeline import build_timeline
 
 
 def scene_of(recording, attitude):
-    return scored(recording, build_timeline(recording, attitude), BURN_IN_S)
+    return prepare_reference(recording, build_timeline(recording, attitude), BURN_IN_S)
 
 
 def together(journeys, scenes, adaptations):

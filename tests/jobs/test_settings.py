@@ -66,7 +66,7 @@ def test_a_base_that_is_told_something_is_not_told_it_twice():
 
 def test_a_lost_run_is_a_row_that_says_so():
     cell = cell_of()
-    lost = dataclasses.replace(cell, scoring=dataclasses.replace(cell.scoring, divergence_limit_m=1e-3))
+    lost = dataclasses.replace(cell, evaluation=dataclasses.replace(cell.evaluation, divergence_limit_m=1e-3))
 
     assert {status for status, _ in together([lost])[0]} == {"diverged"}
 

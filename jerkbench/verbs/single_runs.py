@@ -1,4 +1,4 @@
-"""The verbs of single rows: `rerun` and `export` run a stored one again, `score` adds those of trajectories."""
+"""The verbs of single runs: `rerun` and `export` run a stored one again, `score` adds those of other programs."""
 
 import argparse
 import re
@@ -71,7 +71,7 @@ def export_verb(chosen: argparse.Namespace) -> None:
     row = stored_row(chosen.folder, chosen.row, run_programs=chosen.run_programs)
     recording, estimate = row.run()
     if chosen.tum is not None:
-        counted = counted_rows(estimate, recording, row.job.scoring.burn_in_s)
+        counted = counted_rows(estimate, recording, row.job.evaluation.burn_in_s)
         for path in write_tum_pair(chosen.tum, recording, estimate, counted):
             print(path)
     if chosen.updates is not None:
