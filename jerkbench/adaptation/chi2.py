@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import NONE_OR_MORE, PROBABILITY, WITHIN_0_AND_1
-from jerkbench.adaptation.common import chi2_tail, innovation_distance
+from jerkbench.adaptation.common import chi2_tail, innovation_distance, position_rows
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -53,14 +53,14 @@ class Chi2Gate(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with infinite variances in the blocks that are dropped."""
-        adapted = R.copy()
-        for block in range(2):
-            at = np.flatnonzero(rows // 3 == block)
-            if len(at) > 0:
-                nis = innovation_distance(innovation[at], (HPHt + R)[at][:, at])
-                if chi2_tail(nis, len(at)) < 1.0 - self.probability and memory[block] < self.longest:
+        adapted, split = R.copy(), position_rows(rows)
+        for block, begin, end in ((0, 0, split), (1, split, len(rows))):
+            if begin < end:
+                of = slice(begin, end)
+                nis = innovation_distance(innovation[of], HPHt[of, of], R[of, of])
+                if chi2_tail(nis, end - begin) < 1.0 - self.probability and memory[block] < self.longest:
                     memory[block] += 1.0
-                    for i in at:
+                    for i in range(begin, end):
                         adapted[i, i] = np.inf
                 else:
                     memory[block] = 0.0

@@ -76,21 +76,28 @@ def inflated(
     return adapted
 
 
-def squared_length(vector: FloatArray) -> float:
-    """Return the sum of the squares; compiled, it makes no array in between."""
-    total = 0.0
-    for value in vector:
-        total += value**2
-    return total
-
-
 FAR = 1400.0
 """Beyond it every tail for six rows is below 1e-290."""
 
 
-def innovation_distance(innovation: FloatArray, S: FloatArray) -> float:
-    """Return y' S^-1 y."""
-    return float(np.sum(innovation * np.linalg.solve(S, innovation)))
+def position_rows(rows: IntArray) -> int:
+    """Return how many rows are of position; those of velocity come behind them."""
+    count = 0
+    for row in rows:
+        if row < 3:
+            count += 1
+    return count
+
+
+def innovation_distance(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> float:
+    """Return y' S^-1 y, S = H P- H' + R."""
+    S, M, v = HPHt.copy(), np.empty(R.shape, R.dtype), np.empty(len(R), R.dtype)
+    for i in range(len(R)):
+        for j in range(i + 1):
+            S[i, j] += R[i, j]
+    factorise(S, M)
+    solve(M, innovation, v)
+    return dot(innovation, v)
 
 
 def chi2_tail(x: float, rows: int) -> float:
@@ -330,14 +337,17 @@ def fill_square(part: Measured, xi: float) -> None:
     for i in range(m):
         part.step[i] = dot(part.W[i], part.v) * by_xi
     for i in range(m):
-        for j in range(m):
+        for j in range(i + 1):
             D[i, j] = part.W[i, j] * by_xi + part.step[i] * part.step[j]
     for k in range(m):
         scale = part.M[k, k] * by_xi * by_xi
         for i in range(m):
             share = X[k, i] * scale
-            for j in range(m):
+            for j in range(i + 1):
                 D[i, j] -= share * X[k, j]
+    for i in range(m):
+        for j in range(i):
+            D[j, i] = D[i, j]
 
 
 def first_distance(part: Measured, innovation: FloatArray) -> float:
@@ -376,10 +386,11 @@ def _noise_share(part: Measured) -> float:
 
 
 def fill_blend(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: float) -> None:
-    """Fill W = (tau N + xi D_x) / (tau + 1)."""
+    """Fill W = (tau N + xi D_x) / (tau + 1), of which one half is worked out."""
+    kept, gained = tau / (tau + 1.0), xi / (tau + 1.0)
     for i in range(len(W)):
-        for j in range(len(W)):
-            W[i, j] = (tau * N[i, j] + xi * D[i, j]) / (tau + 1.0)
+        for j in range(i + 1):
+            W[i, j] = W[j, i] = kept * N[i, j] + gained * D[i, j]
 
 
 def spread_part(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:

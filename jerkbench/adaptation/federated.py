@@ -1,12 +1,16 @@
 """The federated filter with two locals."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import WITHIN_0_AND_1
+from jerkbench.adaptation.common import position_rows
+from jerkbench.adaptation.linalg import dot, trace
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
@@ -45,17 +49,20 @@ class Federated(Limited):
         float, WITHIN_0_AND_1, Range(0.05, 0.95, source="any share but nothing"), DefaultOrigin("equal shares")
     ] = 0.5
 
+    lanes: ClassVar[bool] = True
+
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with each block scaled by its own factor."""
-        factors = np.ones(len(rows))
-        for block in range(2):
-            inside = rows // 3 == block
-            if inside.any():
-                share = self.beta if block == 0 else 1.0 - self.beta
-                energy, h = np.sum(innovation[inside] ** 2), np.sum(np.diag(HPHt)[inside]) / share
-                r = np.sum(np.diag(R)[inside])
-                if energy >= h + r:
-                    factors = np.where(inside, (energy - h) / r, factors)
-        return R * np.sqrt(np.outer(factors, factors))
+        adapted, factors, split = R.copy(), np.empty(len(rows), R.dtype), position_rows(rows)
+        for begin, end, share in ((0, split, self.beta), (split, len(rows), 1.0 - self.beta)):
+            if begin < end:
+                of, y = slice(begin, end), innovation[begin:end]
+                energy, h, r = dot(y, y), trace(HPHt[of, of]) / share, trace(R[of, of])
+                for i in range(begin, end):
+                    factors[i] = chosen(h + r, energy, 1.0, (energy - h) / r)
+        for i in range(len(rows)):
+            for j in range(len(rows)):
+                adapted[i, j] *= math.sqrt(factors[i] * factors[j])
+        return adapted

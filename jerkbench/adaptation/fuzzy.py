@@ -1,11 +1,10 @@
 """Fuzzy rules on R."""
 
 from dataclasses import dataclass
-from typing import Annotated
-
-import numpy as np
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0
+from jerkbench.adaptation.linalg import dot, scaled, trace
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -59,6 +58,8 @@ class Fuzzy(Limited):
         DefaultOrigin("ours: five times the sigma"),
     ] = 25.0
 
+    lanes: ClassVar[bool] = True
+
     def memory_size(self) -> int:
         """Return 1: rho - 1, because a run starts with zeros."""
         return 1
@@ -67,10 +68,10 @@ class Fuzzy(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole."""
-        ratio = np.sum(innovation**2) / (np.trace(HPHt) + np.trace(R))
+        ratio = dot(innovation, innovation) / (trace(HPHt) + trace(R))
         rho = self.smoothing * (memory[0] + 1.0) + (1.0 - self.smoothing) * ratio
         memory[0] = rho - 1.0
         small = min(max(2.0 - rho, 0.0), 1.0)
         large = min(max((rho - 2.0) / 4.0, 0.0), 1.0)
-        factor: float = small + self.medium * (1.0 - small - large) + self.large * large
-        return R * factor
+        factor = small + self.medium * (1.0 - small - large) + self.large * large
+        return scaled(R, factor)

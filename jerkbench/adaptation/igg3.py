@@ -1,12 +1,12 @@
 """The three-part weight IGG-III."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
-
-import numpy as np
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import check_order
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
@@ -58,15 +58,16 @@ class Igg3(Limited):
         super().__post_init__()
         check_order(self, "keep", "drop", equal=False)
 
+    lanes: ClassVar[bool] = True
+
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of doubtful rows inflated, and infinite ones in the rows that are dropped."""
         adapted = R.copy()
         for i in range(len(rows)):
-            v = abs(innovation[i]) / np.sqrt(HPHt[i, i] + R[i, i])
-            if v >= self.drop:
-                adapted[i, i] = np.inf
-            elif v > self.keep:
-                adapted[i, i] = R[i, i] * (v / self.keep) * ((self.drop - self.keep) / (self.drop - v)) ** 2
+            v = abs(innovation[i]) / math.sqrt(HPHt[i, i] + R[i, i])
+            steep = (self.drop - self.keep) / chosen(self.drop, v, self.drop - v, 1.0)
+            inflated = chosen(v, self.keep, R[i, i] * (v / self.keep) * (steep * steep), R[i, i])
+            adapted[i, i] = chosen(self.drop, v, inflated, math.inf)
         return adapted

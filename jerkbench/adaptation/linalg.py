@@ -183,6 +183,23 @@ def quadratic(A: FloatArray, b: FloatArray) -> float:
     return total
 
 
+def trace(A: FloatArray) -> float:
+    """Return the sum of the diagonal."""
+    total = 0.0
+    for i in range(len(A)):
+        total += A[i, i]
+    return total
+
+
+def scaled(A: FloatArray, factor: float) -> FloatArray:
+    """Return factor A."""
+    product = np.empty(A.shape, A.dtype)
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            product[i, j] = A[i, j] * factor
+    return product
+
+
 def submatrix(A: FloatArray, rows: IntArray) -> FloatArray:
     """Return H A H', H x being x[rows]."""
     part = np.empty((len(rows), len(rows)), A.dtype)

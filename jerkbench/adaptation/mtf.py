@@ -6,7 +6,8 @@ from typing import Annotated, Self
 import numpy as np
 
 from jerkbench.adaptation._ranges import HITS, NONE_OR_MORE, ONE_OR_MORE, SHORT_WINDOW
-from jerkbench.adaptation.common import inflated, inflation_memory, squared_length
+from jerkbench.adaptation.common import inflated, inflation_memory
+from jerkbench.adaptation.linalg import dot
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
@@ -73,5 +74,5 @@ class Mtf(Limited):
         begun = memory[-1] >= self.after
         if not begun:
             memory[-1] += 1.0
-        triggered = begun and squared_length(innovation) >= np.trace(HPHt) + np.trace(R)
+        triggered = begun and dot(innovation, innovation) >= np.trace(HPHt) + np.trace(R)
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

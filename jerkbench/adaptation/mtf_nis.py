@@ -49,6 +49,6 @@ class MtfNis(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
-        nis = innovation_distance(innovation, HPHt + R)
+        nis = innovation_distance(innovation, HPHt, R)
         triggered = chi2_tail(nis, len(rows)) <= 1.0 - self.probability
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

@@ -63,7 +63,8 @@ class RelaxingGate(Limited):
         """Return R with infinite variances in the rows that are dropped."""
         adapted = R.copy()
         for i, row in enumerate(rows):
-            limit = self.width * self.growth ** min(max(memory[row] - self.patience, 0.0), 100.0)
+            late = memory[row] - self.patience
+            limit = self.width * (self.growth ** min(late, 100.0) if late > 0.0 else 1.0)  # a power takes its time
             if abs(innovation[i]) > limit * np.sqrt(HPHt[i, i] + R[i, i]):
                 memory[row] += 1.0
                 adapted[i, i] = np.inf

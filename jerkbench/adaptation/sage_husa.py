@@ -1,12 +1,13 @@
 """Sage and Husa: a recursive estimate of R from the innovations."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, SHRINKING, WITHIN_0_AND_1, check_order
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
@@ -45,6 +46,8 @@ class SageHusa(Limited):
         DefaultOrigin("ours: a hundred times the reported sigma"),
     ] = 1e4
 
+    lanes: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
@@ -58,16 +61,12 @@ class SageHusa(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return the diagonal R of the estimated variances."""
-        adapted = np.zeros_like(R)
+        adapted, b = np.zeros(R.shape, R.dtype), self.forgetting
         for i, row in enumerate(rows):
-            r, k = R[i, i], memory[6 + row]
-            if k == 0:
-                memory[row] = r
-            else:
-                d = (1.0 - self.forgetting) / (1.0 - memory[12 + row] * self.forgetting)
-                estimate = (1.0 - d) * memory[row] + d * (innovation[i] ** 2 - HPHt[i, i])
-                memory[row] = min(max(estimate, self.low * r), self.high * r)
+            r, k, power = R[i, i], memory[6 + row], memory[12 + row]  # power: b^k, faster than to raise it
+            d = (1.0 - b) / (1.0 - power * b)
+            estimate = (1.0 - d) * memory[row] + d * (innovation[i] * innovation[i] - HPHt[i, i])
+            memory[row] = adapted[i, i] = chosen(k, 0.0, min(max(estimate, self.low * r), self.high * r), r)
             memory[6 + row] = k + 1.0
-            memory[12 + row] = self.forgetting * (memory[12 + row] if k > 0 else 1.0)  # faster than a power
-            adapted[i, i] = memory[row]
+            memory[12 + row] = b * chosen(k, 0.0, power, 1.0)
         return adapted

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-
 from jerkbench.adaptation._ranges import ONE_OR_MORE
+from jerkbench.adaptation.linalg import dot, trace
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -48,7 +47,7 @@ class ScalarQ(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> float:
         """Return the factor on the prior covariance."""
-        factor: float = (np.sum(innovation**2) - np.trace(R)) / np.trace(HPHt)
+        factor: float = (dot(innovation, innovation) - trace(R)) / trace(HPHt)
         return min(max(factor, 1.0), self.limit)  # 1 or more just where y'y >= sum h + sum r
 
     def adapt(

@@ -1,10 +1,11 @@
 """A common factor on the whole of R."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-import numpy as np
-
+from jerkbench.adaptation.linalg import dot, scaled, trace
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 
@@ -28,10 +29,11 @@ class ScalarR:
         "simplified", "doi:10.1007/s001900050236", "One factor for all of R, from one innovation, behind a trace test."
     )
 
+    lanes: ClassVar[bool] = True
+
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole where the test triggers."""
-        energy = np.sum(innovation**2)
-        h, r = np.trace(HPHt), np.trace(R)
-        return R * ((energy - h) / r) if energy >= h + r else R
+        energy, h, r = dot(innovation, innovation), trace(HPHt), trace(R)
+        return scaled(R, chosen(h + r, energy, 1.0, (energy - h) / r))

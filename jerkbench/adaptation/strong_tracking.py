@@ -1,12 +1,14 @@
 """Strong tracking with several fading factors."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, ONE_OR_MORE, WITHIN_0_AND_1
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
@@ -56,6 +58,8 @@ class StrongTracking(Limited):
     velocity: Annotated[float, ABOVE_0, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
     other: Annotated[float, ABOVE_0, SHARE, DefaultOrigin("ours: all states alike")] = 1.0
 
+    lanes: ClassVar[bool] = True
+
     def memory_size(self) -> int:
         """Return 12: v of each row, and whether there is one."""
         return 12
@@ -72,18 +76,21 @@ class StrongTracking(Limited):
         memory: FloatArray,
     ) -> FloatArray:
         """Return the faded prior covariance."""
-        M, excess, scale = P - Q, 0.0, 0.0
+        n, excess, scale = len(x), 0.0, 0.0
         for i, row in enumerate(rows):
-            square = innovation[i] ** 2
-            if memory[6 + row] > 0:
-                square = (self.forgetting * memory[row] + square) / (1.0 + self.forgetting)
-            memory[row], memory[6 + row] = square, 1.0
-            excess += square - self.softening * R[i, i] - Q[row, row]
-            scale += (self.position if row < 3 else self.velocity) * M[row, row]
-        shares = np.full(len(x), self.other)
-        shares[:3], shares[3:6] = self.position, self.velocity
-        root = np.sqrt(np.maximum(1.0, shares * (excess / scale)))
-        return np.asarray(M * np.outer(root, root) + Q, dtype=np.float64)
+            square = innovation[i] * innovation[i]
+            smooth = (self.forgetting * memory[row] + square) / (1.0 + self.forgetting)
+            v = chosen(memory[6 + row], 0.0, smooth, square)
+            memory[row], memory[6 + row] = v, 1.0
+            excess += v - self.softening * R[i, i] - Q[row, row]
+            scale += (self.position if row < 3 else self.velocity) * (P[row, row] - Q[row, row])
+        root, faded = np.empty(n, P.dtype), np.empty((n, n), P.dtype)
+        for s in range(n):
+            share = self.position if s < 3 else self.velocity if s < 6 else self.other
+            root[s] = math.sqrt(max(1.0, share * (excess / scale)))
+            for t in range(s + 1):
+                faded[s, t] = faded[t, s] = (P[s, t] - Q[s, t]) * (root[s] * root[t]) + Q[s, t]
+        return faded
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

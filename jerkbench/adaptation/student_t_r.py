@@ -1,10 +1,11 @@
 """Student's t as a rule on R alone, in one pass."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, FREEDOM
 from jerkbench.adaptation.common import innovation_distance
+from jerkbench.adaptation.linalg import scaled
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
@@ -36,9 +37,11 @@ class StudentTR(Limited):
 
     nu: Annotated[float, ABOVE_0, FREEDOM, DefaultOrigin("literature: 3 to 5 is usual")] = 4.0
 
+    lanes: ClassVar[bool] = True
+
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R, scaled as a whole."""
-        nis = innovation_distance(innovation, HPHt + R)
-        return R * ((self.nu + nis) / (self.nu + len(rows)))
+        nis = innovation_distance(innovation, HPHt, R)
+        return scaled(R, (self.nu + nis) / (self.nu + len(rows)))

@@ -96,9 +96,10 @@ class VariationalPriorAndNoise(Limited):
                 fill_square(part, 1.0)
             _gather(part, innovation, U, gathered)
             fill_blend(part.W, N, self.tau, part.D, 1.0)
+            by_u = 1.0 / (u + 1.0)
             for i in range(m):
                 for j in range(m):
-                    part.R[i, j] = gathered[i, j] / (u + 1.0)
+                    part.R[i, j] = gathered[i, j] * by_u
         known[0] = u + m + 2.0
         for i in range(m):
             for j in range(m):
