@@ -270,6 +270,7 @@ def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: 
     shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
+    shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
     return Lanes({**run.fields, "over_D": over_D}, {**run.sizes, "seen": SEEN, "marked": MARKED, **sizes}, width)

@@ -29,11 +29,13 @@ from jerkbench.kinematic.arguments import (
 from jerkbench.kinematic.correction import NAN, check_definite, correct, correct_by_gains, determinant, mahalanobis
 from jerkbench.kinematic.predict import (
     ANY,
+    AT_UPDATES,
     LATER,
     TRIANGULAR,
     advance,
     begin_to_join,
     begin_transition,
+    join_steps,
     mark_axes,
     mirror,
     predict,
@@ -43,14 +45,15 @@ from jerkbench.kinematic.predict import (
 )
 
 
-def compare_later(run: Lanes, scored: TruthRows, errors: FloatArray, k: int) -> None:
-    """The same as `compare` where the covariance is predicted later."""
+def compare_later(run: Lanes, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
+    """The same as `keep` where the covariance is predicted later, and no state is kept."""
+    kept.reference[k] = reference
     if scored.truth.shape[2] > 1:
         ask_for(row(scored.truth, k + AHEAD, run, "6"))
     P = room(run, "6 6")
     if scored.consistency:
         predict_measured(run, P)
-    compare(run, P, scored, errors, k)
+    compare(run, P, scored, kept.errors, k)
 
 
 def compare(run: Lanes, P: View, scored: TruthRows, errors: FloatArray, k: int) -> None:
@@ -267,35 +270,41 @@ def run_steps(
     """
     run = runs_in(kept.w, RUN)
     start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
-    reached = updates = begun = 0 * len(steps.model)  # of a literal numba compiles what it is handed to twice
+    reached = updates = begun = usual = 0 * len(steps.model)  # of a literal numba compiles what it is handed to twice
+    all_read = True
     states = 3 * (2 + len(model.extra))
     how = way_of(model)
-    if run.width > 1 and how == TRIANGULAR:
-        how = LATER  # P is read by updates, and seldom by the score
+    if run.width > 1 and how == TRIANGULAR:  # P is read by updates, and seldom by the score
+        how = LATER if scored.consistency else AT_UPDATES
     for k in range(len(steps.model)):
         move(run, steps, model, how, k)
         if steps.update[k] >= 0:
-            if how == LATER:
-                catch_up(run, taken(steps.z, steps.update[k], run, "6"))
+            if how == AT_UPDATES:
+                usual = join_steps(run, model, steps, begun, k + 1, usual, all_read)
+            if how >= LATER:
+                all_read = catch_up(run, taken(steps.z, steps.update[k], run, "6"))
             elif DENSE == 1:
                 advance(run, model, steps, begun, k + 1)
-                begun = k + 1
+            begun = k + 1
             update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
             if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
-            if how == LATER:
-                kept.reference[reached] = steps.reference[k]
-                compare_later(run, scored, kept.errors, reached)
+            if how >= LATER:
+                compare_later(run, scored, kept, steps.reference[k], reached)
             else:
                 keep(run, scored, kept, steps.reference[k], reached)
             reached += 1
     return reached, updates
 
 
-def catch_up(run: Lanes, z: View) -> None:
-    """Predict the covariance of the runs that measure anything of ``z``, and the transition that a rule is shown."""
+def catch_up(run: Lanes, z: View) -> bool:
+    """Predict the covariance of the runs that measure anything of ``z``, and the transition that a rule is shown.
+
+    Returns:
+        Whether these are all of them.
+    """
     due = run.zero
     for r in range(6):
         due += chosen(1.0, z[r] * 0.0, 1.0, 0.0)
@@ -303,6 +312,10 @@ def catch_up(run: Lanes, z: View) -> None:
     if DENSE == 1:
         show_transition(run)
     predict_covariance(run)
+    k = 0
+    while k < run.width and lane(run, k).due > 0.0:
+        k += 1
+    return k == run.width
 
 
 def start(run: Lanes, x0: View, P0: View, model: Model) -> None:

@@ -8,20 +8,28 @@ AxisViews = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
 
 
-ANY, TRIANGULAR, LATER = range(3)
+ANY, TRIANGULAR, LATER, AT_UPDATES = range(4)
 """How to predict: with any A, with one that is upper triangular with ones on its diagonal, or likewise the state alone.
 
-Of the covariance then A and Q of all steps since it was read are one step, which `predict_covariance` takes.
+Of the covariance then A and Q of all steps since it was read are one step, which `predict_covariance` takes: joined
+step by step where it is read in between (LATER), or all at once by `join_steps`.
 """
 
 
 def predict(run: Lanes, model: AxisViews, how: int, u: View) -> None:
-    """Make x = F x + B u and P = F P F' + Q (x) I3; ``how``: ANY, TRIANGULAR or LATER."""
-    A, b, Q = room(run, "n n"), room(run, "n"), room(run, "n n")  # copies: the compiler knows that nothing overlaps
+    """Make x = F x + B u and P = F P F' + Q (x) I3; ``how``: ANY, TRIANGULAR, LATER or AT_UPDATES."""
+    A, b = room(run, "n n"), room(run, "n")  # copies: the compiler knows that nothing overlaps
     for a in range(run.n):
         b[a] = model[1][a]
         for c in range(run.n):
-            A[a, c], Q[a, c] = model[0][a, c], model[2][a, c]
+            A[a, c] = model[0][a, c]
+    if how == AT_UPDATES:
+        _predict_state(run, A, b, u)
+        return
+    Q = room(run, "n n")
+    for a in range(run.n):
+        for c in range(run.n):
+            Q[a, c] = model[2][a, c]
     if how == ANY:
         predict_any(run, A, b, Q, u)
         return
@@ -56,6 +64,40 @@ def _join(run: Lanes, A: View, Q: View) -> None:
     for a in range(run.n):
         for b in range(a, run.n):
             run.gone_Q[a, b] = run.gone_Q[b, a] = M[a, b] + Q[a, b]
+
+
+def join_steps(run: Lanes, model: Model, steps: Steps, begin: int, end: int, usual: int, fresh: bool) -> int:
+    """Join steps ``begin`` to ``end`` (not included) to what is joined already.
+
+    Args:
+        run: the runs.
+        model: the filter.
+        steps: the steps.
+        begin: the first of them.
+        end: the step behind the last.
+        usual: how many steps ``usual_A`` and ``usual_Q`` are; 0: none.
+        fresh: whether nothing is joined already; as many steps of equal length as usual are then those.
+
+    Returns:
+        How many they are now.
+    """
+    count = 0
+    for step in range(begin, end):
+        count += 1 if steps.model[step] >= 0 else 0
+    known = fresh and count == usual and len(model.A) == 1
+    for step in range(begin, begin if known else end):
+        k = steps.model[step]
+        if k >= 0 and model.A.shape[2] == 1:
+            _join(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
+        elif k >= 0:
+            _join(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
+    for a in range(run.n):
+        for b in range(run.n):
+            if known:
+                run.gone_A[a, b], run.gone_Q[a, b] = run.usual_A[a, b], run.usual_Q[a, b]
+            elif fresh:
+                run.usual_A[a, b], run.usual_Q[a, b] = run.gone_A[a, b], run.gone_Q[a, b]
+    return count if fresh else usual
 
 
 def predict_covariance(run: Lanes) -> None:

@@ -13,6 +13,8 @@ from jerkbench.evaluation.evaluated_run import evaluate_run, prepare_reference, 
 from jerkbench.kinematic import packs, runs
 from jerkbench.measurements import TURNING_NOISE, Measurements, axes_apart
 from jerkbench.sums import Run
+from jerkbench.timeline import build_timeline, step_lengths
+from synthetic import level_attitude, recording_at_rest
 
 RULES = ("none", "mtf", "chi2", "iae", "scalar_q", "huber_r", "cerkf_r", "variational_bayes")
 ERRORS = [plugins.create("metric", {"name": name}) for name in ("position_rmse", "velocity_rmse", "outage")]
@@ -108,3 +110,47 @@ def test_what_rounding_leaves_couples_nothing_and_what_is_absent_neither():
     assert Measurements(np.arange(2), np.zeros((2, 6)), R, R).apart
     R[0, 0, 1] = R[0, 1, 0] = 1e-9
     np.testing.assert_array_equal(axes_apart(R), [False, True])
+
+
+def even(seed):
+    """A run at rest whose fixes come with samples of the IMU: all of its steps are equally long."""
+    rng, recording = np.random.default_rng(seed), recording_at_rest(duration_s=6.0)
+    p = recording.position
+    recording = replace(recording, position=replace(p, enu_m=p.enu_m + 0.1 * rng.standard_normal(p.enu_m.shape)))
+    u = rng.normal(0.0, 0.2, (len(recording.imu.t_s), 3))
+    timeline = build_timeline(recording, level_attitude(recording, u))
+    assert len(step_lengths(timeline.dt_s)[0]) == 1
+    return uncoupled((recording, timeline))
+
+
+def missing(pair):
+    """The same run, in which rows are missing here and there, whole updates too, and for a while all of them."""
+    recording, timeline = pair
+    z, rng = timeline.measurements.z.copy(), np.random.default_rng(1)
+    z[rng.random(z.shape) < 0.1] = np.nan
+    z[rng.random(len(z)) < 0.2] = np.nan
+    z[10:16] = np.nan
+    return recording, replace(timeline, measurements=replace(timeline.measurements, z=z))
+
+
+def fewer(pair):
+    """The same run without every third update, so that there are twice as many steps between two now and then."""
+    recording, timeline = pair
+    update = timeline.update.copy()
+    update[np.flatnonzero(update >= 0)[2::3]] = -1
+    return recording, replace(timeline, update=update)
+
+
+@pytest.mark.parametrize("rule", ["none", "mtf", "variational_bayes", "strong_tracking"])
+@pytest.mark.parametrize("make", [even, lambda seed: uncoupled(one(seed))], ids=["even", "uneven"])
+def test_where_p_is_read_at_updates_alone_they_may_come_as_they_like(rule, make):
+    several = [make(seed) for seed in (1, 2, 3)]
+    model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": rule})
+    for pairs in (list(map(fewer, several)), [missing(several[0]), fewer(several[1]), fewer(missing(several[2]))]):
+        got = errors_alone(pairs, model, adaptation)
+
+        for own, (recording, timeline) in zip(got, pairs, strict=True):
+            estimate = FilterpyEngine().run(timeline, model, adaptation)
+            assert own == pytest.approx(evaluate_run(estimate, recording, BURN_IN_S, ERRORS), rel=1e-9, nan_ok=True)
+            (alone,) = errors_alone([(recording, timeline)], model, adaptation)
+            np.testing.assert_array_equal(list(own.values()), list(alone.values()))
