@@ -105,31 +105,30 @@ def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Record
     rows, numbers = prepared.rows, prepared.numbers
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return Sums(
-            position_m2=_over_axes([streamed.position_m2] * len(POSITION_AXES), POSITION_AXES),
-            position_rows=numbers.position,
-            position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
-            whole_m2=streamed.whole_m2,
-            whole_rows=numbers.whole,
-            velocity_m2ps2=_over_axes([streamed.velocity_m2ps2] * len(VELOCITY_AXES), VELOCITY_AXES),
-            velocity_rows=numbers.velocity,
-            nees=streamed.nees,
-            nees_rows=numbers.both,
-            nees_position=streamed.nees_position,
-            nis_per_row=streamed.nis_per_row,
-            nis_updates=streamed.nis_updates,
-            nis_used_per_row=streamed.nis_used_per_row,
-            nis_used_updates=streamed.nis_used_updates,
-            outage_m2=streamed.outage_m2,
-            outage_rows=numbers.outage,
-            outage_ends_m=np.sqrt((pairs[:, 1] ** 2).sum(axis=1)) if ends else np.empty(0),
-            outage_driven_m=rows.outages_driven_m,
-            outage_drifts_mps=_drifts_mps(pairs, rows.outages_s) if ends else np.empty(0),
-            outages=len(recording.outages_s),
-            sampled_m=streamed.marked_m[ends:],
-            sampled_m2=streamed.marked_m2[ends:],
-        )
+    return Sums(
+        position_m2=_over_axes([streamed.position_m2] * len(POSITION_AXES), POSITION_AXES),
+        position_rows=numbers.position,
+        position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
+        whole_m2=streamed.whole_m2,
+        whole_rows=numbers.whole,
+        velocity_m2ps2=_over_axes([streamed.velocity_m2ps2] * len(VELOCITY_AXES), VELOCITY_AXES),
+        velocity_rows=numbers.velocity,
+        nees=streamed.nees,
+        nees_rows=numbers.both,
+        nees_position=streamed.nees_position,
+        nis_per_row=streamed.nis_per_row,
+        nis_updates=streamed.nis_updates,
+        nis_used_per_row=streamed.nis_used_per_row,
+        nis_used_updates=streamed.nis_used_updates,
+        outage_m2=streamed.outage_m2,
+        outage_rows=numbers.outage,
+        outage_ends_m=_lengths_m(pairs[:, 1]) if ends else np.empty(0),
+        outage_driven_m=rows.outages_driven_m,
+        outage_drifts_mps=_drifts_mps(pairs, rows.outages_s) if ends else np.empty(0),
+        outages=len(recording.outages_s),
+        sampled_m=streamed.marked_m[ends:],
+        sampled_m2=streamed.marked_m2[ends:],
+    )
 
 
 def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
@@ -155,6 +154,12 @@ def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) 
     """Sum each of ``squares`` over its axes."""
     numbers = [of.tolist() for of in squares]
     return np.array([sum([of[k] for k in chosen]) for of, chosen in zip(numbers, axes.values(), strict=True)])
+
+
+def _lengths_m(error_m: FloatArray) -> FloatArray:
+    """(j,) |e|."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.sqrt((error_m**2).sum(axis=1)))
 
 
 def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple, cast
 
-import numpy as np
-
 from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Reading, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
@@ -341,8 +339,7 @@ def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Strea
 
 def _values(job: Job, seed: _ReadySeed, result: Streamed, inputs: Inputs) -> dict[str, float]:
     """Return the metrics of a run by column, from its sums."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        sums = sums_from(result, seed.reference, seed.recording)
+    sums = sums_from(result, seed.reference, seed.recording)
     outline = seed.reference.outline
     if result.euler_rad is not None:  # an attitude of its own
         outline = outlined(outline.index, result.euler_rad)

@@ -22,9 +22,9 @@ def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> M
     """Ask the filter of each run for A, b, Q of each length, and for the start; all have as many states."""
     arrays = [_arrays_of(model, lengths_s.tobytes(), dt0_s) for model in models]
     shared = all(model is models[0] or model == models[0] for model in models)
-    A, b, Q = (np.stack(parts[:1] if shared else parts, axis=-1) for parts in list(zip(*arrays, strict=True))[:3])
-    extra = np.stack([own.extra for own in arrays], axis=-1)
-    return Model(A, b, Q, extra, all(own.triangular for own in arrays))
+    own = arrays[:1] if shared else arrays
+    A, b, Q = _stack([of.A for of in own]), _stack([of.b for of in own]), _stack([of.Q for of in own])
+    return Model(A, b, Q, _stack([of.extra for of in arrays]), all(of.triangular for of in arrays))
 
 
 class _Arrays(NamedTuple):
@@ -253,8 +253,12 @@ def _stacked(lanes: Sequence[Run], part: Callable[[Run], FloatArray]) -> FloatAr
 
 def _stack(parts: Sequence[FloatArray]) -> FloatArray:
     """One vector of each element; a compiled signature is exact, so it is contiguous and may be written."""
-    stacked = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0][..., None]
-    return np.require(stacked, requirements=["C", "W", "A"])
+    if len(parts) == 1:
+        return np.require(parts[0][..., None], requirements=["C", "W", "A"])
+    stacked = np.empty((*parts[0].shape, len(parts)))  # `np.stack` takes five times as long for a few numbers
+    for k, part in enumerate(parts):
+        stacked[..., k] = part
+    return stacked
 
 
 def _outages(lanes: Sequence[Run]) -> FloatArray:

@@ -238,18 +238,19 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
     w = kept.w.reshape(-1, WIDE)
     totals = w[[place // WIDE for name in TOTALS for place in of.fields[name].places]]
     healthy = np.isfinite(totals).all(axis=0) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
+    if not pack.scored.consistency:
+        totals[10:12] = np.nan
+    sums, squares = totals[6:].T.tolist(), totals[:6].T.copy()
     return [
-        _result(pack, kept, totals[:, lane], lane, updates=updates) if healthy[lane] else None
-        for lane in range(len(pack.members))
+        _result(pack, kept, squares[lane], sums[lane], lane, updates=updates) if well else None
+        for lane, well in enumerate(healthy[: len(pack.members)].tolist())
     ]
 
 
-def _result(pack: Pack, kept: Kept, totals: FloatArray, lane: int, *, updates: bool) -> Streamed:
-    sums, errors = totals[6:].tolist(), kept.errors[pack.marks[lane], :, lane]
-    if not pack.scored.consistency:
-        sums[4:6] = np.nan, np.nan
+def _result(pack: Pack, kept: Kept, squares: FloatArray, sums: list[float], lane: int, *, updates: bool) -> Streamed:
+    errors = kept.errors[pack.marks[lane], :, lane]
     seen = _updates(pack, kept.seen, lane) if updates else NOTHING
-    return Streamed._make([totals[:3], totals[3:6], *sums, errors[:, :3], errors[:, 3:], seen, None])
+    return Streamed._make([squares[:3], squares[3:], *sums, errors[:, :3], errors[:, 3:], seen, None])
 
 
 def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
