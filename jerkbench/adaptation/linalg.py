@@ -230,15 +230,6 @@ def diagonal(d: FloatArray) -> FloatArray:
     return D
 
 
-def divided(A: FloatArray, divisor: float) -> FloatArray:
-    """Return A / divisor."""
-    quotient = np.empty(A.shape, A.dtype)
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            quotient[i, j] = A[i, j] / divisor
-    return quotient
-
-
 SWEEPS = 30
 """At most so many times over all pairs; seven are enough for six rows."""
 

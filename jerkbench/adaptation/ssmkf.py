@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES, one_of
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, still_moves
-from jerkbench.adaptation.linalg import diagonalise, divided, explained_sums, submatrix
+from jerkbench.adaptation.linalg import diagonalise, explained_sums, scaled, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -111,13 +111,13 @@ class StatisticalSimilarity(Limited):
             if not anywhere(moves):
                 break
         memory[0] = weight
-        return divided(P, xi)
+        return scaled(P, 1.0 / xi)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return divided(R, memory[0])
+        return scaled(R, 1.0 / memory[0])
 
 
 def _take_step(X: FloatArray, w: FloatArray, steps: FloatArray) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, FREEDOM, SOME_PASSES
-from jerkbench.adaptation.linalg import diagonalise, divided, explained_sums
+from jerkbench.adaptation.linalg import diagonalise, explained_sums, scaled
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
@@ -65,4 +65,4 @@ class StatisticalSimilarityR(Limited):
             weight = math.sqrt((self.nu + m) / (self.nu + scale * (explained + scale * measured)))
             if not anywhere(abs(weight - before)):
                 break
-        return divided(R, weight)
+        return scaled(R, 1.0 / weight)

@@ -13,7 +13,7 @@ from jerkbench.adaptation.common import (
     measured_of,
     spread_part,
 )
-from jerkbench.adaptation.linalg import divided
+from jerkbench.adaptation.linalg import scaled
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -89,10 +89,10 @@ class StudentT(Limited):
                 fill_blend(part.W, N, self.tau, part.D, xi)
                 share = (self.tau + xi * share) / (self.tau + 1.0)
         memory[0] = weight
-        return spread_part(P, rows, divided(part.W, xi), share / xi) if self.sides == "both" else P
+        return spread_part(P, rows, scaled(part.W, 1.0 / xi), share / xi) if self.sides == "both" else P
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return divided(R, memory[0])
+        return scaled(R, 1.0 / memory[0])

@@ -351,7 +351,10 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
     first = main_metric(rows)
     main = summarise(rows, first, notes=notes)
     grid = arranged(with_metric(rows, first), None, None)
-    labels = csv_labels(grid.table(first, grid.cells(first)))  # of the runs: the first table has bounds besides
+    places, labels = (
+        grid.in_order(),
+        csv_labels(grid.table(first, grid.cells(first))),
+    )  # of the runs: the first table has bounds besides
     sections = {first: markdown(main, level=1)}
 
     def write_csv(path: Path) -> None:
@@ -359,11 +362,15 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
         with path.open("w", encoding="utf-8", newline="") as file:  # of very many cells a metric at a time is in memory
             file.write(tidy_csv([main]))
             for metric in metric_columns(rows):
-                if metric != first:
+                if metric == first:
+                    continue
+                each = grid.each_cell(metric, places)
+                if metric in SECTIONS and len(places) <= MANY_CELLS:
                     cells = grid.cells(metric)
-                    file.writelines(csv_lines(grid.table(metric, cells), labels))
-                    if metric in SECTIONS and len(cells) <= MANY_CELLS:
-                        sections[metric] = _section(grid, metric, cells, main.footnotes)
+                    sections[metric] = _section(grid, metric, cells, main.footnotes)
+                    in_order = list(cells.values())
+                    each = (in_order[place] for place in places)
+                file.writelines(csv_lines(metric, quantity(metric).unit, each, labels))
 
     write_atomically(folder / "table.csv", write_csv)
     ordered = (sections.get(metric) for metric in dict.fromkeys([first, *SECTIONS]))

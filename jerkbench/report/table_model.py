@@ -307,7 +307,20 @@ class Grid:
         return Samples(self.rows[column].to_numpy(dtype=float)[self.order], self.sizes)
 
     def cells(self, metric: str) -> dict[Values, TableCell]:
-        """Return the cell of each place; of phases the interval is that of the recording, or their range."""
+        """Return the cell of each place."""
+        return dict(zip(self.runs, self.each_cell(metric, range(len(self.runs))), strict=True))
+
+    def in_order(self) -> list[int]:
+        """Return the numbers of the places in the order of the table, row by row."""
+        numbers = {place: k for k, place in enumerate(self.runs)}
+        each = ((*row, *column) for row in self.row_values for column in self.column_values)
+        return [numbers[place] for place in each if place in numbers]
+
+    def each_cell(self, metric: str, places: Iterable[int]) -> Iterator[TableCell]:
+        """Yield the cells of some places; of phases the interval is that of the recording, or their range.
+
+        Cells that live for one line are never seen by the garbage collection: of thousands it takes as long as they do.
+        """
         values = self.samples(metric)
         good = values.only(self.ok)
         missing = good.count(np.isnan(good.values))
@@ -322,24 +335,23 @@ class Grid:
             centres.value, centres.low, centres.high = mean_intervals_of(good)
         own = self.phases & (good.sizes > 0) & all(name in self.rows for name in OWN_INTERVAL.get(metric, ("",)))
         centres.low[self.phases] = centres.high[self.phases] = np.nan
-        for places, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
+        for where, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
             if of_phases.shape[1] > 1:  # one has no range
-                centres.low[places], centres.high[places] = of_phases.min(axis=1), of_phases.max(axis=1)
+                centres.low[where], centres.high[where] = of_phases.min(axis=1), of_phases.max(axis=1)
         if own.any():
             for ends, name in zip((centres.low, centres.high), OWN_INTERVAL[metric], strict=True):
                 with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
                     logs = Samples(np.log(self.samples(name).values), self.sizes).only(self.ok)
-                for places, of_phases in logs.only(own[logs.owner]).by_size():
+                for where, of_phases in logs.only(own[logs.owner]).by_size():
                     if of_phases.shape[1]:
-                        ends[places] = np.exp(of_phases.mean(axis=1))
+                        ends[where] = np.exp(of_phases.mean(axis=1))
         counts = (self.sizes, self.diverged, self.failed, missing, self.phases, own)
-        columns = zip(self.runs, centres.tolist(), *(of.tolist() for of in counts), strict=True)
-        cells = {}
-        for place, centre, runs, diverged, failed, absent, phase, owned in columns:
+        columns = [centres.tolist(), *(of.tolist() for of in counts)]
+        for place in places:
+            centre, runs, diverged, failed, absent, phase, owned = (of[place] for of in columns)
             kind, mean, low, high, lower, upper, geometric, locked = centre
             counted, quartiles = (runs, diverged, failed, absent, "phase" if phase else "seed"), (lower, upper)
-            cells[place] = TableCell(mean, low, high, *counted, kind, locked, quartiles, geometric, owned)
-        return cells
+            yield TableCell(mean, low, high, *counted, kind, locked, quartiles, geometric, owned)
 
     def table(self, metric: str, cells: Mapping[Values, TableCell]) -> Table:
         """Return a table of ``cells`` without footnotes."""

@@ -247,7 +247,8 @@ def _json_number(value: float) -> float | str | None:
 
 def tidy_csv(tables: Sequence[Table]) -> str:
     """Return a header and one line for each cell of the tables; a number that is not there is empty."""
-    lines = (line for table in tables for line in csv_lines(table, csv_labels(table)))
+    each = ((table, (cell for line in table.cells for cell in line if cell is not None)) for table in tables)
+    lines = (line for table, cells in each for line in csv_lines(table.metric, table.unit, cells, csv_labels(table)))
     return ",".join(["metric", "unit", *FACTORS, *VALUES]) + "\n" + "".join(lines)
 
 
@@ -256,10 +257,9 @@ def csv_labels(table: Table) -> list[str]:
     return [",".join(csv_escaped(labels[factor]) for factor in FACTORS) for labels, _ in table.placed()]
 
 
-def csv_lines(table: Table, labels: Sequence[str]) -> Iterator[str]:
-    """Yield a line for each cell of ``table``, which begins with its metric, unit and ``labels``."""
-    head = f"{csv_escaped(table.metric)},{csv_escaped(table.unit)}"
-    cells = (cell for line in table.cells for cell in line if cell is not None)
+def csv_lines(metric: str, unit: str, cells: Iterable[TableCell], labels: Sequence[str]) -> Iterator[str]:
+    """Yield a line for each of ``cells``, in the order of a table: metric, unit, its ``labels``, and its numbers."""
+    head = f"{csv_escaped(metric)},{csv_escaped(unit)}"
     for factors, cell in zip(labels, cells, strict=True):
         centre = f"{cell.mean!r},{cell.low!r},{cell.high!r}".replace("nan", "")
         quartiles = f"{cell.quartiles[0]!r},{cell.quartiles[1]!r}".replace("nan", "")
