@@ -4,13 +4,16 @@
 
 Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
 In each round all of them run one after the other; a line has the median time that passed, and the median over the
-rounds of the ratio to the loop in the same round. Many runs of ours keep sums of errors, no trajectories, and use all
-cores: their time is divided by their number. The other libraries (peers.py) are too slow for that: the smallest of two
-CPU times on one core against that of the loop. `pip install '.[bench]'` installs them; one that is not is named.
+rounds of the ratio to the loop in the same round. Many runs of ours keep sums of errors and of NEES, no trajectories,
+and use all cores: their time is divided by their number. As tuning and audits have them, with a diagonal R and errors
+alone, they stand apart: of 64 recordings, which come from memory, and 64 times of one, which stays in the cache.
+The other libraries (peers.py) are too slow for that: the smallest of two CPU times on one core against that of the
+loop. `pip install '.[bench]'` installs them; one that is not is named.
 """
 
 import argparse
 import os
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -72,6 +75,7 @@ def navigation_lines(timeline: Timeline, rounds: int, *, others: bool) -> list[L
     loop = Entrant("plain filterpy loop", lambda: filterpy_loop(timeline, model), 1, 1, 0.0)
     ours = in_rounds([loop, *single_entrants(timeline, model, x), *many_entrants(model)], rounds)
     base, _ = timed(loop.run, 3)
+    ours += in_rounds([loop, *error_entrants(model)], rounds)[1:]
     return [*ours, *(peer_lines(timeline, x, base, 2) if others else [])]
 
 
@@ -104,11 +108,35 @@ def many_entrants(model: Filter) -> list[Entrant]:
     return entrants
 
 
-def scoring_of(timeline: Timeline) -> ErrorWeights:
+def error_entrants(model: Filter) -> list[Entrant]:
+    """Many runs of which errors alone are asked, with an R that has nothing between two rows."""
+    engine, threads, entrants = CompiledEngine(), os.cpu_count() or 1, []
+    for name in ("none", "mtf", "huber_r", "sage_husa"):
+        rule = plugins.create("adaptation", {"name": name})
+        for recordings in (64, 1):
+            several = [uncorrelated(workload(seed)) for seed in range(recordings)] * (64 // recordings)
+            scores = {id(of): scoring_of(of, consistency=False) for of in several}
+            block = [Run(timeline, scores[id(timeline)]) for timeline in several]
+            run = partial(engine.run_settings, block, [model] * 64, [rule] * 64, updates=False, threads=threads)
+            (first, *_), wanted = run(), FilterpyEngine().run(several[0], model, rule).position_m
+            difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
+            where = "memory" if recordings > 1 else "cache"
+            entrants.append(Entrant(f"errors, from {where}, {name}", run, 3, len(block), difference))
+    return entrants
+
+
+def uncorrelated(timeline: Timeline) -> Timeline:
+    """The same timeline with the diagonal of R alone."""
+    measured = timeline.measurements
+    R = measured.R * np.eye(6)
+    return replace(timeline, measurements=replace(measured, R=R, R_true=R))
+
+
+def scoring_of(timeline: Timeline, *, consistency: bool = True) -> ErrorWeights:
     """Every stamp counts; the truth is zero."""
     k = len(timeline.t_s)
-    ones = np.ones(k)
-    return ErrorWeights(np.zeros((k, 6)), ones, ones, ones, np.zeros(k), np.zeros(0, dtype=np.int64), 0.0)
+    ones, nothing = np.ones(k), np.zeros(0, dtype=np.int64)
+    return ErrorWeights(np.zeros((k, 6)), ones, ones, ones, np.zeros(k), nothing, 0.0, consistency)
 
 
 def tilt_lines(rounds: int) -> list[Line]:

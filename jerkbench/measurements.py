@@ -205,7 +205,7 @@ class Start(NamedTuple):
 def _told(R: FloatArray, factor: float) -> FloatArray:
     """The factor times R (k, k), the diagonal not below the floor."""
     told = factor * R
-    variances = told.reshape(-1)[:: len(R) + 1]
+    variances = np.einsum("ii->i", told)
     np.maximum(variances, VARIANCE_FLOOR, out=variances)
     return told
 

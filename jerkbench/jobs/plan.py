@@ -137,6 +137,7 @@ def grouped(
     # Bundles are few enough to go round and long enough to share; one of each group is shorter.
     count = sum(len(call) for calls in several for call in calls)
     size = min(max(math.ceil(count / BUNDLES), least), MOST_TASKS)
+    size = size - size % WIDE or size
     number, cut = itertools.count(), list[list[Task]]()
     for calls in several:
         tasks = []
@@ -159,12 +160,11 @@ def _calls(group: Sequence[Task]) -> list[list[Task]]:
 
 
 def _bundles(calls: Sequence[Sequence[Task]], size: int) -> Iterator[list[Sequence[Task]]]:
-    """Fill bundles of ``size`` tasks; a call is cut where it alone is longer, and then into whole vectors."""
-    step = size - size % WIDE or size
+    """Fill bundles of ``size`` tasks; a call is cut where it alone is longer."""
     bundle: list[Sequence[Task]] = []
     for call in calls:
-        for begin in range(0, len(call), step if len(call) > size else size):
-            part = call[begin : begin + (step if len(call) > size else size)]
+        for begin in range(0, len(call), size):
+            part = call[begin : begin + size]
             if bundle and sum(map(len, bundle)) + len(part) > size:
                 yield bundle
                 bundle = []
