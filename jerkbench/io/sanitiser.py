@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import RecordingError, require_known
 from jerkbench.io.bag import Messages
 from jerkbench.io.text import require_possible
 from jerkbench.recording import Imu
@@ -64,8 +64,7 @@ class Ledger:
         Raises:
             PluginError: no such mode.
         """
-        if mode not in MODES:
-            raise PluginError(unknown("sanitise mode", mode, MODES))
+        require_known("sanitise mode", mode, MODES)
         self.mode, self.start_ns = mode, start_ns
         self.findings: list[Finding] = []
 

@@ -13,7 +13,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import BoolArray
 from jerkbench.contracts import Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Baseline
@@ -208,8 +208,7 @@ def check_plugin(kind: str, plugin: Plugin) -> None:
         PluginError: no such kind.
         AssertionError: something is not as it must be; a sentence says what.
     """
-    if kind not in CHECKS:
-        raise PluginError(unknown("kind of plugin", kind, CHECKS))
+    require_known("kind of plugin", kind, CHECKS)
     for check in STAGES:
         check(plugin)
     require_methods(kind, plugin)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job
 from jerkbench.parameters import Range, is_switch, is_whole, ranges_of
 from jerkbench.plugins.optional import is_attitude_only
@@ -139,8 +139,7 @@ def space_of(job: Job, chosen: Collection[str] = (), measured: Collection[str] =
     knobs = own if parts == ("attitude",) else [*own, *told]
     known = [knob.name for knob in knobs]
     for name in chosen:
-        if name not in known:
-            raise PluginError(unknown("knob", name, known))
+        require_known("knob", name, known)
     return Space(tuple(knob for knob in knobs if not chosen or knob.name in chosen))
 
 
@@ -248,6 +247,5 @@ def sampler_of(name: str, dimensions: int, seed: int) -> Sampler:
     Raises:
         PluginError: there is none of that name, or its library is not installed.
     """
-    if name not in SAMPLERS:
-        raise PluginError(unknown("sampler", name, SAMPLERS))
+    require_known("sampler", name, SAMPLERS)
     return SAMPLERS[name](dimensions, seed)
