@@ -58,8 +58,7 @@ def check_dataset(plugin: Plugin) -> None:
     Raises:
         AssertionError: it loads something that is no recording, is not repeatable, or lies about ``seeded``.
     """
-    subject = type(plugin).__name__
-    require_methods("dataset", plugin)
+    subject = require_methods("dataset", plugin)
     first = pure_result(f"{subject}.load(0)", plugin.load, 0)
     require_is(Recording, f"{subject}.load()", first)
     require_that(
@@ -83,8 +82,7 @@ def check_disturbance(plugin: Plugin) -> None:
         AssertionError: it returns no recording, changes its input, is not repeatable, or lies about ``seeded`` or
             ``replicates``.
     """
-    subject = type(plugin).__name__
-    require_methods("disturbance", plugin)
+    subject = require_methods("disturbance", plugin)
     n = plugin.replicates()
     require_that(isinstance(n, int), f"{subject}.replicates() is {n!r}; it must be a whole number.")
     require_that(n >= 1, f"{subject}.replicates() is {n}; it must be at least 1.")
@@ -118,8 +116,7 @@ def check_attitude(plugin: Plugin) -> None:
     Raises:
         AssertionError: stamps, shapes or types are wrong, a matrix is no rotation or does not belong to its angles.
     """
-    subject = type(plugin).__name__
-    require_methods("attitude", plugin)
+    subject = require_methods("attitude", plugin)
     attitude = checked_attitude(subject, plugin, small_recording())
     for name in SHAPES:
         require_finite(f"{subject}: {name}", getattr(attitude, name))
@@ -161,8 +158,7 @@ def check_metric(plugin: Plugin) -> None:
     Raises:
         AssertionError: the values are no floats by name, or the names depend on the run.
     """
-    subject = type(plugin).__name__
-    require_methods("metric", plugin)
+    subject = require_methods("metric", plugin)
     recording, timeline = small_timeline()
     estimate = FilterpyEngine().run(timeline, Baseline(), NoAdaptation())
     every = np.ones(len(estimate.index), dtype=bool)
