@@ -135,7 +135,8 @@ def space_of(job: Job, chosen: Collection[str] = (), measured: Collection[str] =
         names = " nor ".join(f"the {part} {job.spec[part]['name']}" for part in parts)
         lacking = f"neither {names} has a" if len(parts) > 1 else f"{names} has no"
         raise PluginError(f"There is nothing to tune: {lacking} parameter with a range (`jerkbench show`).")
-    told = [knob for knob in _told(job.method.r_scale) if knob.field in measured]
+    scale = job.method.r_scale
+    told = [Knob("r_scale", name, R_RANGE, False, getattr(scale, name)) for name in R_STREAMS if name in measured]  # noqa: FBT003
     knobs = own if parts == ("attitude",) else [*own, *told]
     known = [knob.name for knob in knobs]
     for name in chosen:
@@ -149,10 +150,6 @@ def _knobs(part: str, plugin: object) -> Sequence[Knob]:
         Knob(part, name, bounds, is_whole(cls, name), float(getattr(plugin, name)), is_switch(cls, name))
         for name, bounds in ranges_of(cls).items()
     ]
-
-
-def _told(scale: RScale) -> Sequence[Knob]:
-    return [Knob("r_scale", f.name, R_RANGE, False, getattr(scale, f.name)) for f in dataclasses.fields(RScale)]  # noqa: FBT003
 
 
 # The samplers: which settings a search tries next, given what the ones before were worth.

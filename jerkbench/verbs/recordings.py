@@ -72,8 +72,7 @@ def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:
     plain = choose("dataset", {**parameters, "name": called}).plain
     if path.exists():  # its first parameter is the file or folder that it reads
         plain = {**plain, dataclasses.fields(plugins.get("dataset", plain["name"]))[0].name: str(path)}
-    dataset: Dataset = plugins.create("dataset", plain)
-    return dataset
+    return cast("Dataset", plugins.create("dataset", plain))
 
 
 def _parameters(words: Sequence[str]) -> dict[str, Any]:
