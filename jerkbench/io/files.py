@@ -80,9 +80,7 @@ VARIABLE = "JERKBENCH_DATA"
 def fetched_folder(name: str) -> Path:
     """Return the folder of the fetched recording ``name``, whether it was fetched or not."""
     root = os.environ.get(VARIABLE)
-    if root:
-        return Path(root).expanduser() / name
-    return user_cache_folder() / name
+    return (Path(root).expanduser() if root else user_cache_folder()) / name
 
 
 FETCHED = "fetched:"

@@ -294,9 +294,8 @@ def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
     """
     if metric in metric_columns(rows):
         return rows
-    if metric not in IDENTITY and metric in rows.columns and rows[metric].isna().all():
-        return rows.assign(**{metric: np.nan})  # no run has a value
-    if metric in IDENTITY or (rows["status"] == "ok").any():
+    empty = metric not in IDENTITY and metric in rows.columns and rows[metric].isna().all()  # no run has a value
+    if not empty and (metric in IDENTITY or (rows["status"] == "ok").any()):
         raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
     return rows.assign(**{metric: np.nan})
 
