@@ -172,9 +172,14 @@ class AttitudeSuite(SuiteProtocol):
     hand: Mapping[str, tuple[int, ...]]
 
     @property
+    def trial_count(self) -> int:
+        """How many trials there are."""
+        return sum(map(len, self.hand.values()))
+
+    @property
     def domains(self) -> tuple[str, ...]:
         """The domains: the trials, where there are any, and the simulated fields."""
-        return (*([HAND] if any(self.hand.values()) else []), *self.fields)
+        return (*([HAND] if self.trial_count else []), *self.fields)
 
     @property
     def searches(self) -> tuple[str, ...]:
