@@ -283,8 +283,7 @@ def levels(sizes: list[int], level: float = 0.05) -> FloatArray:
     Source: Lan and DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70 (1983), Pocock's type.
     """
     t = np.asarray(sizes, dtype=np.float64) / sizes[-1]
-    spent = level * np.log1p((np.e - 1) * t)
-    return np.diff(spent, prepend=0.0)
+    return np.diff(level * np.log1p((np.e - 1) * t), prepend=0.0)
 
 
 # The winner's curse: what the best of several settings is worth on seeds that did not choose it.

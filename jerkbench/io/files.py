@@ -39,8 +39,7 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
 
 def fingerprint(paths: tuple[Path, ...]) -> str:
     """Return the SHA-256 over the bytes of ``paths``, one after the other."""
-    digests = [_sha256(path, _version(path)) for path in paths]
-    return hashlib.sha256("".join(digests).encode()).hexdigest()
+    return hashlib.sha256("".join(_sha256(path, _version(path)) for path in paths).encode()).hexdigest()
 
 
 class FromFiles:
