@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError, PluginError, unknown
+from jerkbench.errors import JerkbenchError, PluginError, require_known
 from jerkbench.estimate import Estimate
 from jerkbench.jobs.job import Job, Protocol, metric_names, replaced
 from jerkbench.jobs.names import Part, choose, is_plugin, job_of_parts, noise_of, plugin_of, require_sensible
@@ -346,6 +346,5 @@ def figure(recording: Recording, estimates: Mapping[str, Estimate], kind: str = 
     from jerkbench.report.plots.runs import error_figure, trajectory_figure
 
     kinds: dict[str, Callable[..., Figure]] = {"errors": error_figure, "trajectory": trajectory_figure}
-    if kind not in kinds:
-        raise JerkbenchError(unknown("kind of figure", kind, kinds))
+    require_known("kind of figure", kind, kinds, JerkbenchError)
     return kinds[kind](recording, dict(estimates))

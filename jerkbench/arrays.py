@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError, require_known
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -121,8 +121,7 @@ def require_choices(owner: object, choices: Mapping[str, Collection[str]]) -> No
     """Raise a PluginError that names the first of the parameters whose value is none of its choices."""
     for name, available in choices.items():
         value = getattr(owner, name)
-        if value not in available:
-            raise PluginError(unknown(name, value, available))
+        require_known(name, value, available)
 
 
 def require_lengths(owner: object, lengths: Mapping[str, Collection[int]]) -> None:

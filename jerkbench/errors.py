@@ -3,7 +3,7 @@
 import difflib
 import errno
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import NoReturn
 
 BAD_INPUT = 2
@@ -61,6 +61,12 @@ def unknown(kind: str, name: str, available: Iterable[str]) -> str:
     near = difflib.get_close_matches(name, names, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else ""
     return f"There is no {kind} '{name}'.{hint} Available: {', '.join(names)}."
+
+
+def require_known(kind: str, name: str, available: Collection[str], error: type[JerkbenchError] = PluginError) -> None:
+    """Raise ``error`` with the sentence of `unknown` where ``name`` is not among ``available``."""
+    if name not in available:
+        raise error(unknown(kind, name, available))
 
 
 def article(noun: str) -> str:

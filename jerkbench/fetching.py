@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 from urllib.parse import quote
 
-from jerkbench.errors import RecordingError, unknown
+from jerkbench.errors import RecordingError, require_known
 
 # The download of a file over HTTP into a part that survives: an interrupted one goes on where it
 # stopped.
@@ -129,8 +129,7 @@ def public_recording(name: str, registry: Path = REGISTRY) -> PublicRecording:
         RecordingError: there is none of that name.
     """
     known = public_recordings(registry)
-    if name not in known:
-        raise RecordingError(unknown("public recording", name, known))
+    require_known("public recording", name, known, RecordingError)
     return known[name]
 
 

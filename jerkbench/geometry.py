@@ -3,7 +3,7 @@
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.recording import Origin
 
 EULER_ORDERS = (
@@ -158,8 +158,7 @@ def euler_in_order(dcm: FloatArray, order: str) -> FloatArray:
     Raises:
         JerkbenchError: ``order`` is none of the twelve.
     """
-    if order not in EULER_ORDERS:
-        raise JerkbenchError(unknown("order of axes", order, EULER_ORDERS))
+    require_known("order of axes", order, EULER_ORDERS, JerkbenchError)
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(dcm).as_euler(order))

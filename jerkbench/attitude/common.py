@@ -19,7 +19,7 @@ from jerkbench.attitude.yaw import (
 )
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import RecordingError, require_known
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import best_rotation, dcm_from_euler, roll_pitch
 from jerkbench.parameters import ABOVE_ZERO, NOT_NEGATIVE, Limited
@@ -260,8 +260,7 @@ class TiltAndYaw(Limited, ABC):
 
     def _check_choices(self, choices: Mapping[str, Sequence[str]]) -> None:
         for name, available in choices.items():
-            if getattr(self, name) not in available:
-                raise PluginError(unknown(f"{name} of attitude {self.name}", getattr(self, name), available))
+            require_known(f"{name} of attitude {self.name}", getattr(self, name), available)
 
 
 # The unit quaternion w, a, b, c of `madgwick` and `mahony`, which turns the body into ENU.

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, nearest_rows, require_positive
 from jerkbench.attitude.common import COMPENSATIONS, attitude_from
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import RecordingError, require_known
 from jerkbench.estimate import Attitude
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
@@ -35,8 +35,7 @@ class ReferenceAttitude:
 
     def __post_init__(self) -> None:
         """Check the compensation and the gap."""
-        if self.compensation not in COMPENSATIONS:
-            raise PluginError(unknown("compensation of attitude reference", self.compensation, COMPENSATIONS))
+        require_known("compensation of attitude reference", self.compensation, COMPENSATIONS)
         require_positive("attitude reference", self, ("gap_s",))
 
     def require(self, load: Callable[[], Recording]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jerkbench.arrays import require_choices
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import RecordingError, require_known
 from jerkbench.io.bag import Bag, Topic
 from jerkbench.io.bag_assembly import BagDataset, Loaded, with_courses
 from jerkbench.io.bag_extract import Frames, HeadingSource
@@ -193,8 +193,7 @@ class Fixposition(BagDataset):
         """Check that every choice exists."""
         self.check_options()
         for name, available in (("velocity", VELOCITIES), ("heading", HEADINGS)):
-            if getattr(self, name) not in available:
-                raise PluginError(unknown(f"{name} of fixposition", getattr(self, name), available))
+            require_known(f"{name} of fixposition", getattr(self, name), available)
 
     def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
         """Return the topics of the driver, and their frames."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import require_known
 from jerkbench.estimate import Estimate
 from jerkbench.filters.common import StepModels, initial
 from jerkbench.kalman import (
@@ -54,8 +54,7 @@ class FilterpyEngine:
 
     def __post_init__(self) -> None:
         """Check the form of the covariance update."""
-        if self.covariance not in COVARIANCE_FORMS:
-            raise PluginError(unknown("covariance update", self.covariance, COVARIANCE_FORMS))
+        require_known("covariance update", self.covariance, COVARIANCE_FORMS)
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""

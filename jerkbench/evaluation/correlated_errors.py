@@ -104,8 +104,7 @@ def _lagged_products(centred: FloatArray, size: int) -> FloatArray:
     if size <= DIRECT:
         return np.array([np.vecdot(centred[..., lag:], centred[..., : n - lag]) for lag in range(size)])
     spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2  # with n zeros behind, so that nothing wraps around
-    products: FloatArray = np.moveaxis(np.fft.irfft(spectrum, 2 * n)[..., :size], -1, 0)
-    return products
+    return np.asarray(np.moveaxis(np.fft.irfft(spectrum, 2 * n)[..., :size], -1, 0))
 
 
 def _resampled_means(values: FloatArray, block: int) -> FloatArray:
@@ -115,9 +114,8 @@ def _resampled_means(values: FloatArray, block: int) -> FloatArray:
     whole, rest = divmod(n, block)
     starts = np.random.default_rng(SEED).integers(0, n - block + 1, (RESAMPLES, whole + 1))
     total = (sums[starts[:, :-1] + block] - sums[starts[:, :-1]]).sum(axis=1)
-    last: FloatArray = sums[starts[:, -1] + rest] - sums[starts[:, -1]]
-    means: FloatArray = (total + last) / n
-    return means
+    last = sums[starts[:, -1] + rest] - sums[starts[:, -1]]
+    return np.asarray((total + last) / n)
 
 
 # The Ljung-Box test of innovations: those of an optimal filter are white.

@@ -146,8 +146,7 @@ def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> 
     truths = (reference.enu_m, reference.velocity_mps, reference.euler_rad)
     something = [known_axes(truth, estimate.index).any(axis=1) for truth in truths]
     late = reference.t_s[estimate.index] >= burn_in_s
-    rows: BoolArray = reference.scored[estimate.index] & late & (reference.empty | np.any(something, axis=0))
-    return rows
+    return np.asarray(reference.scored[estimate.index] & late & (reference.empty | np.any(something, axis=0)))
 
 
 def require_begin(estimate: Estimate, recording: Recording, burn_in_s: float) -> None:

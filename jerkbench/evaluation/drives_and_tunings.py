@@ -136,9 +136,8 @@ def comparisons(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray, Flo
 
 def picked(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (R, D) of the best plain filter of each tuning, of that with more settings tried, of the best method."""
-    of_methods = losses.methods[losses.picked], losses.tuned[losses.picked]
-    plains, wide = (losses.plains, losses.tuned_plains), (losses.wide, losses.tuned_wide)
-    return _lowest(*plains), _lowest(*wide), _lowest(*of_methods)
+    pick = _lowest(losses.methods[losses.picked], losses.tuned[losses.picked])
+    return _lowest(losses.plains, losses.tuned_plains), _lowest(losses.wide, losses.tuned_wide), pick
 
 
 def statements(losses: Losses, weights: FloatArray | None = None) -> Statements:

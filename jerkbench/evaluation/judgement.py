@@ -1,5 +1,6 @@
 """Verdicts at the level of a study: which methods are better, how many seeds that needs, which are consistent."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from enum import StrEnum
@@ -268,12 +269,8 @@ def looks(most: int, first: int = FIRST) -> list[int]:
     >>> looks(400)
     [20, 40, 80, 160, 320, 400]
     """
-    sizes = []
-    size = first
-    while size < most:
-        sizes.append(size)
-        size *= 2
-    return [*sizes, most]
+    doubled = (first << k for k in itertools.count())
+    return [*itertools.takewhile(lambda size: size < most, doubled), most]
 
 
 def levels(sizes: list[int], level: float = 0.05) -> FloatArray:
@@ -286,8 +283,7 @@ def levels(sizes: list[int], level: float = 0.05) -> FloatArray:
     Source: Lan and DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70 (1983), Pocock's type.
     """
     t = np.asarray(sizes, dtype=np.float64) / sizes[-1]
-    spent = level * np.log1p((np.e - 1) * t)
-    return np.diff(spent, prepend=0.0)
+    return np.diff(level * np.log1p((np.e - 1) * t), prepend=0.0)
 
 
 # The winner's curse: what the best of several settings is worth on seeds that did not choose it.

@@ -101,8 +101,7 @@ def mean_ranks(costs: FloatArray) -> FloatArray:
     from scipy.stats import rankdata
 
     filled = np.where(np.isfinite(costs), costs, np.inf)
-    ranks: FloatArray = np.mean([rankdata(row) for row in filled], axis=0)
-    return ranks
+    return np.asarray(np.mean([rankdata(row) for row in filled], axis=0))
 
 
 def performance_profile(costs: FloatArray, factors: FloatArray) -> FloatArray:
@@ -121,8 +120,7 @@ def performance_profile(costs: FloatArray, factors: FloatArray) -> FloatArray:
     near = np.isfinite(filled)[:, :, None] & (
         filled[:, :, None] <= factors * np.where(np.isfinite(best), best, 0.0)[:, :, None]
     )
-    shares: FloatArray = near.mean(axis=0)
-    return shares
+    return np.asarray(near.mean(axis=0))
 
 
 # Two methods over many scenarios: a mixed model of their log ratios, the worst scenario, ranks and their range.

@@ -17,7 +17,7 @@ from typing import IO, ClassVar, NoReturn
 
 from jerkbench.arrays import require_positive
 from jerkbench.contracts import Adaptation
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.io.recording_folder import FORMATS, write_recording
 from jerkbench.io.trajectory import TrajectoryForm, estimate_at_reference, read_trajectory
@@ -218,8 +218,7 @@ class Command(TrajectoryForm):
         if not self.formats:
             raise PluginError(f"filter command: formats is empty; give one of {', '.join(FORMATS)}.")
         for name in self.formats:
-            if name not in FORMATS:
-                raise PluginError(unknown("format of a recording", name, FORMATS))
+            require_known("format of a recording", name, FORMATS)
 
     @property
     def table_label(self) -> str:

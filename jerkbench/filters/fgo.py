@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.contracts import Adaptation
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.filters.inertial_parameters import DEFORMATION
@@ -83,8 +83,7 @@ class FactorGraph(InertialFilter):
     def __post_init__(self) -> None:
         """Check the ranges, and that nothing is asked for that it has not."""
         super().__post_init__()
-        if self.loss not in LOSSES:
-            raise PluginError(unknown("loss of filter fgo", self.loss, LOSSES))
+        require_known("loss of filter fgo", self.loss, LOSSES)
         if any(self.reference_point_m) or (any(self.antenna_m) and self.use_velocity):
             raise PluginError("fgo takes antenna_m with use_velocity=false only, and gives out the IMU's place.")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, Filter
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import (
     ACCEL,
@@ -108,8 +108,7 @@ class InteractingMultipleModels(Limited, OverTimelines):
         """Check the limits and the pair of models."""
         super().__post_init__()
         for name in (self.first, self.second):
-            if name not in MODELS:
-                raise PluginError(unknown("model of filter imm", name, MODELS))
+            require_known("model of filter imm", name, MODELS)
         if len({self.first, self.second} - {"baseline"}) > 1:
             raise PluginError(
                 f"imm cannot mix {self.first} with {self.second}, whose third states mean different things; pair either"

@@ -9,7 +9,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, Same
 from jerkbench.attitude.yaw import estimate_yaw, required_track
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.estimate import Attitude
 from jerkbench.inertial.mechanisation import SensorNoise, earth_at
 from jerkbench.inertial.run_inputs import (
@@ -151,8 +151,7 @@ class Eskf15Parameters(Limited):
     def __post_init__(self) -> None:
         """Check the limits and the source of the yaw, and that the sigmas of a deformation are given together."""
         super().__post_init__()
-        if self.yaw_source not in INERTIAL_YAW_SOURCES:
-            raise PluginError(unknown(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES))
+        require_known(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES)
         if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
             raise PluginError(f"{self.title}: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
         for name in self.not_taken:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, require_not_negative
 from jerkbench.contracts import Adaptation, Filter
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import (
     ACCEL,
@@ -121,8 +121,7 @@ class RauchTungStriebel(Smoother):
         """Check the name of the model and the noises, those of the other models too."""
         if self.model in OF_FIXES:
             raise PluginError(f"The model {self.model} uses no IMU: take filter=rts_fixes filter.model={self.model}.")
-        if self.model not in MODELS:
-            raise PluginError(unknown("model of filter rts", self.model, MODELS))
+        require_known("model of filter rts", self.model, MODELS)
         require_not_negative("filter rts", self, list(vars(self))[1:])
 
     def kinematic_filter(self) -> Filter:
@@ -167,8 +166,7 @@ class SmoothedFixes(Smoother):
 
     def __post_init__(self) -> None:
         """Check the name of the model and the noises, those of the other models too."""
-        if self.model not in OF_FIXES:
-            raise PluginError(unknown("model of filter rts_fixes", self.model, OF_FIXES))
+        require_known("model of filter rts_fixes", self.model, OF_FIXES)
         require_not_negative("filter rts_fixes", self, list(vars(self))[1:])
 
     def kinematic_filter(self) -> Filter | ConstantTurn:

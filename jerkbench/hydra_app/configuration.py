@@ -16,7 +16,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from yaml import YAMLError
 
 from jerkbench import plugins
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.files import require_small
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import GROUPS, labels_of
@@ -146,8 +146,7 @@ def _require_known(plain: Mapping[str, Any], schema: type, owner: str = "") -> N
     """Refuse an option that was added (``+KEY=...``): the schema, whose ``owner`` goes before each key, has it not."""
     options = [f"{owner}{f.name}" for f in fields(schema)]
     for key in plain:
-        if f"{owner}{key}" not in options:
-            raise PluginError(unknown("option", f"{owner}{key}", options))
+        require_known("option", f"{owner}{key}", options)
 
 
 def _require_disturbances(chosen: object) -> None:

@@ -126,7 +126,8 @@ def swept_addresses(words: Sequence[str]) -> list[str]:
     """
     varies = any(_is_sweep(word) for word in words if word.startswith("disturbance="))
     parameters = {word for word in words if address(word) or (varies and "=" in word and _of_disturbance(word))}
-    return [_as_choice(word) if word in parameters and not _is_sweep(word) else word for word in words]
+    single = {word for word in parameters if not _is_sweep(word)}
+    return [f"{word.replace('=', '=choice(', 1)})" if word in single else word for word in words]
 
 
 def without_addresses(words: Sequence[str]) -> list[str]:
@@ -165,11 +166,6 @@ def _of_disturbance(word: str) -> Address | None:
 
 def _is_sweep(word: str) -> bool:
     return OverridesParser.create().parse_override(word).is_sweep_override()
-
-
-def _as_choice(word: str) -> str:
-    key, _, value = word.partition("=")
-    return f"{key}=choice({value})"
 
 
 def _choice(job: JobWords, group: str) -> tuple[str, ...]:

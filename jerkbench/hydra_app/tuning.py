@@ -13,7 +13,7 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.files import write_text
 from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
@@ -97,8 +97,7 @@ def _options(words: Sequence[str]) -> TuneOptions:
         reason = str(error).splitlines()[0].rstrip(".")
         raise PluginError(f"{error.full_key}: {reason}; `jerkbench tune --help` says what it takes.") from error
     known = ("auto", "seeds", "time", "recordings", "families")
-    if options.split not in known:
-        raise PluginError(unknown("split", options.split, known))
+    require_known("split", options.split, known)
     if options.restarts < 1:
         raise PluginError(f"restarts is {options.restarts}; at least one search is needed.")
     return options

@@ -63,8 +63,7 @@ class Diagnosis:
 
 def diagnosis(mistake: str, measured: str, **parts: object) -> Diagnosis:
     """Return one of `MISTAKES`, whose texts have ``parts`` in them, with what was measured."""
-    texts = {key: text.format(**parts) for key, text in MISTAKES[mistake].items()}
-    return Diagnosis(measured=measured, **texts)
+    return Diagnosis(measured=measured, **{key: text.format(**parts) for key, text in MISTAKES[mistake].items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +101,7 @@ def means_of(t_s: FloatArray, values: FloatArray) -> Callable[[FloatArray], Floa
     """Return a function of n + 1 edges that gives (n, k) means between them; each value is the mean up to its stamp."""
     ends_s = np.concatenate([[t_s[0] - np.median(np.diff(t_s))], t_s])
     total = np.vstack([np.zeros(values.shape[1]), np.cumsum(values * np.diff(ends_s)[:, None], axis=0)])
-
-    def means(edges_s: FloatArray) -> FloatArray:
-        at_edges = np.column_stack([np.interp(edges_s, ends_s, column) for column in total.T])
-        return np.asarray(np.diff(at_edges, axis=0) / np.diff(edges_s)[:, None], dtype=np.float64)
-
-    return means
+    return lambda edges_s: mean_velocity(ends_s, total, edges_s)
 
 
 def common_edges(length_s: float, *stamps_s: FloatArray) -> FloatArray:

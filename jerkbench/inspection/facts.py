@@ -235,10 +235,9 @@ def overview_figure(recording: Recording) -> Figure:
     if noise is None:
         say(allan, "No rest of 5 s is known or found.")
     else:
-        for k, (name, values) in enumerate(
-            (("gyro [rad/s]", noise.gyro_radps), ("accelerometer [m/s²]", noise.accel_mps2))
-        ):
-            allan.loglog(noise.tau_s, values.max(axis=1), color=OKABE_ITO[k], label=name)
+        deviations = {"gyro [rad/s]": noise.gyro_radps, "accelerometer [m/s²]": noise.accel_mps2}
+        for colour, (name, values) in zip(OKABE_ITO, deviations.items(), strict=False):
+            allan.loglog(noise.tau_s, values.max(axis=1), color=colour, label=name)
     for axes in (speed, force, rate, sigma):
         axes.set_xlabel("Time [s]")
         for begin, end in recording.outages_s:

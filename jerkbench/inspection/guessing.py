@@ -175,9 +175,8 @@ def guess_tables(*paths: Path) -> Draft:
         _velocity(draft, velocity)
     if reference:
         _reference(draft, reference)
-    with suppress(
-        RecordingError
-    ):  # fixes and reference of two kinds: what the guesses lack is said where they are loaded
+    # fixes and reference of two kinds: what the guesses lack is said where they are loaded
+    with suppress(RecordingError):
         for guesses in (_shifts, _outages, _rest):
             draft.add(*guesses(draft, draft.load()))
     return draft

@@ -79,17 +79,13 @@ def wanted_fields(plan: TopicPlan, bag: Bag) -> Wanted:
     for role, name in plan.topics.items():
         topic, types = bag.topic(name), FIELDS[role]
         if topic.msgtype not in types:
+            suitable = ", ".join(other.name for other in bag.topics if other.msgtype in types) or "none of them"
             raise RecordingError(
                 f"{bag.path}: the topic {name} is of type {topic.msgtype}, which gives no {role}; {role}_topic must be"
-                f" one of the types {', '.join(types)}: {_suitable(bag, tuple(types))}."
+                f" one of the types {', '.join(types)}: the bag has {suitable}."
             )
         wanted.setdefault(name, {}).update(dict.fromkeys(types[topic.msgtype]))
     return {name: tuple(fields) for name, fields in wanted.items()}
-
-
-def _suitable(bag: Bag, types: tuple[str, ...]) -> str:
-    names = [topic.name for topic in bag.topics if topic.msgtype in types]
-    return f"the bag has {', '.join(names)}" if names else "the bag has none of them"
 
 
 # The role of each topic where the user named none: by type, content and rate.

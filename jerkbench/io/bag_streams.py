@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray, require_choices, require_lengths, require_not_negative
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.geometry import (
     dcm_from_euler,
     dcm_from_quaternion,
@@ -180,8 +180,7 @@ def frame_of(messages: Messages, stated: str) -> BagFrame:
     """
     if "latitude" in messages.values:
         return "geodetic"
-    if stated not in POSE_FRAMES:
-        raise PluginError(unknown("position_frame", stated, POSE_FRAMES))
+    require_known("position_frame", stated, POSE_FRAMES)
     if stated == "auto":
         return "ecef" if is_ecef(messages["position"]) else "enu"
     return stated  # type: ignore[return-value]  # checked above
@@ -286,8 +285,7 @@ def velocity_of(
         PluginError: no such frame, or latencies that differ in a frame where they cannot.
         RecordingError: there is no covariance, and none was given.
     """
-    if frame not in VELOCITY_FRAMES:
-        raise PluginError(unknown("velocity_frame", frame, VELOCITY_FRAMES))
+    require_known("velocity_frame", frame, VELOCITY_FRAMES)
     messages, absent = _with_velocity_covariance(messages, label, options, ledger)
     mps = np.where(absent, np.nan, messages["linear"])
     covariance = messages["velocity_covariance"].reshape(-1, 3, 3)

@@ -17,7 +17,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.geometry import dcm_from_euler, enu_axes, enu_to_ecef, enu_to_geodetic, quaternion_from_dcm
 from jerkbench.io.bag_extract import METADATA_TOPIC, STRING, Metadata
-from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
+from jerkbench.recording import Heading, Imu, Origin, Recording, Reference, Velocity
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -90,11 +90,6 @@ def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
     """Yield what the driver calls poiimu: orientation and covariances are zeros, that is, absent."""
     for t, force, rate in zip(imu.t_s, imu.accel_mps2, imu.gyro_radps, strict=True):
         yield make.imu(t, "FP_POI", np.zeros(4), 0.0, rate, force)
-
-
-def whole_fixes(position: Position) -> BoolArray:
-    """Return (m,) which fixes have all three axes."""
-    return np.asarray(np.isfinite(position.enu_m).all(axis=1))
 
 
 def fix_messages(
@@ -211,7 +206,7 @@ def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _Wr
     heading, reference, imu = recording.heading, recording.reference, recording.inertial
     streams = {TOPICS["imu"]: _Written(len(imu.t_s), imu_messages(make, imu))}
     if position is not None:
-        rows = whole_fixes(position)
+        rows = np.isfinite(position.enu_m).all(axis=1)
         whole = position.t_s[rows], position.enu_m[rows], position.covariance_m2[rows]
         streams[TOPICS["position"]] = _Written(int(rows.sum()), fix_messages(make, *whole, origin))
     if velocity is not None:

@@ -39,8 +39,7 @@ def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
 
 def fingerprint(paths: tuple[Path, ...]) -> str:
     """Return the SHA-256 over the bytes of ``paths``, one after the other."""
-    digests = [_sha256(path, _version(path)) for path in paths]
-    return hashlib.sha256("".join(digests).encode()).hexdigest()
+    return hashlib.sha256("".join(_sha256(path, _version(path)) for path in paths).encode()).hexdigest()
 
 
 class FromFiles:
@@ -80,9 +79,7 @@ VARIABLE = "JERKBENCH_DATA"
 def fetched_folder(name: str) -> Path:
     """Return the folder of the fetched recording ``name``, whether it was fetched or not."""
     root = os.environ.get(VARIABLE)
-    if root:
-        return Path(root).expanduser() / name
-    return user_cache_folder() / name
+    return (Path(root).expanduser() if root else user_cache_folder()) / name
 
 
 FETCHED = "fetched:"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import RecordingError, require_known
 from jerkbench.io.bag import Messages
 from jerkbench.io.text import require_possible
 from jerkbench.recording import Imu
@@ -64,8 +64,7 @@ class Ledger:
         Raises:
             PluginError: no such mode.
         """
-        if mode not in MODES:
-            raise PluginError(unknown("sanitise mode", mode, MODES))
+        require_known("sanitise mode", mode, MODES)
         self.mode, self.start_ns = mode, start_ns
         self.findings: list[Finding] = []
 
@@ -299,15 +298,13 @@ def frozen_rows(values: FloatArray) -> BoolArray:
     same = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])[: len(values)]
     run = np.cumsum(~same)
     long = np.bincount(run, minlength=1)[run] >= FROZEN_ROWS if len(values) else same
-    frozen: BoolArray = long & (same | (run == 1))
-    return frozen
+    return np.asarray(long & (same | (run == 1)))
 
 
 def unit_quaternions(quaternions: FloatArray) -> BoolArray:
     """Return (n,) which of (n, 4) are of length 1."""
     with np.errstate(over="ignore", invalid="ignore"):
-        unit: BoolArray = np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= UNIT_WITHIN
-    return unit
+        return np.asarray(np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= UNIT_WITHIN)
 
 
 # Faulty fixes: impossible ones, leaps, and jumps where the kind of fix changes.
@@ -360,8 +357,7 @@ def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
     for axis in position_m.T:
         known = np.flatnonzero(np.isfinite(axis))
         over[known] += _over_limit(t_s[known], axis[known]) ** 2
-    leaps: BoolArray = over > 1
-    return leaps
+    return np.asarray(over > 1)
 
 
 def _over_limit(t_s: FloatArray, axis_m: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any
 
 from jerkbench import plugins
 from jerkbench.contracts import Estimator, PerSeed
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import labels_of
 from jerkbench.plugins.optional import is_attitude_only, lacks_imu, preferred_attitude, uses_imu
@@ -97,8 +97,7 @@ def _preset(kind: str, name: str, parameters: dict[str, Any]) -> ChosenPlugin:
         return ChosenPlugin(name, words(kind, parameters), merged_values(below, parameters))
     parameters = {new_name(kind, key): value for key, value in parameters.items()}
     for key, value in parameters.items():  # each is the parameters of one of the preset's disturbances
-        if key not in below:
-            raise PluginError(unknown(f"disturbance in the preset {name}", key, below))
+        require_known(f"disturbance in the preset {name}", key, below)
         if not isinstance(value, dict):
             raise PluginError(f"disturbance {name}, '{key}' is {value!r}; give its parameters: {{parameter: value}}.")
     overrides = [word for key, values in parameters.items() for word in words(f"{kind}.{key}", values)]
@@ -131,11 +130,9 @@ def noise_of(part: Part | None) -> ChosenPlugin:
     name, parameters = _split("noise", part if isinstance(part, str) else {"name": own, **(part or {})})
     known = [f.name for f in fields(Noise)]
     for key in parameters:
-        if key not in known:
-            raise PluginError(unknown("parameter of noise", key, known))
+        require_known("parameter of noise", key, known)
     name = new_name("noise", name)
-    if name not in preset_names("noise"):
-        raise PluginError(unknown("noise", name, preset_names("noise")))
+    require_known("noise", name, preset_names("noise"))
     return _preset("noise", name, parameters)
 
 

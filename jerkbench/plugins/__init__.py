@@ -16,7 +16,7 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known, unknown
 from jerkbench.parameters import PLUGIN_TITLES
 from jerkbench.renamed import new_name
 
@@ -218,8 +218,7 @@ def _hints(cls: type) -> dict[str, Any]:
 
 
 def _add(kind: str, name: str, cls: type) -> None:
-    if kind not in KINDS:
-        raise PluginError(unknown("kind of plugin", kind, KINDS))
+    require_known("kind of plugin", kind, KINDS)
     if not (dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]
         raise PluginError(
             f"{kind} {name}: {cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
@@ -238,8 +237,7 @@ def _add(kind: str, name: str, cls: type) -> None:
 
 
 def _of_kind(kind: str) -> dict[str, type]:
-    if kind not in KINDS:
-        raise PluginError(unknown("kind of plugin", kind, KINDS))
+    require_known("kind of plugin", kind, KINDS)
     _import_own(kind)
     _import_entry_points(kind)
     return _registry[kind]

@@ -13,7 +13,7 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import BoolArray
 from jerkbench.contracts import Filter
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Baseline
@@ -58,8 +58,7 @@ def check_dataset(plugin: Plugin) -> None:
     Raises:
         AssertionError: it loads something that is no recording, is not repeatable, or lies about ``seeded``.
     """
-    subject = type(plugin).__name__
-    require_methods("dataset", plugin)
+    subject = require_methods("dataset", plugin)
     first = pure_result(f"{subject}.load(0)", plugin.load, 0)
     require_is(Recording, f"{subject}.load()", first)
     require_that(
@@ -83,8 +82,7 @@ def check_disturbance(plugin: Plugin) -> None:
         AssertionError: it returns no recording, changes its input, is not repeatable, or lies about ``seeded`` or
             ``replicates``.
     """
-    subject = type(plugin).__name__
-    require_methods("disturbance", plugin)
+    subject = require_methods("disturbance", plugin)
     n = plugin.replicates()
     require_that(isinstance(n, int), f"{subject}.replicates() is {n!r}; it must be a whole number.")
     require_that(n >= 1, f"{subject}.replicates() is {n}; it must be at least 1.")
@@ -118,8 +116,7 @@ def check_attitude(plugin: Plugin) -> None:
     Raises:
         AssertionError: stamps, shapes or types are wrong, a matrix is no rotation or does not belong to its angles.
     """
-    subject = type(plugin).__name__
-    require_methods("attitude", plugin)
+    subject = require_methods("attitude", plugin)
     attitude = checked_attitude(subject, plugin, small_recording())
     for name in SHAPES:
         require_finite(f"{subject}: {name}", getattr(attitude, name))
@@ -161,8 +158,7 @@ def check_metric(plugin: Plugin) -> None:
     Raises:
         AssertionError: the values are no floats by name, or the names depend on the run.
     """
-    subject = type(plugin).__name__
-    require_methods("metric", plugin)
+    subject = require_methods("metric", plugin)
     recording, timeline = small_timeline()
     estimate = FilterpyEngine().run(timeline, Baseline(), NoAdaptation())
     every = np.ones(len(estimate.index), dtype=bool)
@@ -208,8 +204,7 @@ def check_plugin(kind: str, plugin: Plugin) -> None:
         PluginError: no such kind.
         AssertionError: something is not as it must be; a sentence says what.
     """
-    if kind not in CHECKS:
-        raise PluginError(unknown("kind of plugin", kind, CHECKS))
+    require_known("kind of plugin", kind, CHECKS)
     for check in STAGES:
         check(plugin)
     require_methods(kind, plugin)

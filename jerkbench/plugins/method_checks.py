@@ -108,8 +108,7 @@ def check_filter(plugin: Plugin) -> None:
         AssertionError: it is neither; a model with wrong shapes, a Q that is no covariance, position that does not
             follow velocity, or a run over a small recording that fails.
     """
-    subject = type(plugin).__name__
-    require_methods("filter", plugin)
+    subject = require_methods("filter", plugin)
     if isinstance(plugin, Filter):
         n = require_initial_variances(subject, plugin)
         require_covariance(f"{subject}.initial_variances()", np.diag(plugin.initial_variances()))
@@ -216,8 +215,7 @@ def check_engine(plugin: Plugin) -> None:
     Raises:
         AssertionError: it does not.
     """
-    subject = type(plugin).__name__
-    require_methods("engine", plugin)
+    subject = require_methods("engine", plugin)
     _, timeline = small_timeline()
     estimate = pure_result(f"{subject}.run()", plugin.run, timeline, Jerk(), Mtf())
     check_estimate(subject, estimate)
@@ -244,8 +242,7 @@ def check_adaptation(plugin: Plugin) -> None:
         AssertionError: it changes its inputs, keeps anything outside its memory, returns something that is no
             covariance, or leaves NaN in the memory.
     """
-    subject = type(plugin).__name__
-    require_methods("adaptation", plugin)
+    subject = require_methods("adaptation", plugin)
     size = _memory_size(subject, plugin)
     updates = list(every_kind())
     _require_same(subject, _run(plugin, updates, size), _run(plugin, updates, size))

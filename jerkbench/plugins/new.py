@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from jerkbench import plugins
-from jerkbench.errors import PluginError, article, unknown
+from jerkbench.errors import PluginError, article, require_known
 from jerkbench.files import filled_template, write_text
 from jerkbench.jobs.preflight import reason_of
 from jerkbench.plugins.checks import CHECKS, STAGES
@@ -246,8 +246,7 @@ def write_package(kind: str, name: str, folder: Path) -> list[Path]:
     Raises:
         PluginError: no such kind, no possible name, one that is taken, or there is something in the folder.
     """
-    if kind not in EXAMPLES:
-        raise PluginError(unknown("kind of plugin to begin with", kind, EXAMPLES))
+    require_known("kind of plugin to begin with", kind, EXAMPLES)
     _require_name(EXAMPLES[kind].group, name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise PluginError(f"{folder} is there already; give another folder: --out FOLDER.")

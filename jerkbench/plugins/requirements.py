@@ -131,8 +131,11 @@ def require_covariance(subject: str, matrix: FloatArray) -> None:
 # The methods and attributes that a plugin of each kind cannot do without.
 
 
-def require_methods(kind: str, plugin: Plugin) -> None:
+def require_methods(kind: str, plugin: Plugin) -> str:
     """Check that ``plugin`` has the methods of its ``kind``; a filter those of one of the two sorts.
+
+    Returns:
+        The name of its class.
 
     Raises:
         AssertionError: one is not there.
@@ -154,6 +157,7 @@ def require_methods(kind: str, plugin: Plugin) -> None:
         require_that(
             hasattr(plugin, "adaptations"), f"{subject} has no adaptations; it must name those that it accepts."
         )
+    return subject
 
 
 def _methods(contract: type) -> list[str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import IntArray
-from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.errors import JerkbenchError, require_known, unknown
 from jerkbench.evaluation.evaluated_run import DRAWN, RUN
 
 if TYPE_CHECKING:
@@ -175,8 +175,7 @@ SCENARIO_FACTORS = ("dataset", "disturbance", "attitude")
 def require_factors(keys: Iterable[str]) -> None:
     """Raise a JerkbenchError unless each of ``keys`` is a factor."""
     for key in keys:
-        if key not in FACTORS:
-            raise JerkbenchError(unknown("factor", key, FACTORS))
+        require_known("factor", key, FACTORS, JerkbenchError)
 
 
 def parse_method(text: str) -> tuple[str, ...]:
@@ -295,9 +294,8 @@ def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
     """
     if metric in metric_columns(rows):
         return rows
-    if metric not in IDENTITY and metric in rows.columns and rows[metric].isna().all():
-        return rows.assign(**{metric: np.nan})  # no run has a value
-    if metric in IDENTITY or (rows["status"] == "ok").any():
+    empty = metric not in IDENTITY and metric in rows.columns and rows[metric].isna().all()  # no run has a value
+    if not empty and (metric in IDENTITY or (rows["status"] == "ok").any()):
         raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
     return rows.assign(**{metric: np.nan})
 

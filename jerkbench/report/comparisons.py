@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.evaluation.families import Correction
 from jerkbench.evaluation.intervals import loss_bound, seeds_without_loss, up_to
 from jerkbench.evaluation.judgement import LEVEL, MARGIN, NOT_EXCLUDED, WINS, Judgement, Verdict, judged, seeds_needed
@@ -156,8 +156,7 @@ def partners(
     if not any(partner in combinations for _, partner in pairs):
         labels = {factor: {getattr(key, factor) for key in combinations} for factor in FACTORS}
         key, value = next(((k, v) for k, v in baseline.items() if v not in labels[k]), next(iter(baseline.items())))
-        if value not in labels[key]:
-            raise JerkbenchError(unknown(key, value, labels[key]))
+        require_known(key, value, labels[key], JerkbenchError)
         factors = ", ".join(f"{k}={v}" for k, v in baseline.items())
         raise JerkbenchError(
             f"No combination has {factors} together; `jerkbench table DIR` shows those that there are."

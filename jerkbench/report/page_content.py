@@ -404,8 +404,7 @@ def _spreads(group: "pd.DataFrame", metrics: Sequence[str], shared: Numbered) ->
 
     Those of the table of cells come first.
     """
-    rest = [column for column in metric_columns(group) if column not in metrics]
-    names = [*metrics, *rest]
+    names = [*metrics, *(column for column in metric_columns(group) if column not in metrics)]
     values = group[names].to_numpy(dtype=np.float64)
     known = [place for place in range(len(names)) if not np.isnan(values[:, place]).all()]
     with np.errstate(invalid="ignore"):

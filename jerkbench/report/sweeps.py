@@ -46,8 +46,7 @@ def _chosen(group: "pd.DataFrame", metric: str) -> IntArray:
     index = full.to_numpy(dtype=np.int64)
     value = group[metric].where(group["status"] == "ok", np.inf).fillna(np.inf)
     picked = chosen_on_other_seeds(value.loc[index.ravel()].to_numpy(dtype=float).reshape(index.shape))
-    rows: IntArray = index[picked, np.arange(index.shape[1])]
-    return rows
+    return np.asarray(index[picked, np.arange(index.shape[1])])
 
 
 # Rows -> a matrix of scenarios by methods.

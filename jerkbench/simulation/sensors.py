@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from jerkbench.arrays import FloatArray, require_axes, require_multiple, require_not_negative, require_positive
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.geometry import dcm_from_euler, wrap_angle
 from jerkbench.random_streams import stream
 from jerkbench.recording import (
@@ -177,11 +177,9 @@ class Sensors(SlowErrors):
 
     def check_sensors(self, subject: str) -> None:
         """Raise a PluginError about ``subject`` unless every choice exists and every number makes sense."""
-        if self.imu not in IMUS:
-            raise PluginError(unknown(f"imu of {subject}", self.imu, IMUS))
+        require_known(f"imu of {subject}", self.imu, IMUS)
         for source in self.silent:
-            if source not in STREAMS:
-                raise PluginError(unknown(f"source of randomness of {subject}", source, STREAMS))
+            require_known(f"source of randomness of {subject}", source, STREAMS)
         require_positive(subject, self, ("imu_rate_hz", "gnss_rate_hz", "reference_rate_hz", "heading_sigma_rad"))
         require_not_negative(subject, self, ("accel_sigma_mps2", "gyro_sigma_radps"))
         require_axes(subject, self, ("position_sigma_m", "velocity_sigma_mps"), positive=True)

@@ -83,8 +83,7 @@ def wave_amplitudes(wavenumber_per_m: FloatArray) -> FloatArray:
     half_step = np.sqrt(n[1] / n[0])
     width = n * (half_step - 1.0 / half_step)
     psd = REFERENCE_PSD_M3 * (n / REFERENCE_PER_M) ** -2.0
-    amplitudes: FloatArray = np.sqrt(2.0 * psd * width) / (1.0 + (n / TRACK_PER_M) ** 2)
-    return amplitudes
+    return np.asarray(np.sqrt(2.0 * psd * width) / (1.0 + (n / TRACK_PER_M) ** 2))
 
 
 # Ruts: the robot drops, is thrown and slowed, and its accelerometer feels more than it moves.
@@ -188,8 +187,7 @@ IMPACT_S = 0.02
 def inner_times(t_s: FloatArray, per_sample: int) -> FloatArray:
     """Times (n, m) in the middle of ``per_sample`` parts of each interval; ``t_s`` (n + 1,) are the interval's ends."""
     parts = (np.arange(per_sample) + 0.5) / per_sample
-    times: FloatArray = t_s[:-1, None] + np.diff(t_s)[:, None] * parts
-    return times
+    return np.asarray(t_s[:-1, None] + np.diff(t_s)[:, None] * parts)
 
 
 def rut_force(
@@ -200,8 +198,7 @@ def rut_force(
     for start in times_s:
         since = inner_s - start
         size += np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / decay_s), 0.0)
-    force: FloatArray = size[:, :, None] * np.asarray(force_mps2)
-    return force
+    return np.asarray(size[:, :, None] * np.asarray(force_mps2))
 
 
 def draw_impacts(rng: np.random.Generator, per_s: float, begin_s: float, end_s: float) -> FloatArray:

@@ -51,8 +51,7 @@ class SuiteCampaign:
     def tuned(self) -> pd.DataFrame:
         """Return the rows of every setting on the seeds to tune on."""
         protocol = self._protocol
-        settings = [self._tried] * len(protocol.scenarios)
-        return self._run(settings, protocol.seeds_to_tune_on, protocol.rules(1))
+        return self._run([self._tried] * len(protocol.scenarios), protocol.seeds_to_tune_on, protocol.rules(1))
 
     def scored(self, levels: Mapping[int, float]) -> ScoredEntrant:
         """Search where there is something to search, and score what came out.
@@ -115,8 +114,7 @@ def plugins_digest(entrant: Entrant, protocol: SuiteProtocol) -> str:
     parts: list[type] = [type(model), type(job.method.adaptation)]
     if entrant.attitude:
         parts.append(type(job.scenario.attitude))
-    plugins = "".join(map(plugin_digest, parts))
-    return plugins + (model.fingerprint() if isinstance(model, ReadingFile) else "")
+    return "".join(map(plugin_digest, parts)) + (model.fingerprint() if isinstance(model, ReadingFile) else "")
 
 
 def scored_plain(protocol: SuiteProtocol, place: Site) -> tuple[dict[int, float], ScoredEntrant]:

@@ -254,7 +254,8 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
     protocol = read_suite(scale)
     campaign = SuiteCampaign(entrant, protocol, replace(place, folder=place.folder / "runs"), name)
     require_recordings(scale, protocol)
-    levels, plain = scored_plain(protocol, replace(place, folder=plain_folder(protocol)))
+    kept_for_every_entry = replace(place, folder=cache_folder("suite") / f"{protocol.name}-rows")
+    levels, plain = scored_plain(protocol, kept_for_every_entry)
     scored = campaign.scored(levels)
     both = {ENTRY: scored, PLAIN: plain}
     rows = pd.concat([own.rows.assign(method=method) for method, own in both.items()], ignore_index=True)
@@ -273,11 +274,6 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
     }
     write_entry(place.folder, manifest, rows, {method: own.settings for method, own in both.items()}, page)
     return page
-
-
-def plain_folder(protocol: SuiteProtocol) -> Path:
-    """Return where the runs of the plain filter are kept for every entry."""
-    return cache_folder("suite") / f"{protocol.name}-rows"
 
 
 def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:

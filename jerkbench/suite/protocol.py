@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError, require_known, unknown
 from jerkbench.geometry import vertical_in_body
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Protocol
@@ -246,8 +246,7 @@ def read_suite(scale: str) -> SuiteProtocol:
     Raises:
         PluginError: there is none, or it is not what was frozen.
     """
-    if scale not in FROZEN:
-        raise PluginError(unknown("suite", scale, FROZEN))
+    require_known("suite", scale, FROZEN)
     stated, where = preset("suite", scale), f"conf/suite/{scale}.yaml"
     if FROZEN[scale].kind is DriveSuite:  # the laws are part of the digest
         where = f"{where}, with conf/dataset/{stated['dataset']}.yaml,"

@@ -53,12 +53,6 @@ def counted(rows: pd.DataFrame, method: str, *, as_given: bool = False) -> pd.Da
     return own[own["tuned_on"] == AS_GIVEN] if as_given or tuned.empty else tuned
 
 
-def with_loss(rows: pd.DataFrame, protocol: SuiteProtocol) -> pd.DataFrame:
-    """Return the rows of an entry and of the plain filter with their ``loss``."""
-    start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == AS_GIVEN)].assign(trial=0)
-    return rows.assign(loss=suite_losses(rows, suite_levels(start, protocol), protocol))
-
-
 def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: bool = False) -> "pd.Series[float]":
     """Return log(entry / tuned plain) by scenario and seed; a lost run counts a hundred times the level.
 
@@ -69,7 +63,8 @@ def entry_log_ratios(rows: pd.DataFrame, protocol: SuiteProtocol, *, as_given: b
         protocol: of the suite.
         as_given: take the entry at the setting that it came with, also where it was tuned.
     """
-    known = with_loss(rows, protocol)
+    start = rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == AS_GIVEN)].assign(trial=0)
+    known = rows.assign(loss=suite_losses(rows, suite_levels(start, protocol), protocol))
     own = counted(known, ENTRY, as_given=as_given), counted(known, PLAIN)
     entry, plain = (rows.groupby(["scenario", "seed"])["loss"].mean() for rows in own)
     return entry - plain

@@ -121,8 +121,7 @@ def knobs_of(job: Job) -> Space:
     """Return what may be tuned of a method; nothing where no part has a parameter with a range, as of a program."""
     scenario, method = job.scenario, job.method
     parts = (scenario.attitude,) if is_attitude_only(method.filter) else (method.filter, method.adaptation)
-    tunable = any(ranges_of(type(part)) for part in parts)
-    return space_of(job) if tunable else Space(())
+    return space_of(job) if any(ranges_of(type(part)) for part in parts) else Space(())
 
 
 def tried_settings(trials: int, space: Space, restart: int = 0) -> tuple[Setting, ...]:

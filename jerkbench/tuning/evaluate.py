@@ -12,7 +12,7 @@ import pandas as pd
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric
-from jerkbench.errors import PluginError, RecordingError, unknown
+from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.plan import MOST_TASKS
 from jerkbench.jobs.progress import Progress
@@ -95,8 +95,7 @@ def objective_of(name: str) -> Objective:
     Raises:
         PluginError: there is none.
     """
-    if name not in OBJECTIVES:
-        raise PluginError(unknown("objective", name, OBJECTIVES))
+    require_known("objective", name, OBJECTIVES)
     return OBJECTIVES[name]
 
 

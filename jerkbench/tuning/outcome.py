@@ -232,8 +232,9 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
         if values or part != "attitude":
             chosen[part] = _name(tuning) if values else plugin
         if values:
-            kept = {**_given(spec[part]), **values}
-            text = _text(remarks, {"defaults": [plugin, "_self_"], **kept})
+            plain = {key: list(own) if isinstance(own, tuple) else own for key, own in spec[part].items()}
+            del plain["name"]
+            text = _text(remarks, {"defaults": [plugin, "_self_"], **plain, **values})
             write_text(folder / part / f"{_name(tuning)}.yaml", text)
     told = tuning.space.of_part("r_scale", tuning.setting)
     defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]
@@ -244,11 +245,6 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
 def _name(tuning: Tuning) -> str:
     """The name of the experiment."""
     return f"{tuning.name}_tuned".replace("-", "_")
-
-
-def _given(spec: dict[str, Any]) -> dict[str, Any]:
-    """The parameters of a part, without its name."""
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in spec.items() if key != "name"}
 
 
 def _text(remarks: str, content: dict[str, Any]) -> str:

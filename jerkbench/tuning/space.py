@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import PluginError, unknown
+from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job
 from jerkbench.parameters import Range, is_switch, is_whole, ranges_of
 from jerkbench.plugins.optional import is_attitude_only
@@ -135,12 +135,12 @@ def space_of(job: Job, chosen: Collection[str] = (), measured: Collection[str] =
         names = " nor ".join(f"the {part} {job.spec[part]['name']}" for part in parts)
         lacking = f"neither {names} has a" if len(parts) > 1 else f"{names} has no"
         raise PluginError(f"There is nothing to tune: {lacking} parameter with a range (`jerkbench show`).")
-    told = [knob for knob in _told(job.method.r_scale) if knob.field in measured]
+    scale = job.method.r_scale
+    told = [Knob("r_scale", name, R_RANGE, False, getattr(scale, name)) for name in R_STREAMS if name in measured]  # noqa: FBT003
     knobs = own if parts == ("attitude",) else [*own, *told]
     known = [knob.name for knob in knobs]
     for name in chosen:
-        if name not in known:
-            raise PluginError(unknown("knob", name, known))
+        require_known("knob", name, known)
     return Space(tuple(knob for knob in knobs if not chosen or knob.name in chosen))
 
 
@@ -150,10 +150,6 @@ def _knobs(part: str, plugin: object) -> Sequence[Knob]:
         Knob(part, name, bounds, is_whole(cls, name), float(getattr(plugin, name)), is_switch(cls, name))
         for name, bounds in ranges_of(cls).items()
     ]
-
-
-def _told(scale: RScale) -> Sequence[Knob]:
-    return [Knob("r_scale", f.name, R_RANGE, False, getattr(scale, f.name)) for f in dataclasses.fields(RScale)]  # noqa: FBT003
 
 
 # The samplers: which settings a search tries next, given what the ones before were worth.
@@ -248,6 +244,5 @@ def sampler_of(name: str, dimensions: int, seed: int) -> Sampler:
     Raises:
         PluginError: there is none of that name, or its library is not installed.
     """
-    if name not in SAMPLERS:
-        raise PluginError(unknown("sampler", name, SAMPLERS))
+    require_known("sampler", name, SAMPLERS)
     return SAMPLERS[name](dimensions, seed)

@@ -196,9 +196,8 @@ def by_group(jobs: Sequence[Job], held_out: Sequence[bool], seeds: Seeds, words:
     if not seen or not unseen:
         raise PluginError(f"A split by {words} needs scenarios on both sides; there are {len(seen)} and {len(unseen)}.")
     tune, choose, test = seeds.parts
-    if not all(job.scenario.seeded for job in seen):
-        choose = ()
-    return Cases(_cases(seen, tune), _cases(seen, choose) if choose else (), _cases(unseen, test), words)
+    chosen = _cases(seen, choose) if choose and all(job.scenario.seeded for job in seen) else ()
+    return Cases(_cases(seen, tune), chosen, _cases(unseen, test), words)
 
 
 def by_families(jobs: Sequence[Job], held_out: Sequence[str], seeds: Seeds) -> Cases:

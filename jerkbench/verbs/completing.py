@@ -106,8 +106,7 @@ def _verbs_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPar
 def _names(kind: str) -> list[str]:
     from jerkbench import plugins
 
-    own = plugins.names(kind) if kind in plugins.KINDS else []
-    return [*own, *preset_names(kind)]
+    return [*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_names(kind)]
 
 
 def _settings(words: Sequence[str], current: str) -> Iterator[str]:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.errors import JerkbenchError, RecordingError, unknown
+from jerkbench.errors import JerkbenchError, RecordingError, require_known, unknown
 from jerkbench.verbs.arguments import argument, output, require_new, verb
 from jerkbench.verbs.recordings import SOURCE_WORDS, dataset_of
 
@@ -206,8 +206,7 @@ def smooth_verb(chosen: argparse.Namespace) -> None:
 
     _require_figure(chosen.figure)
     suffix = f".{chosen.to.rpartition('.')[2]}"
-    if suffix not in TRAJECTORIES:
-        raise JerkbenchError(unknown("ending of a track", suffix, TRAJECTORIES))
+    require_known("ending of a track", suffix, TRAJECTORIES, JerkbenchError)
     if _guesses_columns(chosen):
         recording = guess_tables(*(Path(source).expanduser() for source in chosen.source)).load()
     else:

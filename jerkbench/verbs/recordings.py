@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from jerkbench.contracts import Dataset
-from jerkbench.errors import JerkbenchError, PluginError, unknown
+from jerkbench.errors import JerkbenchError, PluginError, require_known
 from jerkbench.verbs.arguments import argument, output, require_new, verb
 
 # The recording behind the words of a person: a file or folder, or the name of a data set.
@@ -72,8 +72,7 @@ def dataset_of(source: str, name: str | None, words: Sequence[str]) -> Dataset:
     plain = choose("dataset", {**parameters, "name": called}).plain
     if path.exists():  # its first parameter is the file or folder that it reads
         plain = {**plain, dataclasses.fields(plugins.get("dataset", plain["name"]))[0].name: str(path)}
-    dataset: Dataset = plugins.create("dataset", plain)
-    return dataset
+    return cast("Dataset", plugins.create("dataset", plain))
 
 
 def _parameters(words: Sequence[str]) -> dict[str, Any]:
@@ -143,8 +142,7 @@ def convert_verb(chosen: argparse.Namespace) -> None:
       jerkbench data convert drive.bag drive.csv --coordinates ned
     """
     target: Path = chosen.target
-    if target.suffix not in TARGETS:
-        raise JerkbenchError(unknown("suffix of a target", target.suffix, TARGETS))
+    require_known("suffix of a target", target.suffix, TARGETS, JerkbenchError)
     require_new(target)
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
     left_out: list[str] = []
@@ -197,8 +195,7 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
 
     folder: Path = chosen.folder
     for name in chosen.format:
-        if name not in FORMATS:
-            raise JerkbenchError(unknown("format", name, FORMATS))
+        require_known("format", name, FORMATS, JerkbenchError)
     require_new(folder)
     job, inputs = composed(chosen.words).job(), shared_inputs()
     for draw in job.draws:
@@ -277,8 +274,7 @@ def trace_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.simulation.traces import SUFFIX, read_trace, trace_of, trace_text, write_trace
 
     target: Path = chosen.target
-    if target.suffix != SUFFIX:
-        raise JerkbenchError(unknown("suffix of a trace", target.suffix, [SUFFIX]))
+    require_known("suffix of a trace", target.suffix, [SUFFIX], JerkbenchError)
     require_new(target)
     recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
     centred = chosen.offset == "remove"

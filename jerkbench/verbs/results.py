@@ -108,8 +108,7 @@ def _sentences(
         compared = [*compared[:FIRST_TOLD], f"{left} more comparisons: --findings --all prints them."]
     if baseline:
         return compared
-    over_all = across(study.rows, verdicts, metric)
-    return [*verdict_sentences(verdicts.standings), *over_all, *compared]
+    return [*verdict_sentences(verdicts.standings), *across(study.rows, verdicts, metric), *compared]
 
 
 def _write(table: "Table", name: str) -> None:

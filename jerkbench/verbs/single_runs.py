@@ -116,7 +116,9 @@ def score_verb(chosen: argparse.Namespace) -> None:
     if not files:
         raise JerkbenchError("No trajectory is given; name its file, or a pattern with {seed} in place of the seed.")
     pattern = pattern_of(files)
-    seeds = list(seeds_of(pattern)) if SEED in pattern else [_first_seed(words)]
+    typed = [word.partition("=")[2] for word in words if word.startswith("first_seed=")]
+    first = int(typed[-1]) if typed and typed[-1].isdecimal() else 0
+    seeds = list(seeds_of(pattern)) if SEED in pattern else [first]
     if not seeds:
         raise JerkbenchError(f"There is no trajectory {pattern}; correct its name.")
     label = next((word.removeprefix(NAME_KEY) for word in words if word.startswith(NAME_KEY)), "")
@@ -155,11 +157,6 @@ def _reference_settings(path: Path, words: list[str]) -> dict[str, Any]:
     said |= {"velocity_file": "", "reference_independent": True, "reference_source": f"{path.name}, as it is given"}
     typed = {word.partition("=")[0].removeprefix("dataset.") for word in words}
     return {f.name: said[f.name] for f in fields(Tables) if f.name in said and f.name not in typed}
-
-
-def _first_seed(words: list[str]) -> int:
-    typed = [word.partition("=")[2] for word in words if word.startswith("first_seed=")]
-    return int(typed[-1]) if typed and typed[-1].isdecimal() else 0
 
 
 def _seed_words(seeds: list[int], words: list[str]) -> list[str]:

@@ -296,9 +296,8 @@ def coinciding(curves: Mapping[str, FloatArray]) -> list[list[str]]:
     for name, values in curves.items():
         group = next((names for names in groups if _coincide(curves[names[0]], values)), None)
         if group is None:
-            groups.append([name])
-        else:
-            group.append(name)
+            groups.append(group := [])
+        group.append(name)
     return groups
 
 
