@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 195, 25
 """Modules, but for those of plugins, which may become more; and folders."""
-MOST_CODE = 25_412
+MOST_CODE = 25_409
 """Lines without docstrings, comments, blanks and imports, but for those of plugins."""
 MOST_LONE = 18
 """Modules that one other module imports; the aim is none."""
