@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+import time
 
 import pandas as pd
 import pytest
@@ -91,6 +92,7 @@ def test_the_same_command_goes_on_where_it_was(made):
     lost = before[0]
     runs = runs_in([lost]).index
     lost.unlink()
+    time.sleep(1.0)  # what is stored says to the second when it was made
 
     done = verb("suite", "run", "filter=baseline", "adaptation=chi2", *TINY, cwd=folder)
 
