@@ -7,7 +7,6 @@ two IMU stamps splits the interval. Times are compared as whole nanoseconds, so 
 import dataclasses
 import math
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TypeVar
@@ -221,8 +220,7 @@ def with_r_scale(recording: Recording, scale: RScale) -> Recording:
 def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:
     """Return what `build_timeline` makes of `with_r_scale`, to the bit, from the ``timeline`` of ``recording`` itself.
 
-    It shares with ``timeline`` all that no covariance changes, and takes a hundredth of the time, but where a velocity
-    was turned.
+    It shares with ``timeline`` all that no covariance changes, and takes some 15 us, but where a velocity was turned.
     """
     if not scale.changed:
         return timeline
@@ -235,9 +233,7 @@ def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, 
         measured = dataclasses.replace(before, R=again.R, unfloored=again.unfloored)
         first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
         x0, P0 = start_of(measured, first, attitude if recording.imu else None, timeline.dt0_s).motion()
-    told = copy(timeline)  # a fifth of the time of `replace`
-    vars(told).update(measurements=measured, x0=x0, P0=P0)
-    return told
+    return dataclasses.replace(timeline, measurements=measured, x0=x0, P0=P0)
 
 
 _Stream = TypeVar("_Stream", Position, Velocity)

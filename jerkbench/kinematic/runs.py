@@ -1,5 +1,6 @@
 """Runs from Python: one with its trajectory, or many in packs of WIDE that share their steps, one pack a thread."""
 
+import math
 import sys
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -238,8 +239,6 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
     w = kept.w.reshape(-1, WIDE)
     totals = w[[place // WIDE for name in TOTALS for place in of.fields[name].places]]
     healthy = np.isfinite(totals).all(axis=0) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
-    if not pack.scored.consistency:
-        totals[10:12] = np.nan
     sums, squares = totals[6:].T.tolist(), totals[:6].T.copy()
     return [
         _result(pack, kept, squares[lane], sums[lane], lane, updates=updates) if well else None
@@ -250,7 +249,8 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
 def _result(pack: Pack, kept: Kept, squares: FloatArray, sums: list[float], lane: int, *, updates: bool) -> Streamed:
     errors = kept.errors[pack.marks[lane], :, lane]
     seen = _updates(pack, kept.seen, lane) if updates else NOTHING
-    return Streamed._make([squares[:3], squares[3:], *sums, errors[:, :3], errors[:, 3:], seen, None])
+    result = Streamed._make([squares[:3], squares[3:], *sums, errors[:, :3], errors[:, 3:], seen, None])
+    return result if pack.scored.consistency else result._replace(nees=math.nan, nees_position=math.nan)
 
 
 def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:

@@ -319,7 +319,7 @@ class Grid:
     def each_cell(self, metric: str, places: Iterable[int]) -> Iterator[TableCell]:
         """Yield the cells of some places; of phases the interval is that of the recording, or their range.
 
-        Cells that live for one line are never seen by the garbage collection: of thousands it takes as long as they do.
+        One at a time: the garbage collection goes through all that are kept, again and again.
         """
         values = self.samples(metric)
         good = values.only(self.ok)
