@@ -10,7 +10,7 @@ from typing import Any
 from jerkbench.errors import PluginError, unknown
 from jerkbench.renamed import new_name
 
-ASKED = "JERKBENCH_ENV"
+_ASKED = "JERKBENCH_ENV"
 """The environment variable that names those which a configuration may read."""
 
 
@@ -143,15 +143,15 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def environment_variable(name: str, *default: str | None) -> str | None:
-    """Return an environment variable that `ASKED` names: what a configuration resolves stands in tables and files.
+    """Return an environment variable that `_ASKED` names: what a configuration resolves stands in tables and files.
 
     Raises:
         PluginError: it is not named there, or not set, and the configuration gives no default.
     """
-    if name not in os.environ.get(ASKED, "").replace(",", " ").split():
+    if name not in os.environ.get(_ASKED, "").replace(",", " ").split():
         raise PluginError(
             f"The configuration reads the environment variable {name}, whose value would stand in names and tables;"
-            f" if it may, set {ASKED}={name}."
+            f" if it may, set {_ASKED}={name}."
         )
     if name not in os.environ and not default:
         raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set it.")

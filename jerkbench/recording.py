@@ -66,7 +66,7 @@ def freeze(owner: object, **shapes: tuple[int | None, ...]) -> None:
 
 # The streams of a recording: inertial samples, position fixes, velocities, headings.
 
-VELOCITY_FRAMES = ("enu", "body", "speed")
+_VELOCITY_FRAMES = ("enu", "body", "speed")
 """In which axes a velocity may be."""
 
 HEADING_SOURCES = ("dual_antenna", "odometry", "course")
@@ -171,7 +171,7 @@ class Velocity:
         require_covariances(self, "covariance_m2ps2", self.covariance_m2ps2, present)
         if self.true_covariance_m2ps2 is not None:
             require_covariances(self, "true_covariance_m2ps2", self.true_covariance_m2ps2, present)
-        if self.frame not in VELOCITY_FRAMES:
+        if self.frame not in _VELOCITY_FRAMES:
             raise RecordingError(f"Velocity.frame is '{self.frame}'; it must be 'enu', 'body' or 'speed'.")
         if self.frame == "body":
             require(present.all(axis=1) | ~present.any(axis=1), self, "mps", "a body velocity needs all three axes")
@@ -303,7 +303,7 @@ class ErrorLaw:
 
 # The recording: its streams, its reference, and what is known of the drive.
 
-LEAST_FIXES = 2
+_LEAST_FIXES = 2
 """A recording without an IMU has at least so many: its steps are those from fix to fix."""
 
 
@@ -414,8 +414,8 @@ class Recording:
 
     def _require_fixes(self) -> None:
         """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""
-        if self.position is None or len(self.position.t_s) < LEAST_FIXES:
-            raise RecordingError(f"{self.name} has no IMU, and fewer than {LEAST_FIXES} position fixes to do without.")
+        if self.position is None or len(self.position.t_s) < _LEAST_FIXES:
+            raise RecordingError(f"{self.name} has no IMU, and fewer than {_LEAST_FIXES} position fixes to do without.")
         if self.velocity is not None and self.velocity.frame != "enu":
             raise RecordingError(
                 f"{self.name} has no IMU, so that nothing turns its velocity in the frame '{self.velocity.frame}' into"

@@ -12,7 +12,7 @@ from jerkbench.errors import PluginError
 from jerkbench.files import write_text
 from jerkbench.jobs.study import write_rows_csv
 from jerkbench.notices import plain
-from jerkbench.presets import ASKED, environment_variable
+from jerkbench.presets import _ASKED, environment_variable
 from jerkbench.report.writers import csv_escaped, inert, latex_escaped, markdown_grid, policy
 
 
@@ -71,7 +71,7 @@ def test_the_environment_is_read_on_request_only(tmp_path, monkeypatch):
     assert done.returncode == 2
     assert "A_SECRET" in done.stderr
     assert "xyzzy" not in done.stdout + done.stderr
-    monkeypatch.setenv(ASKED, "A_SECRET")
+    monkeypatch.setenv(_ASKED, "A_SECRET")
     assert verb(*words, cwd=tmp_path).returncode == 0
 
 

@@ -139,7 +139,7 @@ CLOSE = 1e-6
 SMALLEST_WEIGHT = 1e-8
 """No weight is taken below it, so that covariances stay finite."""
 
-SEEN = 6
+_SEEN = 6
 """Position and velocity come first in every state: rows see no other components of the prior."""
 
 
@@ -184,7 +184,7 @@ class Stack(NamedTuple):
 
 def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArray) -> Stack:
     """Return the stack before the first pass, with weights of 1."""
-    n, m, p = len(P), len(rows), min(SEEN, len(P))
+    n, m, p = len(P), len(rows), min(_SEEN, len(P))
     Up, Ur = root_of(P, p), root_of(R, m)
     both, stacked = np.empty((2, p + m, m), P.dtype), np.empty((2, p + m), P.dtype)
     columns = both[0]

@@ -17,7 +17,7 @@ from jerkbench.audit.protocol import PUBLISHED, AuditMethod
 from jerkbench.audit.runs import AuditRows, cubes, defaults, losses_of, lost_shares
 from jerkbench.errors import PluginError, unknown
 from jerkbench.evaluation.drives_and_tunings import (
-    MARGIN,
+    SMALL_MARGIN,
     Error,
     Losses,
     Statement,
@@ -164,7 +164,7 @@ def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRow
             for kind, drives in known.items()
             for name, said in zip(names, stated(y[:, :, drives], level), strict=True)
         ],
-        columns=[*names[0], "kind", "drives", *numbers_of(NOTHING)],
+        columns=[*names[0], "kind", "drives", *numbers_of(_NOTHING)],
     )
 
 
@@ -183,7 +183,7 @@ def numbers_of(said: Statement, prefix: str = "") -> dict[str, object]:
     return {prefix + name: value for name, value in own.items()}
 
 
-NOTHING = Statement(np.nan, np.nan, np.nan, Verdict.UNDECIDED, small=False, tuning_sd=np.nan)
+_NOTHING = Statement(np.nan, np.nan, np.nan, Verdict.UNDECIDED, small=False, tuning_sd=np.nan)
 """Said where there is nothing to say."""
 
 
@@ -228,12 +228,12 @@ def what_it_is(method: AuditMethod) -> dict[str, str]:
 
 def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
     faults, without = own[own["kind"] != NO_FAULT], own[own["kind"] == NO_FAULT]
-    nothing = pd.Series(numbers_of(NOTHING) | {"kind": ""})
+    nothing = pd.Series(numbers_of(_NOTHING) | {"kind": ""})
     price = without.iloc[0] if len(without) else nothing
     worst = faults.iloc[int(faults["high"].argmax())] if len(faults) else nothing
     shown = faults["verdict"].value_counts()
     return {
-        **{f"no_fault_{name}": price[name] for name in numbers_of(NOTHING)},
+        **{f"no_fault_{name}": price[name] for name in numbers_of(_NOTHING)},
         "better_kinds": int(shown.get(str(Verdict.BETTER), 0)),
         "worse_kinds": int(shown.get(str(Verdict.WORSE), 0)),
         "worst_kind": worst["kind"],
@@ -274,7 +274,7 @@ def apart_frame(rows: AuditRows) -> pd.DataFrame:
             {
                 **method._asdict(),
                 **numbers_of(said, "best_"),
-                **numbers_of(against.get(place, NOTHING), "own_"),
+                **numbers_of(against.get(place, _NOTHING), "own_"),
                 "tunings": R,
                 "drives": D,
             }
@@ -368,7 +368,7 @@ def changed_verdicts(first: Statements, second: Statements, methods: Sequence[Au
 
 # The answer in words: templates, each number of which comes from the rows.
 
-EQUAL = f"equal within {100 * MARGIN:.0f} %"
+EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 
 
 def worded(template: str, **values: object) -> str:

@@ -21,11 +21,11 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.progress import Progress
 from jerkbench.tuning.entrant import RunRules, Site, Try
 
-STATED = "protocol.json"
-METHOD = ["filter", "adaptation"]
+_STATED = "protocol.json"
+_METHOD = ["filter", "adaptation"]
 POSITION_ERROR = "position_rmse_m"
 """The column that counts."""
-TYPES: dict[str, Any] = {**dict.fromkeys((*METHOD, "status"), "category"), "tuning": np.int8, "trial": np.int16}
+TYPES: dict[str, Any] = {**dict.fromkeys((*_METHOD, "status"), "category"), "tuning": np.int8, "trial": np.int16}
 RULES = RunRules(("position_rmse",), numbers=(POSITION_ERROR,))
 JUDGED = -1
 """The number that stands for a tuning, of drives that no tuning has seen."""
@@ -84,7 +84,7 @@ def collected(protocol: AuditProtocol, site: Site) -> AuditRows:
         for trial, setting in enumerate(protocol.settings_of(method, tuning))
     ]
     on_tuning = _run(protocol, site, tries, "Audit, settings tried")
-    of_setting = on_tuning.groupby([*METHOD, "tuning", "trial"], observed=True, sort=True)
+    of_setting = on_tuning.groupby([*_METHOD, "tuning", "trial"], observed=True, sort=True)
     tuned = of_setting.agg(drives=("seed", "size"), lost=("lost", "sum"), loss=("loss", "mean")).reset_index()
     picked = picks(protocol, tuned)
     judged = _judged(protocol, site, methods, picked)
@@ -94,7 +94,7 @@ def collected(protocol: AuditProtocol, site: Site) -> AuditRows:
 
 def _judged(protocol: AuditProtocol, site: Site, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> pd.DataFrame:
     """Run the defaults of ``methods``, and what each search has ``picked``, on unseen drives; returns the runs."""
-    found = picked[["tuning", *METHOD, "trial"]].itertuples(index=False, name=None)
+    found = picked[["tuning", *_METHOD, "trial"]].itertuples(index=False, name=None)
     wanted = {(tuning if trial else 0, *names, trial) for tuning, *names, trial in found}  # the defaults run once
     wanted |= {(0, *method, 0) for method in methods}
     tries = []
@@ -140,24 +140,26 @@ def picks(protocol: AuditProtocol, tuned: pd.DataFrame) -> pd.DataFrame:
         filter, adaptation, tuning, tried (how many settings), trial, loss.
     """
     found = [_lowest(tuned[tuned["trial"] < protocol.trials], protocol.trials)]
-    plain = pd.MultiIndex.from_frame(tuned[METHOD].astype(str)).isin(protocol.plains)
+    plain = pd.MultiIndex.from_frame(tuned[_METHOD].astype(str)).isin(protocol.plains)
     return pd.concat([*found, _lowest(tuned[plain], protocol.plain_trials)], ignore_index=True)
 
 
 def _lowest(tuned: pd.DataFrame, tried: int) -> pd.DataFrame:
     """Of each tuning of each method; those of equal losses are sorted by their trials."""
-    order = tuned.sort_values([*METHOD, "tuning", "loss", "trial"], kind="stable")
-    first = order.drop_duplicates([*METHOD, "tuning"])
-    return first.assign(tried=tried)[[*METHOD, "tuning", "tried", "trial", "loss"]]
+    order = tuned.sort_values([*_METHOD, "tuning", "loss", "trial"], kind="stable")
+    first = order.drop_duplicates([*_METHOD, "tuning"])
+    return first.assign(tried=tried)[[*_METHOD, "tuning", "tried", "trial", "loss"]]
 
 
 def _of_picks(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
     """The runs of what each search has found, and those of the defaults, which are run once."""
-    defaults = picked[picked["tuning"] == 0].drop_duplicates(METHOD).assign(tried=1, trial=0)
+    defaults = picked[picked["tuning"] == 0].drop_duplicates(_METHOD).assign(tried=1, trial=0)
     wanted = pd.concat([picked, defaults], ignore_index=True).drop(columns="loss")
     run_of = wanted["tuning"].where(wanted["trial"] > 0, 0)  # the defaults of every tuning are the same
-    own = runs.rename(columns={"tuning": "run_of"})[[*METHOD, "run_of", "trial", "seed", "status", "log_error", "lost"]]
-    rows = wanted.assign(run_of=run_of).merge(own.astype(dict.fromkeys(METHOD, str)), on=[*METHOD, "run_of", "trial"])
+    own = runs.rename(columns={"tuning": "run_of"})[
+        [*_METHOD, "run_of", "trial", "seed", "status", "log_error", "lost"]
+    ]
+    rows = wanted.assign(run_of=run_of).merge(own.astype(dict.fromkeys(_METHOD, str)), on=[*_METHOD, "run_of", "trial"])
     rows["log_error"] = rows["log_error"].where(~rows["lost"])
     return rows.drop(columns=["run_of", "lost"]).astype({"tuning": np.int8, "tried": np.int16, "trial": np.int16})
 
@@ -173,7 +175,7 @@ def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
 def _knobs(protocol: AuditProtocol, picked: pd.DataFrame) -> pd.DataFrame:
     """A row for each knob of what each search has found."""
     rows = []
-    for *names, tuning, tried, trial in picked[[*METHOD, "tuning", "tried", "trial"]].itertuples(
+    for *names, tuning, tried, trial in picked[[*_METHOD, "tuning", "tried", "trial"]].itertuples(
         index=False, name=None
     ):
         method, head = AuditMethod(*names), {"tuning": tuning, "tried": tried}
@@ -191,7 +193,7 @@ def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
     Raises:
         JerkbenchError: the folder has another protocol's results.
     """
-    path = folder / STATED
+    path = folder / _STATED
     if path.exists() and (there := json.loads(path.read_text(encoding="utf-8")))["digest"] != protocol.digest:
         raise JerkbenchError(
             f"{folder} has an audit of another protocol ({there['digest']}; this one is {protocol.digest}); give"
@@ -207,14 +209,14 @@ def read_rows(folder: Path) -> AuditRows:
         JerkbenchError: there is none, or its protocol is not what its hash says.
     """
     try:
-        stated = json.loads((folder / STATED).read_text(encoding="utf-8"))
+        stated = json.loads((folder / _STATED).read_text(encoding="utf-8"))
         tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
     except FileNotFoundError as error:
         raise JerkbenchError(f"{error.filename} is not there; run the audit to its end first.") from error
     digest = stated.pop("digest")
-    protocol = audit_protocol(stated, folder / STATED)
+    protocol = audit_protocol(stated, folder / _STATED)
     if protocol.digest != digest:
-        raise JerkbenchError(f"{folder / STATED} says digest {digest}, but has {protocol.digest}; it was changed.")
+        raise JerkbenchError(f"{folder / _STATED} says digest {digest}, but has {protocol.digest}; it was changed.")
     return AuditRows(protocol, **tables)
 
 
@@ -285,7 +287,7 @@ def losses_of(rows: AuditRows, cost: float = 0.0) -> Losses:
 def lost_shares(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
     """Return the share of the runs of each of ``methods``, as tuned, that were lost."""
     own = rows.judged[rows.judged["tried"] == rows.protocol.trials]
-    shares = own["log_error"].isna().groupby([own[name].astype(str) for name in METHOD]).mean()
+    shares = own["log_error"].isna().groupby([own[name].astype(str) for name in _METHOD]).mean()
     return np.asarray(shares.loc[list(methods)], dtype=np.float64)
 
 

@@ -17,10 +17,10 @@ import numpy as np
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
 """Besides the standard library, modules whose functions numba knows, or cannot know; nothing in them is looked into."""
 
-OWN = "jerkbench.compilation."
+_OWN = "jerkbench.compilation."
 """Of these modules every entry point knows the whole source."""
 
-PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
+_PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
 
 
 def of_library(module: str | None) -> bool:
@@ -36,7 +36,7 @@ def library_name(module: str) -> str:
 
 def content(value: Any) -> bytes | None:  # noqa: ANN401 - any global of a module
     """Return what tells ``value`` apart from any other; None where nothing can."""
-    if type(value) in PLAIN:
+    if type(value) in _PLAIN:
         return f"{type(value).__name__} {value!r}".encode()
     if isinstance(value, np.ndarray):
         return None if value.dtype.hasobject else f"{value.dtype.descr}{value.shape}".encode() + value.tobytes()
@@ -75,7 +75,7 @@ def _name(value: Any) -> str | None:  # noqa: ANN401 - as above
     if not isinstance(module, str):
         return None
     name = getattr(value, "__qualname__", None) or getattr(value, "__name__", None)
-    if module.startswith(OWN):
+    if module.startswith(_OWN):
         return f"{module} {name or value!r}"
     if not of_library(module):
         return None
@@ -263,4 +263,4 @@ def _wrapped(value: Any) -> types.FunctionType | None:  # noqa: ANN401 - as abov
 
 
 def _told_by_name(module: str | None) -> bool:
-    return of_library(module) or (module or "").startswith(OWN)
+    return of_library(module) or (module or "").startswith(_OWN)

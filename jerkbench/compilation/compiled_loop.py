@@ -15,7 +15,7 @@ from jerkbench.compilation.module_cache import is_kept, load_entry, target
 Loop = Callable[..., Any]
 Constants = Mapping[str, Any]
 
-SOURCE = '''"""Made by jerkbench."""
+_SOURCE = '''"""Made by jerkbench."""
 
 from numba import njit
 
@@ -74,7 +74,7 @@ def _named(loop: Loop, title: str, constants: Constants | None, apart: tuple[str
     numbers = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in (constants or {}).items()}
     tuples = [(h.__module__, h.__qualname__, h._fields) for h in hints.values() if hasattr(h, "_fields")]
     key = digest(loop, constants=numbers, apart=apart, tuples=tuples, signature=str(signature_of(loop)))
-    return title, SOURCE.format(names=", ".join(name for name in hints if name != "return")), key
+    return title, _SOURCE.format(names=", ".join(name for name in hints if name != "return")), key
 
 
 def _numba_type(hint: Any) -> Any:  # noqa: ANN401 - an annotation

@@ -93,7 +93,7 @@ def _common(kinds: Any) -> Any:  # noqa: ANN401 - as above
     return wide.pop() if len(wide) == 1 else None if wide else types.float64
 
 
-PAIRS = (
+_PAIRS = (
     *((Vector, kind) for kind in (Vector, types.Float, types.Integer)),
     *((kind, Vector) for kind in (types.Float, types.Integer)),
 )
@@ -117,7 +117,7 @@ def _define(symbols: tuple[Any, ...], instruction: str) -> None:
 
     for symbol in symbols:
         infer_global(symbol)(type("_Operator", (AbstractTemplate,), {"key": symbol, "generic": generic}))
-        for pair in PAIRS:
+        for pair in _PAIRS:
             lower_builtin(symbol, *pair)(lower)
 
 
@@ -158,7 +158,7 @@ def _teach(function: Any, takes: int, write: Any) -> None:  # noqa: ANN401 - as 
         return write(builder, *(context.cast(builder, x, t, of) for x, t in zip(args, sig.args, strict=True)))
 
     infer_global(function)(type("_Function", (AbstractTemplate,), {"key": function, "generic": generic}))
-    for kinds in PAIRS if takes == 2 else ((Vector,),):
+    for kinds in _PAIRS if takes == 2 else ((Vector,),):
         lower_builtin(function, *kinds)(lower)
 
 

@@ -58,8 +58,8 @@ def _field(path: Path, line: tuple[int, str], k: int) -> str:
     return fields[k].strip()
 
 
-SOURCE = "RTK of a receiver in the same car"
-NOTES = (
+_SOURCE = "RTK of a receiver in the same car"
+_NOTES = (
     "There is no IMU: attitude, tilt and yaw do not apply.",
     "It is of the plane: up is 0 in fixes and reference alike, an axis without an error in RMSE and NEES.",
     "The errors of the fixes are slow (they follow themselves over ten seconds), which no filter here models.",
@@ -108,10 +108,10 @@ class BeijingCar(FromFiles):
         return Recording(
             name="beijing_car",
             imu=None,
-            reference=Reference(t_s, SOURCE, independent=True, enu_m=places, velocity_mps=mps),
+            reference=Reference(t_s, _SOURCE, independent=True, enu_m=places, velocity_mps=mps),
             position=Position(t_s, np.column_stack([columns.numbers(GPS), level]), sigmas**2),
             velocity=Velocity(t_s, np.column_stack([velocity_mps[:, :2], level]), spread),
-            notes=(*columns.notes, *NOTES),
+            notes=(*columns.notes, *_NOTES),
         )
 
     def paths(self) -> tuple[Path, Path]:

@@ -21,10 +21,10 @@ from jerkbench.recording import GRAVITY_MPS2, Imu, Recording, Reference
 
 # A trial of BROAD: a hand-held IMU beside optical motion capture, as HDF5 or as a MATLAB file.
 
-COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
+_COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
 """Fields that are read, and how many columns each has; magnetometer and optical position are left alone."""
 
-MOST = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
+_MOST = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
 """The largest possible values [m/s2, rad/s]; larger ones are damage."""
 
 LEAST_SAMPLES = 2
@@ -62,7 +62,7 @@ def read_broad_trial(path: Path) -> BroadTrial:
         reason = f"{type(error).__name__}: {error}"
         raise RecordingError(f"{path} cannot be read as {kind} ({reason}); copy it again.") from error
     samples = len(np.atleast_1d(fields.get("imu_acc", ())))
-    accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in COLUMNS)
+    accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in _COLUMNS)
     return BroadTrial(_rate(path, fields), accel, gyro, attitude, movement[:, 0] > 0)
 
 
@@ -71,16 +71,16 @@ def _fields(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     if path.suffix == ".mat":
-        return dict(loadmat(path, variable_names=[*COLUMNS, "sampling_rate"]))
+        return dict(loadmat(path, variable_names=[*_COLUMNS, "sampling_rate"]))
     with h5py.File(path) as file:
-        fields = {name: file[name][()] for name in COLUMNS if name in file}
+        fields = {name: file[name][()] for name in _COLUMNS if name in file}
         return {**fields, "sampling_rate": file.attrs.get("sampling_rate")}
 
 
 def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> FloatArray:
-    columns = COLUMNS[name]
+    columns = _COLUMNS[name]
     if name not in fields:
-        raise RecordingError(f"{path} has no field {name}; a trial of BROAD has {', '.join(COLUMNS)}.")
+        raise RecordingError(f"{path} has no field {name}; a trial of BROAD has {', '.join(_COLUMNS)}.")
     try:
         array = np.asarray(fields[name], dtype=np.float64)
     except (TypeError, ValueError):
@@ -88,7 +88,7 @@ def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> Fl
     wanted = (samples, columns)
     if array.size != samples * columns or len(array) != samples or samples < LEAST_SAMPLES:
         raise RecordingError(f"{path}: {name} has shape {array.shape}; it must be {wanted}, numbers, and not empty.")
-    require_possible(f"{path}, {name}", array, MOST[name])
+    require_possible(f"{path}, {name}", array, _MOST[name])
     return array.reshape(wanted)
 
 
@@ -106,7 +106,7 @@ ENDINGS = (".hdf5", ".mat")
 STILL_MARGIN_S = 1.0
 """How long before the marked movement the first rest is taken to end: the hand is at the sensor already."""
 
-NOTES = (
+_NOTES = (
     "There is no position and no heading: the tilt alone is estimated, and yaw is not scored.",
     "Rows count where the trial is marked as movement and the optical attitude is known.",
 )
@@ -178,7 +178,7 @@ def recording_of(name: str, t_s: FloatArray, trial: BroadTrial, *, remove_gyro_b
         imu=without_gyro_bias(imu, rest_s) if remove_gyro_bias else imu,
         reference=_reference(t_s, trial),
         static_start_s=rest_s,
-        notes=NOTES,
+        notes=_NOTES,
     )
 
 

@@ -21,7 +21,7 @@ from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Refer
 # A minute of comma2k19: NumPy arrays without ending, in a fixed tree of folders.
 
 POSE, LOG = "global_pose", "processed_log"
-GROUPS: dict[str, dict[str, tuple[int, float]]] = {
+_GROUPS: dict[str, dict[str, tuple[int, float]]] = {
     POSE: {
         "frame_times": (1, LARGEST),
         "frame_positions": (3, 1e7),
@@ -73,7 +73,7 @@ def read_comma_segment(folder: Path) -> CommaSegment:
         RecordingError: a file is missing, is no NumPy array, or has another shape than the others ask for.
     """
     arrays: list[FloatArray] = []
-    for group, files in GROUPS.items():
+    for group, files in _GROUPS.items():
         read = {f"{group}/{name}": _read(folder / group / name, *limits) for name, limits in files.items()}
         lengths = set(map(len, read.values()))
         if len(lengths) > 1 or min(lengths) < 2:
@@ -89,7 +89,7 @@ def segment_files(folder: Path) -> tuple[Path, ...]:
     Raises:
         RecordingError: one is missing.
     """
-    paths = tuple(folder / group / name for group, files in GROUPS.items() for name in files)
+    paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
     for path in paths:
         if not path.is_file():
             raise RecordingError(f"There is no file {path}; give the folder with {POSE} and {LOG} of a segment.")
@@ -116,12 +116,12 @@ DEVICE_SIGNS = (1.0, -1.0, -1.0)
 
 FLU_SIGNS = (1.0, 1.0, 1.0)
 
-SOURCE = "the vendor's optimiser over INS, GNSS and vision (decimetres), which shares the receiver"
-FITTED = (
+_SOURCE = "the vendor's optimiser over INS, GNSS and vision (decimetres), which shares the receiver"
+_FITTED = (
     "Mounting, wheel scale and age of the fixes, where they are the defaults, were fitted on the reference of the"
     " public minute Example_1."
 )
-NOTES = (
+_NOTES = (
     "The fixes carry no covariance: position_sigma_m stands for all of them; their errors are correlated over seconds.",
 )
 
@@ -203,7 +203,7 @@ class Comma2k19(FromFiles):
             heading=self._course(segment, line),
             origin=origin,
             start_utc=UNIX_EPOCH + timedelta(milliseconds=float(segment.gnss[0, 3]), seconds=begin_s),
-            notes=(*leaps, *NOTES, *((FITTED,) if fitted else ())),
+            notes=(*leaps, *_NOTES, *((_FITTED,) if fitted else ())),
         )
 
     def paths(self) -> tuple[Path, ...]:
@@ -244,7 +244,7 @@ class Comma2k19(FromFiles):
         body_from_device = body_from_sensor(FLU_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
         t_s, enu_m = segment.frame_log_s - segment.imu_log_s[0], ecef_to_enu(segment.frame_ecef_m, origin)
         motion = segment.frame_ecef_mps @ turn.T, euler_from_dcm(turn @ device @ body_from_device.T)
-        return Reference(t_s, SOURCE, False, enu_m, *motion)  # noqa: FBT003 - not independent
+        return Reference(t_s, _SOURCE, False, enu_m, *motion)  # noqa: FBT003 - not independent
 
 
 def _utc_s(segment: CommaSegment) -> FloatArray:

@@ -26,7 +26,7 @@ from jerkbench.simulation.truth import (
 
 DURATIONS = ("duration_s", "ramp_s", "pass_s", "turn_s", "speed_change_s", "rut_tau_s", "rut_force_decay_s")
 POSITIVE = (*DURATIONS, "sensor_rate_hz", "speed_mps", "turn_speed_mps", "hill_length_m")
-NOT_NEGATIVE = ("stand_s", "roughness", "roll_ratio_radpm", "vibration_mps2", "vibration_rad", "impacts_per_s")
+_NOT_NEGATIVE = ("stand_s", "roughness", "roll_ratio_radpm", "vibration_mps2", "vibration_rad", "impacts_per_s")
 
 
 SENSOR_SAMPLES = 10
@@ -126,7 +126,7 @@ class FieldWhite(Sensors):
         """Check that every choice exists, the rates fit and every number makes sense."""
         self.check_sensors(self._what)
         require_positive(self._what, self, POSITIVE)
-        require_not_negative(self._what, self, NOT_NEGATIVE)
+        require_not_negative(self._what, self, _NOT_NEGATIVE)
         require_axes(self._what, self, ("rut_force_mps2",), positive=False)
         require_multiple(self._what, self, "sensor_rate_hz", "imu_rate_hz")
         self.check_length(self._what, self.duration_s)

@@ -90,7 +90,7 @@ class RosBag(BagDataset):
 ODOMETRIES = ("odometry_ecef", "odometry")
 """Last part of the topic with the fusion in ECEF: of drivers from 6.2 on, and before."""
 
-IMUS = ("poiimu", "corrimu", "rawimu")
+_IMUS = ("poiimu", "corrimu", "rawimu")
 FUSED_FIX = "navsatfix"
 """Drivers before 6.1 publish no antenna, only the fusion's own position."""
 
@@ -152,7 +152,7 @@ def _has(bag: Bag, name: str) -> bool:
     return any(topic.name == name and topic.count for topic in bag.topics)
 
 
-VELOCITIES = ("none", "odometry")
+_VELOCITIES = ("none", "odometry")
 HEADINGS = ("none", "odometry")
 
 
@@ -192,7 +192,7 @@ class Fixposition(BagDataset):
     def __post_init__(self) -> None:
         """Check that every choice exists."""
         self.check_options()
-        for name, available in (("velocity", VELOCITIES), ("heading", HEADINGS)):
+        for name, available in (("velocity", _VELOCITIES), ("heading", HEADINGS)):
             require_known(f"{name} of fixposition", getattr(self, name), available)
 
     def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:

@@ -215,7 +215,7 @@ HEIGHTS = {
 }
 """Notes where heights are above the ellipsoid, above mean sea level, or nobody says above what."""
 
-FITTED = {
+_FITTED = {
     "mounting": ("mounting_yaw_deg", "mounting_pitch_deg"),
     "time shift": ("imu_shift_s",),
     "latencies": ("velocity_latency_s",),
@@ -226,7 +226,7 @@ FITTED = {
 def _fitted_notes(drive: object) -> tuple[str, ...]:
     """Return a note that says which parameters of ``drive`` are the defaults, fitted on the public drive; or none."""
     own = type(drive)
-    fitted = [subject for subject, names in FITTED.items() if any(getattr(drive, n) == getattr(own, n) for n in names)]
+    fitted = [subject for subject, names in _FITTED.items() if any(getattr(drive, n) == getattr(own, n) for n in names)]
     if not fitted:
         return ()
     listed = " and ".join([", ".join(fitted[:-1]), fitted[-1]] if fitted[1:] else fitted)

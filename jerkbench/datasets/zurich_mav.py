@@ -24,7 +24,7 @@ is off by seconds.
 """
 
 FRD = ("x", "-y", "-z")
-NOTES = (
+_NOTES = (
     "The times of fixes and truth were fitted to the IMU's clock: the truth's are known to .15 s.",
     "East and north are those of UTM 32, .4 degrees off.",
     "The IMU is sampled at 10 Hz under vibration, which is aliased: its forces say little.",
@@ -85,7 +85,7 @@ class ZurichMav(FromFiles):
                 truth_s, "photogrammetry of the flight's images", independent=True, enu_m=places - origin
             ),
             position=Position(fix_s, fixes - origin, covariance),
-            notes=(*truth.notes, *NOTES),
+            notes=(*truth.notes, *_NOTES),
         )
 
     def _imu(self, accel: Columns, gyro: Columns) -> tuple[Imu, float]:

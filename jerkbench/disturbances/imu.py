@@ -54,7 +54,7 @@ class ImuBias(DrawnFault):
         return replace(recording, imu=biased)
 
 
-SINES = 64
+_SINES = 64
 """Enough for noise that does not repeat within some minutes, in a band of some ten hertz."""
 
 
@@ -95,9 +95,9 @@ class ImuVibration(DrawnFault):
         """Return the recording with the vibration of ``seed`` on its IMU."""
         imu = recording.inertial
         random = own_stream(seed, "imu_vibration", self.stream)
-        part = (self.highest_hz - self.lowest_hz) / SINES
-        frequency_hz = self.lowest_hz + part * (np.arange(SINES) + random.uniform(size=SINES))
-        sine, cosine = random.standard_normal((2, 6, SINES)) / np.sqrt(SINES)
+        part = (self.highest_hz - self.lowest_hz) / _SINES
+        frequency_hz = self.lowest_hz + part * (np.arange(_SINES) + random.uniform(size=_SINES))
+        sine, cosine = random.standard_normal((2, 6, _SINES)) / np.sqrt(_SINES)
         noise = harmonics(imu.t_s, 2.0 * np.pi * frequency_hz, sine, cosine)[0]
         accel = imu.accel_mps2 + self.accel_mps2 * noise[:, :3]
         return replace(recording, imu=Imu(imu.t_s, accel, imu.gyro_radps + self.gyro_radps * noise[:, 3:]))

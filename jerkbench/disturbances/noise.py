@@ -30,7 +30,7 @@ from jerkbench.simulation.imu import gauss_markov
 FINITE = Limit(lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
 ADDED = Limit(lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
 BELOW_1 = Limit(lambda share: 0 <= share < 1, "a share must be from 0 to below 1.")
-STATED = Limit(lambda k: 0 < k < np.inf, "a standard deviation must stay positive.")
+_STATED = Limit(lambda k: 0 < k < np.inf, "a standard deviation must stay positive.")
 
 
 @register("disturbance", "noise_step")
@@ -202,8 +202,8 @@ class StatedCovariance(Once):
         velocity_factor: k of velocity.
     """
 
-    position_factor: Annotated[float, STATED] = 0.2
-    velocity_factor: Annotated[float, STATED] = 1.0
+    position_factor: Annotated[float, _STATED] = 0.2
+    velocity_factor: Annotated[float, _STATED] = 1.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with other reported covariances.

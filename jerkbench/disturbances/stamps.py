@@ -11,7 +11,7 @@ from jerkbench.parameters import Limit
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
-MEASURED = ("position", "velocity", "heading")
+_MEASURED = ("position", "velocity", "heading")
 LATE = Limit(lambda late: 0 <= late < np.inf, "a latency must be 0 s or more.")
 
 
@@ -35,8 +35,8 @@ class Latency(Once):
 
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return the recording with later stamps."""
-        late_s, end_s = {name: getattr(self, f"{name}_s") for name in MEASURED}, recording.duration_s
-        later: dict[str, Any] = {name: _later(getattr(recording, name), late_s[name], end_s) for name in MEASURED}
+        late_s, end_s = {name: getattr(self, f"{name}_s") for name in _MEASURED}, recording.duration_s
+        later: dict[str, Any] = {name: _later(getattr(recording, name), late_s[name], end_s) for name in _MEASURED}
         return replace(recording, **later)
 
 
@@ -78,7 +78,7 @@ class Jitter(DrawnFault):
             t_s[[0, -1]] = imu.t_s[[0, -1]]
             imu = replace(imu, t_s=t_s)
         restamped: dict[str, Any] = {"imu": imu}
-        for name in (name for name in MEASURED if getattr(recording, name) is not None):
+        for name in (name for name in _MEASURED if getattr(recording, name) is not None):
             measured, random = getattr(recording, name), own_stream(seed, "jitter", self.stream, name)
             restamped[name] = replace(measured, t_s=jittered(measured.t_s, self.measurement_s, random))
         return replace(recording, **restamped)

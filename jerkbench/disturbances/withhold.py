@@ -39,7 +39,7 @@ class DecimatePosition(Phased):
         return replace(recording, position=rows_of(position, kept))
 
 
-SOURCE = "fixes of the same receiver, withheld from the filter"
+_SOURCE = "fixes of the same receiver, withheld from the filter"
 
 SAME_RATE = 0.1
 """By what part the interval of a velocity may differ from the fixes' and still be of the same receiver's epochs."""
@@ -116,8 +116,8 @@ def _reference(reference: Reference, position: Position, withheld: BoolArray) ->
     t_s = position.t_s[withheld]
     same = np.isin(nanoseconds(reference.t_s), nanoseconds(t_s))
     if reference.enu_m is not None and same.sum() == len(t_s):
-        return rows_of(reference, same, source=SOURCE)
-    return Reference(t_s, SOURCE, independent=False, enu_m=position.enu_m[withheld])
+        return rows_of(reference, same, source=_SOURCE)
+    return Reference(t_s, _SOURCE, independent=False, enu_m=position.enu_m[withheld])
 
 
 # Errors that count while the vehicle moves, so many times a second.

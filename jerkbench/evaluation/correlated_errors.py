@@ -6,8 +6,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 
-RESAMPLES = 1999
-SEED = 20
+_RESAMPLES = 1999
+_SEED = 20
 """Fixed: the same errors give the same interval."""
 
 FACTOR = 12
@@ -112,7 +112,7 @@ def _resampled_means(values: FloatArray, block: int) -> FloatArray:
     n = len(values)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     whole, rest = divmod(n, block)
-    starts = np.random.default_rng(SEED).integers(0, n - block + 1, (RESAMPLES, whole + 1))
+    starts = np.random.default_rng(_SEED).integers(0, n - block + 1, (_RESAMPLES, whole + 1))
     total = (sums[starts[:, :-1] + block] - sums[starts[:, :-1]]).sum(axis=1)
     last = sums[starts[:, -1] + rest] - sums[starts[:, -1]]
     return np.asarray((total + last) / n)

@@ -38,7 +38,7 @@ from jerkbench.evaluation.intervals import SHRUNK, untransformed
 from jerkbench.evaluation.judgement import LEVEL, Verdict
 
 FAMILIES = 3
-MARGIN = 0.1
+SMALL_MARGIN = 0.1
 """Ratios from 1/1.1 to 1.1 are equal."""
 AUDITS = 2000
 
@@ -91,7 +91,7 @@ class Statement:
 
     def __str__(self) -> str:
         """Say ratio, interval and verdict."""
-        less = f", by less than {MARGIN:.0%}" if self.small and self.verdict is not Verdict.EQUAL else ""
+        less = f", by less than {SMALL_MARGIN:.0%}" if self.small and self.verdict is not Verdict.EQUAL else ""
         return f"{self.ratio:.3f} [{self.low:.3f}, {self.high:.3f}] {self.verdict}{less}"
 
 
@@ -197,7 +197,7 @@ def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: Float
     with np.errstate(over="ignore"):  # an interval that says nothing reaches to infinity
         ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
     for ratio, below, above, sd in ends:
-        small = bool(below >= 1.0 / (1.0 + MARGIN) and above <= 1.0 + MARGIN)
+        small = bool(below >= 1.0 / (1.0 + SMALL_MARGIN) and above <= 1.0 + SMALL_MARGIN)
         shown = Verdict.BETTER if above < 1.0 else Verdict.WORSE if below > 1.0 else None
         verdict = shown or (Verdict.EQUAL if small else Verdict.UNDECIDED)
         said.append(Statement(float(ratio), float(below), float(above), verdict, small, float(sd)))

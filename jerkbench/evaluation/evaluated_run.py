@@ -255,10 +255,10 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
 # A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
 #
 # A new column is a new metric, in the file of its kind in `metrics`, also where nothing of the estimate enters
-# (`position_bound`); here the answers are only put together. What a row says of the run itself, `RUN`, is filled by
-# `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.jobs.parts`.
+# (`position_bound`); here the answers are only put together. What a row says of the run itself, `RUN_COLUMNS`, is
+# filled by `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.jobs.parts`.
 
-RUN = ("seed", "replicate", "status", "reason")
+RUN_COLUMNS = ("seed", "replicate", "status", "reason")
 """The columns of a run's row between its labels and its metrics."""
 
 DRAWN = "drawn."

@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.over_seeds import LEAST_SEEDS, ROUNDING, LogRatios, Samples
+from jerkbench.evaluation.over_seeds import LEAST_SEEDS, SAME_WITHIN, LogRatios, Samples
 
-RESAMPLES = 1999
-SEED = 14
+_RESAMPLES = 1999
+_SEED = 14
 """Fixed: the same rows give the same verdicts."""
 
-ROWS_AT_ONCE = 16
+_ROWS_AT_ONCE = 16
 """Means that go through the bootstrap together: so many stay in the processor's cache."""
 
-FLAT = 1e-12
+_FLAT = 1e-12
 """A resample with less of the variance than this is one value, drawn n times: its t is infinite."""
 
 COMMON = 0.9
@@ -69,7 +69,7 @@ class MaxT(NamedTuple):
 def standard_errors(d: FloatArray) -> FloatArray:
     """Return the standard errors (m,) of the means of (m, n) values; 0 of values that differ by rounding alone."""
     error = d.std(axis=1, ddof=1) / np.sqrt(d.shape[1])
-    return np.where(error <= ROUNDING * np.maximum(1.0, np.abs(d).max(axis=1)), 0.0, error)
+    return np.where(error <= SAME_WITHIN * np.maximum(1.0, np.abs(d).max(axis=1)), 0.0, error)
 
 
 def studentised(distance: FloatArray, error: FloatArray) -> FloatArray:
@@ -78,7 +78,7 @@ def studentised(distance: FloatArray, error: FloatArray) -> FloatArray:
     return np.divide(distance, error, out=exact, where=error > 0)
 
 
-def max_t(d: FloatArray, resamples: int = RESAMPLES, seed: int = SEED) -> MaxT:
+def max_t(d: FloatArray, resamples: int = _RESAMPLES, seed: int = _SEED) -> MaxT:
     """Return the distribution of the largest |t| of (m, n) log ratios under means of 0, each on its own scale.
 
     Seeds are drawn with replacement, the same for all m, so that what is common to comparisons (a method, a seed)
@@ -106,7 +106,7 @@ def max_t(d: FloatArray, resamples: int = RESAMPLES, seed: int = SEED) -> MaxT:
     return _family(scattered, lambda part: _resampled(rows[part], share), share.max(axis=0) == 1.0)
 
 
-def max_t_of_two(a: FloatArray, b: FloatArray, resamples: int = RESAMPLES, seed: int = SEED) -> MaxT:
+def max_t_of_two(a: FloatArray, b: FloatArray, resamples: int = _RESAMPLES, seed: int = _SEED) -> MaxT:
     """Return `max_t` for the differences of the means of (m, n) and (m, k) logarithms on seeds of their own.
 
     Both sets of seeds are drawn with replacement, each for itself; t is Welch's.
@@ -129,7 +129,7 @@ def _family(scattered: BoolArray, resampled: Callable[[slice], FloatArray], one_
         resampled: |t| of some of those.
         one_seed: (B,) which resamples have one seed only.
     """
-    parts = [slice(start, start + ROWS_AT_ONCE) for start in range(0, int(scattered.sum()), ROWS_AT_ONCE)]
+    parts = [slice(start, start + _ROWS_AT_ONCE) for start in range(0, int(scattered.sum()), _ROWS_AT_ONCE)]
     scales = np.concatenate([np.empty((3, 0)), *(_scales(resampled(part)) for part in parts)], axis=1)
     known = np.isfinite(scales[0])
     if known.any():  # none is narrower than what COMMON of them have
@@ -159,7 +159,7 @@ def _resampled(d: FloatArray, share: FloatArray) -> FloatArray:
     centred /= np.sqrt(np.mean(centred**2, axis=1, keepdims=True))
     mean2 = (centred @ share) ** 2
     variance = (centred**2) @ share - mean2
-    flat = variance < FLAT
+    flat = variance < _FLAT
     ratio = np.divide((d.shape[1] - 1) * mean2, variance, out=mean2, where=~flat)
     ratio[flat] = np.inf
     return np.asarray(np.sqrt(ratio), dtype=np.float64)
@@ -174,7 +174,7 @@ def _resampled_difference(samples: tuple[FloatArray, FloatArray], shares: tuple[
         mean = centred @ share
         difference = difference + sign * mean
         error2 = error2 + ((centred**2) @ share - mean**2) / (values.shape[1] - 1)
-    flat = error2 < FLAT
+    flat = error2 < _FLAT
     return np.asarray(np.sqrt(np.where(flat, np.inf, difference**2 / np.where(flat, 1.0, error2))), dtype=np.float64)
 
 

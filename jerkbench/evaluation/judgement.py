@@ -204,12 +204,12 @@ POWER = 0.8
 CAUTION = 0.8
 """The scatter that is planned with is larger than the true one in so many cases."""
 
-MOST = 10_000
+_MOST = 10_000
 """More seeds than these nobody runs: none are named."""
 
 
 def seeds_needed(d: FloatArray, comparisons: int = 1, level: float = 0.05, critical: float = np.nan) -> int | None:
-    """Return how many seeds show that a and b differ; None where they may be equal, and over `MOST`.
+    """Return how many seeds show that a and b differ; None where they may be equal, and over `_MOST`.
 
     Of N seeds the mean falls at mu + s Z/sqrt(N), and decides where it is more than c standard errors from 0. The
     answer is the smallest N, of the grid 1.05^k, that does so with a probability of at least `POWER` wherever in the
@@ -254,7 +254,7 @@ def critical_t(n: FloatArray, comparisons: int, level: float) -> FloatArray:
 
 @lru_cache(maxsize=1)
 def _sizes() -> FloatArray:
-    return np.unique(np.ceil(6 * 1.05 ** np.arange(np.ceil(np.log(MOST / 6) / np.log(1.05)))))
+    return np.unique(np.ceil(6 * 1.05 ** np.arange(np.ceil(np.log(_MOST / 6) / np.log(1.05)))))
 
 
 # Seeds added in blocks until everything is decided: the level that each look at the results may spend.

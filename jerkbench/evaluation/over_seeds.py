@@ -58,13 +58,13 @@ class Samples:
 
 # The arithmetic mean over seeds with its interval: of signed metrics, and those with an expected value.
 
-RESAMPLES = 4999
+_RESAMPLES = 4999
 """Bootstrap resamples: the ends of the interval move by some 2 % of its width from one draw to another."""
 
-HIGHEST = 1 - 2 / RESAMPLES
+HIGHEST = 1 - 2 / _RESAMPLES
 """So many resamples know no higher level."""
 
-ROWS_AT_ONCE = 128
+_ROWS_AT_ONCE = 128
 """Samples that go through the bootstrap together; more costs memory and saves no time."""
 
 FEW = 5
@@ -73,10 +73,10 @@ FEW = 5
 MANY = 2000
 """From so many values on the mean is normal enough for Student's interval."""
 
-ROUNDING = 1e-14
+SAME_WITHIN = 1e-14
 """Values that differ by less, relative to their mean, are equal: the bootstrap would divide rounding by rounding."""
 
-SEED = 20
+_SEED = 20
 """Fixed: the same rows give the same table."""
 
 
@@ -134,13 +134,13 @@ def _of_one_size(values: FloatArray, confidence: float) -> tuple[FloatArray, Flo
     n = values.shape[1]
     with np.errstate(invalid="ignore", over="ignore"):
         mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
-        equal = np.isfinite(mean) & (spread <= ROUNDING * np.abs(mean)) & (n > 1)
+        equal = np.isfinite(mean) & (spread <= SAME_WITHIN * np.abs(mean)) & (n > 1)
     low, high = np.where(equal, mean, np.nan), np.where(equal, mean, np.nan)
     varying = np.flatnonzero(np.isfinite(mean) & np.isfinite(spread) & ~equal)
     if 1 < n < FEW or n >= MANY:
         low[varying], high[varying] = _student(values[varying], confidence)
     elif n > 1 and len(varying):
-        for rows in np.array_split(varying, -(-len(varying) // ROWS_AT_ONCE)):
+        for rows in np.array_split(varying, -(-len(varying) // _ROWS_AT_ONCE)):
             low[rows], high[rows] = _bca(values[rows], confidence)
     return mean, low, high
 
@@ -162,7 +162,7 @@ def _bca(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]
     # The interval moves and stretches with the values: brought to one scale, no square under- or overflows.
     mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
     scaled = (values - mean[:, None]) / spread[:, None]
-    ends = bca_ends(scaled, expanded(confidence, values.shape[1]), RESAMPLES, SEED)
+    ends = bca_ends(scaled, expanded(confidence, values.shape[1]), _RESAMPLES, _SEED)
     low, high = (np.clip(mean + spread * end, values[:, 0], values[:, -1]) for end in ends)  # no RMSE of -1e-17
     return low, high
 
@@ -240,7 +240,7 @@ def log_ratios_of(errors: Iterable[tuple[FloatArray, FloatArray]]) -> list[LogRa
         lost = np.stack([np.isinf(first), np.isinf(second)], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
             d = np.log(first) - np.log(second)
-            near = np.abs(first - second) <= ROUNDING * np.minimum(first, second)
+            near = np.abs(first - second) <= SAME_WITHIN * np.minimum(first, second)
         d = np.where((first == second) | (near & ~lost.any(axis=-1)), 0.0, d)
         ratios.update(zip(places.tolist(), map(LogRatios, d, lost, _locked(d)), strict=True))
     return [ratios[place] for place in range(len(known))]
@@ -397,6 +397,6 @@ def _geometric(errors: FloatArray, confidence: float) -> tuple[FloatArray, Float
     with np.errstate(all="ignore"):
         logs = np.log(errors)
         mean, low, high = (np.exp(end) for end in (logs.mean(axis=1), *few_intervals(logs, confidence)))
-    alike = np.ptp(errors, axis=1) <= ROUNDING * errors.max(axis=1)
+    alike = np.ptp(errors, axis=1) <= SAME_WITHIN * errors.max(axis=1)
     same = errors[:, 0] if errors.shape[1] > 1 else np.full(len(errors), np.nan)
     return np.where(alike, errors[:, 0], mean), np.where(alike, same, low), np.where(alike, same, high)

@@ -6,8 +6,8 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 
-RESAMPLES = 1999
-SEED = 14
+_RESAMPLES = 1999
+_SEED = 14
 
 
 class RankRange(NamedTuple):
@@ -31,9 +31,9 @@ def rank_range(log_costs: FloatArray, confidence: float = 0.95) -> RankRange:
     this kind, and other seeds. A lost run is infinite: its method is the last.
     """
     s, n, k = log_costs.shape
-    rng = np.random.default_rng(SEED)
-    places = np.empty((RESAMPLES, k), dtype=np.int64)
-    for row in range(RESAMPLES):
+    rng = np.random.default_rng(_SEED)
+    places = np.empty((_RESAMPLES, k), dtype=np.int64)
+    for row in range(_RESAMPLES):
         drawn = log_costs[rng.integers(0, s, s)][:, rng.integers(0, n, n)]
         places[row] = _places(drawn.mean(axis=(0, 1)))
     ends = np.quantile(places, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0, method="closest_observation")

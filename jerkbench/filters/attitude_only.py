@@ -57,7 +57,7 @@ def attitude_at_reference(t_s: FloatArray, euler_rad: FloatArray, recording: Rec
     return Estimate(index, absent, absent, covariance, euler_rad[sample], attitude_only=True)
 
 
-SAME_S = 1e-6
+_SAME_S = 1e-6
 """Stamps that are nearer are the same."""
 
 WRITE = "One row for each row of the table: t_s, qw, qx, qy, qz, body to a frame whose z is up; the heading is free."
@@ -98,7 +98,7 @@ class AttitudeCommand(Command):
         form = AttitudeMap(self.attitude, self.attitude_unit, self.attitude_frame or "enu", self.body, ("x", "y", "z"))
         euler_rad, t_s = read_attitude(columns, form), columns.numbers((self.time,))[:, 0]
         samples_s = recording.inertial.t_s
-        if euler_rad is None or len(t_s) != len(samples_s) or (np.abs(t_s - samples_s) > SAME_S).any():
+        if euler_rad is None or len(t_s) != len(samples_s) or (np.abs(t_s - samples_s) > _SAME_S).any():
             raise RecordingError(
                 f"{columns.where} has {len(t_s)} rows; write one for each of the {len(samples_s)} rows of the"
                 " recording, with its t_s, in the same order."

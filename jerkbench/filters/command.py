@@ -170,7 +170,7 @@ def _replaced(word: str, values: Mapping[str, str]) -> str:
 
 # Anybody's program as a method: it reads a recording and writes a trajectory.
 
-SCRIPTS = (".py", ".jl", ".m", ".R", ".sh", ".js", ".rb", ".pl", ".lua")
+_SCRIPTS = (".py", ".jl", ".m", ".R", ".sh", ".js", ".rb", ".pl", ".lua")
 """Endings of what an interpreter runs."""
 
 
@@ -228,7 +228,7 @@ class Command(TrajectoryForm):
     @property
     def _stem(self) -> str:
         program, *others = program_files(self.command)
-        return next((path for path in others if path.suffix in SCRIPTS), program).stem
+        return next((path for path in others if path.suffix in _SCRIPTS), program).stem
 
     def of_seed(self, seed: int) -> "Command":
         """Return the one whose {seed} is ``seed``."""

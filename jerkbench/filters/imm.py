@@ -32,7 +32,7 @@ from jerkbench.timeline import Timeline, build_timeline
 if TYPE_CHECKING:
     from jerkbench.kinematic.mixture import Mixed  # what it imports takes half a second
 
-MODELS = ("acceleration", "baseline", "bias", "jerk")
+_MODELS = ("acceleration", "baseline", "bias", "jerk")
 BETWEEN_0_AND_1 = Limit(lambda p: 0 < p < 1, "it must lie between 0 and 1.")
 TWENTY_UPDATES = DefaultOrigin("ours: a model lasts 20 updates")
 OF_ITSELF = DefaultOrigin("that of the filter by itself")
@@ -108,7 +108,7 @@ class InteractingMultipleModels(Limited, OverTimelines):
         """Check the limits and the pair of models."""
         super().__post_init__()
         for name in (self.first, self.second):
-            require_known("model of filter imm", name, MODELS)
+            require_known("model of filter imm", name, _MODELS)
         if len({self.first, self.second} - {"baseline"}) > 1:
             raise PluginError(
                 f"imm cannot mix {self.first} with {self.second}, whose third states mean different things; pair either"

@@ -34,7 +34,7 @@ DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
 MG = 1e-3 * GRAVITY_MPS2
 
-GRADES = "ours: from a tactical sensor to a phone's on a vibrating vehicle"
+_GRADES = "ours: from a tactical sensor to a phone's on a vibrating vehicle"
 
 OF_FIELD = DefaultOrigin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz")
 INDUSTRIAL = DefaultOrigin("ours, of the order of an industrial MEMS module")
@@ -96,23 +96,23 @@ class Eskf15Parameters(Limited):
     angle_random_walk_deg_per_sqrt_h: Annotated[
         float,
         POSITIVE_SIGMA,
-        Range(0.01, 60.0, log=True, source=GRADES),
+        Range(0.01, 60.0, log=True, source=_GRADES),
         OF_FIELD,
     ] = 0.6
     velocity_random_walk_mps_per_sqrt_h: Annotated[
         float,
         POSITIVE_SIGMA,
-        Range(0.005, 20.0, log=True, source=GRADES),
+        Range(0.005, 20.0, log=True, source=_GRADES),
         OF_FIELD,
     ] = 0.12
     gyro_instability_deg_per_h: Annotated[
         float,
         MAY_BE_OFF,
-        Range(0.1, 500.0, log=True, source=GRADES),
+        Range(0.1, 500.0, log=True, source=_GRADES),
         INDUSTRIAL,
     ] = 5.0
     gyro_correlation_s: Annotated[float, MORE_THAN_0, DefaultOrigin("ours: long against an outage")] = 1000.0
-    accel_instability_mg: Annotated[float, MAY_BE_OFF, Range(0.005, 10.0, log=True, source=GRADES), INDUSTRIAL] = 0.1
+    accel_instability_mg: Annotated[float, MAY_BE_OFF, Range(0.005, 10.0, log=True, source=_GRADES), INDUSTRIAL] = 0.1
     accel_correlation_s: Annotated[float, MORE_THAN_0, DefaultOrigin("ours: long against an outage")] = 1000.0
     gyro_turn_on_deg_per_h: Annotated[float, POSITIVE_SIGMA, INDUSTRIAL] = 500.0
     accel_turn_on_mg: Annotated[float, POSITIVE_SIGMA, INDUSTRIAL] = 10.0

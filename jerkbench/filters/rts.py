@@ -31,7 +31,7 @@ from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline, build_timeline
 
-MODELS = ("baseline", "bias", "jerk")
+_MODELS = ("baseline", "bias", "jerk")
 OF_FIXES = ("acceleration", "constant_turn", "constant_velocity")
 OF_THE_FILTER = DefaultOrigin("that of the filter by itself")
 
@@ -121,7 +121,7 @@ class RauchTungStriebel(Smoother):
         """Check the name of the model and the noises, those of the other models too."""
         if self.model in OF_FIXES:
             raise PluginError(f"The model {self.model} uses no IMU: take filter=rts_fixes filter.model={self.model}.")
-        require_known("model of filter rts", self.model, MODELS)
+        require_known("model of filter rts", self.model, _MODELS)
         require_not_negative("filter rts", self, list(vars(self))[1:])
 
     def kinematic_filter(self) -> Filter:

@@ -228,7 +228,7 @@ def register_hydra_parts() -> None:
 
 # Checks of options that belong to no cell.
 
-LONGEST_NAME = 255
+_LONGEST_NAME = 255
 """Bytes of a folder's name, on the file systems that there are."""
 
 
@@ -244,7 +244,7 @@ def check_options(config: DictConfig) -> None:
         raise PluginError(
             f"study is '{study}'; it must be the name of one folder, which is made in results={config.results}."
         )
-    if len(os.fsencode(study)) > LONGEST_NAME:
+    if len(os.fsencode(study)) > _LONGEST_NAME:
         raise PluginError(f"study has {len(study)} letters ('{study[:20]}...'); a folder's name has at most 255 bytes.")
     if config.max_seeds and config.max_seeds < config.seeds:
         raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")

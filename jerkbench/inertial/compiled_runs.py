@@ -25,7 +25,7 @@ from jerkbench.recording import Imu
 from jerkbench.sums import ErrorWeights, Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
-OWN = (
+_OWN = (
     *("run_navigation", "begin", "mechanise", "propagate", "transform_covariance", "take_update", "feed_back"),
     *("fill_turn", "_fill_large", "observe", "conclude", "constrain", "take_heading", "keep_point"),
 )
@@ -110,7 +110,7 @@ def _compiled(layout: ErrorLayout, width: int, *, invariant: bool) -> Any:  # no
     """The loop of ``width`` runs for an error state of that layout, invariant or additive."""
     title = f"the {'invariant ' if invariant else ''}inertial navigation of {runs_of(width)} with {layout.size} states"
     constants = {"RUN": inertial_type(layout, width, invariant=invariant), "DENSE": 0}
-    return compiled_loop(run_navigation, title, constants, APART + OWN)
+    return compiled_loop(run_navigation, title, constants, APART + _OWN)
 
 
 def _split(journey: Journey) -> Timeline:

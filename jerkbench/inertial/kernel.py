@@ -189,7 +189,7 @@ def keep_point(run: Lanes, own: Inertial, scored: TruthRows, kept: Kept, referen
 
 # The parts of a run: those of the kernel, and the rest of the nominal state.
 
-SHAPES: dict[str, tuple[int, ...]] = {
+_SHAPES: dict[str, tuple[int, ...]] = {
     "C": (3, 3),  # attitude, body to ENU
     "gyro_bias": (3,),
     "accel_bias": (3,),
@@ -225,4 +225,4 @@ SHAPES: dict[str, tuple[int, ...]] = {
 def inertial_type(layout: ErrorLayout, width: int, *, invariant: bool) -> Lanes:
     """Return the type of ``width`` runs with an error state of that layout, invariant or additive."""
     kinds = {**layout._asdict(), "invariant": invariant}
-    return type_with(SHAPES, layout.size, width, **{name: int(holds) for name, holds in kinds.items()})
+    return type_with(_SHAPES, layout.size, width, **{name: int(holds) for name, holds in kinds.items()})

@@ -245,10 +245,10 @@ def _against(turning: Turning | None) -> str:
     return "" if turning is None else f"{turning.basis} turns against the gyro (correlation {turning.correlation:.2f})"
 
 
-LENGTHS_S = (1.0, 8.0, 32.0)
+_LENGTHS_S = (1.0, 8.0, 32.0)
 """Slow and coarse fixes say where they went over half a minute, not over a second."""
 
-LEAST_ROWS = 20
+_LEAST_ROWS = 20
 
 LEAST_COSINE = 0.9
 COSINE_GAIN = 0.2
@@ -273,7 +273,7 @@ HALF_TURN_DEG = 90.0
 """No vehicle turns so far in half a second; an angle that jumps back by 360 degrees does."""
 
 ATTITUDE_S = 0.5
-LEAST_CORRELATION = 0.5
+_LEAST_CORRELATION = 0.5
 
 
 def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
@@ -291,7 +291,7 @@ def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
     if reference.enu_m is not None:
         streams["reference"] = reference.t_s, reference.enu_m[:, :2]
     told: dict[str, Diagnosis] = {}
-    for length_s in LENGTHS_S:
+    for length_s in _LENGTHS_S:
         for stream, (t_s, values) in streams.items():
             if found := _exchanged(stream, *without_nan_rows(t_s, values), position, length_s):
                 told.setdefault(stream, found)
@@ -302,11 +302,11 @@ def _exchanged(
     stream: str, t_s: FloatArray, values: FloatArray, position: Position, length_s: float
 ) -> Diagnosis | None:
     fix_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
-    if min(len(t_s), len(fix_s)) <= LEAST_ROWS:
+    if min(len(t_s), len(fix_s)) <= _LEAST_ROWS:
         return None
     length_s = max(length_s, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))
     edges_s = common_edges(length_s, t_s, fix_s)
-    if len(edges_s) <= LEAST_ROWS:
+    if len(edges_s) <= _LEAST_ROWS:
         return None
     given_mps = (mean_velocity if stream == "reference" else window_means)(t_s, values, edges_s)
     right_mps = mean_velocity(fix_s, places, edges_s)
@@ -364,10 +364,10 @@ def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
         yield diagnosis("attitude_in_degrees", f"roll or pitch reaches {steepest:.4g} where a half turn is 3.14")
         return
     t_s, euler = without_nan_rows(reference.t_s, reference.euler_rad)
-    if imu is None or len(t_s) < LEAST_ROWS:
+    if imu is None or len(t_s) < _LEAST_ROWS:
         return
     edges_s = common_edges(ATTITUDE_S, t_s, imu.t_s)
-    if len(edges_s) > LEAST_ROWS:
+    if len(edges_s) > _LEAST_ROWS:
         gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
         in_degrees = list(_yaw_in_degrees(t_s, euler[:, 2], edges_s, gyro[:, 2]))
         yield from in_degrees or _reversed_angles(imu, t_s, euler, edges_s, gyro)
@@ -377,11 +377,11 @@ def _yaw_in_degrees(t_s: FloatArray, yaw: FloatArray, edges_s: FloatArray, rate:
     """Compare the changes of yaw with the gyro's z axis, but for those that are a whole turn in degrees."""
     change, turn_rad = np.diff(np.interp(edges_s, t_s, yaw)), rate * ATTITUDE_S
     plain = np.abs(change) < HALF_TURN_DEG
-    if np.abs(yaw).max() < LARGEST_DEGREE or plain.sum() < LEAST_ROWS or not turn_rad[plain].any():
+    if np.abs(yaw).max() < LARGEST_DEGREE or plain.sum() < _LEAST_ROWS or not turn_rad[plain].any():
         return
     change, turn_rad = change[plain], turn_rad[plain]
     correlation, factor = correlation_of(change, turn_rad), abs(slope(change, turn_rad))
-    sure = abs(strength(correlation, len(change))) >= SURE and abs(correlation) >= LEAST_CORRELATION
+    sure = abs(strength(correlation, len(change))) >= SURE and abs(correlation) >= _LEAST_CORRELATION
     if sure and 1 / WITHIN < factor / DEG_PER_RAD < WITHIN:
         measured = f"yaw turns {factor:.3g} times as fast as the gyro says (correlation {correlation:.2f})"
         yield diagnosis("attitude_in_degrees", measured)
@@ -400,7 +400,7 @@ def _reversed_angles(
     rates = attitude_rates(t_s, euler_rad, edges_s)
     correlations = [correlation_of(rates[:, axis], gyro[:, axis]) for axis in range(3)]
     named = zip(("roll", "pitch", "yaw"), correlations, strict=True)
-    against = [name for name, r in named if r < -LEAST_CORRELATION and strength(r, len(rates)) < -SURE]
+    against = [name for name, r in named if r < -_LEAST_CORRELATION and strength(r, len(rates)) < -SURE]
     if "pitch" in against or "yaw" in against:
         shown = ", ".join(f"{value:.2f}" for value in correlations)
         turning = f"{' and '.join(against)} turn against the gyro"

@@ -11,13 +11,13 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.recording import Imu, Position, Recording
 
-LENGTHS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
+_LENGTHS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Noise asks for long windows, a winding track for short ones: each check takes those that say most."""
 
 SLOWEST_MPS = 0.5
 """Below, a track of fixes has no course."""
 
-STEEPEST_RAD = 1.5
+_STEEPEST_RAD = 1.5
 """A course that changes by more within a window may as well have turned the other way, or be noise."""
 
 LEAST_WINDOWS = 20
@@ -158,7 +158,7 @@ def track_windows(recording: Recording, length_s: float) -> WindowsAt | None:
     velocity_mps = mean_velocity(t_s, places, edges_s)
     speed_mps, course_rad = np.linalg.norm(velocity_mps, axis=1), np.arctan2(velocity_mps[:, 1], velocity_mps[:, 0])
     change_rad = np.asarray((np.diff(course_rad) + np.pi) % (2 * np.pi) - np.pi, dtype=np.float64)
-    use = (np.minimum(speed_mps[1:], speed_mps[:-1]) > SLOWEST_MPS) & (np.abs(change_rad) < STEEPEST_RAD)
+    use = (np.minimum(speed_mps[1:], speed_mps[:-1]) > SLOWEST_MPS) & (np.abs(change_rad) < _STEEPEST_RAD)
     return _windows(imu, edges_s, speed_mps, use, change_rad)
 
 
@@ -205,7 +205,7 @@ def over_lengths(
     make: Callable[[Recording, float], WindowsAt | None], recording: Recording, late_s: float = 0.0
 ) -> dict[float, Windows]:
     """Return the windows of each length for which there are enough."""
-    windows = {length_s: at(late_s) for length_s in LENGTHS_S if (at := make(recording, length_s)) is not None}
+    windows = {length_s: at(late_s) for length_s in _LENGTHS_S if (at := make(recording, length_s)) is not None}
     return {length_s: one for length_s, one in windows.items() if one is not None}
 
 

@@ -29,13 +29,13 @@ from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUT
 
 Stream = Imu | Position | Velocity | Heading | Reference
 
-AXES = {"enu": ("east", "north", "up"), "body": ("forward", "left", "up"), "speed": ("along", "left", "up")}
+_AXES = {"enu": ("east", "north", "up"), "body": ("forward", "left", "up"), "speed": ("along", "left", "up")}
 """The axes of a velocity in each of its frames."""
 
 SHOWN_S = 0.02
 """A smaller lag needs no correction."""
 
-GAP = 2.5
+_GAP = 2.5
 """A step of more than so many usual intervals is a gap."""
 
 
@@ -72,7 +72,7 @@ def _rates(velocity: Velocity) -> list[str]:
     groups = [group for group in np.unique(measured, axis=0) if group.any()]
     if len(groups) < 2 or np.sum(groups, axis=0).max() > 1:
         return [_rate(velocity.t_s)]
-    axes, rows = np.array(AXES[velocity.frame]), [(measured == group).all(axis=1) for group in groups]
+    axes, rows = np.array(_AXES[velocity.frame]), [(measured == group).all(axis=1) for group in groups]
     rates = [_rate(velocity.t_s[own]).lstrip() for own in rows]
     return [f"{' and '.join(axes[group])} {rate}" for group, rate in zip(groups, rates, strict=True)]
 
@@ -82,7 +82,7 @@ def _rate(t_s: FloatArray) -> str:
         return f"{len(t_s):>7} rows"
     steps = np.diff(t_s)
     usual = float(np.median(steps))
-    gaps = steps[steps > GAP * usual]
+    gaps = steps[steps > _GAP * usual]
     gap_text = f"; {len(gaps)} gaps, the longest {gaps.max():.2f} s" if len(gaps) else "; no gaps"
     return f"{len(t_s):>7} rows, {1 / usual:.4g} Hz, {t_s[0]:.3f} to {t_s[-1]:.3f} s{gap_text}"
 
@@ -222,13 +222,13 @@ def overview_figure(recording: Recording) -> Figure:
     forces, rates = (None, None) if imu is None else (imu.accel_mps2, np.degrees(imu.gyro_radps))
     for axes, values, label in ((force, forces, "Specific force [m/s²]"), (rate, rates, "Angular rate [deg/s]")):
         axes.set_ylabel(label)
-        _draw_axes(axes, imu, values, AXES["body"], 0.5, "The recording has no IMU.")
+        _draw_axes(axes, imu, values, _AXES["body"], 0.5, "The recording has no IMU.")
     sigmas = None
     if position is not None:
         variances = np.diagonal(position.covariance_m2, axis1=1, axis2=2)
         sigmas = np.sqrt(np.where(np.isfinite(position.enu_m), variances, np.nan))
     sigma.set_ylabel("Stated sigma of position [m]")
-    _draw_axes(sigma, position, sigmas, AXES["enu"], 0.9, "The recording has no position.")
+    _draw_axes(sigma, position, sigmas, _AXES["enu"], 0.9, "The recording has no position.")
     if position is not None:
         sigma.set_ylim(bottom=0.0)
     allan.set(xlabel="Averaging time [s]", ylabel="Allan deviation at rest")

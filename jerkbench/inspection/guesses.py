@@ -35,7 +35,7 @@ from jerkbench.inspection.evidence import (
 )
 from jerkbench.recording import GRAVITY_MPS2, Recording
 
-SMALL = ("cm", "mm")
+_SMALL = ("cm", "mm")
 """Lengths that only a standard deviation may be in: it has a scale."""
 
 _NAMES = tomllib.loads((Path(__file__).parent / "names.toml").read_text(encoding="utf-8"))
@@ -70,7 +70,7 @@ def parse_name(column: str) -> Name | None:
     """Return what the name of a column says; None where it says nothing that is known."""
     words, unit = _words(column)
     quantity, axis = _meaning("".join(words))
-    return Name(column, quantity, axis, unit) if quantity and (unit not in SMALL or quantity == "sigma") else None
+    return Name(column, quantity, axis, unit) if quantity and (unit not in _SMALL or quantity == "sigma") else None
 
 
 def _meaning(text: str) -> tuple[str, str]:
@@ -115,10 +115,10 @@ def _words(column: str) -> tuple[list[str], str]:
 SENSOR_AXES = (("x", "y", "z"), ("forward", "left", "up"), ("forward", "right", "down"))
 """Names of an IMU's axes."""
 
-LOCAL = {("east", "north", "up"): "enu", ("north", "east", "down"): "ned", ("x", "y", "z"): ""}
+_LOCAL = {("east", "north", "up"): "enu", ("north", "east", "down"): "ned", ("x", "y", "z"): ""}
 """Names of local axes, and their frame where the names say it."""
 
-MOVING = LOCAL | {("forward", "left", "up"): "body"}
+MOVING = _LOCAL | {("forward", "left", "up"): "body"}
 """The same of velocities."""
 
 
@@ -153,7 +153,7 @@ def position_columns(names: Sequence[Name]) -> Triple | None:
     angles = [[name for name in names if name.quantity == word] for word in ("latitude", "longitude", "height")]
     if all(len(columns) == 1 for columns in angles):
         return Triple(tuple(columns[0] for columns in angles), "geodetic")
-    return _first(names, "position", LOCAL)
+    return _first(names, "position", _LOCAL)
 
 
 def velocity_columns(names: Sequence[Name]) -> Triple | None:
@@ -163,7 +163,7 @@ def velocity_columns(names: Sequence[Name]) -> Triple | None:
 
 def sigma_of(names: Sequence[Name]) -> Triple | None:
     """Return the columns of the standard deviations of places, where they say their axes."""
-    return _first(names, "sigma", {axes: frame for axes, frame in LOCAL.items() if frame})
+    return _first(names, "sigma", {axes: frame for axes, frame in _LOCAL.items() if frame})
 
 
 def _first(names: Sequence[Name], quantity: str, frames: dict[tuple[str, str, str], str]) -> Triple | None:
@@ -185,11 +185,11 @@ RATES_HZ = (0.5, 2500.0)
 
 LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
 
-WINDOW_S = 1.0
+_WINDOW_S = 1.0
 SCALES = {"m/s": 1.0, "km/h": 3.6, "knots": 1.94384}
 """What a velocity in each unit is multiplied with."""
 
-SCALE_WITHIN = 0.2
+_SCALE_WITHIN = 0.2
 LEAST_EDGES = 10
 
 
@@ -318,7 +318,7 @@ def guess_velocity_frame(recording: Recording, named: str) -> Guess:
         return Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it")  # type: ignore[arg-type]
     why = f"cosine with the fixes' way: {', '.join(f'{frame} {cosine:.3f}' for frame, cosine in cosines.items())}"
     factor = slope(way, frames[best])
-    unit = next((unit for unit, scale in SCALES.items() if abs(factor * scale - 1.0) < SCALE_WITHIN), "")
+    unit = next((unit for unit, scale in SCALES.items() if abs(factor * scale - 1.0) < _SCALE_WITHIN), "")
     if unit == "m/s":
         return Guess("velocity_frame", best, "measured", why)
     unit = unit or "no unit that is known"
@@ -332,7 +332,7 @@ def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:
     if position is not None and velocity is not None:
         fix_s, places = without_nan_rows(position.t_s, position.enu_m)
         t_s, mps = without_nan_rows(velocity.t_s, velocity.mps)
-        edges_s = common_edges(WINDOW_S, fix_s, t_s)
+        edges_s = common_edges(_WINDOW_S, fix_s, t_s)
         if len(edges_s) >= LEAST_EDGES:
             return mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
     return np.empty((0, 3)), np.empty((0, 3))

@@ -63,7 +63,7 @@ ECEF_M = (6.3e6, 6.45e6)
 LEAST_SHIFT_S = 0.05
 """A smaller lag is left to the filter."""
 
-LEAST_FIXES = 10
+_LEAST_FIXES = 10
 OUTAGE_S, OUTAGE_STEPS = 5.0, 5.0
 """A gap between fixes that is longer, and has so many times the usual step, is an outage."""
 
@@ -357,7 +357,7 @@ def _shifts(draft: Draft, recording: Recording) -> Iterator[Guess]:
 def _outages(draft: Draft, recording: Recording) -> Iterator[Guess]:
     """Guess which gaps between fixes are outages to score: of five seconds, and of five times the usual step."""
     position = recording.position
-    if "reference" not in draft.tables or position is None or len(position.t_s) < LEAST_FIXES:
+    if "reference" not in draft.tables or position is None or len(position.t_s) < _LEAST_FIXES:
         return
     steps_s = np.diff(position.t_s)
     shortest_s = float(max(OUTAGE_S, OUTAGE_STEPS * np.median(steps_s)))

@@ -24,7 +24,7 @@ from jerkbench.inspection.evidence import (
 from jerkbench.io.frames import felt_axis
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
-NAN = float("nan")
+_NAN = float("nan")
 
 LARGEST_S = 3.0
 STEP_S = 0.02
@@ -33,7 +33,7 @@ STEP_S = 0.02
 PART = 0.1
 """Of a short recording no larger part is tried as a lag: little would be left to compare."""
 
-LEAST_ROWS = 20
+_LEAST_ROWS = 20
 LEAST_CORRELATION = 0.5
 """With fewer rows, or a weaker relation at the best lag, none is stated."""
 
@@ -46,7 +46,7 @@ LIKELY = 3.84
 WORST_S = 0.1
 """A lag of which no more than this is known is none."""
 
-MARGIN_S = 1.0
+_MARGIN_S = 1.0
 """At the ends of the positions a spline's slope is poor."""
 
 FAST_MPS = 1.0
@@ -74,12 +74,12 @@ class Lag:
 
     stream: str
     against: str
-    lag_s: float = NAN
-    correlation: float = NAN
-    within_s: float = NAN
-    edge_s: float = NAN
-    best_s: float = NAN
-    at_none: float = NAN
+    lag_s: float = _NAN
+    correlation: float = _NAN
+    within_s: float = _NAN
+    edge_s: float = _NAN
+    best_s: float = _NAN
+    at_none: float = _NAN
     sure: bool = True
 
 
@@ -107,7 +107,7 @@ def estimated_lags(recording: Recording) -> list[Lag]:
     if position is not None and (truth := _places(reference, position)) is not None:
         lags.append(_position_lag(position, *truth))
     fixes = 0 if position is None else int(np.isfinite(position.enu_m).all(axis=1).sum())
-    if position is not None and velocity is not None and fixes > LEAST_ROWS:
+    if position is not None and velocity is not None and fixes > _LEAST_ROWS:
         axes = {"velocity, horizontal": (0, 1), "velocity, up": (2,)} if velocity.frame == "enu" else {"speed": (0,)}
         of_velocity = [_velocity_lag(name, position, velocity, columns) for name, columns in axes.items()]
     speed = _speeds(recording, of_velocity)
@@ -122,13 +122,13 @@ def best_lag(
 
     A lag tau fits hardly worse than the best where (n/10) ln((1 - r(tau)^2)/(1 - r(best)^2)) < 3.84, r of n rows.
     """
-    if rows < LEAST_ROWS:
+    if rows < _LEAST_ROWS:
         return Lag(stream, against)
     steps = round(largest_s / STEP_S)
     lags_s = np.asarray(np.arange(-steps, steps + 1) * STEP_S, dtype=np.float64)
     values = np.array([correlation(lag_s) for lag_s in lags_s])
     best = int(np.argmax(values))
-    lag = Lag(stream, against, NAN, float(values[best]), _within(lags_s, values, rows), at_none=float(values[steps]))
+    lag = Lag(stream, against, _NAN, float(values[best]), _within(lags_s, values, rows), at_none=float(values[steps]))
     if best in (0, len(values) - 1):
         return replace(lag, edge_s=float(lags_s[best])) if lag.correlation >= LEAST_CORRELATION else lag
     before, peak, after = values[best - 1 : best + 2]  # the top of the parabola through them
@@ -158,7 +158,7 @@ def _places(reference: Reference, position: Position) -> tuple[FloatArray, Float
     if np.array_equal(reference.t_s, position.t_s) and np.array_equal(reference.enu_m, position.enu_m, equal_nan=True):
         return None
     t_s, enu_m = without_nan_rows(reference.t_s, reference.enu_m)
-    return (t_s, enu_m) if len(t_s) > LEAST_ROWS else None
+    return (t_s, enu_m) if len(t_s) > _LEAST_ROWS else None
 
 
 def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Lag:
@@ -183,7 +183,7 @@ def _velocity_lag(name: str, position: Position, velocity: Velocity, axes: tuple
 
     fix_s, enu_m = without_nan_rows(position.t_s, position.enu_m)
     slope, largest_s = CubicSpline(fix_s, enu_m).derivative(), _largest_s(fix_s)
-    begin_s, end_s = fix_s[[0, -1]] + np.array([1, -1]) * (MARGIN_S + largest_s)
+    begin_s, end_s = fix_s[[0, -1]] + np.array([1, -1]) * (_MARGIN_S + largest_s)
     t_s, mps = without_nan_rows(velocity.t_s, velocity.mps[:, axes])
     rows = (t_s > begin_s) & (t_s < end_s)
     t_s, mps = t_s[rows], mps[rows]
@@ -329,11 +329,11 @@ def _turning_lag(against: str, pairs: Pairs) -> Lag:
 
     lag = best_lag("imu", against, lambda late_s: agreement(late_s)[0], agreement(0.0)[1])
     if np.isnan(lag.best_s):
-        return replace(lag, lag_s=NAN)
+        return replace(lag, lag_s=_NAN)
     found = strength(*agreement(lag.best_s))
     strong = lag.correlation >= CLOCK_CORRELATION or (against == OF_A_WHEEL and found >= WHEEL_SURE)
     sure = abs(lag.best_s) < CLOCK_S or found - strength(*agreement(0.0)) > CLOCK_SURE
-    return replace(lag, lag_s=lag.best_s if strong else NAN, sure=sure)
+    return replace(lag, lag_s=lag.best_s if strong else _NAN, sure=sure)
 
 
 def _judged(recording: Recording, lag: Lag) -> Lag:
@@ -377,14 +377,14 @@ def _attitude_and_gyro(recording: Recording, length_s: float) -> Pairs | None:
     if imu is None or reference.euler_rad is None:
         return None
     t_s, euler_rad = without_nan_rows(reference.t_s, reference.euler_rad)
-    if len(t_s) < LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
+    if len(t_s) < _LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
         return None
     edges_s, means = np.arange(t_s[0], t_s[-1], length_s), means_of(imu.t_s, imu.gyro_radps)
     rates = attitude_rates(t_s, euler_rad, edges_s)
 
     def pairs(late_s: float) -> tuple[FloatArray, FloatArray] | None:
         inside = (edges_s[:-1] + late_s > imu.t_s[0]) & (edges_s[1:] + late_s < imu.t_s[-1])
-        return (rates[inside], means(edges_s + late_s)[inside]) if inside.sum() >= LEAST_ROWS else None
+        return (rates[inside], means(edges_s + late_s)[inside]) if inside.sum() >= _LEAST_ROWS else None
 
     return pairs
 

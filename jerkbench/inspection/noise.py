@@ -11,7 +11,7 @@ from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
 from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
 
 SHORTEST_REST_S = 5.0
-POINTS = 40
+_POINTS = 40
 LONGEST_PART = 0.25
 """Averages over more than this part of the rest are too few to say anything."""
 
@@ -21,7 +21,7 @@ WHITE_S = (0.05, 1.0)
 FLOOR_NEEDS_S = 60.0
 """A rest that is shorter does not reach the floor of the Allan deviation."""
 
-WINDOW_S = 0.5
+_WINDOW_S = 0.5
 """A rest is looked for in windows of so long."""
 
 QUIET_RADPS, QUIET_MPS2 = 0.01, 0.1
@@ -33,7 +33,7 @@ QUIET_PART, LOUD = 0.2, 0.8
 TURNS_RADPS = 0.03
 """At rest a gyro shows its bias, which is smaller."""
 
-MOVES_MPS = 0.3
+_MOVES_MPS = 0.3
 """Fixes or velocities that move by more contradict a rest."""
 
 
@@ -95,7 +95,7 @@ def longest_rest(recording: Recording) -> Rest | None:
     Fixes and velocities may contradict: a smooth road is quiet, too.
     """
     imu, stated = recording.imu, stated_rest(recording)
-    edges_s = np.empty(0) if imu is None else np.arange(imu.t_s[0], imu.t_s[-1], WINDOW_S)
+    edges_s = np.empty(0) if imu is None else np.arange(imu.t_s[0], imu.t_s[-1], _WINDOW_S)
     if imu is None or stated or len(edges_s) < 2:
         return stated
     steps = np.diff(np.concatenate([[False], _quiet(imu, edges_s), [False]]).astype(int))
@@ -125,14 +125,14 @@ def _moves(recording: Recording, rest: Rest) -> bool:
     position, velocity = recording.position, recording.velocity
     if velocity is not None:
         mps = rest.rows_of(*without_nan_rows(velocity.t_s, velocity.mps[:, : 2 if velocity.frame == "enu" else 1]))
-        if len(mps) and np.linalg.norm(np.median(mps, axis=0)) > MOVES_MPS:
+        if len(mps) and np.linalg.norm(np.median(mps, axis=0)) > _MOVES_MPS:
             return True
     if position is None:
         return False
     places = rest.rows_of(*without_nan_rows(position.t_s, position.enu_m[:, :2]))
     third = max(1, len(places) // 3)
     moved_m = np.linalg.norm(places[-third:].mean(axis=0) - places[:third].mean(axis=0)) if len(places) > 1 else 0.0
-    return bool(moved_m > MOVES_MPS * (rest.end_s - rest.begin_s))
+    return bool(moved_m > _MOVES_MPS * (rest.end_s - rest.begin_s))
 
 
 def rest_noise(recording: Recording, rest: Rest | None = None) -> RestNoise | None:
@@ -164,7 +164,7 @@ def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray,
     """
     theta = np.vstack([np.zeros(samples.shape[1]), np.cumsum(samples * interval_s, axis=0)])
     longest = max(1, int(LONGEST_PART * len(samples)))
-    steps = np.unique(np.round(np.geomspace(1, longest, POINTS)).astype(np.int64))
+    steps = np.unique(np.round(np.geomspace(1, longest, _POINTS)).astype(np.int64))
     rows = [np.sqrt(((theta[2 * j :] - 2 * theta[j:-j] + theta[: -2 * j]) ** 2).mean(axis=0) / 2) for j in steps]
     tau_s = np.asarray(steps * interval_s, dtype=np.float64)
     return tau_s, np.array(rows) / tau_s[:, None]
@@ -190,14 +190,14 @@ def _floor(deviation: FloatArray) -> float:
     return float(deviation.min(axis=0).max()) / ALLAN_FLOOR
 
 
-LEAST_ROWS = 10
+_LEAST_ROWS = 10
 
 MEDIAN_OF_SQUARE = 0.455
 """Median of chi-square with one degree of freedom."""
 
 REST, REFERENCE = "scatter at rest", "error against the reference"
 
-NEAR_S = 0.5
+_NEAR_S = 0.5
 """Over a longer interval of the reference a straight line says little."""
 
 LEAST_RATIO = 4.0
@@ -207,7 +207,7 @@ LEAST_SPREAD = 2.0
 """About its median a receiver among towers errs 1.2 times as much as it says; this is less than a mistake by 10 leaves
 of sigmas that are four times too large."""
 
-LONGEST_GAP_S = 1.1
+LONGEST_FIX_GAP_S = 1.1
 
 MIDDLE_ROWS = 30
 """The middle of fewer errors is no scale."""
@@ -282,7 +282,7 @@ def stated_against_real_sigma(recording: Recording, rest: Rest | None = None) ->
 
 def _enough(values: FloatArray) -> bool:
     """Whether each axis is there often enough."""
-    return bool((np.isfinite(values).sum(axis=0) >= LEAST_ROWS).all())
+    return bool((np.isfinite(values).sum(axis=0) >= _LEAST_ROWS).all())
 
 
 def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
@@ -294,7 +294,7 @@ def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, Flo
     return streams
 
 
-def truth_at(recording: Recording, stream: str, t_s: FloatArray, near_s: float = NEAR_S) -> FloatArray:
+def truth_at(recording: Recording, stream: str, t_s: FloatArray, near_s: float = _NEAR_S) -> FloatArray:
     """Return (m, 3) the reference at ``t_s``; NaN where it is not known near."""
     reference = recording.reference
     values = reference.enu_m if stream == "position" else reference.velocity_mps
@@ -376,7 +376,7 @@ def _spread(recording: Recording) -> Iterator[tuple[str, float, str]]:
     position = recording.position
     if position is None or len(recording.reference.t_s) < MIDDLE_ROWS:
         return
-    error = position.enu_m - truth_at(recording, "position", position.t_s, LONGEST_GAP_S)
+    error = position.enu_m - truth_at(recording, "position", position.t_s, LONGEST_FIX_GAP_S)
     rows = np.isfinite(error).all(axis=1)
     if rows.sum() >= MIDDLE_ROWS and error[rows].any():
         sigmas = np.sqrt(np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2))

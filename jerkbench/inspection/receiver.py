@@ -9,15 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.inspection.noise import FAST_SHARE, LONGEST_GAP_S, second_difference, truth_at
+from jerkbench.inspection.noise import FAST_SHARE, LONGEST_FIX_GAP_S, second_difference, truth_at
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
 
-AXES = ("east", "north", "up")
+_AXES = ("east", "north", "up")
 LEVELS_M = (0.0, 0.05, 0.5, 5.0, np.inf)
 """A receiver's status shows in the sigma that it declares: fixed, float, single point, lost. No more is recorded."""
 
-LEAST_FIXES = 30
+_LEAST_FIXES = 30
 SIGMA_OF_MEDIAN = 1.4826
 """The standard deviation of a normal law over the median of its absolute values."""
 
@@ -99,13 +99,13 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
     themselves say nothing about their errors.
     """
     position = recording.position
-    if position is None or np.isfinite(position.enu_m).all(axis=1).sum() < LEAST_FIXES:
+    if position is None or np.isfinite(position.enu_m).all(axis=1).sum() < _LEAST_FIXES:
         return None
     t_s, enu_m = position.t_s, position.enu_m
     sigma_m = np.sqrt(np.diagonal(position.covariance_m2, axis1=1, axis2=2))
-    error_m = enu_m - truth_at(recording, "position", t_s, LONGEST_GAP_S)
+    error_m = enu_m - truth_at(recording, "position", t_s, LONGEST_FIX_GAP_S)
     compared = np.asarray(np.isfinite(error_m).any(axis=1), dtype=np.bool_)
-    if compared.sum() < LEAST_FIXES or not np.nan_to_num(error_m).any():
+    if compared.sum() < _LEAST_FIXES or not np.nan_to_num(error_m).any():
         error_m, compared = np.full_like(enu_m, np.nan), np.zeros(len(t_s), dtype=np.bool_)
     second_m = np.full_like(enu_m, np.nan)
     second_m[1:-1] = second_difference(enu_m)
@@ -114,7 +114,7 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
     for low, high in pairwise(LEVELS_M):
         rows = (declared_m >= low) & (declared_m < high)
         name = f"below {high:g} m" if np.isfinite(high) else f"from {low:g} m on"
-        groups += [(name, rows)] if LEAST_FIXES <= rows.sum() < len(t_s) else []
+        groups += [(name, rows)] if _LEAST_FIXES <= rows.sum() < len(t_s) else []
     columns = list(enumerate(zip(sigma_m.T, second_m.T, error_m.T, strict=True)))
     axes = tuple(_axis(level, k, *(one[rows] for one in three)) for level, rows in groups for k, three in columns)
     centred_m = error_m - (np.nanmedian(error_m[compared], axis=0) if compared.any() else 0.0)
@@ -135,7 +135,7 @@ def _axis(level: str, axis: int, sigma_m: FloatArray, second_m: FloatArray, erro
         error_size_m, factor = _middle(centred_m), _middle(centred_m / sigma_m[known])
         gross = 100 * float(np.mean(np.abs(centred_m / sigma_m[known]) > GROSS * factor))
     sizes = float(np.median(sigma_m)), scatter_m, error_size_m, bias_m, gross, float(factor)
-    return AxisErrors(level, AXES[axis], len(sigma_m), *sizes)
+    return AxisErrors(level, _AXES[axis], len(sigma_m), *sizes)
 
 
 def _middle(values: FloatArray) -> float:
@@ -167,7 +167,7 @@ def _autocorrelation(
 def table_rows(errors: ReceiverErrors) -> Iterator[list[str]]:
     """Yield the rows of the table as texts, under `HEADER`."""
     for e in errors.axes:
-        memory = dict(zip(AXES, errors.memory_s, strict=True))[e.axis] if e.level == "all" else np.nan
+        memory = dict(zip(_AXES, errors.memory_s, strict=True))[e.axis] if e.level == "all" else np.nan
         numbers = (e.declared_m, e.scatter_m, e.error_m, e.bias_m, e.factor, memory, e.gross_percent)
         texts = ["" if np.isnan(number) else f"{number:.3g}" for number in numbers]
         texts[5] = "none" if memory <= errors.step_s else texts[5]
@@ -218,7 +218,7 @@ def receiver_figure(recording: Recording, errors: ReceiverErrors) -> Figure:
 
     figure = Figure(figsize=(9.0, 4.0), dpi=DOTS_PER_INCH, layout="constrained")
     sizes, memory = figure.subplots(1, 2)
-    for axis, name in enumerate(AXES if errors.source else ()):
+    for axis, name in enumerate(_AXES if errors.source else ()):
         size = np.sort(np.abs(errors.standardised[np.isfinite(errors.standardised[:, axis]), axis]))
         expected = ndtri(0.5 + (np.arange(len(size)) + 0.5) / (2 * len(size)))
         sizes.loglog(expected, np.maximum(size, 1e-4), label=name)

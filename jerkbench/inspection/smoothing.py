@@ -16,7 +16,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate, Updates, no_attitude
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.rts import SmoothedFixes
-from jerkbench.inspection.noise import LONGEST_GAP_S, truth_at
+from jerkbench.inspection.noise import LONGEST_FIX_GAP_S, truth_at
 from jerkbench.parameters import ranges_of
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, style_axes
@@ -99,7 +99,7 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     places_m, mps = estimate.position_m, estimate.velocity_mps
     source = f"smoothed by {smoother.model}"
     track = Reference(position.t_s, source, independent=False, enu_m=places_m, velocity_mps=mps)
-    truth_m = truth_at(recording, "position", position.t_s, LONGEST_GAP_S)
+    truth_m = truth_at(recording, "position", position.t_s, LONGEST_FIX_GAP_S)
     errors_m = [np.linalg.norm(places - truth_m, axis=1) for places in (position.enu_m, estimate.position_m)]
     known = np.isfinite(errors_m[0])
     fixes_m, track_m = (float(np.sqrt(np.mean(error_m[known] ** 2))) if known.any() else 0.0 for error_m in errors_m)

@@ -50,7 +50,7 @@ def way_out(path: Path) -> str:
     return "Copy it again from where it was recorded, or let `ros2 bag reindex` and `mcap recover` mend it."
 
 
-MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mcap"}
+_MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mcap"}
 """First bytes of a file, and the suffix that it needs to be read."""
 
 _SPLIT = re.compile(r"^(.*)_(\d+)$")
@@ -133,7 +133,7 @@ def _checked(path: Path) -> Path:
     first = first_bytes(path)
     if not first:
         raise BagError(f"{path} is empty; copy it again from where it was recorded.")
-    suffix = next((suffix for magic, suffix in MAGIC.items() if first.startswith(magic)), "")
+    suffix = next((suffix for magic, suffix in _MAGIC.items() if first.startswith(magic)), "")
     if not suffix:
         raise BagError(
             f"{path} begins neither like a ROS 1 bag nor like SQLite (.db3) or mcap; it is another kind of file,"

@@ -37,7 +37,7 @@ from jerkbench.recording import Heading, Position, Recording, Reference, Velocit
 
 # Headings from fix to fix, for a recording that has no other.
 
-SURE = 4.0
+_SURE = 4.0
 """A step between fixes has to be so many of its own sigmas long, for a course to be Gaussian and not reversed."""
 
 
@@ -53,7 +53,7 @@ def with_courses(recording: Recording, over_s: float) -> Recording:
     heading = courses(recording.position, over_s)
     if not len(heading.t_s):
         raise RecordingError(
-            f"{recording.name}: within {over_s:g} s no two fixes are further apart than {SURE:g} of their sigmas; make"
+            f"{recording.name}: within {over_s:g} s no two fixes are further apart than {_SURE:g} of their sigmas; make"
             " course_over_s longer."
         )
     ahead = f"they look {over_s / 2:g} s ahead, and share the fixes' errors."
@@ -71,7 +71,7 @@ def courses(position: Position, over_s: float) -> Heading:
     sigma_m = np.sqrt(variance[1:] + variance[:-1])
     far_m = np.linalg.norm(step_m, axis=1)
     with np.errstate(invalid="ignore"):
-        sure = (far_m > SURE * sigma_m) & (duration_s < 1.5 * over_s + usual)  # NaN and gaps are not sure
+        sure = (far_m > _SURE * sigma_m) & (duration_s < 1.5 * over_s + usual)  # NaN and gaps are not sure
     middle_s = 0.5 * (t_s[1:] + t_s[:-1])[sure]
     yaw_rad = np.arctan2(step_m[sure, 1], step_m[sure, 0])
     return Heading(middle_s, yaw_rad, sigma_m[sure] / far_m[sure], "course")

@@ -19,7 +19,7 @@ from jerkbench.arrays import FloatArray, IntArray
 
 # Messages of a known type as arrays, by their fixed layout: numpy reads all of them at once.
 
-STRING = "string"
+_STRING = "string"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ LAYOUTS: dict[str, tuple[MessagePart, ...]] = {
         "status.status:i1 status.service:u2 latitude longitude altitude position_covariance*9"
         " position_covariance_type:u1"
     ),
-    "nav_msgs/msg/Odometry": _parts(f"child_frame_id:{STRING} {_POSE} {_TWIST}"),
+    "nav_msgs/msg/Odometry": _parts(f"child_frame_id:{_STRING} {_POSE} {_TWIST}"),
     "geometry_msgs/msg/PoseStamped": _parts("pose.position*3 pose.orientation*4"),
     "geometry_msgs/msg/PoseWithCovarianceStamped": _parts(_POSE),
     "geometry_msgs/msg/TwistStamped": _parts("twist.linear*3 twist.angular*3"),
@@ -85,7 +85,7 @@ def source_of(msgtype: str, name: str) -> tuple[MessagePart, int | None]:
     Raises:
         KeyError: messages of this type have no such field.
     """
-    parts = {part.name: part for part in LAYOUTS[msgtype] if part.code != STRING}
+    parts = {part.name: part for part in LAYOUTS[msgtype] if part.code != _STRING}
     whole, first = (name, None) if name in parts else BLOCKS[name]
     return parts[whole], first
 
@@ -142,10 +142,10 @@ def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], li
     strings: list[str] = []
     fixed: list[tuple[int, int]] = [(0, base)] if cdr else []
     at += 8
-    for part in (MessagePart("frame_id", "", STRING), *LAYOUTS[msgtype]):
-        width = 4 if part.code == STRING else np.dtype(part.code).itemsize
+    for part in (MessagePart("frame_id", "", _STRING), *LAYOUTS[msgtype]):
+        width = 4 if part.code == _STRING else np.dtype(part.code).itemsize
         begin = base + -(-(at - base) // width) * width if cdr else at
-        if part.code == STRING:
+        if part.code == _STRING:
             at = begin + 4 + int(struct.unpack_from("<I", first, begin)[0])
             if at > len(first):
                 raise struct.error

@@ -30,19 +30,19 @@ NONE = "none"
 
 IMU, FIX, ODOMETRY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix", "nav_msgs/msg/Odometry"
 POSE, TWIST = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/TwistWithCovarianceStamped"
-COORDINATES = ("status", "latitude", "longitude", "altitude", "position_covariance")
+_COORDINATES = ("status", "latitude", "longitude", "altitude", "position_covariance")
 WHETHER_FUSED = ("position", "orientation")
 """Fields by which an odometry shows that it has not started yet."""
 
 _PLACES, _TURN = (*WHETHER_FUSED, "position_covariance"), "orientation_covariance"
 _LINEAR = ("linear", "linear_covariance")
 _BARE = {f"geometry_msgs/msg/{name}": ("linear",) for name in ("TwistStamped", "Vector3Stamped")}
-FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
+_FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
     "imu": {IMU: ("angular_velocity", "linear_acceleration")},
-    "position": {FIX: COORDINATES, ODOMETRY: _PLACES, POSE: _PLACES},
+    "position": {FIX: _COORDINATES, ODOMETRY: _PLACES, POSE: _PLACES},
     "velocity": {ODOMETRY: (*WHETHER_FUSED, *_LINEAR), TWIST: _LINEAR} | _BARE,
     "heading": {IMU: ("orientation", _TURN), ODOMETRY: (*WHETHER_FUSED, _TURN)},
-    "reference": {ODOMETRY: (*WHETHER_FUSED, "linear"), FIX: COORDINATES}
+    "reference": {ODOMETRY: (*WHETHER_FUSED, "linear"), FIX: _COORDINATES}
     | dict.fromkeys((POSE, "geometry_msgs/msg/PoseStamped"), WHETHER_FUSED),
 }
 """The fields that each role reads of each type."""
@@ -77,7 +77,7 @@ def wanted_fields(plan: TopicPlan, bag: Bag) -> Wanted:
     """
     wanted: dict[str, dict[str, None]] = {}
     for role, name in plan.topics.items():
-        topic, types = bag.topic(name), FIELDS[role]
+        topic, types = bag.topic(name), _FIELDS[role]
         if topic.msgtype not in types:
             suitable = ", ".join(other.name for other in bag.topics if other.msgtype in types) or "none of them"
             raise RecordingError(
@@ -90,7 +90,7 @@ def wanted_fields(plan: TopicPlan, bag: Bag) -> Wanted:
 
 # The role of each topic where the user named none: by type, content and rate.
 
-SAMPLE = 200
+_SAMPLE = 200
 """So many messages of a topic are looked at."""
 
 GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
@@ -132,7 +132,7 @@ def complete_plan(bag: Bag, named: Mapping[Role, str]) -> TopicPlan:
 def _imu(bag: Bag) -> tuple[str, str]:
     candidates, in_g = _most_first(bag, IMU), []
     for topic in candidates:
-        force = bag.read({topic.name: ["linear_acceleration"]}, most=SAMPLE)[topic.name]["linear_acceleration"]
+        force = bag.read({topic.name: ["linear_acceleration"]}, most=_SAMPLE)[topic.name]["linear_acceleration"]
         with np.errstate(over="ignore"):  # damage: the median does not mind
             length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
         if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:

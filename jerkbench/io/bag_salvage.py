@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # The records of a ROS 1 bag, one after the other, without its index; damaged stretches are passed
 # over.
 
-MAGIC = b"#ROSBAG V2.0\n"
+_MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, CHUNK, CONNECTION = 2, 5, 7
 LONGEST_HEADER = 64 * 1024
 """No record has a longer header (a connection's has a topic in it)."""
@@ -72,7 +72,7 @@ def read_record(content: BagBytes, at: int) -> Record | None:
 
 def chunks(content: BagBytes) -> Iterator[Record | int]:
     """Yield each chunk of a bag's bytes, and, for each damaged stretch, how many bytes were passed over."""
-    at = len(MAGIC)
+    at = len(_MAGIC)
     while at < len(content):
         record = read_record(content, at)
         if record is not None:
@@ -158,7 +158,7 @@ def salvage(source: Path, target: Path) -> Salvaged:
 
 def _content(source: Path) -> BagBytes:
     """The file's bytes, read by the system as they are needed: a bag may be larger than the memory."""
-    if not first_bytes(source).startswith(MAGIC[:8]):
+    if not first_bytes(source).startswith(_MAGIC[:8]):
         raise BagError(
             f"{source} is no ROS 1 bag by its first bytes; only those can be salvaged. `mcap recover` and SQLite's"
             " `.recover` do it for the others."

@@ -35,7 +35,7 @@ from jerkbench.io.frames import (
 from jerkbench.io.sanitiser import MODES, Ledger, leaping_rows, report_jumps, sound_covariances, unit_quaternions
 from jerkbench.recording import Heading, Imu, Origin, Position, Velocity
 
-CHOICES = {
+_CHOICES = {
     "sanitise": MODES,
     "time_source": ("bag", "header"),
     "covariance_order": ("enu", "neu"),
@@ -119,7 +119,7 @@ class BagOptions:
         Raises:
             PluginError: names the parameter.
         """
-        require_choices(self, CHOICES)
+        require_choices(self, _CHOICES)
         require_not_negative("dataset", self, ("outage_s",))
         require_lengths(self, LENGTHS)
         _ = self.earliest_ns, self.body_from_imu
@@ -155,7 +155,7 @@ class BagOptions:
 # Positions in their frames: geodetic, ECEF, a local plane.
 
 BagFrame = Literal["geodetic", "ecef", "enu", "ned"]
-COORDINATES = ("latitude", "longitude", "altitude")
+_COORDINATES = ("latitude", "longitude", "altitude")
 POSE_FRAMES = ("auto", "ecef", "enu", "ned")
 
 
@@ -194,7 +194,7 @@ def first_place(messages: Messages, frame: BagFrame, origin: tuple[float, ...]) 
         return Place(Origin(*origin))
     if frame == "ecef":
         return Place(ecef_to_origin(messages["position"][0]))
-    return Place(Origin(*(float(messages[name][0, 0]) for name in COORDINATES)))
+    return Place(Origin(*(float(messages[name][0, 0]) for name in _COORDINATES)))
 
 
 def fixes_in_enu(messages: Messages, frame: BagFrame, place: Place) -> FloatArray:
@@ -212,7 +212,7 @@ def fixes_in_enu(messages: Messages, frame: BagFrame, place: Place) -> FloatArra
         return np.asarray(messages["position"] @ enu_from(frame).T - place.local_m)
     if frame == "ecef":
         return ecef_to_enu(messages["position"], place.origin)
-    latitude, longitude, height = (messages[name][:, 0] for name in COORDINATES)
+    latitude, longitude, height = (messages[name][:, 0] for name in _COORDINATES)
     return geodetic_to_enu(latitude, longitude, height, place.origin)
 
 

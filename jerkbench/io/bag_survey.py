@@ -20,7 +20,7 @@ TELLS = 0.7
 SLOPE_MPS = 0.01
 """A velocity that differs less (rms) from the slope of the positions was computed from them."""
 
-MOVES_MPS = 0.1
+_MOVES_MPS = 0.1
 """Slower than that nothing can be told apart."""
 
 
@@ -30,7 +30,7 @@ def twist_frame(messages: Messages) -> Iterator[str]:
     m = messages.rows(rows)
     m = m.rows(np.diff(m.stamp_ns, prepend=-1) > 0)
     t_s, position, linear = (m.stamp_ns - messages.stamp_ns[0]) * 1e-9, m["position"], m["linear"]
-    if len(t_s) < 5 or np.sqrt((linear**2).sum(axis=1).mean()) < MOVES_MPS:
+    if len(t_s) < 5 or np.sqrt((linear**2).sum(axis=1).mean()) < _MOVES_MPS:
         return
     slope, middle = np.diff(position, axis=0) / np.diff(t_s)[:, None], 0.5 * (linear[1:] + linear[:-1])
     turned = np.einsum("nij,nj->ni", dcm_from_quaternion(m["orientation"][1:]), middle)
@@ -47,7 +47,7 @@ def _misfit(difference_mps: FloatArray) -> float:
     return float(np.median(np.linalg.norm(difference_mps, axis=1)))
 
 
-COVARIANCES = ("position_covariance", "linear_covariance", "linear_acceleration_covariance")
+_COVARIANCES = ("position_covariance", "linear_covariance", "linear_acceleration_covariance")
 BLOCKED = {"pose_covariance": "position_covariance", "twist_covariance": "linear_covariance"}
 """Of a covariance of six rows the part that is looked at."""
 
@@ -93,7 +93,7 @@ def _oddities(messages: Messages) -> Iterator[str]:
         yield from _fixes(messages)
     elif "position" in messages.values:
         yield from _poses(messages)
-    for name in (name for name in COVARIANCES if name in messages.values):
+    for name in (name for name in _COVARIANCES if name in messages.values):
         yield f"{name.replace('_', ' ')}: {_level(messages[name][:, [0, 4, 8]])}"
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 NEU = [1, 0, 2]
 """Where north, east, up stand in east, north, up."""
 
-ODOMETRY = "nav_msgs/msg/Odometry"
+_ODOMETRY = "nav_msgs/msg/Odometry"
 """Type of a reference of which everything is known."""
 
 RTK_FIXED, GPS, KNOWN = 2, 1, 3
@@ -152,7 +152,7 @@ def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Ite
             yield make.stamped(t, "FP_ECEF", "geometry_msgs/msg/PoseStamped", pose)
         else:
             posed = make.of("geometry_msgs/msg/PoseWithCovariance", pose, small.ravel())
-            yield make.stamped(t, "FP_ECEF", ODOMETRY, "FP_POI", posed, make.twist(v, small))
+            yield make.stamped(t, "FP_ECEF", _ODOMETRY, "FP_POI", posed, make.twist(v, small))
 
 
 TOPICS = {

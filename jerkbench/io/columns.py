@@ -239,7 +239,7 @@ def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
     return t_ns + columns.stamps_ns(week, "week") if week else t_ns
 
 
-MARKS = "_events.pos"
+_MARKS = "_events.pos"
 
 
 def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
@@ -254,7 +254,7 @@ def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
         raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
     try:
         fitting = [path for path in folder.glob(pattern) if path.is_file()]
-        paths = tuple(sorted(p for p in fitting if not p.name.endswith(MARKS) or pattern.endswith(MARKS)))
+        paths = tuple(sorted(p for p in fitting if not p.name.endswith(_MARKS) or pattern.endswith(_MARKS)))
     except (ValueError, NotImplementedError, OSError) as error:
         raise RecordingError(
             f"{parameter} is '{pattern}': {error}; give a name or a pattern below {folder}."

@@ -178,16 +178,16 @@ def gravity_notes(accel_mps2: FloatArray, parameter: str) -> tuple[str, ...]:
 
 # The standstill at the start of a recording, and the calibration of the IMU over it.
 
-STILL_BELOW_MPS = 0.1
+_STILL_BELOW_MPS = 0.1
 """A receiver that stands still reports less: its velocity noise is some centimetres a second."""
 
-MARGIN_S = 1.0
+_MARGIN_S = 1.0
 """The time between the end of the rest and the first motion in the velocity, which is smoothed and old."""
 
 SHORTEST_S = 1.0
 """A mean over less says nothing about a bias."""
 
-SCALE_WITHIN = 0.1
+_SCALE_WITHIN = 0.1
 """An accelerometer that errs by more than this part of gravity is read in the wrong unit, or does not stand still."""
 
 
@@ -199,8 +199,8 @@ def first_rest_s(t_s: FloatArray, speed_mps: FloatArray, end_s: float) -> float:
         speed_mps: (m,) over ground.
         end_s: when the recording ends, for one that never moves.
     """
-    moving = t_s[speed_mps > STILL_BELOW_MPS]
-    return float(np.clip(moving[0] - MARGIN_S, 0.0, end_s)) if moving.size else end_s
+    moving = t_s[speed_mps > _STILL_BELOW_MPS]
+    return float(np.clip(moving[0] - _MARGIN_S, 0.0, end_s)) if moving.size else end_s
 
 
 def calibrated_at_rest(imu: Imu, rest_s: float, *, gyro: bool, accel: bool) -> Imu:
@@ -223,7 +223,7 @@ def without_gyro_bias(imu: Imu, rest_s: float) -> Imu:
 def scaled_to_gravity(imu: Imu, rest_s: float) -> Imu:
     """Scale the accelerometer, all axes alike, so that its mean over the rest has the magnitude of gravity."""
     magnitude = float(np.linalg.norm(imu.accel_mps2[_at_rest(imu, rest_s)].mean(axis=0)))
-    if abs(magnitude - GRAVITY_MPS2) > SCALE_WITHIN * GRAVITY_MPS2:
+    if abs(magnitude - GRAVITY_MPS2) > _SCALE_WITHIN * GRAVITY_MPS2:
         raise RecordingError(
             f"The accelerometer's mean over the first {rest_s:.1f} s is {magnitude:.3f} m/s2, not near {GRAVITY_MPS2};"
             " correct its unit or the length of the rest, or switch scale_accel_to_gravity off."

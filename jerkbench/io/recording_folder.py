@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EVALUATED = "evaluated"
-ANGLES = ("attitude_roll_rad", "attitude_pitch_rad", "attitude_yaw_rad")
+_ANGLES = ("attitude_roll_rad", "attitude_pitch_rad", "attitude_yaw_rad")
 INPUTS = ("attitude_accel_east_mps2", "attitude_accel_north_mps2", "attitude_accel_up_mps2")
 """Columns that are no measurement: what the attitude filter makes of the IMU."""
 
-UNITS = dict(
+_UNITS = dict(
     zip(
         ["s", "m", "mps", "mps2", "radps", "rad", "m2", "m2ps2"],
         ["s", "m", "m/s", "m/s2", "rad/s", "rad", "m2", "m2/s2"],
@@ -53,7 +53,7 @@ def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.D
     if attitude is None or recording.imu is None:
         return table
     rows = np.searchsorted(t_ns, nanoseconds(attitude.t_s))
-    for names, values in ((ANGLES, attitude.euler_rad), (INPUTS, attitude.accel_enu_mps2)):
+    for names, values in ((_ANGLES, attitude.euler_rad), (INPUTS, attitude.accel_enu_mps2)):
         for name, column in zip(names, values.T, strict=True):
             table[name] = np.nan
             table.loc[rows, name] = column
@@ -111,7 +111,7 @@ def _streams(recording: Recording, columns: list[str]) -> dict[str, Any]:
             continue
         t_s = stream.t_s
         rate = round(1.0 / float(np.median(np.diff(t_s))), 6) if len(t_s) > 1 else None
-        units = {column: UNITS[column.rpartition("_")[2]] for column in own}
+        units = {column: _UNITS[column.rpartition("_")[2]] for column in own}
         streams[name] = {"about": _SAID["streams"][name], "rows": len(t_s), "rate_hz": rate, "columns": units}
         if name in ("position", "velocity"):
             streams[name]["assumed_lever_arm_m"] = [0.0, 0.0, 0.0]

@@ -30,8 +30,8 @@ from jerkbench.recording import Origin, Position
 
 SolutionFrame = Literal["geodetic", "dms", "ecef", "baseline"]
 
-CLOCKS = ("GPST", "UTC", "JST")
-FRAMES: dict[str, tuple[SolutionFrame, str, str]] = {
+_CLOCKS = ("GPST", "UTC", "JST")
+_FRAMES: dict[str, tuple[SolutionFrame, str, str]] = {
     "latitude(deg)": ("geodetic", "latitude(deg) longitude(deg) height(m)", "neu"),
     "latitude(d'\")": ("dms", "latitude(d'\") longitude(d'\") height(m)", "neu"),
     "x-ecef(m)": ("ecef", "x-ecef(m) y-ecef(m) z-ecef(m)", "xyz"),
@@ -39,13 +39,13 @@ FRAMES: dict[str, tuple[SolutionFrame, str, str]] = {
 }
 """First column of each kind of position: the frame, its three columns, and the letters of its axes."""
 
-COLUMNS = (
+_COLUMNS = (
     "GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
     " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
 )
 """The header of degrees with velocities, as an example."""
 
-REFERENCE = "ref pos"
+_REFERENCE = "ref pos"
 
 
 class PosHeader(NamedTuple):
@@ -88,17 +88,17 @@ def read_header(path: Path, comments: Sequence[Line]) -> PosHeader:
     """
     for number, text in reversed(comments):
         words = text.lstrip("% ").split()
-        if len(words) > 1 and words[0] in CLOCKS and words[1] in FRAMES:
+        if len(words) > 1 and words[0] in _CLOCKS and words[1] in _FRAMES:
             return _header(path, number, words, comments)
     number, text = comments[-1] if comments else (1, "no line that begins with %")
     raise RecordingError(
-        f"{path}, line {number}: the header is '{' '.join(text.split())}'; it must be like '% {COLUMNS}': let RTKLIB"
+        f"{path}, line {number}: the header is '{' '.join(text.split())}'; it must be like '% {_COLUMNS}': let RTKLIB"
         " write it (out-outhead=on)."
     )
 
 
 def _header(path: Path, line: int, words: list[str], comments: Sequence[Line]) -> PosHeader:
-    frame, names, axes = FRAMES[words[1]]
+    frame, names, axes = _FRAMES[words[1]]
     widths = [3 if word.endswith("(d'\")") else 1 for word in words[1:]]
     columns = dict(zip(words[1:], (int(k) for k in np.cumsum([0, *widths])), strict=False))
     text = " ".join(text for _, text in comments)
@@ -114,7 +114,7 @@ def _header(path: Path, line: int, words: list[str], comments: Sequence[Line]) -
 def _reference(comments: Sequence[Line]) -> tuple[float, ...]:
     """The base's place, which RTKLIB writes in the frame of the solution; of baselines latitude, longitude, height."""
     said = [text.lstrip("% ").partition(":") for _, text in comments]
-    numbers = next((numbers for name, _, numbers in said if name.strip() == REFERENCE), "")
+    numbers = next((numbers for name, _, numbers in said if name.strip() == _REFERENCE), "")
     try:
         return tuple(float(number) for number in numbers.split())
     except ValueError:
@@ -248,7 +248,7 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
 
 def _columns(header: PosHeader) -> list[int]:
     """The three columns of the places; of an angle in degrees, minutes and seconds the first."""
-    names = next(names for frame, names, _ in FRAMES.values() if frame == header.frame)
+    names = next(names for frame, names, _ in _FRAMES.values() if frame == header.frame)
     return [header.columns[name] for name in names.split()]
 
 

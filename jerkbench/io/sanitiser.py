@@ -103,10 +103,10 @@ LATE_NS = 1_000_000_000
 FAR_NS = 10_000_000_000
 """A stamp that differs from the time of recording by so much more than usual is damaged."""
 
-FEW = 0.1
+_FEW = 0.1
 """If more than this part of the stamps is far off, it is the recording computer's clock that does not fit."""
 
-GAP = 2.5
+_GAP = 2.5
 """A step of more than so many usual intervals is a gap."""
 
 
@@ -154,7 +154,7 @@ def report_gaps(stream: str, messages: Messages, ledger: Ledger) -> None:
     """Count the steps of ordered stamps that are longer than usual."""
     if len(messages) > 2:
         steps = np.diff(messages.stamp_ns)
-        wide = np.concatenate([[False], steps > GAP * np.median(steps)])
+        wide = np.concatenate([[False], steps > _GAP * np.median(steps)])
         longest = steps.max() * 1e-9
         ledger.add(stream, f"a gap before them, up to {longest:.2f} s", wide, messages.bag_ns, KEPT)
 
@@ -165,7 +165,7 @@ def _near(stream: str, messages: Messages, ledger: Ledger) -> Messages:
     delay = messages.bag_ns - messages.stamp_ns
     far = np.abs(delay - np.median(delay).astype(np.int64)) > FAR_NS
     fault = "a stamp far from the time of recording"
-    if far.mean() > FEW:
+    if far.mean() > _FEW:
         ledger.add(stream, f"{fault}, whose clock ran otherwise", far, messages.bag_ns, KEPT)
         return messages
     return ledger.drop(stream, messages, fault, far)
@@ -184,7 +184,7 @@ def _highest_before(stamp_ns: IntArray) -> IntArray:
 
 # Unusable covariances: NaN, zero, or not positive definite.
 
-ROUNDING = 1e-6
+_ROUNDING = 1e-6
 """A covariance that is asymmetric by less, relatively, was rounded on its way."""
 
 SMALLEST = 1e-14
@@ -229,7 +229,7 @@ def _is_covariance(matrices: FloatArray, whole: FloatArray) -> BoolArray:
     size = np.abs(usable).max(axis=(1, 2), initial=0)
     with np.errstate(over="ignore", invalid="ignore"):
         skew = np.abs(matrices - whole).max(axis=(1, 2), initial=0)
-        symmetric = finite & (skew <= ROUNDING * size)
+        symmetric = finite & (skew <= _ROUNDING * size)
     bounded = size < 1e12  # a receiver without a fix writes 1e20 or so
     lowest = np.linalg.eigvalsh(np.where((symmetric & bounded)[:, None, None], usable, 0.0))[:, 0]
     return np.asarray(symmetric & bounded & (lowest > SMALLEST))

@@ -159,13 +159,13 @@ def read_attitude(columns: Columns, mapping: AttitudeMap) -> FloatArray | None:
 EPOCHS = ("gps", "none", "unix")
 COVARIANCE_FRAMES = ("enu", "ned", "ecef")
 
-STREAMS = ("position", "velocity", "reference")
+_STREAMS = ("position", "velocity", "reference")
 
 CHOICES = {
     "accel_unit": tuple(ACCEL_UNITS),
     "gyro_unit": tuple(GYRO_UNITS),
     "time_unit": tuple(TIME_UNITS),
-    **dict.fromkeys((f"{stream}_time_unit" for stream in STREAMS), ("", *TIME_UNITS)),
+    **dict.fromkeys((f"{stream}_time_unit" for stream in _STREAMS), ("", *TIME_UNITS)),
     **dict.fromkeys(("angle_unit", "attitude_unit"), tuple(ANGLE_UNITS)),
     "epoch": EPOCHS,
     "attitude_frame": ("", "enu", "ned"),
@@ -176,17 +176,17 @@ CHOICES = {
 }
 """What each parameter may be."""
 
-SIGMAS = (0, 1, 3, 6)
-COVARIANCES = (0, 1, 3, 6, 9)
+_SIGMAS = (0, 1, 3, 6)
+_COVARIANCES = (0, 1, 3, 6, 9)
 """How many columns there may be of standard deviations and of variances and covariances."""
 
-COUNTS: dict[str, tuple[int, ...]] = {
+_COUNTS: dict[str, tuple[int, ...]] = {
     **dict.fromkeys(("imu_accel", "imu_gyro", "position_columns"), (3,)),
-    "position_sigma": SIGMAS,
-    "position_covariance": COVARIANCES,
+    "position_sigma": _SIGMAS,
+    "position_covariance": _COVARIANCES,
     "velocity_columns": (3,),
-    "velocity_sigma": SIGMAS,
-    "velocity_covariance": COVARIANCES,
+    "velocity_sigma": _SIGMAS,
+    "velocity_covariance": _COVARIANCES,
     "reference_position": (0, 3),
     "reference_sigma": (0, 1, 3),
     "reference_velocity": (0, 3),
@@ -199,7 +199,7 @@ COUNTS: dict[str, tuple[int, ...]] = {
 def require_columns(table: object, velocity_frame: str) -> None:
     """Raise a PluginError that names the first of the parameters with another number of columns than it may have."""
     speed = {"velocity_columns": (1,), "velocity_sigma": (0, 1), "velocity_covariance": (0, 1)}
-    require_lengths(table, COUNTS | (speed if velocity_frame == "speed" else {}))
+    require_lengths(table, _COUNTS | (speed if velocity_frame == "speed" else {}))
     for stream in ("position", "velocity"):
         if getattr(table, f"{stream}_sigma") and getattr(table, f"{stream}_covariance"):
             raise PluginError(

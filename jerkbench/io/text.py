@@ -186,7 +186,7 @@ def _cut(row: Sequence[str], neighbours: Sequence[Sequence[str]], end: int) -> b
 
 # A text of columns: lines that name the columns, lines of data, and lines that were cut.
 
-SAMPLE = 1 << 17
+_SAMPLE = 1 << 17
 """Bytes of each end of a file that are looked at before it is read."""
 
 HEADER_LINES = 100
@@ -195,7 +195,7 @@ HEADER_LINES = 100
 PART_OF_NUMBERS = 0.5
 """A line is of data where more than this part of its fields are numbers or empty."""
 
-MARKS = "#%/! "
+_MARKS = "#%/! "
 """Letters that a line of names may begin with."""
 
 
@@ -259,8 +259,8 @@ def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, 
 def _sample(path: Path) -> tuple[list[str], list[str]]:
     """Lines of the beginning, and, of a long file, whole lines of the end."""
     with path.open("rb") as file:
-        head = file.read(SAMPLE)
-        file.seek(max(len(head), path.stat().st_size - SAMPLE))
+        head = file.read(_SAMPLE)
+        file.seek(max(len(head), path.stat().st_size - _SAMPLE))
         blocks = [block.decode("utf-8", errors="replace") for block in (head, file.read())]
     lines, after = (re.split(r"\r\n|\r|\n", block) for block in blocks)
     return (lines[:-1], after[1:]) if blocks[1] else (lines, [])
@@ -274,5 +274,5 @@ def _is_data(line: str, text: TextFormat) -> bool:
 def _naming(above: Sequence[int], lines: Sequence[str], data: int, text: TextFormat) -> int | None:
     """Return the line above the data that names the columns: the first of as many fields, else the last of all."""
     count = len(text.fields(lines[data]))
-    fitting = [k for k in above if len(text.fields(lines[k].lstrip(MARKS))) == count]
+    fitting = [k for k in above if len(text.fields(lines[k].lstrip(_MARKS))) == count]
     return fitting[0] if fitting else above[-1] if above else None

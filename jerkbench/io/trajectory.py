@@ -24,7 +24,7 @@ from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import POSITIONS, VELOCITIES
 from jerkbench.recording import Recording
 
-SAME_S = 1e-6
+_SAME_S = 1e-6
 """Stamps that are nearer are the same: seconds since 1970 in 64 bits are known to a quarter of that."""
 
 
@@ -59,7 +59,7 @@ def estimate_at_reference(trajectory: Trajectory, recording: Recording, max_gap_
         RecordingError: it leaves a stamp in a longer gap.
     """
     stamps_s = recording.reference.t_s
-    begin, end = trajectory.t_s[[0, -1]] + [-SAME_S, SAME_S]
+    begin, end = trajectory.t_s[[0, -1]] + [-_SAME_S, _SAME_S]
     index = np.flatnonzero((stamps_s >= begin) & (stamps_s <= end)).astype(np.int64)
     before, share = _between(trajectory, stamps_s[index], max_gap_s)
     absent, failure, last_s = np.full((len(index), 3), np.nan), "", float(trajectory.t_s[-1])
@@ -84,11 +84,11 @@ def _between(trajectory: Trajectory, stamps_s: FloatArray, gap_s: float) -> tupl
         RecordingError: the samples around a stamp are further apart than ``gap_s``.
     """
     t_s, last = trajectory.t_s, len(trajectory.t_s) - 1
-    before = np.clip(np.searchsorted(t_s, stamps_s + SAME_S, side="right") - 1, 0, last)
+    before = np.clip(np.searchsorted(t_s, stamps_s + _SAME_S, side="right") - 1, 0, last)
     after = np.minimum(before + 1, last)
     since_s, length_s = stamps_s - t_s[before], t_s[after] - t_s[before]
-    between = np.abs(since_s) > SAME_S
-    wide = between & (length_s > gap_s + SAME_S)
+    between = np.abs(since_s) > _SAME_S
+    wide = between & (length_s > gap_s + _SAME_S)
     if wide.any():
         k = int(np.argmax(wide))
         raise RecordingError(
@@ -122,14 +122,14 @@ def _turned(euler_rad: FloatArray, before: IntArray, share: FloatArray) -> Float
 
 # A topic of a ROS bag -> the trajectory that a node has published.
 
-BAGS = (".bag", ".db3", ".mcap")
+_BAGS = (".bag", ".db3", ".mcap")
 """Endings of bags."""
 
-ODOMETRY = "nav_msgs/msg/Odometry"
+_ODOMETRY = "nav_msgs/msg/Odometry"
 POSES = ("geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseStamped")
 POSE = ("position", "orientation")
-FIELDS = {
-    ODOMETRY: (*POSE, "linear", "position_covariance", "linear_covariance"),
+_FIELDS = {
+    _ODOMETRY: (*POSE, "linear", "position_covariance", "linear_covariance"),
     POSES[0]: (*POSE, "position_covariance"),
     POSES[1]: POSE,
 }
@@ -150,24 +150,24 @@ def read_odometry(path: Path, topic: str, recording: Recording) -> Trajectory:
     with open_bag(path) as bag:
         name = topic or _only_odometry(bag)
         msgtype = bag.topic(name).msgtype
-        if msgtype not in FIELDS:
+        if msgtype not in _FIELDS:
             advice = "name a topic of Odometry or of poses: filter.topic=..."
             raise RecordingError(f"{path}: {name} is a {msgtype}; {advice}")
-        messages = bag.read({name: FIELDS[msgtype]})[name]
+        messages = bag.read({name: _FIELDS[msgtype]})[name]
     where = f"{path}, {name}"
     t_s = _odometry_s(where, messages, recording)
     dcm = dcm_from_quaternion(messages["orientation"])
-    velocity = np.einsum("nij,nj->ni", dcm, messages["linear"]) if msgtype == ODOMETRY else None
+    velocity = np.einsum("nij,nj->ni", dcm, messages["linear"]) if msgtype == _ODOMETRY else None
     return Trajectory(
         where, t_s, messages["position"], velocity, euler_from_dcm(dcm), _odometry_covariance(messages, dcm)
     )
 
 
 def _only_odometry(bag: Bag) -> str:
-    names = [topic.name for topic in bag.topics if topic.msgtype == ODOMETRY]
+    names = [topic.name for topic in bag.topics if topic.msgtype == _ODOMETRY]
     if len(names) != 1:
         raise RecordingError(
-            f"{bag.path} has {len(names)} topics of {ODOMETRY}{': ' if names else ''}{', '.join(names)}; name the one "
+            f"{bag.path} has {len(names)} topics of {_ODOMETRY}{': ' if names else ''}{', '.join(names)}; name the one "
             "to score: filter.topic=..."
         )
     return names[0]
@@ -197,17 +197,17 @@ def _odometry_covariance(messages: Messages, dcm: FloatArray) -> FloatArray | No
 
 # The form of a trajectory's file: which columns are what, in which frame and unit, on which clock.
 
-CLOCKS = ("", "start", "unix")
-CHOICES = {
+_CLOCKS = ("", "start", "unix")
+_CHOICES = {
     "time_unit": tuple(TIME_UNITS),
-    "clock": CLOCKS,
+    "clock": _CLOCKS,
     "frame": FRAMES,
     "angle_unit": tuple(ANGLE_UNITS),
     "attitude_unit": tuple(ANGLE_UNITS),
     "attitude_frame": ("", "enu", "ned"),
     "body": ("flu", "frd"),
 }
-COUNTS = {"position": (0, 3), "velocity": (0, 3), "attitude": (0, 3, 4), "covariance": (0, 3, 6, 21, 36)}
+_COUNTS = {"position": (0, 3), "velocity": (0, 3), "attitude": (0, 3, 4), "covariance": (0, 3, 6, 21, 36)}
 """How many columns each parameter may name."""
 
 TEXT: dict[str, Any] = {"separator": "", "header": False, "time_unit": "s", "covariance": ()}
@@ -280,8 +280,8 @@ class TrajectoryForm:
 
     def __post_init__(self) -> None:
         """Check every choice and every number of columns."""
-        require_choices(self, CHOICES)
-        require_lengths(self, COUNTS)
+        require_choices(self, _CHOICES)
+        require_lengths(self, _COUNTS)
         require_not_negative("trajectory", self, ("max_gap_s",))
 
     @property
@@ -290,10 +290,10 @@ class TrajectoryForm:
         return "ned" if self.frame == "geodetic" else self.frame
 
 
-PLACES = POSITIONS | {"ecef": ("x_m", "y_m", "z_m")}
+_PLACES = POSITIONS | {"ecef": ("x_m", "y_m", "z_m")}
 ATTITUDE = ("roll_rad", "pitch_rad", "yaw_rad")
-UPPER = [(i, j) for i in range(6) for j in range(i, 6)]
-COVARIANCE = tuple(f"P{i + 1}{j + 1}" for i, j in UPPER)
+_UPPER = [(i, j) for i in range(6) for j in range(i, 6)]
+COVARIANCE = tuple(f"P{i + 1}{j + 1}" for i, j in _UPPER)
 """Names of columns that nobody has to give."""
 
 LATER_THAN_NS = 100_000_000 * 1_000_000_000
@@ -316,7 +316,7 @@ def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) 
     """
     if not path.is_file():
         raise RecordingError(f"There is no trajectory {path}; correct its name.")
-    if path.suffix in BAGS:
+    if path.suffix in _BAGS:
         return read_odometry(path, declared.topic, recording)
     own = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
     form = replace(own, **KNOWN.get(path.suffix, {}))
@@ -361,7 +361,7 @@ def _places(columns: Columns, form: TrajectoryForm, recording: Recording) -> Flo
             f"{columns.where} is in the frame {form.frame}, and {recording.name} has no origin on the Earth; write its"
             " local axes (filter.frame=enu or ned)."
         )
-    values = _finite(columns, form.position or PLACES[form.frame], "position")
+    values = _finite(columns, form.position or _PLACES[form.frame], "position")
     return in_enu(in_degrees(values, form.frame, form.angle_unit), form.frame, recording.origin)
 
 
@@ -396,7 +396,7 @@ def _covariance(columns: Columns, form: TrajectoryForm, t_s: FloatArray) -> Floa
     if len(names) == 36:
         covariance = values.reshape(n, 6, 6)
     elif len(names) == 21:
-        i, j = np.array(UPPER).T
+        i, j = np.array(_UPPER).T
         covariance[:, i, j] = covariance[:, j, i] = values
     else:
         states = slice(0, len(names))

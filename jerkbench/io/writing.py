@@ -18,7 +18,7 @@ from jerkbench.timeline import nanoseconds
 if TYPE_CHECKING:
     import pandas as pd
 
-COORDINATES = ("enu", "geodetic", "ned")
+_COORDINATES = ("enu", "geodetic", "ned")
 POSITIONS = {
     "enu": ("east_m", "north_m", "up_m"),
     "ned": ("north_m", "east_m", "down_m"),
@@ -27,8 +27,8 @@ POSITIONS = {
 """Columns of a position in each kind of coordinates."""
 
 VELOCITIES = {"enu": ("east_mps", "north_mps", "up_mps"), "ned": ("north_mps", "east_mps", "down_mps")}
-BODY = ("forward_mps", "left_mps", "up_mps")
-UPPER = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+_BODY = ("forward_mps", "left_mps", "up_mps")
+_UPPER = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 
 WrittenColumns = dict[str, FloatArray]
 
@@ -79,7 +79,7 @@ def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, W
         streams.append((position.t_s, columns))
     if velocity is not None:
         axes = coordinates if coordinates == "ned" and velocity.frame == "enu" else "enu"
-        names = VELOCITIES[axes] if velocity.frame == "enu" else BODY
+        names = VELOCITIES[axes] if velocity.frame == "enu" else _BODY
         columns = _three("velocity", names, axes_in_enu(velocity.mps, axes))
         columns |= _covariance("velocity", covariance_in_enu(velocity.covariance_m2ps2, axes), "m2ps2")
         streams.append((velocity.t_s, columns))
@@ -116,12 +116,12 @@ def _three(stream: str, names: tuple[str, ...], values: FloatArray) -> WrittenCo
 
 
 def _covariance(stream: str, covariance: FloatArray, unit: str) -> WrittenColumns:
-    return {f"{stream}_variance_{i + 1}{j + 1}_{unit}": covariance[:, i, j] for i, j in UPPER}
+    return {f"{stream}_variance_{i + 1}{j + 1}_{unit}": covariance[:, i, j] for i, j in _UPPER}
 
 
 # A trajectory as text: TUM, KML and GPX.
 
-STREAMS = ("position", "reference")
+_STREAMS = ("position", "reference")
 
 
 class Path3D(NamedTuple):

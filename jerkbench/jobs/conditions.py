@@ -18,7 +18,7 @@ DECIDING_SCORES = ("dataset", "disturbance")
 PROTOCOL = ("burn_in_s", "divergence_limit_m")
 """Entries of the protocol that change a score; of different seeds, the shared ones are compared."""
 
-PLACES = ("folder", "file")
+_PLACES = ("folder", "file")
 """Ends of the parameters that say where data are; estimates from elsewhere have another file in each scenario."""
 
 NO_DATA = "none"
@@ -114,7 +114,7 @@ def _of_part(part: str, cell: Mapping[str, Any], known: dict[object, ConditionVa
             scored = {name: _text(protocol[name]) for name in PROTOCOL if name in protocol}
             known[which] |= {"data": cell["data"][:12] or NO_DATA, **scored}
         if part == "filter":
-            known[which] = {name: text for name, text in known[which].items() if not name.endswith(PLACES)}
+            known[which] = {name: text for name, text in known[which].items() if not name.endswith(_PLACES)}
         for name, plugin in zip(BESIDE.get(part, ()), others, strict=True):
             known[which] |= _parameters(name, plugin)
     return known[which]
@@ -164,7 +164,7 @@ def _varying(known: Sequence[ConditionValues]) -> dict[str, dict[str, str]]:
     shared = [name for name in known[0] if all(name in own for own in known)]
     values = {name: list(dict.fromkeys(own[name] for own in known)) for name in shared}
     differing = {name: texts for name, texts in values.items() if len(texts) > 1}
-    places = [name for name in differing if name.endswith(PLACES)]
+    places = [name for name in differing if name.endswith(_PLACES)]
     if "data" in differing:
         shown = [name for name in differing if name != "data" or not places]
     else:

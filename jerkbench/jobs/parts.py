@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.evaluated_run import RUN
+from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.rows import Row
 from jerkbench.renamed import new_label
@@ -52,7 +52,7 @@ KEY, RUNS, COLUMNS = "cell.key", "cell.runs", "cell.columns"
 PROCESSOR = "cell.processor"
 """The kind of processor that ran the cell."""
 
-HEAD_COLUMNS = (*Labels._fields, *RUN)
+HEAD_COLUMNS = (*Labels._fields, *RUN_COLUMNS)
 """The columns that every row has, before its metrics."""
 
 SPEC = ("dataset", "disturbance", "attitude", "filter", "adaptation", "engine", "metrics")

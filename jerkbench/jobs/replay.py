@@ -16,7 +16,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate, Updates
 from jerkbench.evaluation.counted_rows import known
-from jerkbench.evaluation.evaluated_run import RUN
+from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
 from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.jobs.job import Job, Protocol, build
@@ -199,7 +199,7 @@ def replay_differences(stored: StoredRow) -> list[tuple[str, float, float]]:
         raise JerkbenchError(
             f"The run was {stored.row['status']} and is {replayed['status']} now: {replayed['reason']}"
         )
-    skip = {*stored.job.labels._fields, *RUN}
+    skip = {*stored.job.labels._fields, *RUN_COLUMNS}
     names = [name for name in stored.row if name not in skip]  # one that is gone differs
     return [(name, float(stored.row[name]), float(replayed.get(name, math.nan))) for name in names]
 
@@ -251,7 +251,7 @@ def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
         for key, seed in zip(chosen["key"], chosen["seed"], strict=True)
     ]
     timed = chosen.assign(replicate="phase", **{COLUMN: [step_ns(row) for row in stored]})
-    kept = [name for name in timed if name in {*Labels._fields, *RUN}]
+    kept = [name for name in timed if name in {*Labels._fields, *RUN_COLUMNS}]
     return timed[[*kept, COLUMN]].reset_index(drop=True)
 
 

@@ -39,7 +39,7 @@ from jerkbench.notices import notify, plain
 SEEN_COLUMNS = [KEY, "seed", "status"]
 """The columns that say which runs are there."""
 
-RUN_COLUMNS = {"seed": "seed", "status": "status", "reason": "reason", f"{CELL}run_s": "run_s"}
+OUTCOMES = {"seed": "seed", "status": "status", "reason": "reason", f"{CELL}run_s": "run_s"}
 """Columns that `Store.rows` has of each run besides its metrics, by their names in a file."""
 
 ABANDONED_S = 3600.0
@@ -153,12 +153,12 @@ class Store:
                 "seed": np.concatenate([[*job.draws] for job in jobs]) if jobs else [],
             }
         )
-        tables, _ = self._tables({job.key for job in jobs}, [KEY, *RUN_COLUMNS, "cell.created", *metrics])
+        tables, _ = self._tables({job.key for job in jobs}, [KEY, *OUTCOMES, "cell.created", *metrics])
         stored = pd.DataFrame()
         if tables:
             table = concatenated(tables)
-            stored = frame(table.take(pa.array(ordered_runs(table))), table.column_names).rename(columns=RUN_COLUMNS)
-        stored = stored.reindex(columns=[KEY, *RUN_COLUMNS.values(), *metrics]).astype({"run_s": float})
+            stored = frame(table.take(pa.array(ordered_runs(table))), table.column_names).rename(columns=OUTCOMES)
+        stored = stored.reindex(columns=[KEY, *OUTCOMES.values(), *metrics]).astype({"run_s": float})
         return asked.merge(stored, on=[KEY, "seed"], how="left").drop(columns=KEY)
 
     def keys_from(self, beginning: str) -> list[str]:

@@ -227,7 +227,7 @@ PAIRS = 6
 WEIGHTS = ("counted", "whole", "moving", "both")
 """What a row of the reference counts for; the weights of a row stand in this order."""
 
-SHAPES: dict[str, tuple[int, ...]] = {
+_SHAPES: dict[str, tuple[int, ...]] = {
     "L": (6, 6),  # of S = H P H' + R = L D L', below its diagonal
     "S_diagonal": (6,),
     "R": (6, 6),  # as the adaptation says, by row of z
@@ -267,7 +267,7 @@ def run_type(n: int, width: int, **sizes: int) -> Lanes:
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
     """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
     n = -(-s // 3)
-    shapes = {**SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
+    shapes = {**_SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates

@@ -232,7 +232,7 @@ def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j:
     combined.lost += run.lost
 
 
-OWN = ("run_mixture", "begin_mixture", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
+_OWN = ("run_mixture", "begin_mixture", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
 """Kernels that stand alone: one body of all of them takes long to compile."""
 
 
@@ -264,7 +264,7 @@ def mixture_for(n: int, width: int, count: int) -> Any:  # noqa: ANN401 - numba 
     """Return the compiled loop of ``width`` runs for ``count`` filters with ``n`` quantities on each axis."""
     constants = {"RUN": run_type(n, width, count=count), "DENSE": 0}
     title = f"{count} mixed filters, {runs_of(width)} of {3 * n} states"
-    return compiled_loop(run_mixture, title, constants, APART + OWN)
+    return compiled_loop(run_mixture, title, constants, APART + _OWN)
 
 
 def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate:

@@ -29,18 +29,18 @@ from jerkbench.plugins.optional import asked_in_lanes, changes_nothing, memory_s
 
 # The methods as the author of an adaptation writes them: what each is given, and what it returns.
 
-MEASURED = (
+_MEASURED = (
     ("innovation", "float64", "m"),
     ("R", "float64", "(m, m)"),
     ("rows", "int64", "m"),
     ("memory", "float64", "size"),
 )
-GIVEN = (MEASURED[0], ("HPHt", "float64", "(m, m)"), *MEASURED[1:])
+GIVEN = (_MEASURED[0], ("HPHt", "float64", "(m, m)"), *_MEASURED[1:])
 STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
 ADAPT = CompiledMethod("adapt", GIVEN, ("m", "size"), (("m", 6),), "(m, m)")
 FADE = CompiledMethod("fade", GIVEN, ("m", "size"), (("m", 6),), "")
-PRIOR = CompiledMethod("adapt_prior", (*STATE, *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
-GAIN = CompiledMethod("adapt_gain", (*STATE[:2], *MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
+PRIOR = CompiledMethod("adapt_prior", (*STATE, *_MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
+GAIN = CompiledMethod("adapt_gain", (*STATE[:2], *_MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
 
 
 class Rule(NamedTuple):

@@ -147,7 +147,7 @@ Prepare = Callable[[Pack, Sequence[int]], tuple[Any, ...] | None]
 """A pack, and which places of the batch its WIDE runs have -> the loop, the type of its runs, its third argument, and
 those behind the sixth; None where it is not to be run so."""
 
-NOTHING = Updates.empty()
+_NOTHING = Updates.empty()
 
 
 def run_batch(
@@ -248,7 +248,7 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
 
 def _result(pack: Pack, kept: Kept, squares: FloatArray, sums: list[float], lane: int, *, updates: bool) -> Streamed:
     errors = kept.errors[pack.marks[lane], :, lane]
-    seen = _updates(pack, kept.seen, lane) if updates else NOTHING
+    seen = _updates(pack, kept.seen, lane) if updates else _NOTHING
     result = Streamed._make([squares[:3], squares[3:], *sums, errors[:, :3], errors[:, 3:], seen, None])
     return result if pack.scored.consistency else result._replace(nees=math.nan, nees_position=math.nan)
 

@@ -382,7 +382,7 @@ def give(steps: Steps, scored: TruthRows, kept: Kept, k: int, filtered: Lanes, a
 
 # Smoothed runs from Python: timelines in, an estimate with its trajectory or sums out.
 
-OWN = (
+_OWN = (
     *("run_smoother", "run_forward", "run_back", "move", "step_back", "give", "smooth", "smooth_alone"),
     *("absorb", "retreat", "copy_state", "write_update"),
 )
@@ -393,7 +393,7 @@ OWN = (
 def smoother_for(n: int, width: int) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled smoother of ``width`` runs for a filter with ``n`` quantities on each axis."""
     constants = {"RUN": run_type(n, width), "ROW": tape_type(n, width), "DENSE": 0}
-    return compiled_loop(run_smoother, f"the smoother of {runs_of(width)} of {3 * n} states", constants, APART + OWN)
+    return compiled_loop(run_smoother, f"the smoother of {runs_of(width)} of {3 * n} states", constants, APART + _OWN)
 
 
 def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None:

@@ -106,7 +106,7 @@ def checked_disturbance(subject: str, plugin: Plugin, recording: Recording, seed
 
 # The checks of an attitude filter.
 
-SHAPES = {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}
+_SHAPES = {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}
 """Of the arrays of an attitude, at each stamp."""
 
 
@@ -118,7 +118,7 @@ def check_attitude(plugin: Plugin) -> None:
     """
     subject = require_methods("attitude", plugin)
     attitude = checked_attitude(subject, plugin, small_recording())
-    for name in SHAPES:
+    for name in _SHAPES:
         require_finite(f"{subject}: {name}", getattr(attitude, name))
     triggered = np.asarray(attitude.triggered)
     require_that(triggered.dtype == np.bool_, f"{subject}: triggered is of {triggered.dtype}; it must be of bool.")
@@ -131,7 +131,7 @@ def checked_attitude(subject: str, plugin: Plugin, recording: Recording) -> Atti
     require_is(Attitude, f"{subject}.estimate()", attitude)
     n = len(recording.inertial.t_s)
     require_that(np.array_equal(attitude.t_s, recording.inertial.t_s), f"{subject}: t_s must be the stamps of the IMU.")
-    for name, shape in SHAPES.items():
+    for name, shape in _SHAPES.items():
         require_shape(f"{subject}: {name}", getattr(attitude, name), (n, *shape))
     triggered = np.shape(attitude.triggered)
     require_that(triggered == (n,), f"{subject}: triggered has shape {triggered}; it must be ({n},).")

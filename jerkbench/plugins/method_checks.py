@@ -28,8 +28,8 @@ from jerkbench.plugins import create
 from jerkbench.plugins.optional import empty_memory
 from jerkbench.plugins.requirements import (
     ROWS,
-    SIGMAS,
-    STATES,
+    TRIED_SIGMAS,
+    TRIED_STATES,
     Plugin,
     Prior,
     Update,
@@ -251,7 +251,7 @@ def check_adaptation(plugin: Plugin) -> None:
 def _memory_size(subject: str, plugin: Plugin) -> int:
     name, size = "memory_size()", 0
     if isinstance(plugin, RememberingStates):
-        name, size = f"memory_size_of({STATES})", plugin.memory_size_of(STATES)
+        name, size = f"memory_size_of({TRIED_STATES})", plugin.memory_size_of(TRIED_STATES)
     elif isinstance(plugin, Remembering):
         size = plugin.memory_size()
     require_that(isinstance(size, int), f"{subject}.{name} is {size!r}; it must be a whole number.")
@@ -266,8 +266,8 @@ def probe_adaptation(plugin: Plugin) -> None:
         AssertionError: it changes its inputs, keeps anything outside its memory, or returns a wrong shape or NaN.
     """
     random = stream(0, "conformance", "probe")
-    updates = [ordinary(random, rows, sigma) for sigma in SIGMAS for rows in (*ROWS[:3], ROWS[0])]
-    first, second = (_run(plugin, updates, len(empty_memory(plugin, STATES)), thorough=False) for _ in range(2))
+    updates = [ordinary(random, rows, sigma) for sigma in TRIED_SIGMAS for rows in (*ROWS[:3], ROWS[0])]
+    first, second = (_run(plugin, updates, len(empty_memory(plugin, TRIED_STATES)), thorough=False) for _ in range(2))
     _require_same(type(plugin).__name__, first, second)
 
 
@@ -308,7 +308,7 @@ def _adapted_prior(plugin: Plugin, prior: Prior, update: Update, memory: FloatAr
         return prior.P
     subject = f"{type(plugin).__name__}.adapt_prior()"
     P: FloatArray = _untouched(subject, plugin.adapt_prior, {**prior._asdict(), **_measured(update)}, memory)
-    require_shape(subject, P, (STATES, STATES))
+    require_shape(subject, P, (TRIED_STATES, TRIED_STATES))
     if thorough:
         require_covariance(subject, P)
     return P
@@ -321,7 +321,7 @@ def _adapted_gain(plugin: Plugin, prior: Prior, update: Update, memory: FloatArr
     subject = f"{type(plugin).__name__}.adapt_gain()"
     few = Update(update.innovation[kept], update.HPHt, update.R[np.ix_(kept, kept)], update.rows[kept])
     K: FloatArray = _untouched(subject, plugin.adapt_gain, {"x": prior.x, "P": prior.P, **_measured(few)}, memory)
-    require_shape(subject, K, (STATES, int(kept.sum())))
+    require_shape(subject, K, (TRIED_STATES, int(kept.sum())))
     require_finite(subject, K)
     return K
 

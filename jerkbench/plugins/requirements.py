@@ -94,7 +94,7 @@ def _global_random_state() -> str:
 
 # Checks of arrays: shape, finite, covariance.
 
-TOLERANCE = 1e-8
+_TOLERANCE = 1e-8
 """Of symmetry and of eigenvalues, with the diagonal scaled to one."""
 
 
@@ -121,10 +121,10 @@ def require_covariance(subject: str, matrix: FloatArray) -> None:
     require_that((variances >= 0).all(), f"{subject} has a negative variance, {variances.min(initial=0.0):.3g}.")
     sigma = np.sqrt(np.where(variances > 0, variances, 1.0))
     scaled = matrix / np.outer(sigma, sigma)
-    require_that(np.abs(scaled - scaled.T).max(initial=0.0) <= TOLERANCE, f"{subject} is not symmetric.")
+    require_that(np.abs(scaled - scaled.T).max(initial=0.0) <= _TOLERANCE, f"{subject} is not symmetric.")
     lowest = np.linalg.eigvalsh(scaled).min(initial=0.0)
     require_that(
-        lowest >= -TOLERANCE * len(matrix), f"{subject} is not positive semidefinite (eigenvalue {lowest:.3g})."
+        lowest >= -_TOLERANCE * len(matrix), f"{subject} is not positive semidefinite (eigenvalue {lowest:.3g})."
     )
 
 
@@ -275,10 +275,10 @@ ROWS = ((0, 1, 2, 3, 4, 5), (0, 1, 2), (3, 4, 5), (4,), (2,), (0, 1, 4))
 COVARIANCE_SCALES = ((1.0, 1.0), (1.0, 1e-6), (1e-4, 1e12), (1e6, 1e-6))
 """Of H P- H' and of R: ordinary, a tiny R, an R that is all but infinite, a prior that knows nothing."""
 
-STATES = 9
+TRIED_STATES = 9
 """Of the filter: three quantities on three axes."""
 
-SIGMAS = (0.0, 1.0, 1.0, 100.0)
+TRIED_SIGMAS = (0.0, 1.0, 1.0, 100.0)
 """Size of the innovation in standard deviations; the last is an outlier."""
 
 
@@ -304,7 +304,7 @@ def every_kind() -> Iterator[tuple[Update, Prior]]:
     """Updates with rows that come and go, outliers, a tiny and a huge R; in the end many of one kind."""
     random = stream(0, "conformance", "adaptation")
     for scales in COVARIANCE_SCALES:
-        for sigma in SIGMAS:
+        for sigma in TRIED_SIGMAS:
             for rows in ROWS:
                 yield _update(random, rows, scales, sigma)
     for _ in range(40):  # long enough for every window and every counter
@@ -329,8 +329,8 @@ def _update(
 
 def _prior(random: np.random.Generator, scale: float) -> Prior:
     """A step of a second from a full covariance."""
-    half, noise = random.normal(size=(2, STATES, 2 * STATES)) / np.sqrt(2 * STATES)
-    F = np.eye(STATES) + 0.1 * np.eye(STATES, k=3)
+    half, noise = random.normal(size=(2, TRIED_STATES, 2 * TRIED_STATES)) / np.sqrt(2 * TRIED_STATES)
+    F = np.eye(TRIED_STATES) + 0.1 * np.eye(TRIED_STATES, k=3)
     Q = 0.1 * scale * noise @ noise.T
     P = scale * F @ half @ half.T @ F.T + Q
-    return Prior(random.normal(size=STATES), 0.5 * (P + P.T), F, 0.5 * (Q + Q.T))
+    return Prior(random.normal(size=TRIED_STATES), 0.5 * (P + P.T), F, 0.5 * (Q + Q.T))

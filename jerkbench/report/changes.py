@@ -227,7 +227,7 @@ def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list
 # Two sets of results: how far one may fall behind, and the comparison as text, Markdown, JSON and JUnit.
 
 
-KEY = "tolerances"
+_KEY = "tolerances"
 """The list in the file."""
 
 ANY = "*"
@@ -314,9 +314,9 @@ def read_tolerances(path: Path, otherwise: float | None = None) -> Tolerances:
         content = tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else read_yaml(path)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, yaml.YAMLError) as error:
         raise JerkbenchError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
-    rules = content.get(KEY) if isinstance(content, Mapping) and set(content) == {KEY} else None
+    rules = content.get(_KEY) if isinstance(content, Mapping) and set(content) == {_KEY} else None
     if not isinstance(rules, list) or not rules:
-        raise JerkbenchError(f"{path} has no list of tolerances: write {KEY}:, and below it lines as - {LINE}.")
+        raise JerkbenchError(f"{path} has no list of tolerances: write {_KEY}:, and below it lines as - {LINE}.")
     return Tolerances(tuple(_rule(path, number, rule) for number, rule in enumerate(rules, start=1)), otherwise)
 
 
@@ -390,7 +390,7 @@ def comparison_json(comparison: StudyComparison) -> str:
     return json.dumps(content, indent=2) + "\n"
 
 
-WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
+COMPARISON_WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
     "md": lambda comparison: "\n".join(markdown_grid(*grid) for grid in _grids(comparison)),
     "json": comparison_json,
     "junit": lambda comparison: junit(

@@ -7,13 +7,13 @@ import numpy as np
 
 from jerkbench.arrays import IntArray
 from jerkbench.errors import JerkbenchError, require_known, unknown
-from jerkbench.evaluation.evaluated_run import DRAWN, RUN
+from jerkbench.evaluation.evaluated_run import DRAWN, RUN_COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-UNITS = {
+_UNITS = {
     "m": "m",
     "mps": "m/s",
     "rad": "rad",
@@ -27,7 +27,7 @@ UNITS = {
 }
 """Last part of a column's name, and the unit that it stands for."""
 
-WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
+_WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
 """Parts of column names that are not plain words."""
 
 TITLES = {
@@ -101,7 +101,7 @@ READING = {
 }
 """How to read what is not as expected, where it is not "more is overconfident"."""
 
-COUNTS = (
+_COUNTS = (
     *("outages_counted", "faults_counted", "error_correlation_rows", "inflated_percent", "rejected_percent"),
     *("lockout_s", "inclination_floor_deg", "position_bound_m"),
 )
@@ -141,12 +141,12 @@ def quantity(column: str) -> Quantity:
     'Position RMSE up [m]'
     """
     stem, _, last = column.rpartition("_")
-    unit = UNITS.get(last, "") if stem else ""
-    words = [WORDS.get(word, word) for word in (stem if unit else column).split("_")]
+    unit = _UNITS.get(last, "") if stem else ""
+    words = [_WORDS.get(word, word) for word in (stem if unit else column).split("_")]
     plain = " ".join(words)
     title = TITLES.get(column, plain[:1].upper() + plain[1:])
     reading = READING.get(column, "more is overconfident, less too cautious")
-    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *COUNTS, *NATS), reading)
+    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *_COUNTS, *NATS), reading)
 
 
 # The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
@@ -271,14 +271,14 @@ def _name(label: str) -> str:
 
 # Rows of runs: which columns are metrics, and whether they can be tabulated.
 
-IDENTITY = (*FACTORS, *RUN)
+_IDENTITY = (*FACTORS, *RUN_COLUMNS)
 """Columns of a row that are not metrics."""
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:
     """Return the columns that hold metrics: numbers that are neither part of a row's identity nor what was drawn."""
     numbers = rows.select_dtypes("number").columns
-    return [str(column) for column in numbers if column not in IDENTITY and not str(column).startswith(DRAWN)]
+    return [str(column) for column in numbers if column not in _IDENTITY and not str(column).startswith(DRAWN)]
 
 
 def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
@@ -294,8 +294,8 @@ def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
     """
     if metric in metric_columns(rows):
         return rows
-    empty = metric not in IDENTITY and metric in rows.columns and rows[metric].isna().all()  # no run has a value
-    if not empty and (metric in IDENTITY or (rows["status"] == "ok").any()):
+    empty = metric not in _IDENTITY and metric in rows.columns and rows[metric].isna().all()  # no run has a value
+    if not empty and (metric in _IDENTITY or (rows["status"] == "ok").any()):
         raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
     return rows.assign(**{metric: np.nan})
 

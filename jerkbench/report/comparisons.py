@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-FLOOR = "reference_floor_m"
+_FLOOR = "reference_floor_m"
 """The column with the floor that the reference's own sigma puts under a position RMSE."""
 
 
@@ -62,8 +62,8 @@ def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, 
     errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
     seeds, ok = rows["seed"].to_numpy(), (rows["status"] == "ok").to_numpy()
     phases = (rows["replicate"] == "phase").to_numpy()
-    floored = metric == "position_rmse_m" and FLOOR in rows
-    floors = rows[FLOOR].to_numpy(dtype=float) if floored else np.zeros(len(rows))
+    floored = metric == "position_rmse_m" and _FLOOR in rows
+    floors = rows[_FLOOR].to_numpy(dtype=float) if floored else np.zeros(len(rows))
     groups = {}
     for values, places in numbers_of_rows(rows, FACTORS).items():
         key, order = Combination(*values), places[np.argsort(seeds[places], kind="stable")]

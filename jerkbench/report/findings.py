@@ -92,7 +92,7 @@ def duels(standings: Iterable[Standing]) -> list[Duel]:
 
 # The answer of a study: a title that says who won and by how much, and what it rests on in up to three sentences.
 
-NAMED = 3
+_NAMED = 3
 """So many leaders are named."""
 
 
@@ -214,7 +214,7 @@ def duel_sentence(duel: Duel) -> str:
     undecided in 1."
     """
     told: list[str] = []
-    for verdict, words in WORDS.items():
+    for verdict, words in _WORDS.items():
         rounds = [(name, judgement) for name, judgement in duel.rounds if judgement.verdict is verdict]
         if rounds:
             of = f" of {len(duel.rounds)} scenarios" if not told and len(duel.rounds) > 1 else ""
@@ -224,7 +224,7 @@ def duel_sentence(duel: Duel) -> str:
     return f"{duel.ours} against {duel.theirs}: {'; '.join(told)}."
 
 
-WORDS = {
+_WORDS = {
     Verdict.BETTER: "better",
     Verdict.FEWER_LOST: "fewer runs lost",
     Verdict.WORSE: "worse",
@@ -237,8 +237,8 @@ WORDS = {
 
 def _named(names: Sequence[str]) -> str:
     """Return names as a person lists them, the first few."""
-    if len(names) > NAMED:
-        return f"{', '.join(names[:NAMED])} and {len(names) - NAMED} more"
+    if len(names) > _NAMED:
+        return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 

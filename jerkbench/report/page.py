@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 
-WORDS = {True: ("passed", "passed"), False: ("failed", "failed"), None: ("muted", "does not arise")}
+_WORDS = {True: ("passed", "passed"), False: ("failed", "failed"), None: ("muted", "does not arise")}
 """Class and word of an answer."""
 
-STYLES = ("report.css", "vendor/uplot/uPlot.min.css")
-SCRIPTS = ("vendor/uplot/uPlot.iife.min.js", "report.js", "traces.js")
+_STYLES = ("report.css", "vendor/uplot/uPlot.min.css")
+_SCRIPTS = ("vendor/uplot/uPlot.iife.min.js", "report.js", "traces.js")
 """What the page carries, in this order."""
 
-METHOD = ("attitude", "filter", "adaptation", "noise")
+_METHOD = ("attitude", "filter", "adaptation", "noise")
 """Factors that tell the lines of one figure apart."""
 
 
@@ -82,8 +82,8 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
     return render(
         "page.html",
         name=results.name,
-        styles=_assets(STYLES),
-        scripts=_assets(SCRIPTS),
+        styles=_assets(_STYLES),
+        scripts=_assets(_SCRIPTS),
         subtitle=" · ".join(filter(None, ("jerkbench", quantity(metric).heading, finished))),
         tiles=[(f"{len(results.about)}", "combinations"), (f"{len(rows)}", f"runs, {lost or 'none'}{of_them} lost")],
         answer=answer(standings),
@@ -99,7 +99,7 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         answered=sum(check.passed is not None for check in checks),
         table=Markup(html_table(table, level=3)),  # noqa: S704 - its template escapes
         gallery=gallery(pictures, without=("errors", "zoom") if stretches else ()),
-        checks=[(check, *WORDS[check.passed]) for check in checks],
+        checks=[(check, *_WORDS[check.passed]) for check in checks],
         cells=cells,
         details=packed_json(cells["details"]),
         traces=_traces(results.about, stretches),
@@ -118,7 +118,7 @@ def _assets(names: Iterable[str]) -> "list[Markup]":
 
 def _traces(about: Mapping[str, Mapping[str, Any]], stretches: Sequence[Stretch]) -> dict[str, Any]:
     labels = {key: {name: str(value) for name, value in metadata["labels"].items()} for key, metadata in about.items()}
-    varying = [name for name in METHOD if len({label[name] for label in labels.values()}) > 1] or ["filter"]
+    varying = [name for name in _METHOD if len({label[name] for label in labels.values()}) > 1] or ["filter"]
     names = {key: " + ".join(label[name] for name in varying) for key, label in labels.items()}
     methods = {key: (label["filter"], label["adaptation"]) for key, label in labels.items()}
     palette = Palette.of(methods.values())

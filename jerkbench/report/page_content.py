@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 MOST = 10
 """So many findings are read; the others are behind a fold."""
 
-PARTS = ("filter", "adaptation")
+_PARTS = ("filter", "adaptation")
 """Parts of a method; the noise is among the parameters of the filter."""
 
 
@@ -42,8 +42,8 @@ def settings(about: Iterable[Mapping[str, Any]]) -> list[tuple[str, int, str]]:
     tried: dict[str, dict[tuple[str, str], set[str]]] = {}
     for cell in about:
         spec, labels = cell["spec"], cell["labels"]
-        method = " + ".join(str(labels[factor]) for factor in PARTS)
-        own = {f"{kind}.{name}": value for kind in PARTS for name, value in spec[kind].items() if name != "name"}
+        method = " + ".join(str(labels[factor]) for factor in _PARTS)
+        own = {f"{kind}.{name}": value for kind in _PARTS for name, value in spec[kind].items() if name != "name"}
         seen = values.setdefault(method, {})
         for name, value in own.items():
             seen.setdefault(name, {})[number(value) if isinstance(value, float) else str(value)] = None
@@ -168,7 +168,7 @@ def _ratio(pair: Comparison) -> str:
 # Every cell of a study: a table to sort and to filter, with a word on how sure of itself each filter is.
 
 
-COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per_row")
+_COLUMNS = ("velocity_rmse_mps", "outage_rmse_m", "lockout_s", "anees", "anis_per_row")
 """Metrics that get a column after the leading one, where they have values; a cell that is opened shows all."""
 
 
@@ -192,7 +192,7 @@ def cells_view(
         metric: the leading metric.
         verdicts: of the study.
     """
-    others = (column for column in COLUMNS if column != metric and column in rows and rows[column].notna().any())
+    others = (column for column in _COLUMNS if column != metric and column in rows and rows[column].notna().any())
     metrics = [metric, *others]
     tables = [summarise(rows, of, row_keys=FACTORS[:-1], column_keys=FACTORS[-1:], leaders=False) for of in metrics]
     cells = [{tuple(labels[factor] for factor in FACTORS): cell for labels, cell in of.placed()} for of in tables]
@@ -347,7 +347,7 @@ def payload(stretches: Sequence[Stretch], styles: Mapping[str, Any], names: Mapp
     return {"lowest": LOWEST, "decades": decades, "levels": LEVELS, "scenarios": scenarios}
 
 
-TOLD = ("protocol", "data", "notes", "created", "seconds", "commit", "versions")
+_TOLD = ("protocol", "data", "notes", "created", "seconds", "commit", "versions")
 """What of a cell's record is told beside its configuration."""
 
 
@@ -390,7 +390,7 @@ def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str
     return {
         "labels": [[factor, str(about["labels"][factor])] for factor in FACTORS],
         "spec": {kind: _place(shared, part) for kind, part in about["spec"].items()},
-        "told": {name: _place(shared, about[name]) for name in TOLD},
+        "told": {name: _place(shared, about[name]) for name in _TOLD},
         "metrics": _spreads(group, metrics, shared),
         "runs": [
             [int(row["seed"]), row["status"], row["reason"], *(_text(row[metric]) for metric in metrics[:EACH])]

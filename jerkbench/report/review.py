@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-LEAST_SEEDS = 10
+_LEAST_SEEDS = 10
 """Fewer leave large differences unshown."""
 
 LEAST_SETTINGS = 3
@@ -35,7 +35,7 @@ REPLACED = re.compile(r"(\w+)_(?:sigma|variance|covariance)_[a-z0-9]+")
 REPORTED = ("sigma", "variance", "covariance")
 """Ends of the parameters that say where the log has the receiver's own; with one of them nothing is replaced."""
 
-STREAMS = ("position", "velocity", "course", "wheel")
+_STREAMS = ("position", "velocity", "course", "wheel")
 """Measurements that have an accuracy of their own."""
 
 ReviewedCells = Sequence[Mapping[str, Any]]
@@ -99,7 +99,7 @@ def _replaced(part: Mapping[str, Any]) -> list[str]:
     replaced = []
     for key, value in part.items():
         match = REPLACED.fullmatch(key)
-        if match is None or match[1] not in STREAMS or value in (None, [], ()):
+        if match is None or match[1] not in _STREAMS or value in (None, [], ()):
             continue
         if not any(part.get(f"{match[1]}_{end}") for end in REPORTED):
             replaced.append(f"{part['name']}.{key}")
@@ -162,8 +162,8 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     drawn = seeded.groupby([*FACTORS])["seed"].agg(lambda seeds: str(sorted(seeds)))
     alike = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
     other = "" if alike else " ReviewedCells of one scenario have different seeds."
-    passed = bool(well.min() >= LEAST_SEEDS and not more and alike)
-    return passed, f"{counted} a cell that went well; {LEAST_SEEDS} are asked for.{other}{more}"
+    passed = bool(well.min() >= _LEAST_SEEDS and not more and alike)
+    return passed, f"{counted} a cell that went well; {_LEAST_SEEDS} are asked for.{other}{more}"
 
 
 def _intervals(evidence: Evidence) -> tuple[bool | None, str]:

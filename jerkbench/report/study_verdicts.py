@@ -170,13 +170,13 @@ def _count(fields: Iterable[Sequence[Combination]]) -> int:
 
 # Methods over all scenarios of a study: places and their range, ratios, mean ranks, agreement of metrics.
 
-TOLD = 5
+_TOLD = 5
 """So many methods are named."""
 
 LEAST_SCENARIOS = 5
 """Fewer scenarios do not tell how much scenarios differ: there is no mixed model."""
 
-OTHERS = ("velocity_rmse_mps", "position_max_m", "outage_rmse_m")
+_OTHERS = ("velocity_rmse_mps", "position_max_m", "outage_rmse_m")
 """Metrics whose ranking is held against that of the leading one, where they have values."""
 
 
@@ -231,9 +231,9 @@ def common_field(verdicts: StudyVerdicts) -> CommonRuns | None:
 
 def _places(field: CommonRuns) -> str:
     ranges = rank_range(field.logs)
-    order = np.argsort(ranges.place, kind="stable")[:TOLD]
+    order = np.argsort(ranges.place, kind="stable")[:_TOLD]
     places = [f"{field.methods[k]} {ranges.place[k]} ({ranges.low[k]} to {ranges.high[k]})" for k in order]
-    more = f", and {len(field.methods) - TOLD} others" if len(field.methods) > TOLD else ""
+    more = f", and {len(field.methods) - _TOLD} others" if len(field.methods) > _TOLD else ""
     return (
         f"Places over {len(field.scenarios)} scenarios by geometric mean, with their 95 % range over other scenarios "
         f"of this kind and other seeds (bootstrap): {', '.join(places)}{more}."
@@ -265,8 +265,8 @@ def _ranks(field: CommonRuns) -> str:
     least = critical_difference(len(ranks), len(field.scenarios))
     first = int(np.argmin(ranks))
     groups = [group for group in rank_cliques(ranks, least) if first in group]
-    near = [f"{field.methods[k]} {ranks[k]:.1f}" for k in (groups[0][:TOLD] if groups else [first])]
-    more = f", and {len(groups[0]) - TOLD} others" if groups and len(groups[0]) > TOLD else ""
+    near = [f"{field.methods[k]} {ranks[k]:.1f}" for k in (groups[0][:_TOLD] if groups else [first])]
+    more = f", and {len(groups[0]) - _TOLD} others" if groups and len(groups[0]) > _TOLD else ""
     alone = "the first is alone" if len(near) == 1 else "not told apart from the first"
     return f"Mean ranks differ from {least:.1f} on (Nemenyi, 5 %); {alone}: {', '.join(near)}{more}."
 
@@ -274,7 +274,7 @@ def _ranks(field: CommonRuns) -> str:
 def _agreement(rows: "pd.DataFrame", field: CommonRuns, metric: str) -> Iterator[str]:
     """Say whether other metrics rank the methods alike."""
     told = []
-    for other in OTHERS:
+    for other in _OTHERS:
         if other == metric or other not in rows or rows[other].isna().all():
             continue
         second = common_field(study_verdicts(rows, other, most=0))  # its places alone, nothing is judged

@@ -39,7 +39,7 @@ SCENARIO = ("dataset", "disturbance")
 LABEL = "bound"
 """The filter's name in the row."""
 
-TOLD = 6
+_TOLD = 6
 """Of how many scenarios the footnote gives the number."""
 
 ToldScenario = tuple[str, ...]
@@ -69,11 +69,11 @@ def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
     bounds = known_bounds(rows)
     count = len(rows[[*SCENARIO]].drop_duplicates())
     told = [f"{number(bound.mean)} ({', '.join(scenario)})" for scenario, bound in bounds.items()]
-    more = [f"{len(told) - TOLD} more"] if len(told) > TOLD else []
+    more = [f"{len(told) - _TOLD} more"] if len(told) > _TOLD else []
     unknown = [f"not known for {count - len(told)} of {count} scenarios"] if len(told) < count else []
     yield (
         "Posterior Cramér-Rao bound, from the true noises: without hindsight, and with the motion unknown, no filter's"
-        f" mean square is below it [m]: {', '.join([*told[:TOLD], *more, *unknown])}."
+        f" mean square is below it [m]: {', '.join([*told[:_TOLD], *more, *unknown])}."
     )
 
 
@@ -100,7 +100,7 @@ def _scenario(table: Table, row: tuple[str, ...]) -> ToldScenario:
 REASONS = 3
 """How many different reasons of failures are told."""
 
-KINDS = {
+_KINDS = {
     GEOMETRIC: "Geometric mean [low, high] of the runs that went well: Student's 95 % interval of the logarithms over "
     "{seeds} seeds.",
     MEDIAN: "Median [low, high]: of all {seeds} seeds, a lost run larger than every number; 95 % by order statistics. "
@@ -109,7 +109,7 @@ KINDS = {
 }
 """What stands in a cell."""
 
-FEW = f" Of fewer than {ENOUGH} it is widened for skewed errors."
+_FEW = f" Of fewer than {ENOUGH} it is widened for skewed errors."
 """What is added where cells of few seeds have it."""
 
 AT_THE_END = ("outage_end_m", "outage_end_max_m")
@@ -173,12 +173,12 @@ def _labels(table: Table) -> dict[str, set[str]]:
 
 def _intervals(cells: list[TableCell]) -> Iterator[str]:
     """What the brackets are, for each kind of centre."""
-    for kind, words in KINDS.items():
+    for kind, words in _KINDS.items():
         used = [cell.runs if kind == MEDIAN else cell.used for cell in cells if cell.kind == kind]
         if used:
             seeds = f"{max(used)}" if min(used) == max(used) else f"{min(used)} to {max(used)}"
             few = kind == GEOMETRIC and min(used) < ENOUGH
-            yield words.format(seeds=seeds) + (FEW if few else "")
+            yield words.format(seeds=seeds) + (_FEW if few else "")
 
 
 def _ratios(table: Table, cells: list[TableCell], family: str) -> Iterator[str]:

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 MOST_ROWS = 500
 """Rows that a sweep prints at its end; what is longer nobody reads in a terminal."""
 
-GAP = 3
+_GAP = 3
 """Characters between two columns."""
 
 LONGEST_KEY, LONGEST_HEADER = 24, 16
 """Characters; a longer row factor or header is folded where columns are narrow."""
 
-STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
+_STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
 """Look of the parts of a cell; the others are plain."""
 
 Block = tuple[tuple[int, int], ...]
@@ -95,17 +95,17 @@ def blocks(table: Table, width: int) -> list[Block]:
     of_keys = [max(map(len, column)) for column in zip(table.row_keys, *table.rows, strict=True)]
     lines = [[cell.text if cell else ABSENT for cell in column] for column in columns]
     whole = [max(map(len, [*texts, head])) for texts, head in zip(lines, table.header[keys:], strict=True)]
-    if sum(of_keys) + sum(whole) + GAP * (keys + len(whole)) <= width:
+    if sum(of_keys) + sum(whole) + _GAP * (keys + len(whole)) <= width:
         return []
     own = []
     for column, head in zip(columns, table.header[keys:], strict=True):
         told = [part for cell in column for part in parts(cell)]  # words of troubles may stand below each other
         words = [word for text, style in told for word in (text.split() if style == "trouble" else [text])]
         own.append(max(min(len(head), LONGEST_HEADER), *map(len, words), 1))
-    room = width - (min(of_keys[-1], LONGEST_KEY) + GAP if keys else 0)
+    room = width - (min(of_keys[-1], LONGEST_KEY) + _GAP if keys else 0)
     parted: list[list[tuple[int, int]]] = [[]]
     for column in enumerate(own):
-        if parted[-1] and sum(used + GAP for _, used in parted[-1]) + column[1] + GAP > room:
+        if parted[-1] and sum(used + _GAP for _, used in parted[-1]) + column[1] + _GAP > room:
             parted.append([])
         parted[-1].append(column)
     return [tuple(block) for block in parted]
@@ -194,7 +194,7 @@ def _text(told: Sequence[TextPart], width: int = 0, *, plain: bool = False) -> "
     from rich.text import Text
 
     lines = [
-        Text(f"**{line}**" if plain and style == "best" else line, style="" if plain else STYLES.get(style, ""))
+        Text(f"**{line}**" if plain and style == "best" else line, style="" if plain else _STYLES.get(style, ""))
         for text, style in told
         for line in (textwrap.wrap(text, width, break_long_words=False) if width else [text])
     ]

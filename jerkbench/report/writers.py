@@ -55,10 +55,10 @@ SETUP = r"\sisetup{detect-weight=true, mode=text}"
 PAGE = 44
 """As many lines of a table have room on a page, with its caption and some footnotes."""
 
-PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
+_PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
 """Numbers that a column of siunitx can align."""
 
-UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
+_UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
 """Units that siunitx takes no letters for."""
 
 VALUES = (
@@ -175,13 +175,13 @@ def _small(part: TextPart) -> str:
     text, style = part
     if style not in ("best", "number", "absent"):
         return rf"{{{{\scriptsize {latex_escaped(text)}}}}}"
-    number = text if PLAIN.fullmatch(text) else f"{{{latex_escaped(text)}}}"
+    number = text if _PLAIN.fullmatch(text) else f"{{{latex_escaped(text)}}}"
     return rf"\bfseries {number}" if style == "best" else number
 
 
 def _column_type(cells: Sequence[TableCell | None]) -> str:
     """Return a column of siunitx with room for the digits of its plain numbers; a centred one where it has none."""
-    numbers = [cell.number for cell in cells if cell is not None and PLAIN.fullmatch(cell.number)]
+    numbers = [cell.number for cell in cells if cell is not None and _PLAIN.fullmatch(cell.number)]
     if not numbers:
         return "c"
     whole, decimals = (max(len(text.partition(".")[k]) for text in numbers) for k in (0, 2))
@@ -193,7 +193,7 @@ def _titled(table: Table) -> str:
     unit = f" [{table.unit}]"
     if not table.unit or not table.title.endswith(unit):
         return latex_escaped(table.title)
-    return rf"{latex_escaped(table.title.removesuffix(unit))} {{[}}\unit{{{UNITS.get(table.unit, table.unit)}}}{{]}}"
+    return rf"{latex_escaped(table.title.removesuffix(unit))} {{[}}\unit{{{_UNITS.get(table.unit, table.unit)}}}{{]}}"
 
 
 def html_table(table: Table, level: int = 2) -> str:

@@ -41,7 +41,7 @@ def _covariances(sigma: tuple[float, ...], rows: int) -> FloatArray:
 # The slow errors of a simulated receiver, besides white noise: they last, are late, and are of an
 # antenna.
 
-MEASURED = ("position", "velocity", "heading")
+_MEASURED = ("position", "velocity", "heading")
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class SlowErrors:
     def check_slow_errors(self, subject: str, imu_rate_hz: float) -> None:
         """Raise a PluginError, about ``subject``, unless shares, times, latency and lever arm make sense."""
         require_axes(subject, self, ("lever_arm_error_m",), positive=False)
-        require_positive(subject, self, tuple(f"{sensor}_coloured_time_s" for sensor in MEASURED))
-        for name in (f"{sensor}_coloured_share" for sensor in MEASURED):
+        require_positive(subject, self, tuple(f"{sensor}_coloured_time_s" for sensor in _MEASURED))
+        for name in (f"{sensor}_coloured_share" for sensor in _MEASURED):
             if not 0 <= getattr(self, name) <= 1:
                 raise PluginError(f"{subject}: {name} is {getattr(self, name)}; a share is from 0 to 1.")
         samples = self.position_latency_s * imu_rate_hz
@@ -97,8 +97,8 @@ class SlowErrors:
 MOST_SAMPLES = 2_000_000
 """Of the IMU in one simulated drive: 5 h at 100 Hz; to simulate it takes 2 GB."""
 START_UTC = datetime(2024, 5, 14, 14, 0, tzinfo=UTC)
-IMUS = ("per_sample", *GRADES)
-STREAMS = ("accelerometer", "gyro", "position", "velocity", "heading", "terrain", "vibration", "impacts")
+_IMUS = ("per_sample", *GRADES)
+_STREAMS = ("accelerometer", "gyro", "position", "velocity", "heading", "terrain", "vibration", "impacts")
 """Sources of randomness that ``silent`` can name; what a vehicle does not have is silent anyway."""
 
 
@@ -177,9 +177,9 @@ class Sensors(SlowErrors):
 
     def check_sensors(self, subject: str) -> None:
         """Raise a PluginError about ``subject`` unless every choice exists and every number makes sense."""
-        require_known(f"imu of {subject}", self.imu, IMUS)
+        require_known(f"imu of {subject}", self.imu, _IMUS)
         for source in self.silent:
-            require_known(f"source of randomness of {subject}", source, STREAMS)
+            require_known(f"source of randomness of {subject}", source, _STREAMS)
         require_positive(subject, self, ("imu_rate_hz", "gnss_rate_hz", "reference_rate_hz", "heading_sigma_rad"))
         require_not_negative(subject, self, ("accel_sigma_mps2", "gyro_sigma_radps"))
         require_axes(subject, self, ("position_sigma_m", "velocity_sigma_mps"), positive=True)

@@ -19,7 +19,7 @@ from jerkbench.errors import RecordingError, unknown
 from jerkbench.files import write_atomically
 from jerkbench.recording import Recording, Reference
 
-LEAST_ROWS = 10
+_LEAST_ROWS = 10
 """A shorter trace has neither a distribution nor a correlation."""
 
 
@@ -61,8 +61,8 @@ class Trace:
     def __post_init__(self) -> None:
         """Check shapes, times, errors and covariances."""
         m = len(self.t_s)
-        if m < LEAST_ROWS:
-            raise RecordingError(f"A trace of {m} fixes says too little; it needs {LEAST_ROWS}.")
+        if m < _LEAST_ROWS:
+            raise RecordingError(f"A trace of {m} fixes says too little; it needs {_LEAST_ROWS}.")
         for name, shape in {"t_s": (m,), "error_m": (m, 3), "covariance_m2": (m, 3, 3)}.items():
             object.__setattr__(self, name, frozen(self, name, getattr(self, name), shape))
         require_times(self, self.t_s)
@@ -94,9 +94,9 @@ class Trace:
 SHIPPED = Path(__file__).parent / "shipped"
 SUFFIX = ".parquet"
 ERRORS = ("east_m", "north_m", "up_m")
-SIGMAS = ("east_sigma_m", "north_sigma_m", "up_sigma_m")
+_SIGMAS = ("east_sigma_m", "north_sigma_m", "up_sigma_m")
 CORRELATIONS = {"east_north": (0, 1), "east_up": (0, 2), "north_up": (1, 2)}
-KEY = b"jerkbench_trace"
+_KEY = b"jerkbench_trace"
 DECIMALS = 4
 """Of errors and sigmas: .1 mm."""
 
@@ -126,12 +126,12 @@ def trace_path(trace: str) -> Path:
 def write_trace(trace: Trace, path: Path) -> None:
     """Write a trace; errors and sigmas to .1 mm, correlations to .001."""
     sigma = np.sqrt(np.diagonal(trace.covariance_m2, axis1=1, axis2=2))
-    numbers = dict(zip((*ERRORS, *SIGMAS), np.round(np.hstack([trace.error_m, sigma]), DECIMALS).T, strict=True))
+    numbers = dict(zip((*ERRORS, *_SIGMAS), np.round(np.hstack([trace.error_m, sigma]), DECIMALS).T, strict=True))
     for name, (i, j) in CORRELATIONS.items():
         numbers[name] = np.round(trace.covariance_m2[:, i, j] / (sigma[:, i] * sigma[:, j]), 3)
     columns: dict[str, Any] = {"t_s": np.round(trace.t_s, 3)}
     columns |= {name: pa.array(values, pa.float32()) for name, values in numbers.items()}
-    table = pa.table(columns).replace_schema_metadata({KEY: json.dumps(asdict(trace.about)).encode()})
+    table = pa.table(columns).replace_schema_metadata({_KEY: json.dumps(asdict(trace.about)).encode()})
     write_atomically(path, lambda partial: pq.write_table(table, partial, compression="zstd", compression_level=19))
 
 
@@ -148,9 +148,9 @@ def read_trace(path: Path) -> Trace:
 def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - it says when to read it again
     try:
         table = pq.read_table(path)
-        names = ("t_s", *ERRORS, *SIGMAS, *CORRELATIONS)
+        names = ("t_s", *ERRORS, *_SIGMAS, *CORRELATIONS)
         values = {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in names}
-        about = json.loads((table.schema.metadata or {})[KEY])
+        about = json.loads((table.schema.metadata or {})[_KEY])
         origin = About(**{**about, "offset_m": tuple(about["offset_m"])})
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RecordingError(f"{path} is no trace: {error}; make it with `jerkbench data trace`.") from error
@@ -159,7 +159,7 @@ def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - it says when to 
 
 def _covariances(values: dict[str, FloatArray]) -> FloatArray:
     """Return (m, 3, 3); where rounding left none that is positive definite, the variances alone."""
-    sigma = np.maximum(np.column_stack([values[name] for name in SIGMAS]), 10.0**-DECIMALS)
+    sigma = np.maximum(np.column_stack([values[name] for name in _SIGMAS]), 10.0**-DECIMALS)
     correlation = np.tile(np.eye(3), (len(sigma), 1, 1))
     for name, (i, j) in CORRELATIONS.items():
         correlation[:, i, j] = correlation[:, j, i] = values[name]
@@ -170,13 +170,13 @@ def _covariances(values: dict[str, FloatArray]) -> FloatArray:
 # A trace in a few words.
 
 LAGS_S = (1.0, 10.0)
-GAP = 1.5
+_GAP = 1.5
 """A step of more than so many usual intervals is a gap."""
 
 
 def trace_text(trace: Trace) -> str:
     """Return rows, rate, gaps, size and correlation of the errors."""
-    gaps = (steps := np.diff(trace.t_s))[steps > GAP * trace.interval_s]
+    gaps = (steps := np.diff(trace.t_s))[steps > _GAP * trace.interval_s]
     level = np.hypot(trace.error_m[:, 0], trace.error_m[:, 1])
     nees = np.einsum("mi,mij,mj->m", trace.error_m, np.linalg.inv(trace.covariance_m2), trace.error_m)
     correlation = ", ".join(f"{value:.2f}" for value in (lagged_correlation(trace, lag)[:2].mean() for lag in LAGS_S))
@@ -205,7 +205,7 @@ def lagged_correlation(trace: Trace, lag_s: float) -> FloatArray:
 
 # The trace of a recording's fixes, from a better reference.
 
-NEAR_S = 1.5
+_NEAR_S = 1.5
 """The reference is taken linearly between its stamps, where these are no further apart."""
 
 
@@ -226,8 +226,8 @@ def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", o
         raise RecordingError(f"{recording.name} lacks position fixes or a reference of positions: no errors to trace.")
     true, known = _at(reference, position.t_s)
     kept = known & np.isfinite(position.enu_m).all(axis=1)
-    if kept.sum() < LEAST_ROWS:
-        few = f"{kept.sum()} fixes where its reference is known; {LEAST_ROWS} are needed."
+    if kept.sum() < _LEAST_ROWS:
+        few = f"{kept.sum()} fixes where its reference is known; {_LEAST_ROWS} are needed."
         raise RecordingError(f"{recording.name} has {few}")
     error = (position.enu_m - true)[kept]
     if not error.any():
@@ -246,7 +246,7 @@ def _at(reference: Reference, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     if values is None or usable.sum() < 2:
         return np.full((len(t_s), 3), np.nan), np.zeros(len(t_s), dtype=np.bool_)
     own_s, own_m = reference.t_s[usable], values[usable]
-    near = np.isfinite(linear_at(own_s, own_m, t_s, NEAR_S)).all(axis=1)
+    near = np.isfinite(linear_at(own_s, own_m, t_s, _NEAR_S)).all(axis=1)
     exact = np.isin(np.round(t_s, 6), np.round(own_s, 6))
     true = np.column_stack([np.interp(t_s, own_s, axis) for axis in own_m.T])
     return true, near | exact

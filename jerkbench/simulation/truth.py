@@ -125,7 +125,7 @@ class Ruts:
 
 # Vibration of engine and tracks, as true motion.
 
-SINES = 14
+_SINES = 14
 LOWEST_HZ = 8.0
 HIGHEST_HZ = 35.0
 AXIS_SHARE = np.array([0.7, 0.7, 1.0])
@@ -170,12 +170,12 @@ def draw_vibration(rng: np.random.Generator, accel_mps2: float, angle_rad: float
         accel_mps2: rms of the vertical acceleration; a horizontal axis has .7 of it.
         angle_rad: rms of roll, of pitch and of yaw.
     """
-    band = (HIGHEST_HZ - LOWEST_HZ) / SINES
-    w = 2.0 * np.pi * (LOWEST_HZ + band * (np.arange(SINES) + rng.uniform(size=SINES)))
-    phases = rng.uniform(0.0, 2.0 * np.pi, (6, SINES))
-    unit = np.sqrt(2.0 / SINES)  # amplitude of each of 14 sines whose sum has an rms of one
+    band = (HIGHEST_HZ - LOWEST_HZ) / _SINES
+    w = 2.0 * np.pi * (LOWEST_HZ + band * (np.arange(_SINES) + rng.uniform(size=_SINES)))
+    phases = rng.uniform(0.0, 2.0 * np.pi, (6, _SINES))
+    unit = np.sqrt(2.0 / _SINES)  # amplitude of each of 14 sines whose sum has an rms of one
     shift = accel_mps2 * unit * np.multiply.outer(AXIS_SHARE, w**-2.0)
-    sizes = np.vstack([shift, np.full((3, SINES), angle_rad * unit)])
+    sizes = np.vstack([shift, np.full((3, _SINES), angle_rad * unit)])
     return Vibration(w, sizes * np.cos(phases), sizes * np.sin(phases))
 
 

@@ -32,7 +32,7 @@ from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring, scor
 from jerkbench.tuning.entrant import Entrant, Site, Try, knobs_of, tried_settings
 from jerkbench.tuning.space import Setting
 
-TOLERANCE = 1e-9
+_TOLERANCE = 1e-9
 """Relative, of a number that was computed once more."""
 
 
@@ -90,7 +90,7 @@ def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
 def same(value: object, other: object) -> bool:
     """Whether two values are the same, numbers to a relative 1e-9; NaN is NaN."""
     if isinstance(value, float) and isinstance(other, (int, float)):
-        return math.isclose(value, other, rel_tol=TOLERANCE) or (math.isnan(value) and math.isnan(other))
+        return math.isclose(value, other, rel_tol=_TOLERANCE) or (math.isnan(value) and math.isnan(other))
     return value == other
 
 

@@ -287,10 +287,10 @@ class Frozen:
     searches: tuple[str, ...] = HALVES
 
 
-KINDS = {"faults": SuiteProtocol, "drives": DriveSuite, "attitude": AttitudeSuite}
+_KINDS = {"faults": SuiteProtocol, "drives": DriveSuite, "attitude": AttitudeSuite}
 
 FROZEN = {
-    name: Frozen(known["protocol"], tuple(known["data"]), KINDS[known["kind"]], tuple(known["searches"]))
+    name: Frozen(known["protocol"], tuple(known["data"]), _KINDS[known["kind"]], tuple(known["searches"]))
     for name, known in json.loads(Path(__file__).with_name("frozen.json").read_text(encoding="utf-8")).items()
 }
 """From frozen.json, which is never edited: what changes is a new suite with a name of its own."""
@@ -339,7 +339,7 @@ def arrays_digest(arrays: Iterator[FloatArray]) -> str:
 
 
 TILT_STREAMS = {"inertial": ("t_s", "accel_mps2", "gyro_radps")}
-STREAMS = {
+_STREAMS = {
     "imu": ("t_s", "accel_mps2", "gyro_radps"),
     "position": ("t_s", "enu_m", "covariance_m2"),
     "velocity": ("t_s", "mps"),
@@ -357,7 +357,7 @@ def _of_tilt(recording: Recording) -> Iterator[FloatArray]:
         yield vertical_in_body(np.nan_to_num(recording.reference.euler_rad))
 
 
-def _arrays(recording: Recording, streams: Mapping[str, tuple[str, ...]] = STREAMS) -> Iterator[FloatArray]:
+def _arrays(recording: Recording, streams: Mapping[str, tuple[str, ...]] = _STREAMS) -> Iterator[FloatArray]:
     for name, fields in streams.items():
         stream = getattr(recording, name)
         arrays = (getattr(stream, field) for field in fields) if stream is not None else ()

@@ -19,7 +19,7 @@ _jerkbench() {
 complete -o default -F _jerkbench jerkbench
 """
 FISH = "complete -c jerkbench -a '(jerkbench completion fish --line (commandline -cp) 2>/dev/null)'\n"
-SCRIPTS = {"bash": BASH, "fish": FISH, "zsh": f"autoload -U +X bashcompinit && bashcompinit\n{BASH}"}
+_SCRIPTS = {"bash": BASH, "fish": FISH, "zsh": f"autoload -U +X bashcompinit && bashcompinit\n{BASH}"}
 HEADS = {
     "bash": 'In ~/.bashrc: eval "$(jerkbench completion bash)"',
     "fish": "In ~/.config/fish/config.fish: jerkbench completion fish | source",
@@ -31,7 +31,7 @@ CHOSEN_GROUPS = (
 )
 """The groups of which a name is chosen: GROUP=NAME."""
 
-OTHERS = (
+_OTHERS = (
     *("seeds", "first_seed", "study", "results", "metrics", "workers", "figures", "figures_pdf", "report", "tags"),
     *("burn_in_s", "divergence_limit_m", "notes", "r_scale.position", "r_scale.velocity"),
 )
@@ -39,7 +39,7 @@ OTHERS = (
 
 
 @verb(
-    argument("shell", choices=tuple(SCRIPTS), help="whose words are to be completed"),
+    argument("shell", choices=tuple(_SCRIPTS), help="whose words are to be completed"),
     argument("--line", help=argparse.SUPPRESS),
 )
 def completion_verb(chosen: argparse.Namespace) -> None:
@@ -51,7 +51,7 @@ def completion_verb(chosen: argparse.Namespace) -> None:
       jerkbench completion zsh
     """
     if chosen.line is None:
-        print(f"# {HEADS[chosen.shell]}\n{SCRIPTS[chosen.shell]}", end="")
+        print(f"# {HEADS[chosen.shell]}\n{_SCRIPTS[chosen.shell]}", end="")
         return
     for word in completions(chosen.line):
         print(word)
@@ -116,7 +116,7 @@ def _settings(words: Sequence[str], current: str) -> Iterator[str]:
         before = value[: value.rfind(",") + 1] or value[: value.rfind("[") + 1]
         yield from (f"{group}={before}{name}" for name in (_names(group) if group in CHOSEN_GROUPS else ()))
         return
-    yield from (f"{name}=" for name in (*CHOSEN_GROUPS, *OTHERS))
+    yield from (f"{name}=" for name in (*CHOSEN_GROUPS, *_OTHERS))
     if "." in current:
         yield from _parameters(words, group.partition(".")[0])
     else:

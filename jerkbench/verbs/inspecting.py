@@ -73,7 +73,7 @@ def _write_preset(draft: "Draft", preset: Path) -> None:
     print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {path.parents[1]} dataset={path.stem}")
 
 
-SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
+_SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
 """Parameters of data sets that move stamps to the time when the values were true."""
 
 FIGURES = (".pdf", ".png", ".svg")
@@ -138,7 +138,7 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
     from jerkbench.inspection.facts import facts_text, overview_figure
 
     print(facts_text(recording))
-    shifts = {name: getattr(dataset, name, None) for name in SHIFT_PARAMETERS}
+    shifts = {name: getattr(dataset, name, None) for name in _SHIFT_PARAMETERS}
     if shifted := [f"{name}={value}" for name, value in shifts.items() if np.any(value)]:
         print(f"Times are shifted already by {', '.join(shifted)}: what is left of the lags is above.")
     if figure is not None:

@@ -308,7 +308,7 @@ def compare_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.jobs.selection import in_the_place_of, named_study, require_alike, selected
     from jerkbench.jobs.study import load_study
     from jerkbench.report.changes import (
-        WRITERS,
+        COMPARISON_WRITERS,
         MetricChanges,
         StudyComparison,
         Tolerances,
@@ -336,8 +336,8 @@ def compare_verb(chosen: argparse.Namespace) -> None:
     has_tolerances = tolerances.otherwise is not None or bool(tolerances.rules)
     sentences, code = _failures(parts, first, second, chosen.tolerances) if has_tolerances else ([], 0)
     comparison = StudyComparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], bool(code))
-    if chosen.format in WRITERS:
-        print(WRITERS[chosen.format](comparison), end="")
+    if chosen.format in COMPARISON_WRITERS:
+        print(COMPARISON_WRITERS[chosen.format](comparison), end="")
     else:
         print_comparison(comparison)
     for sentence in sentences:

@@ -9,7 +9,7 @@ from jerkbench import plugins
 from jerkbench.compilation.methods import address_of, ask, compiled_method, fill_by, parameter_vector
 from jerkbench.kinematic.plugin_call import ADAPT, FADE, GAIN, PRIOR
 from jerkbench.plugins.optional import empty_memory
-from jerkbench.plugins.requirements import STATES, ordinary
+from jerkbench.plugins.requirements import TRIED_STATES, ordinary
 
 NAMES = plugins.names("adaptation")
 METHODS = {method.name: method for method in (FADE, PRIOR, ADAPT, GAIN)}
@@ -31,7 +31,7 @@ def compiled():
 
     def method(plugin, name, arguments, memory):
         known = METHODS[name]
-        lengths = {"m": len(arguments[-1]), "size": len(memory), "n": STATES}
+        lengths = {"m": len(arguments[-1]), "size": len(memory), "n": TRIED_STATES}
         sizes = tuple(lengths[size] for size in known.sizes)
         given = (parameter_vector(plugin), *map(np.ascontiguousarray, arguments), memory)
         address = address_of(compiled_method(plugin, known))
@@ -49,7 +49,7 @@ def compiled():
 @pytest.mark.parametrize("name", NAMES)
 def test_compiled_and_plain_agree(name, compiled):
     plugin = plugins.create("adaptation", {"name": name})
-    memories = np.tile(empty_memory(plugin, STATES), (2, 1))
+    memories = np.tile(empty_memory(plugin, TRIED_STATES), (2, 1))
     for method, arguments in calls(plugin):
         wanted = getattr(plugin, method)(*arguments, memories[0])
         got = compiled(plugin, method, arguments, memories[1])

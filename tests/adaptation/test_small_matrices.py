@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import eigh
 
 from jerkbench.adaptation.common import (
-    SEEN,
+    _SEEN,
     distances,
     fill_blend,
     fill_square,
@@ -134,7 +134,7 @@ def test_what_rounding_takes_below_zero_has_factors(below):
 def test_a_pass_with_weights_is_the_update_with_the_weighed_covariances(rows):
     P, R, y, H = case(rows)
     stack = stack_of(P, R, rows, y)
-    p, m = SEEN, len(rows)
+    p, m = _SEEN, len(rows)
     stack.inverses[:] = 1.0 / np.linspace(0.1, 0.9, p + m)
     settle(stack, np.ones(9))
 

@@ -56,7 +56,7 @@ def test_protocols_share_no_drive():
 
 
 def test_the_margin_and_the_resampled_audits_are_those_of_the_statements(full):
-    assert (full.margin, full.resampled_audits) == (drives_and_tunings.MARGIN, drives_and_tunings.AUDITS)
+    assert (full.margin, full.resampled_audits) == (drives_and_tunings.SMALL_MARGIN, drives_and_tunings.AUDITS)
 
 
 def test_the_laws_of_the_drives_are_part_of_the_digest(full):

@@ -216,11 +216,11 @@ def test_weeks_and_times_of_week_are_gps_time(tmp_path):
 
 def test_a_solution_beside_times_of_unix(tmp_path):
     """RTKLIB's velocities too; GPS time is 18 s ahead."""
-    from jerkbench.io.rtklib import COLUMNS
+    from jerkbench.io.rtklib import _COLUMNS
 
     start = datetime(2025, 7, 8, 19, 34, 18, tzinfo=UTC)
     write(tmp_path / "imu.csv", PLAIN | {"t": start.timestamp() + IMU_S})
-    rows = [f"% {COLUMNS}"]
+    rows = [f"% {_COLUMNS}"]
     for k in range(8):
         stamp = (start + timedelta(seconds=18 + k)).strftime("%Y/%m/%d %H:%M:%S.%f")
         rows.append(f"{stamp} 49 8.4 110 1 9 .01 .01 .02 0 0 0 0 0 1.5 -2.5 0.25 .1 .2 .3 0 0 0")

@@ -5,7 +5,7 @@ import pytest
 
 from jerkbench.disturbances.multipath import MultipathSingleAxis
 from jerkbench.disturbances.outages import GnssOutage
-from jerkbench.disturbances.withhold import SOURCE, Withhold
+from jerkbench.disturbances.withhold import _SOURCE, Withhold
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import velocity_when_true
 from jerkbench.recording import Reference, Velocity
@@ -33,7 +33,7 @@ def test_kept_and_withheld_share_out_the_fixes(recording, seed):
     np.testing.assert_array_equal(done.reference.t_s, [t for i, t in enumerate(t_s) if i % 4 != seed % 4])
     np.testing.assert_array_equal(done.reference.enu_m[:, 0], done.reference.t_s)
     np.testing.assert_array_equal(done.reference.scored, done.reference.t_s >= 3)
-    assert (done.reference.source, done.reference.independent) == (SOURCE, False)
+    assert (done.reference.source, done.reference.independent) == (_SOURCE, False)
 
 
 @pytest.mark.parametrize("seed", range(4))

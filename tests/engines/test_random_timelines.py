@@ -36,7 +36,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
 from jerkbench.kalman import innovation_factor
 from jerkbench.measurements import Measurements
-from jerkbench.recording import LEAST_FIXES, Position, Reference, Velocity
+from jerkbench.recording import _LEAST_FIXES, Position, Reference, Velocity
 from jerkbench.timeline import Timeline, build_timeline
 from synthetic import level_attitude, recording_at_rest
 
@@ -64,7 +64,7 @@ def recordings(draw):
     rate_hz, seconds = draw(st.sampled_from([(10, 3), (50, 1), (100, 1)]))
     imu = draw(st.booleans())
     kept = {"reference": stamps(draw, rng, -1.0, seconds + 1.0, least=1)}
-    least = 0 if imu else LEAST_FIXES
+    least = 0 if imu else _LEAST_FIXES
     kept["position"] = stamps(draw, rng, -1.0, seconds + 1.0, least)
     kept["velocity"] = stamps(draw, rng, -1.0, seconds + 1.0, 0)
     rest = recording_at_rest(seconds, rate_hz)

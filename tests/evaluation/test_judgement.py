@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, false_discovery_control, pareto, sem, ttest_1samp
 
-from jerkbench.evaluation.families import RESAMPLES, SEED, Correction, max_t
+from jerkbench.evaluation.families import _RESAMPLES, _SEED, Correction, max_t
 from jerkbench.evaluation.judgement import Verdict, judged
 from jerkbench.evaluation.over_seeds import log_ratios, log_ratios_of
 
@@ -239,7 +239,7 @@ def test_p_and_critical_value_agree(rng):
 def test_the_scale_of_a_mean_is_the_pareto_that_fits_its_largest_t_best(rng):
     """Of one mean there is no family to be common with: Hill's estimator is the maximum likelihood, as scipy's is."""
     x = rng.standard_normal(15)
-    drawn = np.random.default_rng(SEED).multinomial(15, np.full(15, 1 / 15), RESAMPLES)
+    drawn = np.random.default_rng(_SEED).multinomial(15, np.full(15, 1 / 15), _RESAMPLES)
     values = [np.repeat(x - x.mean(), counts) for counts in drawn]
     t = np.sort([abs(ttest_1samp(value, 0).statistic) for value in values])[::-1]
     shape, _, _ = pareto.fit(t[:100], floc=0, fscale=t[100])

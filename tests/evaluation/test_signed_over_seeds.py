@@ -32,7 +32,7 @@ def naive_bca(values, confidence, resamples, seed):
 @pytest.mark.parametrize("confidence", [0.8, 0.95])
 def test_it_is_the_bca_interval(confidence, monkeypatch):
     """The upper end's standard deviation from draw to draw is 0.5 % of the width with so many resamples (measured)."""
-    monkeypatch.setattr(over_seeds, "RESAMPLES", 200_000)
+    monkeypatch.setattr(over_seeds, "_RESAMPLES", 200_000)
     values = np.random.default_rng(4).lognormal(sigma=1.0, size=20)  # skewed: percentile and BCa differ
     z = student.ppf((1 + confidence) / 2, 19) * math.sqrt(20 / 19)
     low, high = naive_bca(values, 2 * NormalDist().cdf(z) - 1, 200_000, seed=5)

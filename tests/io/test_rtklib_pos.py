@@ -5,9 +5,9 @@ import pymap3d
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.rtklib import COLUMNS, read_pos_files, read_rtklib_pos
+from jerkbench.io.rtklib import _COLUMNS, read_pos_files, read_rtklib_pos
 
-HEADER = f"% program : RTKLIB\n%  {COLUMNS.replace(' ', '   ')}\n"
+HEADER = f"% program : RTKLIB\n%  {_COLUMNS.replace(' ', '   ')}\n"
 ROW = (
     "2025/07/08 19:34:18.{ms} 40.5 -105.25 1601.5 2 21 0.02 0.01 0.04 -0.005 0.003 -0.002 0 0"
     " 1.5 -2.5 0.25 0.3 0.2 0.4 0.05 -0.06 0.07\n"

@@ -19,7 +19,7 @@ from jerkbench.geometry import vertical_in_body
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
-STEEPEST_RAD = np.radians(75.0)
+_STEEPEST_RAD = np.radians(75.0)
 """Up to this pitch of the reference, roll and yaw are angles of their own."""
 
 
@@ -45,7 +45,7 @@ class AttitudeRmse:
         """Return the three values by column name."""
         error = euler_error_rad(estimate, recording)
         truth = recording.reference.euler_rad
-        steep = np.zeros(len(error), dtype=bool) if truth is None else np.abs(truth[estimate.index, 1]) > STEEPEST_RAD
+        steep = np.zeros(len(error), dtype=bool) if truth is None else np.abs(truth[estimate.index, 1]) > _STEEPEST_RAD
         values = {}
         for axis, name in enumerate(("roll", "pitch", "yaw")):
             rows = counted & known(truth, estimate, (axis,)) & (~steep | (name == "pitch"))
@@ -55,12 +55,12 @@ class AttitudeRmse:
 
 # The error of the tilt as one angle, and the accuracy of the reference's own level.
 
-WINDOW_S = 1.0
+_WINDOW_S = 1.0
 """Over how long the accelerometer is averaged for the floor."""
 
 STILL_RANGE_RADPS = 0.05
 STILL_MIDDLE_RADPS = 0.02
-STILL_BELOW_MPS = 0.1
+_STILL_BELOW_MPS = 0.1
 """A window is still where the gyro's range on each axis and the middle of it are not above the first
 two, and the speed, where there is any, not above the third."""
 
@@ -108,7 +108,7 @@ def _floor_rad(recording: Recording) -> float:
         return float("nan")
     known = np.isfinite(reference.euler_rad[:, :2]).all(axis=1)
     truth = vertical_in_body(np.nan_to_num(reference.euler_rad[known]))
-    windows = np.arange(np.floor(imu.t_s[0] / WINDOW_S), np.ceil(imu.t_s[-1] / WINDOW_S) + 1) * WINDOW_S
+    windows = np.arange(np.floor(imu.t_s[0] / _WINDOW_S), np.ceil(imu.t_s[-1] / _WINDOW_S) + 1) * _WINDOW_S
     vertical, known_rows = _means(truth, np.searchsorted(windows, reference.t_s[known], side="right"), len(windows))
     starts = np.searchsorted(imu.t_s, windows[:-1])
     force, sampled = _means(imu.accel_mps2, np.searchsorted(windows, imu.t_s, side="right"), len(windows))
@@ -132,7 +132,7 @@ def _moving(recording: Recording, windows: FloatArray) -> BoolArray:
     fastest = np.zeros(len(windows) + 1)
     np.maximum.at(fastest, window, speed_mps)
     unknown = np.bincount(window, minlength=len(windows) + 1) == 0
-    return np.asarray((unknown | (fastest > STILL_BELOW_MPS))[1 : len(windows)])
+    return np.asarray((unknown | (fastest > _STILL_BELOW_MPS))[1 : len(windows)])
 
 
 def _speed(recording: Recording) -> tuple[FloatArray, FloatArray] | None:

@@ -46,7 +46,7 @@ class Consistency(Summed):
 
 # The share of position errors within the sigmas that the filter claims.
 
-SIGMAS = (1, 2, 3)
+_SIGMAS = (1, 2, 3)
 
 
 @register("metric", "coverage")
@@ -68,7 +68,7 @@ class Coverage:
         rows, error = counted_errors(estimate, recording, counted)
         with np.errstate(invalid="ignore"):
             sigma = np.sqrt(np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)[:, :3])
-            shares = {k: float(np.mean(np.abs(error) <= k * sigma)) if rows.any() else np.nan for k in SIGMAS}
+            shares = {k: float(np.mean(np.abs(error) <= k * sigma)) if rows.any() else np.nan for k in _SIGMAS}
         return {f"coverage_{k}_sigma_percent": 100 * share for k, share in shares.items()}
 
 

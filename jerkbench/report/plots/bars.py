@@ -27,16 +27,16 @@ from jerkbench.report.plots.style import (
 )
 from jerkbench.report.table_model import Table, TableCell, number
 
-LOGARITHMIC_FROM = 30.0
+_LOGARITHMIC_FROM = 30.0
 """The axis is logarithmic where the largest mean is so many times the smallest."""
 
-NAMED = 8
+_NAMED = 8
 """Up to so many bars in a panel, each has its value on it."""
 
 PALE = 0.35
 """How opaque the bar of a combination is that lost some runs."""
 
-GAP = 0.8
+_GAP = 0.8
 """Between two groups, in bars."""
 
 
@@ -69,7 +69,7 @@ def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0
     _name_columns(panels[0], names, scenes)
     cells = [c for row in table.cells for c in row if c is not None and math.isfinite(c.mean) and c.mean > 0]
     means = [c.mean for c in cells]
-    if means and max(means) > LOGARITHMIC_FROM * min(means):  # of all panels
+    if means and max(means) > _LOGARITHMIC_FROM * min(means):  # of all panels
         panels[0].set_yscale("log")
         highest = max([3.0 * max(means), *(1.5 * c.high for c in cells if math.isfinite(c.high))])
         panels[0].set_ylim(bottom=0.5 * min(means), top=highest)
@@ -118,16 +118,16 @@ def _scenes(table: Table, names: list[str], palette: Palette) -> dict[str, dict[
 
 def _draw_groups(axes: Axes, groups: Mapping[str, Mapping[str, Bar]]) -> None:
     middles, place = [], 0.0
-    named = sum(map(len, groups.values())) <= NAMED
+    named = sum(map(len, groups.values())) <= _NAMED
     for bars in groups.values():
         middles.append(place + (max(len(bars), 1) - 1) / 2)
         for bar in bars.values():
             _draw_bar(axes, place, bar, named=named)
             place += 1.0
-        place += GAP if bars else 1.0 + GAP
+        place += _GAP if bars else 1.0 + _GAP
     axes.set_xticks(middles, [literal(label.replace("_", "\n", 1)) for label in groups], fontsize=7)  # narrow groups
     axes.tick_params(axis="x", length=0)
-    axes.set_xlim(-0.9, place - GAP - 0.1)
+    axes.set_xlim(-0.9, place - _GAP - 0.1)
 
 
 def _draw_bar(axes: Axes, place: float, bar: Bar, *, named: bool) -> None:

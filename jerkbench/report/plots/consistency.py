@@ -12,9 +12,9 @@ from jerkbench.evaluation.counted_rows import euler_error_rad, known, position_e
 from jerkbench.evaluation.judgement import chi2_band
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
+    BAND_COLOUR,
     MEASURED,
     REFERENCE,
-    SIGMAS,
     MethodStyle,
     Palette,
     coinciding,
@@ -32,7 +32,7 @@ from jerkbench.report.plots.style import (
 )
 from jerkbench.report.table_model import number
 
-WINDOW = 21
+_WINDOW = 21
 """Updates over which NIS is averaged; odd."""
 
 
@@ -88,7 +88,7 @@ def _draw_nees(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: s
         return
     low, high = chi2_band(m, len(runs))
     inside = float(np.mean((average >= low) & (average <= high)))
-    axes.axhspan(low, high, color=SIGMAS, linewidth=0, label="95 % of a consistent filter")
+    axes.axhspan(low, high, color=BAND_COLOUR, linewidth=0, label="95 % of a consistent filter")
     label = f"NEES: {100 * inside:.0f} % of the time inside"
     axes.plot(*thinned(t_s, average), color=colour, linewidth=0.8, label=label)
     axes.set_yscale("log")
@@ -99,11 +99,11 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
     updates = [estimate.updates for _, estimate in runs]
     count = min(len(update.t_s) for update in updates)
     axes.set_ylabel("NIS per row")
-    if count < WINDOW:
+    if count < _WINDOW:
         say(axes, "There are too few updates.")
         return
     rows = np.sum([update.rows[:count] for update in updates], axis=0)
-    t_s = updates[0].t_s[:count][WINDOW // 2 : count - WINDOW // 2]
+    t_s = updates[0].t_s[:count][_WINDOW // 2 : count - _WINDOW // 2]
     summed = _moving(rows)
     kinds = (("nis", MEASURED, 2.4, "NIS, reported R"), ("nis_used", colour, 0.9, "NIS, R that was used"))
     for attribute, shade, width, label in kinds:  # the wider one stays visible behind an equal one
@@ -112,17 +112,17 @@ def _draw_nis(axes: Axes, runs: Sequence[tuple[Recording, Estimate]], colour: st
         axes.plot(*curve, color=shade, linewidth=width, label=label)
     counts, places = np.unique(summed, return_inverse=True)
     bands = np.array([chi2_band(1, max(n, 1)) for n in counts])[places]
-    axes.fill_between(t_s, *bands.T, color=SIGMAS, linewidth=0)
+    axes.fill_between(t_s, *bands.T, color=BAND_COLOUR, linewidth=0)
     axes.set_yscale("log")
     style_axes(axes)
 
 
 def _moving(values: FloatArray) -> FloatArray:
     """Return the sums over `WINDOW` values in a row."""
-    return np.convolve(values, np.ones(WINDOW), mode="valid")
+    return np.convolve(values, np.ones(_WINDOW), mode="valid")
 
 
-AXES = ("East", "North", "Up")
+_AXES = ("East", "North", "Up")
 
 
 def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
@@ -149,7 +149,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
             draw_ticks(axes, updates.t_s[dropped], 0.97, look.colour)
         shade_outages(axes, recording.outages_s)
         unit, quantity = ("m", "position") if row < 3 else ("m/s", "velocity")
-        axes.set_ylabel(f"{AXES[row % 3]} {quantity},\nsigma of R [{unit}]", fontsize=8)
+        axes.set_ylabel(f"{_AXES[row % 3]} {quantity},\nsigma of R [{unit}]", fontsize=8)
         end_with(axes, recording.reference.t_s)
         if any(np.isfinite(estimate.updates.R_diagonal[:, row]).any() for estimate in estimates.values()):
             axes.set_yscale("log")
@@ -162,7 +162,7 @@ def adapted_r_figure(recording: Recording, estimates: Mapping[str, Estimate], pa
 
 # Figures of the attitude: the tilt against the truth (the paper's Fig. 4), the compensated acceleration (Fig. 6).
 
-ANGLES = ("Roll", "Pitch")
+_ANGLES = ("Roll", "Pitch")
 
 
 def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None) -> Figure:
@@ -177,7 +177,7 @@ def tilt_figure(recording: Recording, estimates: Mapping[str, Estimate], palette
     reference, looks = recording.reference, dict(method_styles(estimates, palette))
     for axis, letter in enumerate("RP"):
         axes, named = panels[letter], letter == "R"
-        axes.set_ylabel(f"{ANGLES[axis]} [deg]")
+        axes.set_ylabel(f"{_ANGLES[axis]} [deg]")
         for name, look in looks.items():
             curve = thinned(reference.t_s[estimates[name].index], np.degrees(estimates[name].euler_rad[:, axis]))
             axes.plot(*curve, **look.stroke, linewidth=1.0, label=name if named else None)
@@ -198,7 +198,7 @@ def _draw_bars(
     axes: Axes, recording: Recording, estimates: Mapping[str, Estimate], axis: int, looks: Mapping[str, MethodStyle]
 ) -> None:
     """Draw one bar an estimate; its value stands on it."""
-    axes.set_ylabel(f"{ANGLES[axis]} RMSE [deg]")
+    axes.set_ylabel(f"{_ANGLES[axis]} RMSE [deg]")
     for place, (name, look) in enumerate(looks.items()):
         estimate = estimates[name]
         rows = known(recording.reference.euler_rad, estimate, (axis,)) & recording.reference.scored[estimate.index]

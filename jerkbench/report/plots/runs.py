@@ -19,10 +19,10 @@ from jerkbench.evaluation.counted_rows import (
 )
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
+    BAND_COLOUR,
     MEASURED,
     OUTAGE,
     REFERENCE,
-    SIGMAS,
     Palette,
     coinciding,
     end_with,
@@ -37,7 +37,7 @@ from jerkbench.report.plots.style import (
 )
 from jerkbench.report.table_model import number
 
-LOGARITHMIC_FROM = 30.0
+_LOGARITHMIC_FROM = 30.0
 """The error's axis is logarithmic where the largest error is so many times the best filter's median."""
 
 BAND = "±3σ"  # noqa: RUF001 - sigma is the sign of a standard deviation
@@ -85,7 +85,7 @@ def error_figure(
             label = f"{' = '.join(names)}: {', '.join(rmses)}"
             order = 3 - 0.01 * place  # the first on top
             top.plot(*curve, **looks[names[0]].stroke, linewidth=1.0, label=label, zorder=order)
-        if _spread(norms) > LOGARITHMIC_FROM:
+        if _spread(norms) > _LOGARITHMIC_FROM:
             lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
             top.set_yscale("log")
             top.set_ylim(bottom=0.5 * min(lowest))
@@ -127,7 +127,7 @@ def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int, 
     with np.errstate(invalid="ignore"):
         three_sigma = 3 * np.sqrt(estimate.covariance[:, axis, axis])
     edge_s, edge = thinned(t_s, three_sigma)
-    axes.fill_between(edge_s, -edge, edge, color=SIGMAS, linewidth=0, label=BAND if axis == 0 else None)
+    axes.fill_between(edge_s, -edge, edge, color=BAND_COLOUR, linewidth=0, label=BAND if axis == 0 else None)
     axes.plot(*thinned(t_s, error), color=colour, linewidth=0.9)
     axes.set_ylabel(f"{('East', 'North', 'Up')[axis]} error [m]")
     seen = [1.3 * np.abs(error[~np.isnan(error)]).max(initial=0.0)]

@@ -22,7 +22,7 @@ OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 REFERENCE = "black"
 MEASURED = "#9A9A9A"
 OUTAGE = "#F0C27B"
-SIGMAS = "#D3DEE8"
+BAND_COLOUR = "#D3DEE8"
 """Bands of what a filter claims, or of a consistent one; no filter has this colour."""
 
 DOTS_PER_INCH = 150
@@ -164,7 +164,7 @@ HATCHES = ("", "////", "....", "xxxx", "----", "\\\\\\\\")
 PLAIN = "none"
 """The adaptation that has the full line, wherever it stands."""
 
-POINTS = 0.5
+_POINTS = 0.5
 """Lengths of dashes in a figure, for one pixel of the page, in line widths."""
 
 BETWEEN = re.compile(r", *(?![^()]*\))")
@@ -190,7 +190,7 @@ class MethodStyle(NamedTuple):
     @property
     def stroke(self) -> dict[str, Any]:
         """Colour and line style as matplotlib takes them."""
-        dashes = (0.0, tuple(POINTS * length for length in self.dash)) if self.dash else "-"
+        dashes = (0.0, tuple(_POINTS * length for length in self.dash)) if self.dash else "-"
         return {"color": self.colour, "linestyle": dashes}
 
 
@@ -248,14 +248,14 @@ def _place(labels: tuple[str, ...], label: str) -> int:
 
 # Curves over time: thinned to what a pixel shows, those that coincide found.
 
-COLUMNS = 1000
+_COLUMNS = 1000
 """Pixels of a figure's width; of each the lowest and the highest value are kept."""
 
 COINCIDE = 0.01
 """Curves that are nowhere further apart than this share of the larger one are one line for the eye."""
 
 
-def thinned(t_s: FloatArray, values: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:
+def thinned(t_s: FloatArray, values: FloatArray, columns: int = _COLUMNS) -> tuple[FloatArray, FloatArray]:
     """Return times and values of a curve with at most two points a column: the lowest and the highest.
 
     A value that is not known ends the line, and stays. What is short enough is returned as it is.

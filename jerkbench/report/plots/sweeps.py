@@ -121,7 +121,7 @@ def _draw_means(
 
 # The figure of a search: the profile of each parameter, the map of two of them, the budget's curve.
 
-COLUMNS = 3
+_COLUMNS = 3
 
 
 class Profile(NamedTuple):
@@ -165,9 +165,9 @@ def search_figure(
 ) -> Figure:
     """Draw one panel for each parameter with the losses (n,) of all trials, the map, and the curve of the budget."""
     count = len(profiles) + (most is not None) + 1
-    rows = -(-count // COLUMNS)
-    figure = new_figure(2.7 * rows, 3.3 * min(count, COLUMNS))
-    axes = list(np.ravel(figure.subplots(rows, min(count, COLUMNS), squeeze=False)))
+    rows = -(-count // _COLUMNS)
+    figure = new_figure(2.7 * rows, 3.3 * min(count, _COLUMNS))
+    axes = list(np.ravel(figure.subplots(rows, min(count, _COLUMNS), squeeze=False)))
     for panel, profile in zip(axes, profiles, strict=False):
         _draw_profile(panel, profile, losses)
     _draw_curve(axes[len(profiles)], curve)

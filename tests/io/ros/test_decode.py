@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bag_maker import ROS1, ROS2, START_NS, fix, imu, odometry
-from jerkbench.io.bag_decode import BLOCKS, LAYOUTS, STRING, decode, decode_each, decode_grid
+from jerkbench.io.bag_decode import _STRING, BLOCKS, LAYOUTS, decode, decode_each, decode_grid
 
 
 def serialised(store, make, count, **changing):
@@ -29,7 +29,7 @@ def an_odometry(store, ns, draw, frame="odom", child="base"):
 
 
 def fields(msgtype):
-    names = [part.name for part in LAYOUTS[msgtype] if part.code != STRING]
+    names = [part.name for part in LAYOUTS[msgtype] if part.code != _STRING]
     return names + [block for block, (whole, _) in BLOCKS.items() if whole in names]
 
 
