@@ -128,6 +128,12 @@ class RecordedRun:
         return with_r_scale(self.reported, self.r_scale)
 
 
+SUMS = 16
+"""Sums that a run adds up, the first twelve parts of `Streamed`: each has a place in the array of them."""
+POSITION_SQUARES, VELOCITY_SQUARES = 0, 3
+WHOLE, OUTAGE, LARGEST, FARTHEST, NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(6, SUMS)
+
+
 class Streamed(NamedTuple):
     """Sums over a run, of squares where nothing else is said, and what its updates saw.
 
@@ -166,3 +172,11 @@ class Streamed(NamedTuple):
     marked_m2: FloatArray
     updates: Updates
     euler_rad: FloatArray | None = None
+
+    @classmethod
+    def of(
+        cls, sums: FloatArray, marked: FloatArray, updates: Updates, euler_rad: FloatArray | None = None
+    ) -> "Streamed":
+        """Return these from ``sums`` (SUMS,) and ``marked`` (j, 9), error and covariance at the marks."""
+        squares, numbers = sums[:WHOLE], sums[WHOLE:].tolist()
+        return cls._make([squares[:3], squares[3:], *numbers, marked[:, :3], marked[:, 3:], updates, euler_rad])

@@ -193,12 +193,13 @@ def anywhere(_typing: Any, flag: Any) -> Any:  # noqa: ANN401 - as above
 
     def generate(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
         """Write it in LLVM."""
-        width = sig.args[0].width
-        above = builder.fcmp_ordered(">", args[0], ir.Constant(llvm_vector(width), [0.0] * width))
-        bits = builder.bitcast(above, ir.IntType(width))
-        return builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(width), 0))
+        above = builder.fcmp_ordered(">", args[0], ir.Constant(args[0].type, None))
+        if sig.args[0] == types.float64:
+            return above
+        bits = ir.IntType(sig.args[0].width)
+        return builder.icmp_unsigned("!=", builder.bitcast(above, bits), bits(0))
 
-    return (types.boolean(flag), generate) if isinstance(flag, Vector) else None
+    return (types.boolean(flag), generate) if isinstance(flag, Vector | types.Float) else None
 
 
 def turned(builder: Any, rows: Any) -> Any:  # noqa: ANN401 - as above

@@ -9,6 +9,7 @@ import numpy as np
 from jerkbench.arrays import WIDE, FloatCube, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes, View, fields_of
+from jerkbench.sums import NEES, SUMS
 
 SIX, MATRIX = 8, 40
 """Six numbers, and 36, with room up to the next whole eight."""
@@ -33,7 +34,7 @@ class Steps(NamedTuple):
         u: (samples, 3, W).
         z: (m, 6, W) measurements, NaN where there is none.
         R: (m, 36, W) what the adaptation gets; or no row where that is what it is told.
-        reported: (m, 36, W) what the receiver reported.
+        reported: (m, 36, W) what the receiver reported; (m, 12, W) of each row those of its axis, where that is all.
         told: (3, WIDTH) factors on that of position and of velocity, and the least variance; of one run none.
         x0: (6, WIDTH) position and velocity at the start.
         P0: (36, WIDTH) their covariance.
@@ -246,16 +247,8 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "own": (),  # 1 where this update has a gain of its own, which then stands in Z
     "due": (),  # above 0 where an update has a row
     "e": (6,),  # error of position and velocity
-    "square": (),  # of the position error
+    "sums": (SUMS,),  # of the whole run: `jerkbench.sums`
 }
-
-TOTALS: dict[str, tuple[int, ...]] = {
-    "position": (3,),
-    "velocity": (3,),
-    **dict.fromkeys(("whole", "outage", "largest", "farthest", "nees", "nees_position"), ()),
-    **dict.fromkeys(("nis", "updates", "nis_used", "updates_used"), ()),
-}
-"""What is summed up over a run; largest and farthest are maxima of squares."""
 
 
 @cache
@@ -267,13 +260,17 @@ def run_type(n: int, width: int, **sizes: int) -> Lanes:
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
     """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
     n = -(-s // 3)
-    shapes = {**_SHAPES, **TOTALS, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
+    shapes = {**_SHAPES, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
-    return Lanes({**run.fields, "over_D": over_D}, {**run.sizes, "seen": SEEN, "marked": MARKED, **sizes}, width)
+    return Lanes(
+        {**run.fields, "over_D": over_D},
+        {**run.sizes, "seen": SEEN, "marked": MARKED, "errors": NEES, "related": 6, **sizes},
+        width,
+    )
 
 
 def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -> Lanes:

@@ -15,8 +15,8 @@ for two states of the first kind, two of the second, and one of each. Rounding i
 `jerkbench.kalman`. A loop over what one row or state has to do with takes each STRIDE-th: all, or those of its axis.
 """
 
-from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Lanes, View, lane, room
+from jerkbench.compilation.vectors import anywhere, chosen
+from jerkbench.compilation.views import Lanes, View, room
 from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING, SYMMETRIC
 from jerkbench.kinematic.arguments import STRIDE
 from jerkbench.kinematic.predict import mirror
@@ -199,10 +199,8 @@ def _may_be_rounding(run: Lanes, taken_from: View) -> bool:
     for s in range(run.s):
         doubt += chosen(run.P[s, s], factor * taken_from[s], 0.0, 1.0)
     run.doubt = chosen(run.lost, 0.0, 0.0, doubt)
-    total = 0.0
-    for k in range(run.width):
-        total += lane(run, k).doubt
-    return total > 0.0
+    some: bool = anywhere(run.doubt)
+    return some
 
 
 def _widen(run: Lanes, taken_from: View) -> None:
@@ -249,16 +247,12 @@ def _eliminate(C: View, first: int, s: int, lost: float) -> float:
 
 def correct_by_gains(run: Lanes, states: int) -> None:
     """Update the runs that have an ``own`` gain by it, with the prior and the adapted R; all others as usual."""
-    owners = plain = 0.0
-    for k in range(run.width):
-        owners += lane(run, k).own
-        plain += 1.0 - lane(run, k).own
-    if owners == 0.0:
+    if not anywhere(run.own):
         correct(run, states)
         return
     x, P, own = room(run, "s"), room(run, "s s"), run.own
     lost = run.lost + _own_update(run, x, P)
-    if plain > 0.0:
+    if anywhere(1.0 - own):
         correct(run, states)
     run.lost = chosen(own, 0.0, lost, run.lost)
     for s in range(run.s):

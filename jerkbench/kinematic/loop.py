@@ -6,8 +6,8 @@ from typing import Any
 
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
-from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Lanes, View, ask_for, copy, lane, room, row, runs_in, shared_row, taken
+from jerkbench.compilation.vectors import anywhere, chosen
+from jerkbench.compilation.views import Lanes, View, ask_for, copy, room, row, runs_in, shared_row, taken
 from jerkbench.kinematic.adapt import adapt_runs, find_gains
 from jerkbench.kinematic.adapt_lanes import adapt_lanes, find_gains_of_lanes
 from jerkbench.kinematic.arguments import (
@@ -41,54 +41,60 @@ from jerkbench.kinematic.predict import (
     predict,
     predict_covariance,
     predict_measured,
+    predict_state,
     show_transition,
 )
-
-
-def compare_later(run: Lanes, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
-    """The same as `keep` where the covariance is predicted later, and no state is kept."""
-    kept.reference[k] = reference
-    if scored.truth.shape[2] > 1:
-        ask_for(row(scored.truth, k + AHEAD, run, "6"))
-    P = room(run, "6 6")
-    if scored.consistency:
-        predict_measured(run, P)
-    compare(run, P, scored, kept.errors, k)
+from jerkbench.sums import (
+    FARTHEST,
+    LARGEST,
+    NEES,
+    NEES_POSITION,
+    NIS,
+    NIS_USED,
+    OUTAGE,
+    POSITION_SQUARES,
+    UPDATES,
+    UPDATES_USED,
+    VELOCITY_SQUARES,
+    WHOLE,
+)
 
 
 def compare(run: Lanes, P: View, scored: TruthRows, errors: FloatArray, k: int) -> None:
     """Score the state with row ``k`` of the reference; P (6, 6) is the covariance of position and velocity."""
-    add_row(run, P, scored, k)
-    if scored.mark[k] >= 0:
-        marked = row(errors, scored.mark[k], run, "marked")
-        for i in range(3):
-            marked[i] = run.e[i]
-        if scored.consistency:
+    add_errors(run, run.x, run.e, run.sums, scored, errors, k)
+    if scored.consistency:
+        add_nees(run, P, scored.weights[k])
+        if scored.mark[k] >= 0:
+            marked = row(errors, scored.mark[k], run, "marked")
             marked[3], marked[4], marked[5] = P[0, 0], P[0, 1], P[0, 2]
             marked[6], marked[7], marked[8] = P[1, 1], P[1, 2], P[2, 2]
-    if len(scored.outage) > 0:
-        run.outage += taken(scored.outage, k, run, "1")[0] * run.square
 
 
-def add_row(run: Lanes, P: View, scored: TruthRows, k: int) -> None:
-    """Add the errors of the state to the sums."""
+def add_errors(run: Lanes, x: View, e: View, sums: View, scored: TruthRows, errors: FloatArray, k: int) -> None:
+    """Make e = x - truth of position and velocity, add its squares to the ``sums``, and keep it where that is asked."""
+    if scored.truth.shape[2] > 1:
+        ask_for(row(scored.truth, k + AHEAD, run, "6"))
     truth, weights = taken(scored.truth, k, run, "6"), scored.weights[k]
     counted, whole, moving = weights[0], weights[1], weights[2]  # in the order of `arguments.WEIGHTS`
     for s in range(6):
-        run.e[s] = run.x[s] - truth[s]
+        e[s] = x[s] - truth[s]
     for i in range(3):
-        run.position[i] += counted * (run.e[i] * run.e[i])
-        run.velocity[i] += moving * (run.e[3 + i] * run.e[3 + i])
-    square = run.e[0] * run.e[0] + run.e[1] * run.e[1] + run.e[2] * run.e[2]
-    run.square = square
-    run.whole += whole * square
-    run.farthest = chosen(square, run.farthest, square, run.farthest)
-    run.largest = chosen(counted * square, run.largest, square, run.largest)
-    if scored.consistency:
-        _add_nees(run, P, counted, weights[3])
+        sums[POSITION_SQUARES + i] += counted * (e[i] * e[i])
+        sums[VELOCITY_SQUARES + i] += moving * (e[3 + i] * e[3 + i])
+    square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
+    sums[WHOLE] += whole * square
+    sums[FARTHEST] = chosen(square, sums[FARTHEST], square, sums[FARTHEST])
+    sums[LARGEST] = chosen(counted * square, sums[LARGEST], square, sums[LARGEST])
+    if len(scored.outage) > 0:
+        sums[OUTAGE] += taken(scored.outage, k, run, "1")[0] * square
+    if scored.mark[k] >= 0:
+        marked = row(errors, scored.mark[k], run, "marked")
+        for i in range(3):
+            marked[i] = e[i]
 
 
-def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
+def add_nees(run: Lanes, P: View, weights: FloatArray) -> None:
     """Add e' P^-1 e of position, and of position and velocity, by elimination."""
     C, e, total = room(run, "6 6"), room(run, "6"), run.zero
     for r in range(6):
@@ -107,8 +113,8 @@ def _add_nees(run: Lanes, P: View, counted: float, both: float) -> None:
             for j in range(r, 6):
                 C[r, j] -= factor * C[c, j]
         if c == 2:
-            run.nees_position += counted * total
-    run.nees += both * total
+            run.sums[NEES_POSITION] += weights[0] * total
+    run.sums[NEES] += weights[3] * total
 
 
 # An update: what was measured, what the adaptation makes of it, what is kept of it, and how it counts.
@@ -126,9 +132,7 @@ def update(
     states: int,
 ) -> None:
     """Take row ``which`` of the measurements, the ``place``-th update, of filters with so many ``states``."""
-    seen = seen_of(run, kept, place)
-    kept.which[place] = which
-    nis = expect(run, steps, rules, exchange, seen, which)
+    nis = expect(run, steps, rules, kept, exchange, which, place)
     if DENSE == 1:
         run.own = run.zero
         if ASKED == AT_ONCE:
@@ -140,7 +144,7 @@ def update(
     else:
         correct(run, states)
     check_definite(run)
-    finish(run, seen, scored, which, nis)
+    finish(run, scored, kept, which, place, nis)
 
 
 def seen_of(run: Lanes, kept: Kept, place: int) -> View:
@@ -149,20 +153,23 @@ def seen_of(run: Lanes, kept: Kept, place: int) -> View:
     return seen
 
 
-def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: View, which: int) -> float:
+def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchange, which: int, place: int) -> float:
     """Fill innovation and adapted R; return y' S^-1 y with it."""
-    complete = _innovate(run, taken(steps.z, which, run, "6"), steps.z, which)
-    _take_covariance(run, taken(steps.reported, which, run, "6 6"), complete)
+    seen = seen_of(run, kept, place)
+    kept.which[place] = which
+    complete = _innovate(run, taken(steps.z, which, run, "6"))
+    _take_covariance(run, taken(steps.reported, which, run, "6 related"), complete)
     if run.width > 1:
         _scale(run, row(steps.told, 0, run, "3"))
         if steps.reported.shape[2] > 1:
-            ask_for(row(steps.reported, which + 1, run, "6 6"))
+            ask_for(row(steps.reported, which + 1, run, "6 related"))
+            ask_for(row(steps.z, which + 1, run, "6"))
     nis = mahalanobis(run)
-    seen[0], seen[1], seen[16] = _rows_used(run), nis, determinant(run)
-    for r in range(6):
-        seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
+    seen[0], seen[1] = _rows_used(run), nis
+    if len(kept.seen) == len(steps.z):
+        _keep_innovation(run, seen)
     if len(steps.R) > 0:
-        _take_covariance(run, taken(steps.R, which, run, "6 6"), complete)
+        _take_covariance(run, taken(steps.R, which, run, "6 related"), complete)
     same = False
     if ASKED == AT_ONCE:
         adapt_lanes(run, exchange.rows, rules, complete)
@@ -172,11 +179,18 @@ def expect(run: Lanes, steps: Steps, rules: Rules, exchange: Exchange, seen: Vie
             run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
     else:
         same = adapt_runs(run, exchange, rules, complete)
-    if STRIDE > 1:
+    if STRIDE > 1 and ASKED != NEVER:
         note_coupling(run)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
+
+
+def _keep_innovation(run: Lanes, seen: View) -> None:
+    """Keep y, NaN where there is none, and det S with the reported R."""
+    seen[16] = determinant(run)
+    for r in range(6):
+        seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
 
 
 def note_coupling(run: Lanes) -> None:
@@ -187,22 +201,21 @@ def note_coupling(run: Lanes) -> None:
                 run.coupled += chosen(run.R[r, c] * run.R[r, c], 0.0, 1.0, 0.0)
 
 
-def _innovate(run: Lanes, z: View, numbers: FloatArray, which: int) -> bool:
+def _innovate(run: Lanes, z: View) -> bool:
     """Make y = z - H x; return whether all rows of all runs are there."""
-    absent = 0.0
+    absent = run.zero
     for r in range(6):
         run.used[r] = chosen(1.0, z[r] * 0.0, 1.0, 0.0)
         run.y[r] = chosen(run.used[r], 0.0, z[r] - run.x[r], 0.0)
-        for k in range(numbers.shape[2]):
-            absent += numbers[which, r, k] * 0.0
-    return absent == 0.0
+        absent += 1.0 - run.used[r]
+    return not anywhere(absent)
 
 
 def _take_covariance(run: Lanes, R: View, complete: bool) -> None:
     """Take R, 0 where a row is not there."""
     for r in range(6):
         for c in range(r % STRIDE, 6, STRIDE):
-            run.R[r, c] = R[r, c]
+            run.R[r, c] = R[r, c // STRIDE]
     if not complete:
         clear_absent(run)
 
@@ -223,18 +236,19 @@ def clear_absent(run: Lanes) -> None:
             run.R[r, c] = chosen(run.used[r] * run.used[c], 0.0, run.R[r, c], 0.0)
 
 
-def finish(run: Lanes, seen: View, scored: TruthRows, which: int, nis: float) -> None:
+def finish(run: Lanes, scored: TruthRows, kept: Kept, which: int, place: int, nis: float) -> None:
     """Keep what the adapted R made of it, and count the update."""
+    seen = seen_of(run, kept, place)
     seen[2] = _rows_used(run)
     seen[3] = chosen(seen[2], 0.0, nis, NAN)
     for r in range(6):
         seen[10 + r] = run.variance[r]
     if len(scored.counts) > 0:
         counts = taken(scored.counts, which, run, "1")[0]
-        run.nis += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
-        run.updates += chosen(seen[0], 0.0, counts, 0.0)
-        run.nis_used += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
-        run.updates_used += chosen(seen[2], 0.0, counts, 0.0)
+        run.sums[NIS] += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
+        run.sums[UPDATES] += chosen(seen[0], 0.0, counts, 0.0)
+        run.sums[NIS_USED] += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
+        run.sums[UPDATES_USED] += chosen(seen[2], 0.0, counts, 0.0)
 
 
 def _rows_used(run: Lanes) -> float:
@@ -248,7 +262,7 @@ def _rows_used(run: Lanes) -> float:
 
 ModelArrays = tuple[FloatArray, FloatArray, FloatArray]
 
-AHEAD = 64
+AHEAD = 40
 """So many rows before it is needed the memory is asked for it: about ten microseconds."""
 
 
@@ -276,8 +290,12 @@ def run_steps(
     how = way_of(model)
     if run.width > 1 and how == TRIANGULAR:  # P is read by updates, and seldom by the score
         how = LATER if scored.consistency else AT_UPDATES
-    for k in range(len(steps.model)):
-        move(run, steps, model, how, k)
+    k = 0
+    while k < len(steps.model):
+        if run.width > 1 and how == AT_UPDATES:
+            k, reached = coast(run, steps, scored, model, kept, k, reached)
+        else:
+            move(run, steps, model, how, k)
         if steps.update[k] >= 0:
             if how == AT_UPDATES:
                 usual = join_steps(run, model, steps, begun, k + 1, usual, all_read)
@@ -291,12 +309,58 @@ def run_steps(
             if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
-            if how >= LATER:
-                compare_later(run, scored, kept, steps.reference[k], reached)
-            else:
-                keep(run, scored, kept, steps.reference[k], reached)
+            keep(run, scored, kept, steps.reference[k], reached, later=how >= LATER)
             reached += 1
+        k += 1
     return reached, updates
+
+
+def coast(
+    run: Lanes, steps: Steps, scored: TruthRows, model: Model, kept: Kept, k: int, reached: int
+) -> tuple[int, int]:
+    """Move the states from step ``k`` on, and score them, up to a step with an update, or the last: moved, not scored.
+
+    Until then nothing depends on the covariance, so state and sums stay in the registers.
+
+    Returns:
+        That step, and how many stamps of the reference were visited before it.
+    """
+    x, e, sums = room(run, "s"), room(run, "6"), room(run, "errors")
+    for s in range(run.s):
+        x[s] = run.x[s]
+    for total in range(run.errors):
+        sums[total] = run.sums[total]
+    while True:
+        if steps.model[k] >= 0:
+            move_state(run, x, steps, model, k)
+        if steps.update[k] >= 0 or k + 1 == len(steps.model):
+            break
+        if steps.reference[k] >= 0:
+            kept.reference[reached] = steps.reference[k]
+            add_errors(run, x, e, sums, scored, kept.errors, reached)
+            reached += 1
+        k += 1
+    for s in range(run.s):
+        run.x[s] = x[s]
+    for total in range(run.errors):
+        run.sums[total] = sums[total]
+    return k, reached
+
+
+def move_state(run: Lanes, x: View, steps: Steps, model: Model, k: int) -> None:
+    """Predict the state ``x`` alone over step ``k``."""
+    ask_ahead(run, steps, k)
+    u, m = taken(steps.u, steps.sample[k], run, "3"), steps.model[k]
+    if model.A.shape[2] == 1:
+        predict_state(run, x, shared_row(model.A, m, run, "n n"), shared_row(model.b, m, run, "n"), u)
+    else:
+        predict_state(run, x, row(model.A, m, run, "n n"), row(model.b, m, run, "n"), u)
+
+
+def ask_ahead(run: Lanes, steps: Steps, k: int) -> None:
+    """Ask the memory for what is sensed some steps after ``k``; the numbers of one recording come by themselves."""
+    if steps.u.shape[2] > 1:
+        ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
 
 
 def catch_up(run: Lanes, z: View) -> bool:
@@ -312,10 +376,7 @@ def catch_up(run: Lanes, z: View) -> bool:
     if DENSE == 1:
         show_transition(run)
     predict_covariance(run)
-    k = 0
-    while k < run.width and lane(run, k).due > 0.0:
-        k += 1
-    return k == run.width
+    return not anywhere(1.0 - due)
 
 
 def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
@@ -349,36 +410,36 @@ def move_by(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> 
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
         return
+    ask_ahead(run, steps, k)
     u = taken(steps.u, steps.sample[k], run, "3")
-    if steps.u.shape[2] > 1:  # the numbers of one run, and of one recording, come by themselves
-        ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
     if run.width == 1 or A.shape[2] == 1:
         predict(run, (shared_row(A, m, run, "n n"), shared_row(b, m, run, "n"), shared_row(Q, m, run, "n n")), how, u)
     else:
         predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), how, u)
 
 
-def keep(run: Lanes, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
-    """Keep, and score, the state at the ``k``-th visited stamp of the reference."""
+def keep(run: Lanes, scored: TruthRows, kept: Kept, reference: int, k: int, later: bool = False) -> None:
+    """Keep, and score, the state at the ``k``-th visited stamp of the reference; P may be predicted ``later``."""
     kept.reference[k] = reference
+    if later:
+        P = room(run, "6 6")
+        if scored.consistency:
+            predict_measured(run, P)
+        compare(run, P, scored, kept.errors, k)
+        return
     if len(kept.x) > 0:
         x = row(kept.x, k, run, "6")
         for s in range(6):
             x[s] = run.x[s]
         copy(row(kept.P, k, run, "6 6"), run.P_measured)
     if len(scored.mark) > 0:
-        if scored.truth.shape[2] > 1:
-            ask_for(row(scored.truth, k + AHEAD, run, "6"))
         compare(run, run.P_measured, scored, kept.errors, k)
 
 
 def all_lost(run: Lanes, step: int) -> bool:
     """Note ``step`` for the runs that are lost at its end; return whether none is left."""
     run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(step), run.ended)
-    k = 0
-    while k < run.width and lane(run, k).lost > 0.0:
-        k += 1
-    return k == run.width
+    return not anywhere(chosen(run.lost, 0.0, 0.0, 1.0))
 
 
 # The compiled loop.
@@ -388,7 +449,7 @@ ALONE = (
     "predict",
     "predict_covariance",
     "predict_measured",
-    "add_row",
+    "add_nees",
     "mahalanobis",
     "correct",
     "check_definite",
@@ -439,5 +500,5 @@ def _named(
     n: int, width: int, *, dense: bool = False, asked: int = EACH, stride: int = 1
 ) -> tuple[str, dict[str, Any], tuple[str, ...]]:
     ways = f"{', dense' * dense}{ASKS[asked]}{', axis by axis' * (stride > 1)}"
-    constants = {"RUN": run_type(n, width), "DENSE": int(dense), "ASKED": asked, "STRIDE": stride}
+    constants = {"RUN": run_type(n, width, related=6 // stride), "DENSE": int(dense), "ASKED": asked, "STRIDE": stride}
     return f"the loop for {runs_of(width)} of {3 * n} states{ways}", constants, APART

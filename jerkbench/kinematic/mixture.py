@@ -18,7 +18,7 @@ from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, run_type
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
-from jerkbench.kinematic.loop import APART, all_lost, expect, finish, keep, move_by, runs_of, seen_of
+from jerkbench.kinematic.loop import APART, all_lost, expect, finish, keep, move_by, runs_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes, mirror
@@ -202,10 +202,8 @@ def update_mixture(
     states: int,
 ) -> None:
     """Adapt R by the combined prediction, update and weigh all filters, mix them."""
-    seen = seen_of(combined, kept, place)
-    kept.which[place] = which
     combine(mixing, combined)
-    nis = expect(combined, steps, rules, exchange, seen, which)
+    nis = expect(combined, steps, rules, kept, exchange, which, place)
     rows = combined.used[0]
     for r in range(1, 6):
         rows += combined.used[r]
@@ -215,7 +213,7 @@ def update_mixture(
     mix(mixing, combined, rows)
     for j in range(combined.count):
         mirror(runs_in(mixing.filters[j], RUN))
-    finish(combined, seen, scored, which, nis)
+    finish(combined, scored, kept, which, place, nis)
 
 
 def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j: int, which: int, states: int) -> None:

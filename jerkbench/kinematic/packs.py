@@ -1,7 +1,7 @@
 """What runs are made of before they begin: models of all lengths of a step, and runs of the same steps in vectors."""
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from hashlib import blake2b
 from itertools import zip_longest
@@ -96,6 +96,13 @@ class Pack:
     update_s: FloatArray
     marks: tuple[IntArray, ...]
     apart: bool
+
+
+def together(pack: Pack) -> Pack:
+    """Return the same pack for a loop in which axes have to do with each other."""
+    reported = np.zeros((len(pack.steps.z), 36, pack.steps.reported.shape[2]))
+    reported[:, OF_AXES] = pack.steps.reported
+    return replace(pack, steps=pack.steps._replace(reported=reported), apart=False)
 
 
 class Kind(NamedTuple):
@@ -194,7 +201,7 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, a
     reported, told = zip(*map(_told, lanes), strict=True)
     streams = tuple(zip(map(_Course, lanes), reported, strict=True))
     alike = tuple(dict.fromkeys(streams))
-    shared = _one_stream(alike, wants_truth) if len(alike) == 1 else _streams(streams, wants_truth)
+    shared = _one_stream(alike, wants_truth, apart) if len(alike) == 1 else _streams(streams, wants_truth, apart)
     steps = Steps(
         *shared[:8],
         _stack(told),
@@ -207,14 +214,14 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, a
     return Pack(members, timelines, steps, shared.scored, shared.lengths_s, update_s, marks, apart)
 
 
-def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_truth: bool) -> _Stacked:
+def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_truth: bool, apart: bool) -> _Stacked:
     lanes = [course.run for course, _ in streams]
     first = lanes[0].timeline
     lengths_s, model = step_lengths(first.dt_s)
     updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
     marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
-    reported = [_covariances(course.run, updated, measured.as_reported) for course, measured in streams]
-    truth = [_covariances(course.run, updated, measured.R_true) for course, measured in streams] if wants_truth else []
+    reported = [_covariances(course.run, updated, measured.as_reported, apart) for course, measured in streams]
+    truth = [_covariances(course.run, updated, m.R_true, apart) for course, m in streams] if wants_truth else []
     return _Stacked(
         model,
         first.sample.astype(np.int64),
@@ -282,6 +289,9 @@ def _measured(run: Run, updated: IntArray) -> FloatArray:
     return z
 
 
+OF_AXES = [6 * r + c for r in range(6) for c in (r % 3, r % 3 + 3)]
+"""Which elements of R are of one axis."""
+
 AS_REPORTED, FLOORED = np.array([1.0, 1.0, -np.inf]), np.array([1.0, 1.0, VARIANCE_FLOOR])
 
 
@@ -293,9 +303,10 @@ def _told(run: Run) -> tuple[Measurements, FloatArray]:
     return measured, AS_REPORTED if measured.unfloored is None else FLOORED
 
 
-def _covariances(run: Run, updated: IntArray, covariances: FloatArray) -> FloatArray:
-    """The (36,) of each update of the pack, zero where the run has none."""
+def _covariances(run: Run, updated: IntArray, covariances: FloatArray, apart: bool) -> FloatArray:
+    """The (36,) of each update of the pack, zero where the run has none; ``apart``: (12,), of each row its axis."""
     which = run.timeline.update[updated]
-    R = np.zeros((len(which), 36))
-    R[which >= 0] = covariances[which[which >= 0]].reshape(-1, 36)
+    of = covariances.reshape(-1, 36)[:, OF_AXES] if apart else covariances.reshape(-1, 36)
+    R = np.zeros((len(which), of.shape[1]))
+    R[which >= 0] = of[which[which >= 0]]
     return R

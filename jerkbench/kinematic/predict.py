@@ -17,15 +17,12 @@ step by step where it is read in between (LATER), or all at once by `join_steps`
 
 
 def predict(run: Lanes, model: AxisViews, how: int, u: View) -> None:
-    """Make x = F x + B u and P = F P F' + Q (x) I3; ``how``: ANY, TRIANGULAR, LATER or AT_UPDATES."""
+    """Make x = F x + B u and P = F P F' + Q (x) I3; ``how``: ANY, TRIANGULAR or LATER."""
     A, b = room(run, "n n"), room(run, "n")  # copies: the compiler knows that nothing overlaps
     for a in range(run.n):
         b[a] = model[1][a]
         for c in range(run.n):
             A[a, c] = model[0][a, c]
-    if how == AT_UPDATES:
-        _predict_state(run, A, b, u)
-        return
     Q = room(run, "n n")
     for a in range(run.n):
         for c in range(run.n):
@@ -33,7 +30,7 @@ def predict(run: Lanes, model: AxisViews, how: int, u: View) -> None:
     if how == ANY:
         predict_any(run, A, b, Q, u)
         return
-    _predict_state(run, A, b, u)
+    predict_state(run, run.x, A, b, u)
     if run.width == 1:
         _predict_pairs(run, A, Q)
     elif how == LATER:
@@ -42,14 +39,14 @@ def predict(run: Lanes, model: AxisViews, how: int, u: View) -> None:
         _predict_every_pair(run, A, Q)
 
 
-def _predict_state(run: Lanes, A: View, b: View, u: View) -> None:
-    """Make x = A x + b u on each axis."""
+def predict_state(run: Lanes, x: View, A: View, b: View, u: View) -> None:
+    """Make x = A x + b u on each axis; A is upper triangular with ones on its diagonal."""
     for i in range(3):
         for a in range(run.n):
-            moved = run.x[3 * a + i] + b[a] * u[i]
+            moved = x[3 * a + i] + b[a] * u[i]
             for c in range(a + 1, run.n):
-                moved += A[a, c] * run.x[3 * c + i]
-            run.x[3 * a + i] = moved
+                moved += A[a, c] * x[3 * c + i]
+            x[3 * a + i] = moved
 
 
 def _join(run: Lanes, A: View, Q: View) -> None:

@@ -4,7 +4,6 @@ import math
 import sys
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any, Final
 
@@ -16,11 +15,11 @@ from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate, Updates
-from jerkbench.kinematic.arguments import MARKED, SEEN, TOTALS, Kept, Steps, TruthRows, exchange_for, run_type
+from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Steps, TruthRows, exchange_for, run_type
 from jerkbench.kinematic.loop import loop_for
-from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs
+from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs, together
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.sums import Run, Streamed
+from jerkbench.sums import SUMS, Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
 NO_ROWS = np.empty((0, 6, 1))
@@ -195,7 +194,7 @@ def run_packs(
             loop(pack.steps, pack.scored, own, rule, kept, exchange_for(of.sizes["n"], WIDE), *more)
             coupled = kept.w[of.fields["coupled"].places[0] :].tolist()
             if pack.apart and any(coupled[:WIDE]):
-                run_pack(replace(pack, apart=False))
+                run_pack(together(pack))
             found = zip(pack.members, _results_of(pack, kept, of, updates=updates), coupled, strict=False)
             for place, result, again in found:
                 if not again:
@@ -237,19 +236,18 @@ def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
 def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Streamed | None]:
     """The sums of each member of a pack; None where they are not finite, or the run is lost."""
     w = kept.w.reshape(-1, WIDE)
-    totals = w[[place // WIDE for name in TOTALS for place in of.fields[name].places]]
-    healthy = np.isfinite(totals).all(axis=0) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
-    sums, squares = totals[6:].T.tolist(), totals[:6].T.copy()
+    first = of.fields["sums"].places[0] // WIDE
+    sums = w[first : first + SUMS].T.copy()
+    healthy = np.isfinite(sums).all(axis=1) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
     return [
-        _result(pack, kept, squares[lane], sums[lane], lane, updates=updates) if well else None
+        _result(pack, kept, sums[lane], lane, updates=updates) if well else None
         for lane, well in enumerate(healthy[: len(pack.members)].tolist())
     ]
 
 
-def _result(pack: Pack, kept: Kept, squares: FloatArray, sums: list[float], lane: int, *, updates: bool) -> Streamed:
-    errors = kept.errors[pack.marks[lane], :, lane]
+def _result(pack: Pack, kept: Kept, sums: FloatArray, lane: int, *, updates: bool) -> Streamed:
     seen = _updates(pack, kept.seen, lane) if updates else _NOTHING
-    result = Streamed._make([squares[:3], squares[3:], *sums, errors[:, :3], errors[:, 3:], seen, None])
+    result = Streamed.of(sums, kept.errors[pack.marks[lane], :, lane], seen)
     return result if pack.scored.consistency else result._replace(nees=math.nan, nees_position=math.nan)
 
 

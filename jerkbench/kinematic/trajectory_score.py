@@ -13,11 +13,23 @@ from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.estimate import Estimate
-from jerkbench.sums import ErrorWeights, Streamed
-
-EAST, NORTH, UP, VEAST, VNORTH, VUP, WHOLE, OUTAGE, LARGEST, FARTHEST = range(10)
-NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(10, 16)
-"""Places of the sums; LARGEST and FARTHEST are maxima of squares."""
+from jerkbench.sums import (
+    FARTHEST,
+    LARGEST,
+    NEES,
+    NEES_POSITION,
+    NIS,
+    NIS_USED,
+    OUTAGE,
+    POSITION_SQUARES,
+    SUMS,
+    UPDATES,
+    UPDATES_USED,
+    VELOCITY_SQUARES,
+    WHOLE,
+    ErrorWeights,
+    Streamed,
+)
 
 
 class TrajectoryScore(NamedTuple):
@@ -32,7 +44,7 @@ class TrajectoryScore(NamedTuple):
         mark: (k,) row of ``errors``, or -1.
         errors: (marks, 9) position errors, and the upper triangle of their covariance.
         counts: (rows of z,) 1 where an update counts, else 0.
-        totals: (16,) the sums.
+        totals: (SUMS,) the sums.
         room: (42,) for an elimination.
     """
 
@@ -55,7 +67,7 @@ def _score_of(scoring: ErrorWeights, update_s: FloatArray) -> TrajectoryScore:
     mark[marks] = np.arange(len(marks))
     weights = map(_plain, (scoring.truth, scoring.counted, scoring.whole, scoring.moving, scoring.outage))
     counts = (update_s >= scoring.start_s).astype(np.float64)
-    return TrajectoryScore._make([*weights, mark, np.zeros((len(marks), 9)), counts, np.zeros(16), np.zeros(42)])
+    return TrajectoryScore._make([*weights, mark, np.zeros((len(marks), 9)), counts, np.zeros(SUMS), np.zeros(42)])
 
 
 def _plain(array: FloatArray) -> FloatArray:
@@ -70,11 +82,8 @@ def scored_trajectory(estimate: Estimate, scoring: ErrorWeights) -> Streamed:
     score, x = _score_of(scoring, updates.t_s), np.hstack([estimate.position_m, estimate.velocity_mps])
     with np.errstate(all="ignore"):
         _compiled()(score, x, _plain(estimate.covariance.reshape(-1, 36)), seen)
-    totals = score.totals
     marked = score.errors[np.searchsorted(np.unique(scoring.marks), scoring.marks)]
-    sums = totals[6:].tolist()
-    parts = totals[:3], totals[3:6], *sums, marked[:, :3], marked[:, 3:], updates, estimate.euler_rad
-    return Streamed._make(parts)
+    return Streamed.of(score.totals, marked, updates, estimate.euler_rad)
 
 
 @cache
@@ -109,11 +118,11 @@ def _add_squares(score: TrajectoryScore, row: int, square: float) -> None:
     t[FARTHEST] = _larger(t[FARTHEST], square)
     if score.counted[row] > 0.0:
         for i in range(3):
-            t[EAST + i] += e[36 + i] * e[36 + i]
+            t[POSITION_SQUARES + i] += e[36 + i] * e[36 + i]
         t[LARGEST] = _larger(t[LARGEST], square)
     if score.moving[row] > 0.0:
         for i in range(3):
-            t[VEAST + i] += e[39 + i] * e[39 + i]
+            t[VELOCITY_SQUARES + i] += e[39 + i] * e[39 + i]
     if score.whole[row] > 0.0:
         t[WHOLE] += square
     if score.outage[row] > 0.0:
