@@ -269,7 +269,7 @@ shared_row: Callable[..., Any] = _row(shared=True)
 
 @intrinsic(prefer_literal=True)
 def taken(_typing: Untyped, array: Untyped, k: Untyped, run: Untyped, dims: Untyped) -> Untyped:
-    """``taken(array, k, run, "6")``: the k-th matrix, to read until the function returns; a shared number is repeated."""
+    """``taken(array, k, run, "6")``: a matrix to read until the function returns; what is shared is repeated."""
     view = _regular(run, dims, run.width)
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:

@@ -166,7 +166,7 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
             ask_for(row(steps.z, which + 1, run, "6"))
     nis = mahalanobis(run)
     seen[0], seen[1] = _rows_used(run), nis
-    if len(kept.seen) == len(steps.z):
+    if len(kept.seen) == len(kept.which):
         _keep_innovation(run, seen)
     if len(steps.R) > 0:
         _take_covariance(run, taken(steps.R, which, run, "6 related"), complete)

@@ -134,16 +134,21 @@ def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     ]
 
 
+SPARE = 2
+"""So many lanes may stay empty: to stack other recordings takes longer."""
+
+
 def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]]:
-    """The places by WIDE: as many as there are of one recording, which they share, then what is left of each.
+    """The places by WIDE: vectors of one recording, which their lanes share, then what is left of each recording.
 
     Of WIDE recordings one each, so that the next ones meet the same in the same lanes, whose streams are stacked then.
     """
     of_course: dict[_Course, list[int]] = {}
     for place in places:
         of_course.setdefault(_Course(runs[place]), []).append(place)
-    whole = [own[: len(own) - len(own) % WIDE] for own in of_course.values()]
-    left = [tail for own in of_course.values() if (tail := own[len(own) - len(own) % WIDE :])]
+    cut = [(own, len(own) if -len(own) % WIDE <= SPARE else len(own) // WIDE * WIDE) for own in of_course.values()]
+    whole = [own[:end] for own, end in cut]
+    left = [own[end:] for own, end in cut if end < len(own)]
     rest: list[int] = []
     for some in (left[k : k + WIDE] for k in range(0, len(left), WIDE)):
         lanes = zip_longest(*some) if len(some) == WIDE else some
@@ -238,8 +243,8 @@ def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_tr
     )
 
 
-_streams = lru_cache(maxsize=8)(_stacked_streams)  # some 15 MB each
-_one_stream = lru_cache(maxsize=64)(_stacked_streams)  # less than 2 MB each
+_streams = lru_cache(maxsize=16)(_stacked_streams)  # some 10 MB each
+_one_stream = lru_cache(maxsize=128)(_stacked_streams)  # a tenth of that
 
 
 def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> TruthRows:
