@@ -90,7 +90,7 @@ class Passage(NamedTuple):
 
     def state(self, start: NavigationState, k: int) -> NavigationState:
         """The state at the end of step k; what is known of the sensors is that of the start."""
-        return start._replace(position_m=self.position_m[k], velocity_mps=self.velocity_mps[k], dcm=self.dcm[k])
+        return NavigationState(self.position_m[k], self.velocity_mps[k], self.dcm[k], *start[3:])
 
 
 def calibrated(state: NavigationState, accel_mps2: FloatArray, gyro_radps: FloatArray) -> tuple[FloatArray, FloatArray]:

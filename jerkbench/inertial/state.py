@@ -101,7 +101,7 @@ class ErrorLayout(NamedTuple):
 
     def extra_errors(self, dx: FloatArray) -> dict[str, Any]:
         """The errors of the estimated ones of `EXTRA_PARTS` in dx (n,), each in the shape of its part."""
-        blocks = self.blocks
+        blocks = self.blocks if self.extra else {}  # mostly none: the unscented filter asks for every sigma point
         return {name: dx[blocks[name]].reshape(EXTRA_PARTS[name], order="F")[()] for name in self.extra}
 
 
