@@ -16,7 +16,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import chosen
 from jerkbench.compilation.views import Lanes, View, lane, room, row
-from jerkbench.inertial.state import ACCEL, ACCEL_MATRIX, ATTITUDE, GYRO, GYRO_MATRIX, POSITION, STATES, VELOCITY
+from jerkbench.inertial.state import ACCEL, ATTITUDE, GYRO, POSITION, STATES, VELOCITY
 from jerkbench.inertial.strapdown import congruence, fill_by_factors, fill_turn, multiply, multiply_transposed
 from jerkbench.kinematic.correction import correct, mahalanobis
 from jerkbench.recording import GRAVITY_MPS2
@@ -35,7 +35,7 @@ def observe(run: Lanes, arm: View, velocity_arm: View, frame: View) -> None:
     swing, v, in_enu = room(run, "3"), room(run, "3"), room(run, "3")
     swing[0], swing[1], swing[2] = w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0]
     for i in range(3):
-        v[i] = run.x[3 + i]
+        v[i] = run.x[VELOCITY + i]
         in_enu[i] = C[i, 0] * swing[0] + C[i, 1] * swing[1] + C[i, 2] * swing[2]  # C (w x l)
         run.arm[i] = C[i, 0] * arm[0] + C[i, 1] * arm[1] + C[i, 2] * arm[2]
         run.x[i] += run.arm[i]
@@ -45,13 +45,13 @@ def observe(run: Lanes, arm: View, velocity_arm: View, frame: View) -> None:
     _fill_skew(skewed, v)
     multiply_transposed(C, skewed, tilted)  # C' [v]
     _fill_skew(skewed, in_enu)
-    body, scale = frame[0], 1.0 + frame[1] * run.wheel
+    body, scale = frame[0], 1.0 + frame[1] * run.wheel_scale
     for i in range(3):
         along = C[0, i] * v[0] + C[1, i] * v[1] + C[2, i] * v[2] + swing[i]  # C' v + w x l
         shown = scale if i == 0 else run.zero + 1.0
         if i == 0:
             run.wheel_slope = frame[1] * along
-        run.x[3 + i] = chosen(body, 0.5, shown * along, v[i] + in_enu[i])
+        run.x[VELOCITY + i] = chosen(body, 0.5, shown * along, v[i] + in_enu[i])
         for j in range(3):
             same = 1.0 if i == j else 0.0
             run.of_velocity[i, j] = chosen(body, 0.5, shown * C[j, i], same)
@@ -117,14 +117,14 @@ def _fill_others(other: View, c: View, run: Lanes) -> None:
     B, D, g = run.of_attitude, run.of_gyro, room(run, "3")
     for i in range(3):
         g[i] = c[GYRO + i]
-        if run.deformed == 1:
+        if run.at_gyro_matrix > 0:
             for j in range(3):
-                g[i] += run.rate[j] * c[GYRO_MATRIX + 3 * j + i]
+                g[i] += run.rate[j] * c[run.at_gyro_matrix + 3 * j + i]
     for i in range(3):
         by_attitude = B[i, 0] * c[ATTITUDE] + B[i, 1] * c[ATTITUDE + 1] + B[i, 2] * c[ATTITUDE + 2]
         other[i] = by_attitude + (D[i, 0] * g[0] + D[i, 1] * g[1] + D[i, 2] * g[2])
-    if run.wheeled == 1:
-        other[0] += run.wheel_slope * c[run.s - 1]
+    if run.at_wheel_scale > 0:
+        other[0] += run.wheel_slope * c[run.at_wheel_scale]
 
 
 to_measured = congruence(_to_measured, POSITION, ATTITUDE)
@@ -180,9 +180,10 @@ def take_heading(run: Lanes, yaw: FloatArray, which: int) -> None:
     level = e * e + n * n
     of_east, of_north = 0.0 - u * e / level, 0.0 - u * n / level
     sigma, column = row(yaw, which, run, "2")[1], room(run, "s")
+    phi = ATTITUDE
     for s in range(run.s):  # P H'
-        column[s] = of_east * run.P[s, 6] + of_north * run.P[s, 7] + run.P[s, 8]
-    share = run.measured / (of_east * column[6] + of_north * column[7] + column[8] + sigma * sigma)
+        column[s] = of_east * run.P[s, phi] + of_north * run.P[s, phi + 1] + run.P[s, phi + 2]
+    share = run.measured / (of_east * column[phi] + of_north * column[phi + 1] + column[phi + 2] + sigma * sigma)
     for s in range(run.s):
         gain = share * column[s]
         run.x[s] += gain * run.innovation
@@ -215,13 +216,8 @@ def feed_back(run: Lanes) -> None:
     _turn(run)
     for i in range(3):
         run.gyro_bias[i] += run.x[GYRO + i]
-    if run.deformed == 1:
-        for i in range(3):
-            for j in range(3):
-                run.gyro_matrix[i, j] += run.x[GYRO_MATRIX + 3 * j + i]
-                run.accel_matrix[i, j] += run.x[ACCEL_MATRIX + 3 * j + i]
-    if run.wheeled == 1:
-        run.wheel += run.x[run.s - 1]
+    for s in range(STATES, run.s):  # what else is estimated
+        run.state[6 + s] += run.x[s]
     if run.invariant == 1:
         _shift(run)
         carry_on_group(run, 0.0)
@@ -229,7 +225,7 @@ def feed_back(run: Lanes) -> None:
         _add_accel_bias(run)
         multiply_transposed(run.C, run.before, run.back)
         carry(run, 0.0)
-    for s in range(6, run.s):
+    for s in range(ATTITUDE, run.s):
         run.x[s] = run.x[s] * 0.0
 
 
@@ -246,11 +242,11 @@ def _turn(run: Lanes) -> None:
 
 def _add_accel_bias(run: Lanes) -> None:
     """The accelerometer's bias keeps the force that holds the body up: `jerkbench.inertial.state.corrected`."""
-    g, B, phi, M = GRAVITY_MPS2, run.before, ATTITUDE, ACCEL_MATRIX
+    g, B, phi, M = GRAVITY_MPS2, run.before, ATTITUDE, run.at_accel_matrix
     up, change, force = room(run, "3"), room(run, "3"), room(run, "3")
     for i in range(3):
         up[i], change[i] = g * B[2, i], run.x[ACCEL + i]
-    if run.deformed == 1:
+    if M > 0:
         for i in range(3):
             change[i] += run.x[M + i] * up[0] + run.x[M + 3 + i] * up[1] + run.x[M + 6 + i] * up[2]
     force[0], force[1], force[2] = g * run.x[phi + 1], 0.0 - g * run.x[phi], run.zero + g
@@ -260,7 +256,7 @@ def _add_accel_bias(run: Lanes) -> None:
     for i in range(3):
         shown[i] = run.C[0, i] * force[0] + run.C[1, i] * force[1] + run.C[2, i] * force[2]
         run.accel_bias[i] += up[i] - shown[i]
-    if run.deformed == 1:
+    if M > 0:
         for i in range(3):
             run.accel_bias[i] -= run.x[M + i] * shown[0] + run.x[M + 3 + i] * shown[1] + run.x[M + 6 + i] * shown[2]
 
@@ -273,14 +269,14 @@ def _carry_error(c: View, run: Lanes, _dt: float) -> None:
         phi+ = phi + d
         db_a+ = C+' C (db_a + dM_a C' a) + C+' (d x a) - dM_a C+' a
     """
-    g, turn, back = GRAVITY_MPS2, room(run, "3"), run.back
+    g, turn, back, M = GRAVITY_MPS2, room(run, "3"), run.back, run.at_accel_matrix
     d, error = room(run, "3"), room(run, "3")
     for i in range(3):
         turn[i] = 0.5 * run.x[ATTITUDE + i]
         error[i] = c[ACCEL + i]
-        if run.deformed == 1:
+        if M > 0:
             for j in range(3):
-                error[i] += g * run.before[2, j] * c[ACCEL_MATRIX + 3 * j + i]
+                error[i] += g * run.before[2, j] * c[M + 3 * j + i]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         d[i] = turn[j] * c[ATTITUDE + k] - turn[k] * c[ATTITUDE + j]
@@ -288,9 +284,9 @@ def _carry_error(c: View, run: Lanes, _dt: float) -> None:
         c[ATTITUDE + i] += d[i]
         turned = back[i, 0] * error[0] + back[i, 1] * error[1] + back[i, 2] * error[2]
         c[ACCEL + i] = turned + (g * run.C[0, i]) * d[1] - (g * run.C[1, i]) * d[0]
-        if run.deformed == 1:
+        if M > 0:
             for j in range(3):
-                c[ACCEL + i] -= (g * run.C[2, j]) * c[ACCEL_MATRIX + 3 * j + i]
+                c[ACCEL + i] -= (g * run.C[2, j]) * c[M + 3 * j + i]
 
 
 carry = congruence(_carry_error, ATTITUDE, STATES)

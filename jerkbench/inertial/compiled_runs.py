@@ -15,7 +15,7 @@ from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
 from jerkbench.inertial.run import InertialSolution
 from jerkbench.inertial.run_inputs import InertialSettings, Journey
-from jerkbench.inertial.state import Deformation, ErrorLayout, NavigationState
+from jerkbench.inertial.state import ErrorLayout, NavigationState, nominal_numbers
 from jerkbench.kinematic.loop import APART, runs_of
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import compiled_rule
@@ -45,7 +45,7 @@ def solve_compiled(journey: Journey, adaptation: Adaptation) -> InertialSolution
     own, of = inertial_of([journey], lengths_s, visited), _type_of(journey, 1)
     estimate, w = run_alone(_split(journey), which, rule, (_loop_of(journey, 1), of, own))
     euler_rad = euler_from_rotations(own.dcm[: len(estimate.index), :, 0].reshape(-1, 3, 3))
-    return InertialSolution(replace(estimate, euler_rad=euler_rad), *_end(w, of))
+    return InertialSolution(replace(estimate, euler_rad=euler_rad), *_end(w, of, journey.start[0].layout))
 
 
 def stream_journeys(
@@ -149,7 +149,7 @@ def inertial_of(journeys: Sequence[Journey], lengths_s: FloatArray, visited: int
         _lanes([np.array([c.still_below_mps, c.still_sigma_mps, c.sideways_sigma_mps]) for c in limits]),
         not any(body) and not any(s.antenna_m.any() for s in settings),
         not any(s.reference_point_m.any() for s in settings),
-        _lanes([_numbers(journey.start[0]) for journey in journeys]),
+        _lanes([nominal_numbers(journey.start[0]) for journey in journeys]),
         _lanes([journey.start[1].ravel() for journey in journeys]),
         len(journeys[0].start[1]),
         *_headings(journeys),
@@ -210,27 +210,12 @@ def _rows_where(due: Any) -> tuple[IntArray, IntArray]:  # noqa: ANN401 - of boo
     return places, rows
 
 
-# The nominal state as numbers.
-
-PARTS = ("C", "gyro_bias", "accel_bias", "gyro_matrix", "accel_matrix", "wheel")
-
-
-def _numbers(state: NavigationState) -> FloatArray:
-    """The numbers of a state, as `Inertial.nominal0` has them."""
-    none = np.zeros((3, 3))
-    deformation = state.deformation or Deformation(none, none)
-    return np.concatenate([np.ravel(part) for part in (*state[:5], *deformation, state.wheel_scale or 0.0)])
-
-
-def _end(w: FloatArray, of: Lanes) -> tuple[NavigationState, FloatArray]:
+def _end(w: FloatArray, of: Lanes, layout: ErrorLayout) -> tuple[NavigationState, FloatArray]:
     """State and covariance where a run has ended."""
 
-    def part(name: str) -> FloatArray:
+    def part(name: str) -> Any:  # noqa: ANN401 - an array, or a number
         view = of.fields[name]
-        return w[list(view.places)].reshape(view.shape)
+        return w[list(view.places)].reshape(view.shape)[()]
 
-    C, gyro_bias, accel_bias, gyro, accel, wheel = map(part, PARTS)
-    deformation = Deformation(gyro, accel) if of.sizes["deformed"] else None
-    wheel_scale = float(wheel) if of.sizes["wheeled"] else None
-    x = part("x")
-    return NavigationState(x[:3], x[3:6], C, gyro_bias, accel_bias, deformation, wheel_scale), part("P")
+    x, extra = part("x"), {name: part(name) for name in layout.extra}
+    return NavigationState(x[:3], x[3:6], part("C"), part("gyro_bias"), part("accel_bias"), **extra), part("P")

@@ -9,10 +9,12 @@ state and whether it is invariant.
 from functools import cache
 from typing import NamedTuple
 
+import numpy as np
+
 from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
-from jerkbench.compilation.views import Lanes, ask_for, room, row, runs_in
+from jerkbench.compilation.views import Lanes, View, ask_for, room, row, runs_in
 from jerkbench.inertial.aiding import conclude, constrain, feed_back, observe, take_heading
-from jerkbench.inertial.state import ErrorLayout
+from jerkbench.inertial.state import EXTRA_PARTS, ErrorLayout
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, type_with
 from jerkbench.kinematic.correction import check_definite
@@ -35,8 +37,7 @@ class Inertial(NamedTuple):
         limits: (3, WIDTH) still_below_mps, still_sigma_mps, sideways_sigma_mps of `run_inputs.Constraints`.
         direct: whether position and velocity of the IMU itself, in ENU, are measured in all runs.
         centred: whether those of the IMU itself are given out in all runs.
-        nominal0: (40, WIDTH) position, velocity, attitude, biases of gyro and accelerometer, the deformations of both
-            row by row, and the wheel's scale at the start.
+        nominal0: (S + 6, WIDTH) the `nominal_numbers` of the state at the start.
         P0: (S S, WIDTH) covariance of the error there.
         states: S.
         heading: (n,) row of ``yaw`` after each step, or -1.
@@ -104,16 +105,9 @@ def run_navigation(
 
 def begin(run: Lanes, own: Inertial) -> None:
     """Put the start into the runs, which are zero."""
-    nominal0, P0 = row(own.nominal0, 0, run, "40"), row(own.P0, 0, run, "s s")
-    for s in range(6):
-        run.x[s] = nominal0[s]
-    for i in range(3):
-        run.gyro_bias[i], run.accel_bias[i] = nominal0[15 + i], nominal0[18 + i]
-        for j in range(3):
-            e = 3 * i + j
-            run.C[i, j] = nominal0[6 + e]
-            run.gyro_matrix[i, j], run.accel_matrix[i, j] = nominal0[21 + e], nominal0[30 + e]
-    run.wheel = nominal0[39]
+    nominal0, P0 = row(own.nominal0, 0, run, "numbers"), row(own.P0, 0, run, "s s")
+    for e in range(run.numbers):
+        run.state[e] = nominal0[e]
     for s in range(run.s):
         for t in range(run.s):
             run.P[s, t] = P0[s, t]
@@ -193,9 +187,7 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "C": (3, 3),  # attitude, body to ENU
     "gyro_bias": (3,),
     "accel_bias": (3,),
-    "gyro_matrix": (3, 3),  # deformations
-    "accel_matrix": (3, 3),
-    "wheel": (),  # error of a wheel's scale
+    **EXTRA_PARTS,  # zero where not estimated
     "rate": (3,),
     "force": (3,),
     "turn": (3, 3),  # the rotation of a step, or of a correction
@@ -223,6 +215,14 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 
 @cache
 def inertial_type(layout: ErrorLayout, width: int, *, invariant: bool) -> Lanes:
-    """Return the type of ``width`` runs with an error state of that layout, invariant or additive."""
-    kinds = {**layout._asdict(), "invariant": invariant}
-    return type_with(_SHAPES, layout.size, width, **{name: int(holds) for name, holds in kinds.items()})
+    """Return the type of ``width`` runs with an error state of that layout, invariant or additive.
+
+    Its ``state`` are the `nominal_numbers`, six more than the errors: those of C are nine, not three. ``at_NAME`` is
+    where the errors of a part of `EXTRA_PARTS` begin, 0 where it is not estimated.
+    """
+    at = {f"at_{name}": block.start if name in layout.extra else 0 for name, block in layout.blocks.items()}
+    run = type_with(_SHAPES, layout.size, width, invariant=int(invariant), numbers=layout.size + 6, **at)
+    views = [run.fields[name] for name in ("C", "gyro_bias", "accel_bias", *layout.extra)]
+    behind = [place for view in views for place in np.reshape(view.places, view.shape).ravel("F").tolist()]
+    state = View((layout.size + 6,), [*run.fields["x"].places[:6], *behind], width)
+    return Lanes({**run.fields, "state": state}, run.sizes, width)

@@ -90,9 +90,7 @@ class Passage(NamedTuple):
 
     def state(self, start: NavigationState, k: int) -> NavigationState:
         """The state at the end of step k; what is known of the sensors is that of the start."""
-        _, _, _, gyro_bias, accel_bias, deformation, scale = start
-        moved = self.position_m[k], self.velocity_mps[k], self.dcm[k]
-        return NavigationState(*moved, gyro_bias, accel_bias, deformation, scale)
+        return NavigationState(self.position_m[k], self.velocity_mps[k], self.dcm[k], *start[3:])
 
 
 def calibrated(state: NavigationState, accel_mps2: FloatArray, gyro_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -101,9 +99,9 @@ def calibrated(state: NavigationState, accel_mps2: FloatArray, gyro_radps: Float
     Of a sensor that shows y = (I + M) true + b: true = (I - M)(y - b), M to the first order.
     """
     force, rate = accel_mps2 - state.accel_bias_mps2, gyro_radps - state.gyro_bias_radps
-    if state.deformation is None:
+    if state.gyro_matrix is None or state.accel_matrix is None:
         return force, rate
-    return force - force @ state.deformation.accel.T, rate - rate @ state.deformation.gyro.T
+    return force - force @ state.accel_matrix.T, rate - rate @ state.gyro_matrix.T
 
 
 def advance_navigation(

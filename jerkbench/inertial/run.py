@@ -22,7 +22,6 @@ from jerkbench.inertial.update import (
     reset_on_group,
     velocity_in_body,
     wheel_speed,
-    widened,
 )
 from jerkbench.kalman import AdaptedUpdates, has_factor
 from jerkbench.recording import Heading, Imu
@@ -53,7 +52,6 @@ def given_out(
     if not point_m.any():  # nearly always, and at every step where the reference is that dense
         return np.concatenate([state.position_m, state.velocity_mps]), covariance[:6, :6]
     x, H = point_in_enu(state, rate_radps, point_m)
-    H = widened(H, state.layout, rate_radps)
     return x, H @ covariance @ H.T
 
 
@@ -103,7 +101,8 @@ class InertialRun:
         start = self.state
         sensed = calibrated(start, self.imu.accel_mps2[samples], self.imu.gyro_radps[samples])
         passage = advance_navigation(start, *sensed, dt_s, self.settings.earth)
-        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), start.deformation and sensed)
+        deforming = None if start.gyro_matrix is None else sensed
+        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), deforming)
         references = events.reference[steps].tolist()
         for k, dt in enumerate(dt_s.tolist()):
             self._grow(Phi[k], self._noise(dt))
@@ -152,9 +151,8 @@ class InertialRun:
         if self.settings.velocity_frame == "body":
             h[3:], H[3:] = velocity_in_body(self.state, self.rate, np.zeros(3))
         elif self.settings.velocity_frame == "speed":
-            H = np.pad(H, ((0, 0), (0, 1)))
             h[3:], H[3:] = wheel_speed(self.state, self.rate, self.settings.wheel_m)
-        return h, widened(H, self.state.layout, self.rate)
+        return h, H
 
     def _take_heading(self, yaw_rad: float, sigma_rad: float) -> None:
         expected, H = heading(self.state)
@@ -175,7 +173,7 @@ class InertialRun:
     def _correct(self, innovation: FloatArray, H: FloatArray, R: FloatArray) -> None:
         """Update with rows that are there."""
         before = self.state
-        dx, self.P = correction(self.P, innovation, widened(H, before.layout, self.rate), R)
+        dx, self.P = correction(self.P, innovation, H, R)
         if self.settings.invariant:
             self.state = corrected_on_group(before, dx)
             G = reset_on_group(before, self.state)

@@ -1,6 +1,6 @@
 """One run of the inertial navigation before it begins: its events, its constraints, its settings, its start."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler, roll_pitch
 from jerkbench.inertial.mechanisation import Earth, SensorNoise, by_column
-from jerkbench.inertial.state import BA, BG, MA, MG, PHI, Deformation, ErrorLayout, NavigationState, V
+from jerkbench.inertial.state import BA, BG, MA, PHI, ErrorLayout, NavigationState, V
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, merged_times, nanoseconds
 
@@ -183,7 +183,7 @@ class StartSigmas(NamedTuple):
         accel_bias_mps2: of each axis.
         yaw_rad: of the yaw that is given.
         still_mps: of the velocity at rest, each axis.
-        gyro_scale: of a scale factor of the gyro; 0: it has none.
+        gyro_scale: of a scale factor of the gyro; 0, and so the next two: it has none.
         accel_scale: of a scale factor of the accelerometer.
         misalignment_rad: of each axis towards each other, in both.
         wheel_scale: of the wheel's scale; 0: it has none.
@@ -199,9 +199,14 @@ class StartSigmas(NamedTuple):
     wheel_scale: float = 0.0
 
     @property
-    def layout(self) -> ErrorLayout:
-        """That of the error state: scale factors and misalignments belong together."""
-        return ErrorLayout(deformed=self.gyro_scale > 0.0, wheeled=self.wheel_scale > 0.0)
+    def extra(self) -> dict[str, Any]:
+        """One sigma of every number of `EXTRA_PARTS`; what is zero is not estimated."""
+        sigmas = {
+            "gyro_matrix": np.where(np.eye(3), self.gyro_scale, self.misalignment_rad),
+            "accel_matrix": np.where(np.eye(3), self.accel_scale, self.misalignment_rad),
+            "wheel_scale": np.array(self.wheel_scale),
+        }
+        return {name: sigma for name, sigma in sigmas.items() if sigma.any()}
 
 
 def align(
@@ -220,24 +225,26 @@ def align(
     over the rest as its bias, with the variance q_g/T. Moving: roll and pitch of ``attitude`` at the start, v from
     the timeline. p is the first fix.
     """
-    P, layout = _of_sensors(sigmas), sigmas.layout
+    P = _of_sensors(sigmas)
     P[:6, :6] = timeline.P0
     roll, pitch, _ = attitude.euler_rad[timeline.sample[0]]
     v, bg, resting = timeline.x0[3:], np.zeros(3), _is_resting(recording, timeline)
     if resting:
         roll, pitch = roll_pitch(recording.apparent_vertical(LEVELLING_S))
-        v, P[3:6, :6], P[:6, 3:6] = np.zeros(3), 0.0, 0.0
-        P[3:6, 3:6] = sigmas.still_mps**2 * np.eye(3)
+        v, P[V, :6], P[:6, V] = np.zeros(3), 0.0, 0.0
+        P[V, V] = sigmas.still_mps**2 * np.eye(3)
         if gyro_bias_from_rest:
             bg = _mean_rate(recording)
             P[BG, BG] = noise.angle / recording.static_start_s * np.eye(3)
     C = dcm_from_euler(np.array([roll, pitch, yaw_rad]))
     level = np.sqrt(noise.velocity / LEVELLING_S) / GRAVITY_MPS2 if resting else MOVING_TILT_RAD
     P[PHI, PHI] = np.diag([level**2, level**2, sigmas.yaw_rad**2])
+    state = NavigationState(
+        timeline.x0[:3], v, C, bg, np.zeros(3), **{name: 0.0 * sigma for name, sigma in sigmas.extra.items()}
+    )
     if resting:
-        _couple_tilt(P, C, layout)
-    deformation = Deformation(np.zeros((3, 3)), np.zeros((3, 3))) if layout.deformed else None
-    return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3), deformation, 0.0 if layout.wheeled else None), P
+        _couple_tilt(P, state)
+    return state, P
 
 
 def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -> tuple[NavigationState, FloatArray]:
@@ -256,13 +263,11 @@ def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -
 
 def _of_sensors(sigmas: StartSigmas) -> FloatArray:
     """The covariance (n, n) of what is not known of the sensors, the rest zero."""
-    variances = np.zeros(sigmas.layout.size)
+    layout = ErrorLayout(tuple(sigmas.extra))
+    variances = np.zeros(layout.size)
     variances[BG], variances[BA] = sigmas.gyro_bias_radps**2, sigmas.accel_bias_mps2**2
-    if sigmas.layout.deformed:
-        for at, scale in ((MG, sigmas.gyro_scale), (MA, sigmas.accel_scale)):
-            variances[at] = np.where(np.eye(3), scale, sigmas.misalignment_rad).ravel() ** 2
-    if sigmas.layout.wheeled:
-        variances[-1] = sigmas.wheel_scale**2
+    for name, sigma in sigmas.extra.items():
+        variances[layout.blocks[name]] = np.ravel(sigma, order="F") ** 2
     return np.diag(variances)
 
 
@@ -276,16 +281,16 @@ def _mean_rate(recording: Recording) -> FloatArray:
     return np.asarray(imu.gyro_radps[imu.t_s < imu.t_s[0] + recording.static_start_s].mean(axis=0))
 
 
-def _couple_tilt(P: FloatArray, C: FloatArray, layout: ErrorLayout) -> None:
+def _couple_tilt(P: FloatArray, state: NavigationState) -> None:
     """Put the tilt that errors of the accelerometer make of levelling into P, in place.
 
     At rest 0 = -[g e3] phi - C (db_a + dM_a f), so that phi = J (db_a + dM_a f) with f = g C' e3 and
     J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g.
     """
-    J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ C / GRAVITY_MPS2
+    J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ state.dcm / GRAVITY_MPS2
     of_errors = [(BA, J)]
-    if layout.deformed:
-        of_errors.append((MA, by_column(J, GRAVITY_MPS2 * C[2])))
+    if state.accel_matrix is not None:
+        of_errors.append((MA, by_column(J, GRAVITY_MPS2 * state.dcm[2])))
     for at, block in of_errors:
         P[PHI, at] = block @ P[at, at]
         P[at, PHI] = P[PHI, at].T

@@ -1,7 +1,8 @@
 """Rotations, the nominal state, and where its errors stand in the error state."""
 
 import math
-from typing import NamedTuple
+from itertools import accumulate, pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from jerkbench.recording import GRAVITY_MPS2
 TINY_RAD = 1e-12
 """Below it sin(a)/a is 1 to the last digit, and a division by zero is near."""
 
-_I3 = np.eye(3)
+_I3, _ZERO = np.eye(3), np.zeros((3, 3))
 
 
 def skew(a: FloatArray) -> FloatArray:
@@ -58,50 +59,60 @@ def orthonormal(C: FloatArray) -> FloatArray:
     return np.asarray(1.5 * C - 0.5 * C @ (C.T @ C))
 
 
-# The nominal state, and where its errors stand in the error state.
+# The nominal state, and where its errors stand in the error state: NumPy and compiled runs are made from this.
 
 STATES = 15
 POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL = range(0, STATES, 3)
 """Where the errors of position, velocity, attitude and both biases begin, three each."""
 
-GYRO_MATRIX, ACCEL_MATRIX, DEFORMED = 15, 24, 33
-"""Where the deformations of both sensors begin, M column by column, and where they end."""
-
 P, V, PHI, BG, BA = (slice(first, first + 3) for first in (POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL))
-MG, MA = slice(GYRO_MATRIX, ACCEL_MATRIX), slice(ACCEL_MATRIX, DEFORMED)
+
+EXTRA_PARTS: dict[str, tuple[int, ...]] = {
+    "gyro_matrix": (3, 3),
+    "accel_matrix": (3, 3),
+    "wheel_scale": (),
+}
+"""The parts of `NavigationState` that a run may have or not, with their shapes.
+
+Their errors follow the first fifteen in this order, a matrix column by column.
+"""
 
 
 class ErrorLayout(NamedTuple):
     """What stands in an error state behind its first fifteen places.
 
     Attributes:
-        deformed: the deformations of both sensors.
-        wheeled: the scale of a wheel, in the last place.
+        extra: which of `EXTRA_PARTS` are estimated.
     """
 
-    deformed: bool
-    wheeled: bool
+    extra: tuple[str, ...] = ()
+
+    @property
+    def blocks(self) -> dict[str, slice]:
+        """The place of the error of each of `EXTRA_PARTS`, empty where it is not estimated."""
+        sizes = [math.prod(shape) if name in self.extra else 0 for name, shape in EXTRA_PARTS.items()]
+        ends = accumulate(sizes, initial=STATES)
+        return {name: slice(*ends) for name, ends in zip(EXTRA_PARTS, pairwise(ends), strict=True)}
 
     @property
     def size(self) -> int:
         """How many numbers the error state has."""
-        return (DEFORMED if self.deformed else STATES) + self.wheeled
+        return STATES + sum(math.prod(EXTRA_PARTS[name]) for name in self.extra)
+
+    def extra_errors(self, dx: FloatArray) -> dict[str, Any]:
+        """The errors of the estimated ones of `EXTRA_PARTS` in dx (n,), each in the shape of its part."""
+        blocks = self.blocks if self.extra else {}  # mostly none: the unscented filter asks for every sigma point
+        return {name: dx[blocks[name]].reshape(EXTRA_PARTS[name], order="F")[()] for name in self.extra}
 
 
-class Deformation(NamedTuple):
-    """Scale factors (diagonal) and misalignments of both sensors; a sensor shows (I + M) times what is true.
-
-    Attributes:
-        gyro: (3, 3) M of the gyro.
-        accel: (3, 3) M of the accelerometer.
-    """
-
-    gyro: FloatArray
-    accel: FloatArray
+MG, MA = (ErrorLayout(("gyro_matrix", "accel_matrix")).blocks[name] for name in ("gyro_matrix", "accel_matrix"))
+"""Where the deformations stand if they are estimated: both, or none, first of all."""
 
 
 class NavigationState(NamedTuple):
     """Nominal state of the inertial navigation; what is None in it has no errors in the error state either.
+
+    A sensor shows (I + M) times what is true, with scale factors on the diagonal of M, misalignments beside it.
 
     Attributes:
         position_m: (3,) p of the IMU, ENU.
@@ -109,8 +120,9 @@ class NavigationState(NamedTuple):
         dcm: (3, 3) C, body FLU -> ENU.
         gyro_bias_radps: (3,) b_g, body.
         accel_bias_mps2: (3,) b_a, body.
-        deformation: of the sensors; None: it is not estimated.
-        wheel_scale: k, a wheel shows 1 + k times the speed; None: it is not estimated.
+        gyro_matrix: (3, 3) M of the gyro; None: it is not estimated, like the next ones.
+        accel_matrix: (3, 3) M of the accelerometer.
+        wheel_scale: k, a wheel shows 1 + k times the speed.
     """
 
     position_m: FloatArray
@@ -118,13 +130,32 @@ class NavigationState(NamedTuple):
     dcm: FloatArray
     gyro_bias_radps: FloatArray
     accel_bias_mps2: FloatArray
-    deformation: Deformation | None = None
+    gyro_matrix: FloatArray | None = None
+    accel_matrix: FloatArray | None = None
     wheel_scale: float | None = None
 
     @property
     def layout(self) -> ErrorLayout:
         """That of its error state."""
-        return ErrorLayout(deformed=self.deformation is not None, wheeled=self.wheel_scale is not None)
+        return ErrorLayout(tuple(name for name in EXTRA_PARTS if getattr(self, name) is not None))
+
+
+def nominal_numbers(state: NavigationState) -> FloatArray:
+    """Return all parts of ``state`` one after the other as their errors stand, a matrix column by column."""
+    parts = *state[:5], *(getattr(state, name) for name in state.layout.extra)
+    return np.concatenate([np.ravel(part, order="F") for part in parts])
+
+
+def added(state: NavigationState, dx: FloatArray) -> NavigationState:
+    """Return ``state`` with an error dx (n,) put into it by adding, but C+ = Exp(phi) C."""
+    return NavigationState(
+        state.position_m + dx[P],
+        state.velocity_mps + dx[V],
+        orthonormal(rotation_exp(dx[PHI]) @ state.dcm),
+        state.gyro_bias_radps + dx[BG],
+        state.accel_bias_mps2 + dx[BA],
+        **{name: getattr(state, name) + error for name, error in state.layout.extra_errors(dx).items()},
+    )
 
 
 def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
@@ -138,26 +169,12 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
 
     Else g phi^2/2 of a correction would be left in the vertical, 4 mm/s2 for 28 mrad, and not in P.
     """
-    deformation, wheel_scale = state.deformation, state.wheel_scale
-    dcm = orthonormal(rotation_exp(dx[PHI]) @ state.dcm)
+    moved, of_accel = added(state, dx), state.layout.extra_errors(dx).get("accel_matrix", _ZERO)  # dM_a
     up = GRAVITY_MPS2 * state.dcm[2]  # C' a
-    change, of_accel = dx[BA], np.zeros((3, 3))
-    if deformation is not None:
-        of_gyro, of_accel = dx[MG].reshape(3, 3).T, dx[MA].reshape(3, 3).T
-        deformation = Deformation(deformation.gyro + of_gyro, deformation.accel + of_accel)
-        change = change + of_accel @ up
     east, north, _ = dx[PHI].tolist()
-    force = GRAVITY_MPS2 * np.array([north, -east, 1.0]) - state.dcm @ change
-    shown = dcm.T @ force
-    return NavigationState(
-        state.position_m + dx[P],
-        state.velocity_mps + dx[V],
-        dcm,
-        state.gyro_bias_radps + dx[BG],
-        state.accel_bias_mps2 + up - shown - of_accel @ shown,
-        deformation,
-        None if wheel_scale is None else wheel_scale + float(dx[-1]),
-    )
+    force = GRAVITY_MPS2 * np.array([north, -east, 1.0]) - state.dcm @ (dx[BA] + of_accel @ up)
+    shown = moved.dcm.T @ force
+    return moved._replace(accel_bias_mps2=state.accel_bias_mps2 + up - shown - of_accel @ shown)
 
 
 def error_between(after: NavigationState, before: NavigationState) -> FloatArray:
@@ -171,13 +188,9 @@ def error_between(after: NavigationState, before: NavigationState) -> FloatArray
 
     dcm, up = before.dcm, GRAVITY_MPS2 * before.dcm[2]
     phi = Rotation.from_matrix(after.dcm @ dcm.T).as_rotvec()
-    of_accel, deformed = np.zeros((3, 3)), np.empty(0)
-    if after.deformation is not None and before.deformation is not None:
-        of_gyro, of_accel = (
-            later - earlier for later, earlier in zip(after.deformation, before.deformation, strict=True)
-        )
-        deformed = np.concatenate([of_gyro.T.ravel(), of_accel.T.ravel()])
-    shown = np.linalg.solve(np.eye(3) + of_accel, up - (after.accel_bias_mps2 - before.accel_bias_mps2))
+    extra = {name: getattr(after, name) - getattr(before, name) for name in before.layout.extra}
+    of_accel = extra.get("accel_matrix", _ZERO)  # dM_a
+    shown = np.linalg.solve(_I3 + of_accel, up - (after.accel_bias_mps2 - before.accel_bias_mps2))
     force = GRAVITY_MPS2 * np.array([phi[1], -phi[0], 1.0])
     return np.concatenate(
         [
@@ -186,8 +199,7 @@ def error_between(after: NavigationState, before: NavigationState) -> FloatArray
             phi,
             after.gyro_bias_radps - before.gyro_bias_radps,
             dcm.T @ (force - after.dcm @ shown) - of_accel @ up,
-            deformed,
-            [] if before.wheel_scale is None else [(after.wheel_scale or 0.0) - before.wheel_scale],
+            *(np.ravel(error, order="F") for error in extra.values()),
         ]
     )
 

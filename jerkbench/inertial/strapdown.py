@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 from jerkbench.compilation.views import Lanes, View, lane, room
-from jerkbench.inertial.state import ACCEL, ACCEL_MATRIX, ATTITUDE, GYRO, GYRO_MATRIX, POSITION, VELOCITY
+from jerkbench.inertial.state import ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY
 from jerkbench.recording import GRAVITY_MPS2
 
 # Rotations, one of each run.
@@ -66,7 +66,7 @@ def sense(run: Lanes, accel: View, gyro: View) -> None:
     for i in range(3):
         run.force[i] = accel[i] - run.accel_bias[i]
         run.rate[i] = gyro[i] - run.gyro_bias[i]
-    if run.deformed == 1:
+    if run.at_gyro_matrix > 0:
         _straighten(run.force, run.accel_matrix)
         _straighten(run.rate, run.gyro_matrix)
 
@@ -105,7 +105,7 @@ def _move(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
     """Position and velocity; ``twist`` holds the specific force in ENU."""
     v, a, g = room(run, "3"), room(run, "3"), GRAVITY_MPS2
     for i in range(3):
-        v[i] = run.x[3 + i]
+        v[i] = run.x[VELOCITY + i]
     a[0] = run.twist[0] - g * run.x[0] * earth[3]
     a[1] = run.twist[1] - g * run.x[1] * earth[3]
     a[2] = run.twist[2] - g * (1.0 - 2.0 * run.x[2] * earth[3])
@@ -114,8 +114,8 @@ def _move(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
         a[1] -= 2.0 * (earth[2] * v[0] - earth[0] * v[2])
         a[2] -= 2.0 * (earth[0] * v[1] - earth[1] * v[0])
     for i in range(3):
-        run.x[3 + i] = v[i] + a[i] * dt
-        run.x[i] += (v[i] + run.x[3 + i]) * (0.5 * dt)
+        run.x[VELOCITY + i] = v[i] + a[i] * dt
+        run.x[i] += (v[i] + run.x[VELOCITY + i]) * (0.5 * dt)
 
 
 # The covariance.
@@ -170,14 +170,14 @@ def _grow_error(c: View, run: Lanes, dt: float) -> None:
         dv+ = dv + q + r/2
         dp+ = dp + dt dv + dt/2 q + dt/6 r
     """
-    D, E = run.lever, run.twist
+    D, E, of_gyro, of_accel = run.lever, run.twist, run.at_gyro_matrix, run.at_accel_matrix
     g, h, d, q, r = room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3")
     for i in range(3):
         g[i], h[i] = c[GYRO + i], c[ACCEL + i]
-        if run.deformed == 1:
+        if of_gyro > 0:
             for j in range(3):
-                g[i] += run.rate[j] * c[GYRO_MATRIX + 3 * j + i]
-                h[i] += run.force[j] * c[ACCEL_MATRIX + 3 * j + i]
+                g[i] += run.rate[j] * c[of_gyro + 3 * j + i]
+                h[i] += run.force[j] * c[of_accel + 3 * j + i]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         d[i] = D[i, 0] * g[0] + D[i, 1] * g[1] + D[i, 2] * g[2]

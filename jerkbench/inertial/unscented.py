@@ -16,24 +16,13 @@ from jerkbench.contracts import Adaptation
 from jerkbench.geometry import wrap_angle
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Events, Journey
-from jerkbench.inertial.state import BA, BG, PHI, STATES, NavigationState, P, V, orthonormal, rotation_exp
+from jerkbench.inertial.state import BA, BG, GYRO, PHI, STATES, NavigationState, P, V, added, rotation_exp
 from jerkbench.inertial.update import heading, point_in_enu, velocity_in_body, wheel_speed
 from jerkbench.notices import notify
 from jerkbench.recording import GRAVITY_MPS2
 
 TELL_EVERY_S = 10.0
 """Between two words on how far a run has come."""
-
-
-def added(state: NavigationState, dx: FloatArray) -> NavigationState:
-    """Return ``state`` with an error dx (15,) put into it."""
-    return NavigationState(
-        state.position_m + dx[P],
-        state.velocity_mps + dx[V],
-        orthonormal(rotation_exp(dx[PHI]) @ state.dcm),
-        state.gyro_bias_radps + dx[BG],
-        state.accel_bias_mps2 + dx[BA],
-    )
 
 
 def step_all(
@@ -64,7 +53,7 @@ def step_all(
     v = state.velocity_mps + sigmas[:, V]
     p = state.position_m + sigmas[:, P] + (v + 0.5 * gain) * dt_s
     v = v + gain
-    errors = np.hstack([p - p[0], v - v[0], rotation_vectors(turned @ turned[0].T), sigmas[:, 9:]])
+    errors = np.hstack([p - p[0], v - v[0], rotation_vectors(turned @ turned[0].T), sigmas[:, GYRO:]])
     return state._replace(position_m=p[0], velocity_mps=v[0], dcm=turned[0]), errors
 
 

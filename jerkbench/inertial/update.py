@@ -12,32 +12,35 @@ from jerkbench.inertial.state import (
     MA,
     MG,
     PHI,
-    STATES,
-    Deformation,
-    ErrorLayout,
     NavigationState,
     P,
     V,
+    added,
     cross,
     left_jacobian,
-    orthonormal,
-    rotation_exp,
     skew,
 )
 from jerkbench.recording import GRAVITY_MPS2
 
 
+def _with_gyro_matrix(H: FloatArray, state: NavigationState, rate_radps: FloatArray) -> FloatArray:
+    """Return H (m, n) with the gyro's deformation, a wrong rate as its bias is; the accelerometer's is in no H."""
+    if state.gyro_matrix is not None:
+        H[:, MG] = by_column(H[:, BG], rate_radps)
+    return H
+
+
 def point_in_enu(
     state: NavigationState, rate_radps: FloatArray, lever_arm_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity (6,) in ENU of a point of the body, and H (6, 15).
+    """Position and velocity (6,) in ENU of a point of the body, and H (6, n).
 
     With the lever arm l from the IMU and w = ``rate_radps``, the rate less its bias::
 
         h = [p + C l; v + C (w x l)]
         dh = [dp - [C l] phi; dv - [C (w x l)] phi + C [l] db_g]
     """
-    H = np.zeros((6, STATES))
+    H = np.zeros((6, state.layout.size))
     H[:, :6] = np.eye(6)
     if not lever_arm_m.any():
         return np.concatenate([state.position_m, state.velocity_mps]), H
@@ -45,56 +48,42 @@ def point_in_enu(
     arm, swing = C @ lever_arm_m, C @ cross(rate_radps, lever_arm_m)
     H[P, PHI], H[V, PHI] = -skew(arm), -skew(swing)
     H[V, BG] = C @ skew(lever_arm_m)
-    return np.concatenate([state.position_m + arm, state.velocity_mps + swing]), H
+    return np.concatenate([state.position_m + arm, state.velocity_mps + swing]), _with_gyro_matrix(H, state, rate_radps)
 
 
 def velocity_in_body(
     state: NavigationState, rate_radps: FloatArray, lever_arm_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocity (3,) of a point of the body, in the body frame, and H (3, 15).
+    """Velocity (3,) of a point of the body, in the body frame, and H (3, n).
 
     h = C' v + w x l;  dh = C' dv + C' [v] phi + [l] db_g, with l and w as in `point_in_enu`.
     """
-    H = np.zeros((3, STATES))
+    H = np.zeros((3, state.layout.size))
     turn = state.dcm.T
     H[:, V], H[:, PHI], H[:, BG] = turn, turn @ skew(state.velocity_mps), skew(lever_arm_m)
-    return turn @ state.velocity_mps + cross(rate_radps, lever_arm_m), H
+    h = turn @ state.velocity_mps + cross(rate_radps, lever_arm_m)
+    return h, _with_gyro_matrix(H, state, rate_radps)
 
 
 def wheel_speed(
     state: NavigationState, rate_radps: FloatArray, lever_arm_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What a wheel shows of the velocity (3,) of a point of the body, and H (3, 16), by k last.
+    """What a wheel shows of the velocity (3,) of a point of the body, and H (3, n).
 
     With u as in `velocity_in_body`: h = [(1 + k) u_x, u_y, u_z]; dh_x = (1 + k) du_x + u_x dk.
     """
-    h, of_velocity = velocity_in_body(state, rate_radps, lever_arm_m)
-    H, shown = np.hstack([of_velocity, [[h[0]], [0.0], [0.0]]]), 1.0 + (state.wheel_scale or 0.0)
-    H[0, :STATES] *= shown
+    h, H = velocity_in_body(state, rate_radps, lever_arm_m)
+    shown = 1.0 + (state.wheel_scale or 0.0)
+    H[0] *= shown
+    H[0, state.layout.blocks["wheel_scale"]] = h[0]
     h[0] *= shown
-    return h, H
-
-
-def widened(H: FloatArray, layout: ErrorLayout, rate_radps: FloatArray) -> FloatArray:
-    """Return H (m, n) of rows (m, 15), or (m, 16) with the wheel's scale last.
-
-    A deformation of the gyro is a wrong rate, as its bias is; one of the accelerometer is in no measurement.
-    """
-    if H.shape[1] == layout.size:
-        return H
-    wide = np.zeros((len(H), layout.size))
-    wide[:, :STATES] = H[:, :STATES]
-    if layout.deformed:
-        wide[:, MG] = by_column(H[:, BG], rate_radps)
-    if layout.wheeled and H.shape[1] > STATES:
-        wide[:, -1] = H[:, -1]
-    return wide
+    return h, _with_gyro_matrix(H, state, rate_radps)
 
 
 def heading(state: NavigationState) -> tuple[float, FloatArray]:
-    """Yaw [rad] from east towards north, and H (1, 15)."""
+    """Yaw [rad] from east towards north, and H (1, n)."""
     yaw_rad, slope = yaw_of(state.dcm)
-    H = np.zeros((1, STATES))
+    H = np.zeros((1, state.layout.size))
     H[0, PHI] = slope
     return yaw_rad, H
 
@@ -137,7 +126,7 @@ def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray)
     G[PHI, PHI] += half
     G[BA, BA] = back
     G[BA, PHI] = -after.dcm.T @ skew(UP_MPS2) @ half
-    if before.deformation is not None:
+    if before.accel_matrix is not None:
         G[BA, MA] = by_column(back, before.dcm.T @ UP_MPS2) - by_column(np.eye(3), after.dcm.T @ UP_MPS2)
     return G
 
@@ -179,18 +168,9 @@ def corrected_on_group(state: NavigationState, dx: FloatArray) -> NavigationStat
 
     so that it does not matter where the origin lies.
     """
-    J, deformation, wheel_scale = left_jacobian(dx[PHI]), state.deformation, state.wheel_scale
-    if deformation is not None:
-        deformation = Deformation(deformation.gyro + dx[MG].reshape(3, 3).T, deformation.accel + dx[MA].reshape(3, 3).T)
-    return NavigationState(
-        state.position_m + J @ dx[P],
-        state.velocity_mps + J @ dx[V],
-        orthonormal(rotation_exp(dx[PHI]) @ state.dcm),
-        state.gyro_bias_radps + dx[BG],
-        state.accel_bias_mps2 + dx[BA],
-        deformation,
-        None if wheel_scale is None else wheel_scale + float(dx[-1]),
-    )
+    J = left_jacobian(dx[PHI])
+    moved = state.position_m + J @ dx[P], state.velocity_mps + J @ dx[V]
+    return added(state, dx)._replace(position_m=moved[0], velocity_mps=moved[1])
 
 
 def reset_on_group(before: NavigationState, after: NavigationState) -> FloatArray:

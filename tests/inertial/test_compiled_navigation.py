@@ -158,8 +158,8 @@ def test_what_is_estimated_of_the_sensors_agrees():
 
     assert got.state.wheel_scale == pytest.approx(wanted.state.wheel_scale, abs=1e-9)
     assert abs(wanted.state.wheel_scale) > 1e-3
-    np.testing.assert_allclose(got.state.deformation.gyro, wanted.state.deformation.gyro, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(got.state.deformation.accel, wanted.state.deformation.accel, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(got.state.gyro_matrix, wanted.state.gyro_matrix, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(got.state.accel_matrix, wanted.state.accel_matrix, rtol=0.0, atol=1e-9)
 
 
 def test_it_stops_where_numpy_stops():

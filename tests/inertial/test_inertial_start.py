@@ -99,7 +99,7 @@ def test_the_tilt_that_a_deformed_accelerometer_makes_is_in_the_covariance():
     variances = np.where(np.eye(3), 0.004, 0.002).ravel() ** 2
 
     assert P.shape == (33, 33)
-    assert not np.any([state.deformation.gyro, state.deformation.accel])
+    assert not np.any([state.gyro_matrix, state.accel_matrix])
     np.testing.assert_allclose(np.diag(P)[15:24], np.where(np.eye(3), 0.003, 0.002).ravel() ** 2)
     np.testing.assert_allclose(P[6:8, 24:], J * variances, atol=1e-8)
     np.testing.assert_allclose(P[6:8, 6:8] - start_of(recording)[1][6:8, 6:8], J * variances @ J.T, atol=1e-8)

@@ -19,7 +19,8 @@ from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.ukf import Ukf
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.mechanisation import FLAT
-from jerkbench.inertial.unscented import UnscentedRun, added, step_all
+from jerkbench.inertial.state import added
+from jerkbench.inertial.unscented import UnscentedRun, step_all
 from jerkbench.recording import Heading, Velocity
 
 POINTS = MerweScaledSigmaPoints(15, 0.1, 2.0, 0.0)
