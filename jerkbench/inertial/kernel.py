@@ -18,7 +18,8 @@ from jerkbench.inertial.state import EXTRA_PARTS, ErrorLayout
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, type_with
 from jerkbench.kinematic.correction import check_definite
-from jerkbench.kinematic.loop import AHEAD, all_lost, keep, update
+from jerkbench.kinematic.loop import all_lost, update
+from jerkbench.kinematic.score import AHEAD, keep
 
 
 class Inertial(NamedTuple):

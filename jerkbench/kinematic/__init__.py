@@ -7,8 +7,9 @@ quantities on three axes is x[3 a + i], a the quantity and i the axis.
 
     runs                   Python: what is run, and what came out
     packs                  runs and filters as arrays (arguments)
-    loop                   the steps: predict, update, score, trajectory; compiled, or from the disk
+    loop                   the steps: predict, update, score; compiled, or from the disk
     predict, correction    the equations
+    score                  errors against the reference, and their sums
     adapt                  the calls of an adaptation, in their order: `fade`, `adapt_prior`, `adapt` (plugin_call),
                            `adapt_gain`; what an own gain does is in correction
     adapt_lanes            the same of an adaptation that many runs ask at once, in vectors

@@ -18,11 +18,12 @@ from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, run_type
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
-from jerkbench.kinematic.loop import APART, all_lost, expect, finish, keep, move_by, runs_of
+from jerkbench.kinematic.loop import APART, all_lost, expect, finish, move_by, runs_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes, mirror
 from jerkbench.kinematic.runs import run_alone, run_packs
+from jerkbench.kinematic.score import keep
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 

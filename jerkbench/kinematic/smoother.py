@@ -43,11 +43,12 @@ from jerkbench.kinematic.arguments import (
     run_type,
     with_covariance,
 )
-from jerkbench.kinematic.loop import APART, all_lost, compare, move, runs_of, start, update, way_of
+from jerkbench.kinematic.loop import APART, all_lost, move, runs_of, start, update, way_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes, mirror
 from jerkbench.kinematic.runs import run_alone, run_packs
+from jerkbench.kinematic.score import compare
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
