@@ -16,11 +16,10 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.ukf import Ukf
+from jerkbench.filters.ukf import Ukf, UnscentedRun, step_all
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.mechanisation import FLAT
 from jerkbench.inertial.state import added
-from jerkbench.inertial.unscented import UnscentedRun, step_all
 from jerkbench.recording import Heading, Velocity
 
 POINTS = MerweScaledSigmaPoints(15, 0.1, 2.0, 0.0)
@@ -140,7 +139,7 @@ def test_it_learns_a_yaw_that_is_wrong_by_sixty_degrees(field):
 
 
 def test_a_long_run_says_how_far_it_has_come(field, monkeypatch, capsys):
-    monkeypatch.setattr("jerkbench.inertial.unscented.TELL_EVERY_S", 0.0)
+    monkeypatch.setattr("jerkbench.filters.ukf.TELL_EVERY_S", 0.0)
     recording, attitude = field
     model = Ukf()
     journey = model.journey(recording, attitude)
