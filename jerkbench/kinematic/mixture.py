@@ -231,7 +231,7 @@ def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j:
     combined.lost += run.lost
 
 
-_OWN = ("run_mixture", "begin_mixture", "move", "combine", "log_likelihood", "weigh", "mix", "correct_filter")
+_OWN = ("run_mixture", "begin_mixture", "move_by", "log_likelihood", "weigh", "mix", "correct_filter")
 """Kernels that stand alone: one body of all of them takes long to compile."""
 
 
