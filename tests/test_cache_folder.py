@@ -3,19 +3,19 @@ from platformdirs import user_cache_path
 
 from jerkbench.compilation.module_cache import COMPILED
 from jerkbench.files import cache_folder
-from jerkbench.io.bag_extract import _BAGS
+from jerkbench.io.bag_extract import BAGS
 from jerkbench.io.files import fetched_folder
 from jerkbench.jobs.inputs import SIMULATED
 
 
-@pytest.mark.parametrize("kind", [_BAGS, COMPILED, SIMULATED])
+@pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])
 def test_every_kind_of_cache_follows_the_variable_alike(monkeypatch, tmp_path, kind):
     monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
 
     assert cache_folder(kind) == tmp_path / kind
 
 
-@pytest.mark.parametrize("kind", [_BAGS, COMPILED, SIMULATED])
+@pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])
 def test_without_the_variable_it_is_in_the_users_cache(monkeypatch, tmp_path, kind):
     monkeypatch.delenv("JERKBENCH_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

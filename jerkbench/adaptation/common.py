@@ -13,7 +13,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.adaptation.linalg import dot, factorise, forward_rows, quadratic, root_of, solve, solve_rows, submatrix
+from jerkbench.adaptation.linalg import (
+    AXES,
+    dot,
+    factorise,
+    forward_rows,
+    quadratic,
+    root_of,
+    roots_of,
+    solve,
+    solve_rows,
+    submatrix,
+)
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
 
@@ -157,17 +168,19 @@ class Stack(NamedTuple):
     H selects from the first six rows of the lower triangle B_p: past them r is zero, and is left out. The weights are
     kept as their inverses, C^-1, because a division takes as long as ten products.
 
+    All is kept by blocks (`jerkbench.adaptation.linalg.AXES`), the first axis of each array; n, m and p are of one.
+
     Attributes:
-        Up: (p, n) of B_p'.
-        columns: (p + m, m) those of J, one a row.
-        shares: (p + m, m) those of J C^-1.
-        y: (m,) innovation.
-        inverses: (p + m,) diagonal of C^-1, those of the prior first.
-        residual: (p + m,) r.
-        S: (m, m) its lower triangle.
-        M: (m, m) factors of S.
-        v: (m,) S^-1 y.
-        steps: (2, n) x - x- of the last pass, and of the one before it.
+        Up: (AXES, p, n) of B_p'.
+        columns: (AXES, p + m, m) those of J, one a row.
+        shares: (AXES, p + m, m) those of J C^-1.
+        y: (AXES, m) innovation.
+        inverses: (AXES, p + m) diagonal of C^-1, those of the prior first.
+        residual: (AXES, p + m) r.
+        S: (AXES, m, m) its lower triangle.
+        M: (AXES, m, m) factors of S.
+        v: (AXES, m) S^-1 y.
+        steps: (2, all states) x - x- of the last pass, and of the one before it.
     """
 
     Up: FloatArray
@@ -184,38 +197,41 @@ class Stack(NamedTuple):
 
 def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArray) -> Stack:
     """Return the stack before the first pass, with weights of 1."""
-    n, m, p = len(P), len(rows), min(_SEEN, len(P))
-    Up, Ur = root_of(P, p), root_of(R, m)
-    both, stacked = np.empty((2, p + m, m), P.dtype), np.empty((2, p + m), P.dtype)
-    columns = both[0]
-    matrices, v, steps = np.zeros((2, m, m), P.dtype), np.empty(m, P.dtype), np.zeros((2, n), P.dtype)
-    for c in range(p + m):
-        stacked[0, c] = 1.0
-    for i in range(m):
-        for c in range(p):
-            columns[c, i] = Up[c, rows[i]]
-        for c in range(m):
-            columns[p + c, i] = Ur[c, i]
-    return Stack(Up, columns, both[1], innovation, stacked[0], stacked[1], matrices[0], matrices[1], v, steps)
+    m, p = len(rows) // AXES, min(_SEEN, len(P)) // AXES
+    Up, Ur = roots_of(P, p * AXES), roots_of(R, m * AXES)
+    both, stacked = np.empty((2, AXES, p + m, m), P.dtype), np.empty((2, AXES, p + m), P.dtype)
+    matrices, vectors = np.zeros((2, AXES, m, m), P.dtype), np.empty((2, AXES, m), P.dtype)
+    columns, y, steps = both[0], vectors[0], np.zeros((2, len(P)), P.dtype)
+    for a in range(AXES):
+        for c in range(p + m):
+            stacked[0, a, c] = 1.0
+        for i in range(m):
+            y[a, i] = innovation[a + AXES * i]
+            for c in range(p):
+                columns[a, c, i] = Up[a, c, rows[a + AXES * i] // AXES]
+            for c in range(m):
+                columns[a, p + c, i] = Ur[a, c, i]
+    return Stack(Up, columns, both[1], y, stacked[0], stacked[1], matrices[0], matrices[1], vectors[1], steps)
 
 
 def settle(stack: Stack, x: FloatArray) -> float:
     """Make a pass with the weights as they are; return 1, or 0 where it has moved the state by next to nothing."""
-    _fill_covariance(stack)
-    factorise(stack.S, stack.M)
-    solve(stack.M, stack.y, stack.v)
-    for c in range(len(stack.residual)):
-        stack.residual[c] = dot(stack.shares[c], stack.v)
+    for a in range(AXES):
+        _fill_covariance(stack.S[a], stack.columns[a], stack.shares[a], stack.inverses[a], stack.Up.shape[1])
+        factorise(stack.S[a], stack.M[a])
+        solve(stack.M[a], stack.y[a], stack.v[a])
+        for c in range(stack.residual.shape[1]):
+            stack.residual[a, c] = dot(stack.shares[a, c], stack.v[a])
     _take_step(stack)
     return still_moves(stack.steps[0], stack.steps[1], x)
 
 
-def _fill_covariance(stack: Stack) -> None:
+def _fill_covariance(S: FloatArray, columns: FloatArray, shares: FloatArray, inverses: FloatArray, p: int) -> None:
     """Fill S; B_p and B_r are lower triangles, so the first rows have no part of the last columns."""
-    S, columns, shares, p, m = stack.S, stack.columns, stack.shares, len(stack.Up), len(stack.v)
+    m = len(S)
     for c in range(p + m):
         for i in range(m):
-            shares[c, i] = columns[c, i] * stack.inverses[c]
+            shares[c, i] = columns[c, i] * inverses[c]
     for i in range(m):
         for j in range(i + 1):
             total = 0.0
@@ -230,39 +246,42 @@ def _take_step(stack: Stack) -> None:
     """Note B_p r_p, and the step before it."""
     step, before = stack.steps[0], stack.steps[1]
     for s in range(len(step)):
-        moved = 0.0
-        for c in range(min(s + 1, len(stack.Up))):
-            moved += stack.Up[c, s] * stack.residual[c]
+        a, moved = s % AXES, 0.0
+        for c in range(min(s // AXES + 1, stack.Up.shape[1])):
+            moved += stack.Up[a, c, s // AXES] * stack.residual[a, c]
         before[s], step[s] = step[s], moved
 
 
 def weighed_prior(P: FloatArray, stack: Stack) -> FloatArray:
     """Return P~ = P + B_p (C_p^-1 - 1) B_p'."""
     Pw = P.copy()
-    for c in range(len(stack.Up)):
-        excess = stack.inverses[c] - 1.0
-        for s in range(c, len(P)):
-            share = excess * stack.Up[c, s]
-            for t in range(c, s + 1):
-                Pw[s, t] += share * stack.Up[c, t]
+    for a in range(AXES):
+        for c in range(stack.Up.shape[1]):
+            excess = stack.inverses[a, c] - 1.0
+            for s in range(c, stack.Up.shape[2]):
+                share = excess * stack.Up[a, c, s]
+                for t in range(c, s + 1):
+                    Pw[a + AXES * s, a + AXES * t] += share * stack.Up[a, c, t]
     for s in range(len(P)):
-        for t in range(s):
+        for t in range(s % AXES, s, AXES):
             Pw[t, s] = Pw[s, t]
     return Pw
 
 
 def gain_of(stack: Stack) -> FloatArray:
     """Return K = P~ H' S^-1 (n, m) of the last pass."""
-    n, m = stack.Up.shape[1], len(stack.v)
-    HP, K = np.zeros((m, n), stack.v.dtype), np.empty((n, m), stack.v.dtype)
-    for i in range(m):
-        for c in range(len(stack.Up)):
-            for s in range(c, n):
-                HP[i, s] += stack.shares[c, i] * stack.Up[c, s]
-    solve_rows(stack.M, HP, HP)
-    for i in range(m):
-        for s in range(n):
-            K[s, i] = HP[i, s]
+    _, p, n = stack.Up.shape
+    m = stack.v.shape[1]
+    PHt, K = np.zeros((AXES, m, n), stack.v.dtype), np.zeros((n * AXES, m * AXES), stack.v.dtype)
+    for a in range(AXES):
+        for i in range(m):
+            for c in range(p):
+                for s in range(c, n):
+                    PHt[a, i, s] += stack.shares[a, c, i] * stack.Up[a, c, s]
+        solve_rows(stack.M[a], PHt[a], PHt[a])
+        for i in range(m):
+            for s in range(n):
+                K[a + AXES * s, a + AXES * i] = PHt[a, i, s]
     return K
 
 

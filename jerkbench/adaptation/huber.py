@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, settle, stack_of, weighed_prior
-from jerkbench.adaptation.linalg import root_of, weighted
+from jerkbench.adaptation.linalg import AXES, roots_of, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -66,21 +66,23 @@ class Huber(Limited):
     ) -> FloatArray:
         """Return P~, and leave the inverse weights of the rows in the memory."""
         stack = stack_of(P, R, rows, innovation)
-        first = 0 if self.sides == "both" else len(stack.Up)
+        first = 0 if self.sides == "both" else stack.Up.shape[1]
         by_threshold, moves = 1.0 / self.threshold, 1.0
         for k in range(PASSES):
             if k > 0:
-                for i in range(first, len(stack.inverses)):
-                    inverse = min(max(abs(stack.residual[i]) * by_threshold, 1.0), 1.0 / SMALLEST_WEIGHT)
-                    stack.inverses[i] = chosen(moves, 0.0, inverse, stack.inverses[i])
+                for a in range(AXES):
+                    for i in range(first, stack.inverses.shape[1]):
+                        inverse = min(max(abs(stack.residual[a, i]) * by_threshold, 1.0), 1.0 / SMALLEST_WEIGHT)
+                        stack.inverses[a, i] = chosen(moves, 0.0, inverse, stack.inverses[a, i])
             moves = settle(stack, x)
             if not anywhere(moves):
                 break
-        memory[: len(rows)] = stack.inverses[len(stack.Up) :]
+        for i in range(len(rows)):
+            memory[i] = stack.inverses[i % AXES, stack.Up.shape[1] + i // AXES]
         return weighed_prior(P, stack)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return weighted(root_of(R, len(R)), memory[: len(rows)])
+        return weighted(roots_of(R, len(R)), memory[: len(rows)])

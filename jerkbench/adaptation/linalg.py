@@ -20,6 +20,24 @@ from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import above, anywhere, chosen
 from jerkbench.kalman import INDEFINITE, ROUNDING
 
+AXES = 1
+"""Blocks of an update that have nothing to do with each other; row i is of block i % AXES, and so is state i.
+
+It is 3 in a compilation for six rows of which R and P- have nothing between two axes: then each axis is gone over by
+itself. So a weighting of rows may keep its matrices by blocks; a rule that mixes rows must not.
+"""
+
+
+def blocks_of(A: FloatArray) -> FloatArray:
+    """Return the blocks of A (n, n) on its diagonal, (AXES, n / AXES, n / AXES)."""
+    n = len(A) // AXES
+    blocks = np.empty((AXES, n, n), A.dtype)
+    for a in range(AXES):
+        for i in range(n):
+            for j in range(n):
+                blocks[a, i, j] = A[a + AXES * i, a + AXES * j]
+    return blocks
+
 
 def factorise(A: FloatArray, M: FloatArray) -> None:
     """Fill M, another array, with the factors of A = L D L'; what stands above its diagonal means nothing.
@@ -50,8 +68,14 @@ def root_of(A: FloatArray, p: int) -> FloatArray:
     Raises:
         LinAlgError: the first p rows and columns are not positive definite.
     """
-    n = len(A)
-    U = np.zeros((p, n), A.dtype)
+    U = np.zeros((p, len(A)), A.dtype)
+    fill_root(A, U)
+    return U
+
+
+def fill_root(A: FloatArray, U: FloatArray) -> None:
+    """Fill the same into U (p, n), which is zero below its diagonal."""
+    p, n = U.shape
     for c in range(p):
         for r in range(c, n):
             U[c, r] = A[r, c]
@@ -65,7 +89,15 @@ def root_of(A: FloatArray, p: int) -> FloatArray:
         scale = math.sqrt(inverse)
         for r in range(c, n):
             U[c, r] *= scale
-    return U
+
+
+def roots_of(A: FloatArray, p: int) -> FloatArray:
+    """Return the roots of the blocks of A, of each the first p / AXES rows."""
+    blocks = blocks_of(A)
+    roots = np.zeros((AXES, p // AXES, blocks.shape[1]), A.dtype)
+    for a in range(AXES):
+        fill_root(blocks[a], roots[a])
+    return roots
 
 
 def _checked(pivot: float, variance: float) -> float:
@@ -134,10 +166,9 @@ def whiten_rows(U: FloatArray, B: FloatArray, X: FloatArray) -> None:
             X[r, c] *= scale
 
 
-def whitened(U: FloatArray, A: FloatArray) -> FloatArray:
-    """Return U^-T A U^-1, symmetric to the bit; A is symmetric."""
+def whiten_both(U: FloatArray, A: FloatArray, X: FloatArray) -> None:
+    """Fill X = U^-T A U^-1, symmetric to the bit; A is symmetric."""
     m = len(A)
-    X = np.empty((m, m), A.dtype)
     whiten_rows(U, A, X)
     for r in range(m):  # the other side: rows of X' , of which those above the diagonal are known already
         scale = 1.0 / U[r, r]
@@ -149,20 +180,20 @@ def whitened(U: FloatArray, A: FloatArray) -> FloatArray:
     for r in range(m):
         for c in range(r):
             X[c, r] = X[r, c]
-    return X
 
 
-def weighted(U: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return U' diag(weights) U, symmetric to the bit."""
-    m = len(U)
-    covariance = np.zeros((m, m), U.dtype)
-    for c in range(m):
-        for i in range(c, m):
-            share = U[c, i] * weights[c]
-            for j in range(c, i + 1):
-                covariance[i, j] += share * U[c, j]
+def weighted(roots: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return U' diag(weights) U of the roots of blocks, (m, m), symmetric to the bit; ``weights`` (m,) by row."""
+    m = len(weights)
+    covariance = np.zeros((m, m), roots.dtype)
+    for a in range(AXES):
+        for c in range(a, m, AXES):
+            for i in range(c, m, AXES):
+                share = roots[a, c // AXES, i // AXES] * weights[c]
+                for j in range(c, i + 1, AXES):
+                    covariance[i, j] += share * roots[a, c // AXES, j // AXES]
     for i in range(m):
-        for j in range(i):
+        for j in range(i % AXES, i, AXES):
             covariance[j, i] = covariance[i, j]
     return covariance
 
@@ -237,8 +268,8 @@ DIAGONAL = 1e-15
 """A pair is left where the square of its element is less than this, squared, of the product of its diagonal ones."""
 
 
-def diagonalise(HPHt: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -> FloatArray:
-    """Fill d (m,); return V' L^-1 X of X (m, any number of columns).
+def diagonalise(A: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -> None:
+    """Fill d (m,), and V' L^-1 X into X (m, any number of columns), of A = H P- H'; A and R are spoilt.
 
     With R = L L' (Cholesky) and L^-1 H P- H' L^-T = V diag(d) V' the innovation is a = V' L^-1 y in these coordinates,
     R is the identity and H P- H' is diag(d). V comes from rotations (Jacobi) that stop where an element is less than
@@ -248,17 +279,29 @@ def diagonalise(HPHt: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -
     Raises:
         LinAlgError: R is not positive definite.
     """
-    m, A, ordered, turned = len(d), HPHt.copy(), R.copy(), X.copy()
-    _order(A, ordered, turned)
-    U = root_of(ordered, m)
-    whiten_rows(U, turned, turned)
-    A = whitened(U, A)
+    _order(A, R, X)
+    U = root_of(R, len(d))
+    whiten_rows(U, X, X)
+    W = np.empty(A.shape, A.dtype)
+    whiten_both(U, A, W)
     for _ in range(SWEEPS):
-        if not _sweep(A, turned):
+        if not _sweep(W, X):
             break
+    for i in range(len(d)):
+        d[i] = max(W[i, i], 0.0)
+
+
+def diagonal_blocks(HPHt: FloatArray, R: FloatArray, B: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return d (m,) and V' L^-1 B of B (m, any number of columns) by blocks: those of the first block come first."""
+    m, n = len(R), len(R) // AXES
+    A, ordered = blocks_of(HPHt), blocks_of(R)
+    d, X = np.empty(m, R.dtype), np.empty(B.shape, R.dtype)
     for i in range(m):
-        d[i] = max(A[i, i], 0.0)
-    return turned
+        for c in range(B.shape[1]):
+            X[i, c] = B[i % n * AXES + i // n, c]
+    for a in range(AXES):
+        diagonalise(A[a], ordered[a], d[a * n : a * n + n], X[a * n : a * n + n])
+    return d, X
 
 
 def _order(A: FloatArray, R: FloatArray, X: FloatArray) -> None:
@@ -348,13 +391,14 @@ class Residuals(NamedTuple):
     neighbours. The adapted covariance L D L' is `weighted` (U, D).
 
     Attributes:
-        U: (m, m) L'.
-        prior: (m, m) L^-1 HPH' L^-T.
-        y: (m,) L^-1 y.
-        D: (m,) its diagonal, not above 1 / `SMALLEST_RESIDUAL_WEIGHT`.
-        e: (m,) the residual after the update with them.
-        S: (m, m) prior + D.
-        M: (m, m) factors of S.
+        U: (AXES, m / AXES, m / AXES) L', like all matrices by blocks.
+        prior: L^-1 HPH' L^-T.
+        y: (AXES, m / AXES) L^-1 y.
+        D: (m,) its diagonal, not above 1 / `SMALLEST_RESIDUAL_WEIGHT`, by row.
+        e: (m,) the residual after the update with them, by row.
+        S: prior + D.
+        M: factors of S.
+        v: (m / AXES,) S^-1 L^-1 y of a block.
     """
 
     U: FloatArray
@@ -364,24 +408,29 @@ class Residuals(NamedTuple):
     e: FloatArray
     S: FloatArray
     M: FloatArray
+    v: FloatArray
 
 
 def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Residuals:
     """Return the update before the first pass, with weights of 1."""
-    m = len(innovation)
-    U, vectors = root_of(R, m), np.empty((3, m), R.dtype)
-    prior = whitened(U, HPHt)
-    whiten(U, innovation, vectors[0])
-    for i in range(m):
-        vectors[1, i] = 1.0
-    return Residuals(U, prior, vectors[0], vectors[1], vectors[2], prior.copy(), np.empty((m, m), R.dtype))
+    m, n, U, N = len(innovation), len(innovation) // AXES, roots_of(R, len(innovation)), blocks_of(HPHt)
+    y, vectors, matrices = np.empty((AXES, n), R.dtype), np.empty((2, m), R.dtype), np.empty((2, AXES, n, n), R.dtype)
+    for a in range(AXES):
+        whiten_both(U[a], N[a], matrices[0, a])
+        for i in range(n):
+            y[a, i], vectors[0, a + AXES * i] = innovation[a + AXES * i], 1.0
+        whiten(U[a], y[a], y[a])
+    prior = matrices[0]
+    return Residuals(U, prior, y, vectors[0], vectors[1], prior.copy(), matrices[1], np.empty(n, R.dtype))
 
 
 def update_residuals(of: Residuals) -> None:
     """Fill e with the weights as they are."""
-    for i in range(len(of.e)):
-        of.S[i, i] = of.prior[i, i] + of.D[i]
-    factorise(of.S, of.M)
-    solve(of.M, of.y, of.e)
-    for i in range(len(of.e)):
-        of.e[i] *= of.D[i]
+    n = len(of.v)
+    for a in range(AXES):
+        for i in range(n):
+            of.S[a, i, i] = of.prior[a, i, i] + of.D[a + AXES * i]
+        factorise(of.S[a], of.M[a])
+        solve(of.M[a], of.y[a], of.v)
+        for i in range(n):
+            of.e[a + AXES * i] = of.v[i] * of.D[a + AXES * i]

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, ONE_OF_SIDES, one_of
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, gain_of, inverse_kernel, settle, stack_of
-from jerkbench.adaptation.linalg import whiten
+from jerkbench.adaptation.linalg import AXES, whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
@@ -63,18 +63,20 @@ class MaximumCorrentropy(Limited):
     ) -> FloatArray:
         """Return K of the last pass."""
         stack = stack_of(P, R, rows, innovation)
-        p = len(stack.Up)
+        p = stack.Up.shape[1]
         first = 0 if self.sides == "both" else p
         if self.start == "prediction":  # r_p = 0, r_r = B_r^-1 (z - H x-)
-            for c in range(p):
-                stack.residual[c] = 0.0
-            whiten(stack.columns[p:], innovation, stack.residual[p:])
+            for a in range(AXES):
+                for c in range(p):
+                    stack.residual[a, c] = 0.0
+                whiten(stack.columns[a, p:], stack.y[a], stack.residual[a, p:])
         moves = 1.0
         for k in range(PASSES):
             if k > 0 or self.start == "prediction":
-                for i in range(first, len(stack.inverses)):
-                    inverse = inverse_kernel(stack.residual[i], self.bandwidth, SMALLEST_WEIGHT)
-                    stack.inverses[i] = chosen(moves, 0.0, inverse, stack.inverses[i])
+                for a in range(AXES):
+                    for i in range(first, stack.inverses.shape[1]):
+                        inverse = inverse_kernel(stack.residual[a, i], self.bandwidth, SMALLEST_WEIGHT)
+                        stack.inverses[a, i] = chosen(moves, 0.0, inverse, stack.inverses[a, i])
             moves = settle(stack, x)
             if not anywhere(moves):
                 break

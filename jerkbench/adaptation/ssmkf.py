@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES, one_of
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, still_moves
-from jerkbench.adaptation.linalg import diagonalise, explained_sums, scaled, submatrix
+from jerkbench.adaptation.linalg import diagonal_blocks, explained_sums, scaled, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -89,13 +89,12 @@ class StatisticalSimilarity(Limited):
     ) -> FloatArray:
         """Return P~, and leave lambda in the memory."""
         n, m = len(x), len(rows)
-        vectors, steps, X = np.empty((2, m), P.dtype), np.zeros((2, n), P.dtype), np.empty((m, n + 1), P.dtype)
-        d, w = vectors[0], vectors[1]
+        w, steps, B = np.empty(m, P.dtype), np.zeros((2, n), P.dtype), np.empty((m, n + 1), P.dtype)
         for i in range(m):  # [H P-, y]
             for s in range(n):
-                X[i, s] = P[rows[i], s]
-            X[i, n] = innovation[i]
-        X = diagonalise(submatrix(P, rows), R, d, X)
+                B[i, s] = P[rows[i], s]
+            B[i, n] = innovation[i]
+        d, X = diagonal_blocks(submatrix(P, rows), R, B)
         xi = weight = r = moves = 1.0
         explained = prior = measured = 0.0
         for k in range(PASSES):

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, FREEDOM, SOME_PASSES
-from jerkbench.adaptation.linalg import diagonalise, explained_sums, scaled
+from jerkbench.adaptation.linalg import diagonal_blocks, explained_sums, scaled
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
@@ -55,13 +55,13 @@ class StatisticalSimilarityR(Limited):
     ) -> FloatArray:
         """Return R, scaled as a whole."""
         m, weight = len(rows), 1.0  # lambda
-        vectors, y = np.empty((2, m), R.dtype), np.empty((m, 1), R.dtype)
+        w, y = np.empty(m, R.dtype), np.empty((m, 1), R.dtype)
         for i in range(m):
             y[i, 0] = innovation[i]
-        X = diagonalise(HPHt, R, vectors[0], y)
+        d, X = diagonal_blocks(HPHt, R, y)
         for _ in range(self.passes):
             before, scale = weight, 1.0 / weight
-            explained, _prior, measured = explained_sums(vectors[0], X[:, 0], scale, vectors[1])
+            explained, _prior, measured = explained_sums(d, X[:, 0], scale, w)
             weight = math.sqrt((self.nu + m) / (self.nu + scale * (explained + scale * measured)))
             if not anywhere(abs(weight - before)):
                 break

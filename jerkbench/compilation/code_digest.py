@@ -150,6 +150,19 @@ def reached(function: types.FunctionType) -> dict[str, Any]:
     return {name: function.__globals__[name] for name in names if name in function.__globals__}
 
 
+def reads(function: types.FunctionType, name: str) -> bool:
+    """Return whether ``function``, or a helper that it reaches, reads the global ``name``."""
+    seen, ahead = {function}, [function]
+    while ahead:
+        values = reached(ahead.pop())
+        if name in values:
+            return True
+        helpers = {helper for value in values.values() if (helper := own_function(value))} - seen
+        seen |= helpers
+        ahead += helpers
+    return False
+
+
 def _names(code: types.CodeType) -> Iterator[str]:
     yield from code.co_names
     for constant in code.co_consts:

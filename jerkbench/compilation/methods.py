@@ -14,7 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from jerkbench.arrays import WIDE, FloatArray
-from jerkbench.compilation.code_digest import digest, own_function
+from jerkbench.compilation.code_digest import digest, own_function, reads
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.lanes import above_in_lanes
 from jerkbench.compilation.module_cache import load_entry
@@ -125,14 +125,15 @@ def _shape(value: object) -> object:
     return type(value) if isinstance(value, (bool, int, float)) else value
 
 
-def compiled_method(plugin: object, method: CompiledMethod, width: int = 1) -> Any:  # noqa: ANN401 - numba has no types
+def compiled_method(plugin: object, method: CompiledMethod, width: int = 1, axes: int = 1) -> Any:  # noqa: ANN401 - numba has no types
     """Return the plugin's method as a compiled function for `jerkbench.compilation.methods`.
 
     It takes the addresses of the parameters, of each argument, and of the array that it fills if there is one; then
     the sizes. One compilation serves all values of the numeric parameters.
 
     Of several runs side by side it gets vectors of ``width`` numbers in the place of numbers. Then two arrays of
-    parameters come first: the vectors, and the whole numbers, which the runs have in common.
+    parameters come first: the vectors, and the whole numbers, which the runs have in common. Of six rows it may then
+    go over each of ``axes`` by itself (`jerkbench.adaptation.linalg.AXES`).
 
     Raises:
         numba.core.errors.NumbaError: numba cannot compile it.
@@ -143,20 +144,22 @@ def compiled_method(plugin: object, method: CompiledMethod, width: int = 1) -> A
     if function is None:
         raise TypeError(f"{type(plugin).__name__}.{method.name} is not a plain function")
     fields = [name for name, _ in _attributes(plugin)]
-    source = _entry_source(plugin, method, width)
-    replaced = IN_LANES if width > 1 else {}
+    replaced, axes = IN_LANES if width > 1 else {}, axes if reads(function, "AXES") else 1
+    source = _entry_source(plugin, method, width, axes)
 
     def namespace(home: str) -> dict[str, Any]:
         """Return what the entry point's text refers to."""
         return {
             "Parameters": namedtuple("Parameters", fields),  # noqa: PYI024 - its fields are known at run time only
             "method": jitted(function, home, replaced),
+            "by_axes": jitted(function, home, {**replaced, "AXES": axes}) if axes > 1 else None,
             "fill": jitted(_fill, home),
             "number": vector_of(width),
         }
 
     title = f"{type(plugin).__name__}.{method.name}{f' for {width} runs' if width > 1 else ''}"
-    module: ModuleType = load_entry(title, source, digest(function, fields=fields, width=width), namespace)
+    title += ", axis by axis" * (axes > 1)
+    module: ModuleType = load_entry(title, source, digest(function, fields=fields, width=width, axes=axes), namespace)
     return module.entry
 
 
@@ -190,7 +193,7 @@ BODY = """\
         {else_}"""
 
 
-def _entry_source(plugin: object, method: CompiledMethod, width: int) -> str:
+def _entry_source(plugin: object, method: CompiledMethod, width: int, axes: int) -> str:
     """Text of the entry point: rebuild self, call the method."""
     arrays = [("parameters", "number"), *([("whole", "int64")] if width > 1 else [])]
     arrays += [(name, "number" if of == "float64" else of) for name, of, _ in method.arguments]
@@ -200,22 +203,23 @@ def _entry_source(plugin: object, method: CompiledMethod, width: int) -> str:
         result="void" if method.result else "number",
         types=", ".join([f"CPointer({of})" for _, of in arrays] + ["int64"] * len(method.sizes)),
         names=", ".join([name for name, _ in arrays] + list(method.sizes)),
-        body=(AS_ARRAY.format(len(parameter_vector(plugin))) if width > 1 else "") + _body(plugin, method, width),
+        body=(AS_ARRAY.format(len(parameter_vector(plugin))) if width > 1 else "") + _body(plugin, method, width, axes),
     )
 
 
-def _body(plugin: object, method: CompiledMethod, width: int) -> str:
-    """Text of the call; of two where some sizes are usual."""
+def _body(plugin: object, method: CompiledMethod, width: int, axes: int) -> str:
+    """Text of the call; of two where some sizes are usual: of six rows by axes, whatever the others are."""
     if not method.usual:
         return f"    {_call(plugin, method, {}, width)}"
+    usual = method.usual[:1] if axes > 1 else method.usual
     return BODY.format(
-        usual=" and ".join(f"{name} == {size}" for name, size in method.usual),
-        often=_call(plugin, method, dict(method.usual), width),
+        usual=" and ".join(f"{name} == {size}" for name, size in usual),
+        often=_call(plugin, method, dict(usual), width, "by_axes" if axes > 1 else "method"),
         else_=_call(plugin, method, {}, width),
     )
 
 
-def _call(plugin: object, method: CompiledMethod, known: dict[str, int], width: int) -> str:
+def _call(plugin: object, method: CompiledMethod, known: dict[str, int], width: int, called: str = "method") -> str:
     """Text of the call, with numbers in the place of the sizes that are ``known``."""
 
     def sized(shape: str) -> str:
@@ -223,7 +227,7 @@ def _call(plugin: object, method: CompiledMethod, known: dict[str, int], width: 
         return "".join(names.get(word, word) for word in re.split(r"(\w+)", shape))
 
     arrays = ", ".join(f"carray({name}, {sized(shape)})" for name, _, shape in method.arguments)
-    call = f"method(Parameters({', '.join(_rebuilt(plugin, 'parameters' if width == 1 else 'whole'))}), {arrays})"
+    call = f"{called}(Parameters({', '.join(_rebuilt(plugin, 'parameters' if width == 1 else 'whole'))}), {arrays})"
     return f"fill(carray(result, {sized(method.result)}), {call})" if method.result else f"return {call}"
 
 

@@ -257,7 +257,7 @@ def correct_by_gains(run: Lanes, states: int) -> None:
     run.lost = chosen(own, 0.0, lost, run.lost)
     for s in range(run.s):
         run.x[s] = chosen(own, 0.0, x[s], run.x[s])
-        for t in range(s + 1):
+        for t in range(s % STRIDE, s + 1, STRIDE):
             run.P[s, t] = chosen(own, 0.0, 0.5 * (P[s, t] + P[t, s]), run.P[s, t])
 
 
@@ -274,26 +274,27 @@ def _own_update(run: Lanes, x: View, P: View) -> float:
     _fill_rest(run, rest, free)
     for s in range(run.s):
         x[s] = run.x[s] + _row_times(run.Z, s, run.y)
-        for t in range(run.s):
+        for t in range(s % STRIDE, run.s, STRIDE):
             restP[s, t] = free[s] * run.P[s, t]
-            for r in range(6):
+            for r in range(s % STRIDE, 6, STRIDE):
                 restP[s, t] += rest[s, r] * run.P[r, t]
     for s in range(run.s):
-        for r in range(6):  # K R
+        for r in range(s % STRIDE, 6, STRIDE):  # K R
             noise[r] = run.zero
-            for c in range(6):
+            for c in range(s % STRIDE, 6, STRIDE):
                 noise[r] += run.Z[c, s] * run.R[c, r]
-        for t in range(run.s):
+        for t in range(s % STRIDE, run.s, STRIDE):
             total = free[t] * restP[s, t]
-            for r in range(6):
+            for r in range(s % STRIDE, 6, STRIDE):
                 total += restP[s, r] * rest[t, r] + noise[r] * run.Z[r, t]
             P[s, t] = total
     return _note_rounding(run, rest, P)
 
 
 def _row_times(Z: View, s: int, y: View) -> float:
-    total: float = Z[0, s] * y[0]
-    for r in range(1, 6):
+    first = s % STRIDE
+    total: float = Z[first, s] * y[first]
+    for r in range(first + STRIDE, 6, STRIDE):
         total += Z[r, s] * y[r]
     return total
 
@@ -303,7 +304,7 @@ def _fill_rest(run: Lanes, rest: View, free: View) -> None:
     for s in range(run.s):
         measured = run.used[s] if s < 6 else run.zero
         free[s] = 1.0 - measured
-        for r in range(6):
+        for r in range(s % STRIDE, 6, STRIDE):
             rest[s, r] = (measured if r == s else run.zero) - run.Z[r, s]
 
 
@@ -313,7 +314,7 @@ def _note_rounding(run: Lanes, rest: View, P: View) -> float:
     for s in range(run.s):
         finer = chosen(run.used[s] * run.P[s, s], run.R[s, s], 1.0, 0.0) if s < 6 else run.zero
         spread = (1.0 - finer) * run.P[s, s]
-        for r in range(6):
+        for r in range(s % STRIDE, 6, STRIDE):
             used = chosen(finer, 0.0, rest[s, r], run.Z[r, s])
             spread += used * used * (run.P[r, r] + run.R[r, r])
         lost += chosen(P[s, s], ROUNDING * spread, 0.0, 1.0)

@@ -68,6 +68,8 @@ def update(
             find_gains_of_lanes(run, exchange.rows, rules)
         else:
             find_gains(run, exchange, rules)
+        if STRIDE > 1:
+            note_coupling(run, run.Z, 6, run.s)
         correct_by_gains(run, states)
         mirror(run)
     else:
@@ -109,7 +111,7 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
     else:
         same = adapt_runs(run, exchange, rules, complete)
     if STRIDE > 1 and ASKED != NEVER:
-        note_coupling(run)
+        note_answers(run)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
@@ -122,12 +124,21 @@ def _keep_innovation(run: Lanes, seen: View) -> None:
         seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
 
 
-def note_coupling(run: Lanes) -> None:
-    """Note where the adapted R has a covariance of two axes."""
-    for r in range(6):
-        for c in range(6):
+def note_answers(run: Lanes) -> None:
+    """Note what the adaptation of R, and of the prior, has put between two axes."""
+    note_coupling(run, run.R, 6, 6)
+    if DENSE == 1:
+        note_coupling(run, run.P, run.s, run.s)
+
+
+def note_coupling(run: Lanes, M: View, rows: int, columns: int) -> None:
+    """Note where a matrix that an adaptation made has something between two axes."""
+    coupled = run.coupled
+    for r in range(rows):
+        for c in range(columns):
             if (r - c) % STRIDE != 0:
-                run.coupled += chosen(run.R[r, c] * run.R[r, c], 0.0, 1.0, 0.0)
+                coupled += chosen(M[r, c] * M[r, c], 0.0, 1.0, 0.0)
+    run.coupled = coupled
 
 
 def _innovate(run: Lanes, z: View) -> bool:

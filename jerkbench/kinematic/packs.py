@@ -112,11 +112,13 @@ class Kind(NamedTuple):
         size: of the state, and what else the loop is compiled for.
         wants_truth: whether the adaptation gets the true covariance as R.
         dense: whether it sees whole matrices.
+        by_axes: whether each axis may be gone over by itself.
     """
 
     size: Hashable
     wants_truth: bool
     dense: bool
+    by_axes: bool
 
 
 def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
@@ -124,8 +126,8 @@ def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     alike: dict[tuple[Kind, bytes, bool], list[int]] = {}
     starts = axes_apart(np.reshape([run.timeline.P0 for run in runs], (-1, 6, 6))).tolist()
     for place, (run, kind, start) in enumerate(zip(runs, kinds, starts, strict=True)):
-        whole = kind.wants_truth or kind.dense or run.scoring.consistency
-        apart = start and not whole and _told(run)[0].apart
+        errors_alone = kind.by_axes and not kind.wants_truth and not run.scoring.consistency
+        apart = errors_alone and start and _told(run)[0].apart
         alike.setdefault((kind, _structure(_Course(run)), apart), []).append(place)
     return [
         _pack(runs, members, wants_truth=kind.wants_truth, apart=apart)

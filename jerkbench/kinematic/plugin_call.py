@@ -1,12 +1,13 @@
 """The call of an adaptation from compiled code, as its author wrote it."""
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray
+from jerkbench.compilation.code_digest import own_function, reads
 from jerkbench.compilation.methods import (
     CompiledMethod,
     address_of,
@@ -67,9 +68,20 @@ class Rule(NamedTuple):
         return prior != 0 or gain != 0
 
     @property
+    def by_axes(self) -> bool:
+        """Whether it sees no whole matrices, or goes over them axis by axis where it may."""
+        return not self.dense or _reads_axes(type(self.adaptation))
+
+    @property
     def together(self) -> object:
         """What those have in common that are not asked by each run; None where it is."""
         return (self.kind, tuple(whole_numbers(self.adaptation))) if self.asked else None
+
+
+@cache
+def _reads_axes(kind: type[Adaptation]) -> bool:
+    methods = (own_function(getattr(kind, method.name, None)) for method in (ADAPT, PRIOR, GAIN))
+    return any(method is not None and reads(method, "AXES") for method in methods)
 
 
 IN_PYTHON = "estimators with {} run in plain Python"
@@ -129,12 +141,12 @@ def _first_sentence(message: str) -> str:
 
 
 @lru_cache(maxsize=256)
-def _addresses(kind: _Kind, lanes: bool) -> tuple[int, int, int, int]:
+def _addresses(kind: _Kind, lanes: bool, axes: int = 1) -> tuple[int, int, int, int]:
     """Of `adapt`, and of the methods that it may have, 0 where it has not."""
     own = kind.example
 
     def address(method: CompiledMethod) -> int:
-        return address_of(compiled_method(own, method, WIDE if lanes else 1))
+        return address_of(compiled_method(own, method, WIDE if lanes else 1, axes))
 
     fade = address(FADE) if isinstance(own, Fading) else 0
     prior = address(PRIOR) if isinstance(own, AdaptingPrior) else 0
@@ -185,11 +197,14 @@ def call_gain(alone: Lanes, rules: Rules, k: int, whole: Whole, packed: Packed, 
     return True
 
 
-def rules_of(rules: Sequence[Rule], states: int) -> Rules:
-    """Return the adaptations of all runs, of filters of ``states`` states, as arrays; each memory is zero."""
+def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
+    """Return the adaptations of all runs, of filters of ``states`` states, as arrays; each memory is zero.
+
+    ``axes``: how many have nothing to do with each other; it tells those that all runs ask at once.
+    """
     first, lanes = rules[0], rules[0].asked == AT_ONCE and len(rules) == WIDE
     sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
-    adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes) for rule in rules]).T.copy()
+    adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes, axes if lanes else 1) for rule in rules]).T.copy()
     whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)
     parameters = aligned_zeros(len(rules), max(len(rule.parameters) for rule in rules))
     for run, rule in enumerate(rules):

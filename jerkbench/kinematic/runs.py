@@ -190,8 +190,9 @@ def run_packs(
         prepared = prepare(pack, lanes)
         if prepared is not None:
             loop, of, own, *more = prepared
-            kept, rule = _room_of_pack(pack, of, updates=updates), rules_of([rules[k] for k in lanes], of.sizes["s"])
-            loop(pack.steps, pack.scored, own, rule, kept, exchange_for(of.sizes["n"], WIDE), *more)
+            kept = _room_of_pack(pack, of, updates=updates)
+            asked = rules_of([rules[k] for k in lanes], of.sizes["s"], 3 if pack.apart else 1)
+            loop(pack.steps, pack.scored, own, asked, kept, exchange_for(of.sizes["n"], WIDE), *more)
             coupled = kept.w[of.fields["coupled"].places[0] :].tolist()
             if pack.apart and any(coupled[:WIDE]):
                 run_pack(together(pack))
@@ -200,7 +201,7 @@ def run_packs(
                 if not again:
                     results[place] = result
 
-    kinds = [Kind(size, rule.wants_truth, rule.dense) for size, rule in zip(sizes, rules, strict=True)]
+    kinds = [Kind(size, rule.wants_truth, rule.dense, rule.by_axes) for size, rule in zip(sizes, rules, strict=True)]
     packs = _packs(tuple(runs), tuple(kinds))
     if threads <= 1 or len(packs) <= 1:
         for pack in packs:

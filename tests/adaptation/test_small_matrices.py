@@ -1,9 +1,13 @@
 """Closed loops over small matrices, and the algebra that makes an update one of the measured rows, against NumPy."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from jerkbench import plugins
+from jerkbench.adaptation import common, linalg
 from jerkbench.adaptation.common import (
     _SEEN,
     distances,
@@ -31,8 +35,8 @@ from jerkbench.adaptation.linalg import (
     update_residuals,
     weighted,
     whiten,
+    whiten_both,
     whiten_rows,
-    whitened,
 )
 from jerkbench.kalman import ROUNDING
 
@@ -73,7 +77,8 @@ def test_factors_and_solutions_are_those_of_lapack(n):
     np.testing.assert_allclose(x, np.linalg.solve(L, b), rtol=1e-9)
     whiten_rows(U, B, X)
     np.testing.assert_allclose(X, np.linalg.solve(L, B), rtol=1e-9)
-    white = whitened(U, C)
+    white = np.empty((n, n))
+    whiten_both(U, C, white)
     np.testing.assert_allclose(white, np.linalg.solve(L, np.linalg.solve(L, C).T), rtol=1e-9, atol=1e-9)
     assert np.array_equal(white, white.T)
 
@@ -87,7 +92,7 @@ def test_both_covariances_are_diagonal_in_their_own_coordinates(rows, largest):
     N, xi, weight = submatrix(P * scale * scale[:, None], rows), 0.7, 1.6
     m = len(rows)
     d, w, X = np.empty(m), np.empty(m), np.column_stack([N, y])
-    X = diagonalise(N, R, d, X)
+    diagonalise(N.copy(), R.copy(), d, X)
     np.testing.assert_allclose(np.sort(d), eigh(N, R, eigvals_only=True), rtol=1e-9 * np.sqrt(largest))
 
     explained, prior, measured = explained_sums(d, X[:, m], xi / weight, w)
@@ -135,21 +140,45 @@ def test_a_pass_with_weights_is_the_update_with_the_weighed_covariances(rows):
     P, R, y, H = case(rows)
     stack = stack_of(P, R, rows, y)
     p, m = _SEEN, len(rows)
-    stack.inverses[:] = 1.0 / np.linspace(0.1, 0.9, p + m)
+    stack.inverses[0] = 1.0 / np.linspace(0.1, 0.9, p + m)
     settle(stack, np.ones(9))
 
     Bp, Br = np.linalg.cholesky(P), np.linalg.cholesky(R)
-    Pw = Bp @ np.diag(np.append(stack.inverses[:p], np.ones(9 - p))) @ Bp.T
-    Rw = Br @ np.diag(stack.inverses[p:]) @ Br.T
+    Pw = Bp @ np.diag(np.append(stack.inverses[0, :p], np.ones(9 - p))) @ Bp.T
+    Rw = Br @ np.diag(stack.inverses[0, p:]) @ Br.T
     K = Pw @ H.T @ np.linalg.inv(H @ Pw @ H.T + Rw)
     np.testing.assert_allclose(weighed_prior(P, stack), Pw, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(weighted(Br.T, stack.inverses[p:]), Rw, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(weighted(Br.T[None], stack.inverses[0, p:]), Rw, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(gain_of(stack), K, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.steps[0], K @ y, rtol=1e-9, atol=1e-11)
-    np.testing.assert_allclose(stack.residual[p:], np.linalg.solve(Br, y - H @ K @ y), rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(stack.residual[0, p:], np.linalg.solve(Br, y - H @ K @ y), rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(
-        np.append(stack.residual[:p], np.zeros(9 - p)), np.linalg.solve(Bp, K @ y), rtol=1e-9, atol=1e-11
+        np.append(stack.residual[0, :p], np.zeros(9 - p)), np.linalg.solve(Bp, K @ y), rtol=1e-9, atol=1e-11
     )
+
+
+@pytest.mark.parametrize("n", [6, 9])
+@pytest.mark.parametrize(
+    "name", ["huber", "maximum_correntropy", "maximum_correntropy_r", "cerkf_r", "ssmkf", "ssmkf_r"]
+)
+def test_axes_apart_are_gone_over_one_by_one_with_the_same_result(monkeypatch, name, n):
+    rng, rule, rows = np.random.default_rng(n), plugins.create("adaptation", {"name": name}), np.arange(6)
+    of_one_axis = np.arange(n) % 3 == np.arange(n)[:, None] % 3
+    P, y = covariance(rng, n) * of_one_axis, 9.0 * rng.normal(size=6)
+    R = covariance(rng, 6) * of_one_axis[:6, :6]
+
+    def answers():
+        memory = np.zeros(6)
+        given = P, np.eye(n), 0.0 * P, y, R, rows, memory
+        prior = rule.adapt_prior(np.ones(n), *given) if hasattr(rule, "adapt_prior") else P
+        gain = rule.adapt_gain(np.ones(n), P, y, R, rows, memory) if hasattr(rule, "adapt_gain") else 0.0
+        return prior, rule.adapt(y, prior[:6, :6], R, rows, memory), gain
+
+    whole = answers()
+    for module in (linalg, common, sys.modules[type(rule).__module__]):
+        monkeypatch.setattr(module, "AXES", 3, raising=False)
+    for one, other in zip(answers(), whole, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("rows", ROWS, ids=str)

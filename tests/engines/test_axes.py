@@ -16,7 +16,11 @@ from jerkbench.sums import Run
 from jerkbench.timeline import build_timeline, step_lengths
 from synthetic import level_attitude, recording_at_rest
 
+AXES = 1
+"""What reads it goes over each axis by itself (`jerkbench.adaptation.linalg`)."""
+
 RULES = ("none", "mtf", "chi2", "iae", "scalar_q", "huber_r", "cerkf_r", "variational_bayes")
+DENSE = ("huber", "maximum_correntropy", "ssmkf")
 ERRORS = [plugins.create("metric", {"name": name}) for name in ("position_rmse", "velocity_rmse", "outage")]
 
 
@@ -74,9 +78,10 @@ def errors_alone(pairs, model, adaptation):
     return columns
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_each_axis_by_itself_gives_what_all_together_give(several, rule, strides, monkeypatch):
-    model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": rule})
+@pytest.mark.parametrize("name", ["jerk", "baseline"])
+@pytest.mark.parametrize("rule", [*RULES, *DENSE])
+def test_each_axis_by_itself_gives_what_all_together_give(several, rule, name, strides, monkeypatch):
+    model, adaptation = plugins.create("filter", {"name": name}), plugins.create("adaptation", {"name": rule})
     got = errors_alone(several, model, adaptation)
     monkeypatch.setattr(packs, "axes_apart", lambda P0: np.zeros(len(P0), dtype=bool))
     together = errors_alone(several, model, adaptation)
@@ -85,10 +90,43 @@ def test_each_axis_by_itself_gives_what_all_together_give(several, rule, strides
         assert own == pytest.approx(wanted, rel=1e-12, abs=1e-15, nan_ok=True)
 
 
-def test_an_adaptation_that_couples_axes_has_all_together(several, strides):
+@dataclass(frozen=True)
+class CouplesPrior(Couples):
+    """The same in the prior covariance, of which it goes over each axis by itself otherwise."""
+
+    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
+        memory[0] += 1.0
+        T = AXES * np.eye(len(P))
+        if memory[0] > self.after:
+            T[0, 1] = 0.3
+        return T @ P @ T.T
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return R
+
+
+@dataclass(frozen=True)
+class CouplesGain(CouplesPrior):
+    """The same in the gain."""
+
+    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
+        return P
+
+    def adapt_gain(self, x, P, innovation, R, rows, memory):
+        memory[0] += 1.0
+        K = np.zeros((len(x), len(rows)))
+        for i, row in enumerate(rows):
+            K[row, i] = AXES * P[row, row] / (P[row, row] + R[i, i])
+        if memory[0] > self.after and len(rows) > 1:
+            K[0, 1] = 0.1
+        return K
+
+
+@pytest.mark.parametrize("adaptation", [Couples(), CouplesPrior(), CouplesGain()], ids=lambda of: type(of).__name__)
+def test_an_adaptation_that_couples_axes_has_all_together(several, strides, adaptation):
     model = plugins.create("filter", {"name": "jerk"})
-    for (recording, timeline), got in zip(several, errors_alone(several, model, Couples()), strict=True):
-        estimate = FilterpyEngine().run(timeline, model, Couples())
+    for (recording, timeline), got in zip(several, errors_alone(several, model, adaptation), strict=True):
+        estimate = FilterpyEngine().run(timeline, model, adaptation)
         assert got == pytest.approx(evaluate_run(estimate, recording, BURN_IN_S, ERRORS), rel=1e-9, nan_ok=True)
     assert strides == [3, 1]
 
