@@ -19,7 +19,7 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, models, regist
 
 from jerkbench.arrays import WIDE, FloatArray
 
-NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
+NUMBER, INDEX, LONG = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 """As LLVM knows them."""
 
 
@@ -179,9 +179,46 @@ def _smaller(builder: Any, a: Any, b: Any) -> Any:  # noqa: ANN401 - as above
     return builder.select(builder.fcmp_ordered("<", b, a), b, a)
 
 
+LN2_HIGH, LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
+"""ln 2 in two parts, the first with so many zeros at its end that up to 1024 times it is exact."""
+
+WHOLE_ABOVE = 1.5 * 2.0**52
+"""Added to a number it leaves its nearest whole number in the last bits."""
+
+SMALLEST_EXPONENT, LARGEST_EXPONENT = -708.0, 709.79
+"""Below the one the exponential is less than any normal number, above the other it is infinite."""
+
+
+def _exp(builder: Any, x: Any) -> Any:  # noqa: ANN401 - as above
+    """2^n e^r with x = n ln 2 + r, |r| <= ln 2 / 2: e^r by its series. LLVM would call a library for each number.
+
+    Below `SMALLEST_EXPONENT` it is 0. The 14th term is less than 1e-17.
+    """
+
+    def number(value: float) -> Any:  # noqa: ANN401 - as above
+        return ir.Constant(x.type, [value] * x.type.count)
+
+    def plus(a: Any, b: Any, c: Any) -> Any:  # noqa: ANN401 - as above
+        """Return the product of the first two, and the third."""
+        return builder.fadd(builder.fmul(a, b, flags=("contract",)), c, flags=("contract",))
+
+    bits = ir.VectorType(LONG, x.type.count)
+    shifted = plus(x, number(1.0 / math.log(2.0)), number(WHOLE_ABOVE))
+    n = builder.fsub(shifted, number(WHOLE_ABOVE))
+    r = plus(n, number(-LN2_LOW), plus(n, number(-LN2_HIGH), x))
+    series = number(1.0 / math.factorial(13))
+    for k in range(12, -1, -1):
+        series = plus(series, r, number(1.0 / math.factorial(k)))
+    power = builder.shl(builder.bitcast(shifted, bits), ir.Constant(bits, [52] * x.type.count))
+    result = builder.bitcast(builder.add(builder.bitcast(series, bits), power), x.type)
+    result = builder.select(builder.fcmp_ordered("<", x, number(SMALLEST_EXPONENT)), number(0.0), result)
+    result = builder.select(builder.fcmp_ordered(">", x, number(LARGEST_EXPONENT)), number(math.inf), result)
+    return builder.select(builder.fcmp_ordered("==", x, x), result, x)
+
+
 _teach(abs, 1, _intrinsic("fabs"))
 _teach(math.sqrt, 1, _intrinsic("sqrt"))
-_teach(math.exp, 1, _intrinsic("exp"))
+_teach(math.exp, 1, _exp)
 _teach(max, 2, _larger)
 _teach(min, 2, _smaller)
 _teach(operator.neg, 1, lambda builder, x: builder.fneg(x))

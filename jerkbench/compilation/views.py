@@ -25,12 +25,10 @@ from numba.extending import (
 )
 
 from jerkbench.arrays import WIDE
-from jerkbench.compilation.vectors import INDEX, NUMBER, llvm_vector, repeated, turned, vector_of
+from jerkbench.compilation.vectors import INDEX, LONG, NUMBER, llvm_vector, repeated, turned, vector_of
 
 Untyped = Any
 """What numba and llvmlite, which have no types, hand over."""
-
-LONG = ir.IntType(64)
 
 
 class View(types.Type):
