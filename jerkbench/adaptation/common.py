@@ -15,12 +15,12 @@ import numpy as np
 
 from jerkbench.adaptation.linalg import (
     AXES,
+    block_roots,
     dot,
     factorise,
     forward_rows,
     quadratic,
     root_of,
-    roots_of,
     solve,
     solve_rows,
     submatrix,
@@ -198,7 +198,7 @@ class Stack(NamedTuple):
 def stack_of(P: FloatArray, R: FloatArray, rows: IntArray, innovation: FloatArray) -> Stack:
     """Return the stack before the first pass, with weights of 1."""
     m, p = len(rows) // AXES, min(_SEEN, len(P)) // AXES
-    Up, Ur = roots_of(P, p * AXES), roots_of(R, m * AXES)
+    Up, Ur = block_roots(P, p * AXES), block_roots(R, m * AXES)
     both, stacked = np.empty((2, AXES, p + m, m), P.dtype), np.empty((2, AXES, p + m), P.dtype)
     matrices, vectors = np.zeros((2, AXES, m, m), P.dtype), np.empty((2, AXES, m), P.dtype)
     columns, y, steps = both[0], vectors[0], np.zeros((2, len(P)), P.dtype)

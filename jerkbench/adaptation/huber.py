@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, settle, stack_of, weighed_prior
-from jerkbench.adaptation.linalg import AXES, roots_of, weighted
+from jerkbench.adaptation.linalg import AXES, block_roots, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -85,4 +85,4 @@ class Huber(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R~."""
-        return weighted(roots_of(R, len(R)), memory[: len(rows)])
+        return weighted(block_roots(R, len(R)), memory[: len(rows)])

@@ -91,7 +91,7 @@ def fill_root(A: FloatArray, U: FloatArray) -> None:
             U[c, r] *= scale
 
 
-def roots_of(A: FloatArray, p: int) -> FloatArray:
+def block_roots(A: FloatArray, p: int) -> FloatArray:
     """Return the roots of the blocks of A, of each the first p / AXES rows."""
     blocks = blocks_of(A)
     roots = np.zeros((AXES, p // AXES, blocks.shape[1]), A.dtype)
@@ -413,7 +413,7 @@ class Residuals(NamedTuple):
 
 def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Residuals:
     """Return the update before the first pass, with weights of 1."""
-    m, n, U, N = len(innovation), len(innovation) // AXES, roots_of(R, len(innovation)), blocks_of(HPHt)
+    m, n, U, N = len(innovation), len(innovation) // AXES, block_roots(R, len(innovation)), blocks_of(HPHt)
     y, vectors, matrices = np.empty((AXES, n), R.dtype), np.empty((2, m), R.dtype), np.empty((2, AXES, n, n), R.dtype)
     for a in range(AXES):
         whiten_both(U[a], N[a], matrices[0, a])
