@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 import yaml
 from hostile_results import Rng, answered, changed_somewhere
 
-from jerkbench.suite.entry import HASHED, MANIFEST, PAGE, ROWS, SETTINGS
+from jerkbench.suite.entry import _ROWS, ENTRY_FILE, HASHED, PAGE, SETTINGS
 
 PATIENCE_S = 60
 """An answer that takes longer hangs."""
@@ -92,7 +92,7 @@ def no_file(path: Path, rng: Rng) -> str:
 
 def forged(path: Path, rng: Rng) -> str:
     """Change or delete one value at any depth, or a column; into the page put a line."""
-    if path.name == ROWS:
+    if path.name == _ROWS:
         table = pq.read_table(path)
         table, what = forged_column(table, table.column_names[rng.integers(table.num_columns)], rng)
         pq.write_table(table, path)
@@ -100,7 +100,7 @@ def forged(path: Path, rng: Rng) -> str:
         path.write_text(path.read_text() + "\x1b[2J better", encoding="utf-8")
         what = "a line more"
     else:
-        is_json = path.name == MANIFEST
+        is_json = path.name == ENTRY_FILE
         content, what = changed_somewhere((json.loads if is_json else yaml.safe_load)(path.read_text()), rng)
         path.write_text(json.dumps(content) if is_json else yaml.safe_dump(content), encoding="utf-8")
     return f"forged: {what}"
@@ -138,7 +138,7 @@ def with_one(table: pa.Table, place: int, value: object) -> pa.Table:
 def signed(path: Path, rng: Rng) -> str:
     """Forge a file, and let the hashes of the manifest be those of the files again."""
     what = forged(path, rng)
-    manifest = path.parent / MANIFEST
+    manifest = path.parent / ENTRY_FILE
     content = json.loads(manifest.read_text())
     if isinstance(content, dict):
         hashes = {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in HASHED}
@@ -147,7 +147,7 @@ def signed(path: Path, rng: Rng) -> str:
 
 
 KINDS = (flipped_bytes, cut, other_content, no_file, forged, signed)
-FILES = (MANIFEST, SETTINGS, ROWS, MANIFEST, SETTINGS, ROWS, PAGE)
+FILES = (ENTRY_FILE, SETTINGS, _ROWS, ENTRY_FILE, SETTINGS, _ROWS, PAGE)
 """The page is damaged half as often: nothing is read from it."""
 
 

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from hostile_entries import HangError, hang
 from hostile_results import answered, sign
 
-from jerkbench.suite.entry import HASHED, MANIFEST, file_hashes
+from jerkbench.suite.entry import ENTRY_FILE, HASHED, file_hashes
 
 PATIENCE_S = 120
 """An answer that takes longer hangs."""
@@ -148,7 +148,7 @@ def as_given(entry: Path) -> None:
 
 def other_program(entry: Path) -> None:
     """Name the program once more, with another file beside it, and sign that."""
-    path = entry / MANIFEST
+    path = entry / ENTRY_FILE
     content = json.loads(path.read_text(encoding="utf-8"))
     content["method"]["filter"]["command"] = "./stands x y"
     path.write_text(json.dumps(content | {"files": file_hashes(entry)}), encoding="utf-8")
@@ -156,7 +156,7 @@ def other_program(entry: Path) -> None:
 
 def other_hashes(entry: Path) -> None:
     """Let the hashes fit nothing."""
-    path = entry / MANIFEST
+    path = entry / ENTRY_FILE
     content = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(content | {"files": dict.fromkeys(HASHED, "0")}), encoding="utf-8")
 

@@ -21,7 +21,7 @@ ATTEMPTS = 4
 TIMEOUT_S = 30.0
 BLOCK_BYTES = 1 << 16
 
-OK, PARTIAL, BEYOND = 200, 206, 416
+_OK, PARTIAL, BEYOND = 200, 206, 416
 
 
 class ResumingDownloader:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.estimate import Attitude, Updates
@@ -174,9 +174,7 @@ class Streamed(NamedTuple):
     euler_rad: FloatArray | None = None
 
     @classmethod
-    def of(
-        cls, sums: FloatArray, marked: FloatArray, updates: Updates, euler_rad: FloatArray | None = None
-    ) -> "Streamed":
+    def of(cls, sums: FloatArray, marked: FloatArray, updates: Updates, euler_rad: FloatArray | None = None) -> Self:
         """Return these from ``sums`` (SUMS,) and ``marked`` (j, 9), error and covariance at the marks."""
         squares, numbers = sums[:WHOLE], sums[WHOLE:].tolist()
         return cls._make([squares[:3], squares[3:], *numbers, marked[:, :3], marked[:, 3:], updates, euler_rad])

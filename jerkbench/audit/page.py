@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-FARTHEST = 5.0
+_FARTHEST = 5.0
 """The colour goes no further than five times better or worse."""
 DARK = 2.5
 """From this ratio on, or its inverse, the field is so dark that its number is white."""
 TICKS = (0.25, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 4.0)
-ROW_IN, COLUMN_IN = 0.18, 0.3
+_ROW_IN, COLUMN_IN = 0.18, 0.3
 """So narrow that a number can be read where the page is 600 pixels wide."""
 
 
@@ -62,7 +62,7 @@ def kinds_figure(kinds: pd.DataFrame, overall: pd.DataFrame, margin: float) -> F
         margin: what lies within 1 + margin is equal.
     """
     names, columns = list(overall["name"]), list(dict.fromkeys(kinds["kind"]))
-    size = (3.0 + COLUMN_IN * max(len(columns), 4), 1.8 + ROW_IN * max(len(names), 6))
+    size = (3.0 + COLUMN_IN * max(len(columns), 4), 1.8 + _ROW_IN * max(len(names), 6))
     figure = Figure(figsize=size, dpi=DOTS_PER_INCH, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[COLUMN_IN * max(len(columns), 4), 1.7], sharey=True)
     _draw_kinds(figure, left, kinds, names, columns)
@@ -73,7 +73,7 @@ def kinds_figure(kinds: pd.DataFrame, overall: pd.DataFrame, margin: float) -> F
 def _draw_kinds(figure: Figure, axes: "Axes", kinds: pd.DataFrame, names: list[str], columns: list[str]) -> None:
     table = kinds.pivot_table(index="name", columns="kind", values="ratio").reindex(index=names, columns=columns)
     shown = set(kinds.loc[kinds["verdict"] != Verdict.UNDECIDED, ["name", "kind"]].itertuples(index=False, name=None))
-    scale = LogNorm(1 / FARTHEST, FARTHEST, clip=True)
+    scale = LogNorm(1 / _FARTHEST, _FARTHEST, clip=True)
     image = axes.imshow(table.to_numpy(dtype=float), cmap="RdBu_r", norm=scale, aspect="auto")
     for row, name in enumerate(names):
         for column, kind in enumerate(columns):
@@ -129,7 +129,7 @@ def _draw_overall(axes: "Axes", overall: pd.DataFrame, margin: float) -> None:
 def _limits(overall: pd.DataFrame) -> tuple[float, float]:
     """The span of all intervals, as far as the ratios themselves and five times about 1."""
     low, high = overall[["own_low", "best_low"]].min().min(), overall[["own_high", "best_high"]].max().max()
-    return max(float(low), 1 / FARTHEST) / 1.05, min(float(high), FARTHEST) * 1.05
+    return max(float(low), 1 / _FARTHEST) / 1.05, min(float(high), _FARTHEST) * 1.05
 
 
 ELSEWHERE = ("journeys", "vehicles", "attitude")

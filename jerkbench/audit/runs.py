@@ -220,12 +220,12 @@ def read_rows(folder: Path) -> AuditRows:
     return AuditRows(protocol, **tables)
 
 
-TEXTS = ("filter", "adaptation", "status")
+_TEXTS = ("filter", "adaptation", "status")
 
 
 def write_rows(rows: pd.DataFrame, path: Path) -> None:
     """Write rows as Parquet: each text as a code, the bytes of numbers apart, which compresses."""
-    coded = rows.astype({name: "category" for name in TEXTS if name in rows})
+    coded = rows.astype({name: "category" for name in _TEXTS if name in rows})
     table = pa.Table.from_pandas(coded, preserve_index=False)
     floats = [known.name for known in table.schema if pa.types.is_floating(known.type)]
     how = {

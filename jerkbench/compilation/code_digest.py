@@ -107,7 +107,7 @@ def code_content(code: types.CodeType) -> bytes:
     return repr((names, arguments, code.co_code, code.co_exceptiontable)).encode()
 
 
-UNKNOWN = "unknown "
+_UNKNOWN = "unknown "
 """Beginning of a key of which a part cannot be told apart from another: it holds in this process only."""
 
 OPTIONS = ("targetoptions", "_sig", "signature", "identity", "nin", "nout")
@@ -128,12 +128,12 @@ def digest(function: Callable[..., Any], **more: object) -> str:
     reading.add("options", repr(sorted(more.items())).encode())
     reading.value(function, ())
     content = reading.sha.hexdigest()[:16]
-    return f"{UNKNOWN}{reading.unknown} {content}" if reading.unknown else content
+    return f"{_UNKNOWN}{reading.unknown} {content}" if reading.unknown else content
 
 
 def unknown_part(key: str) -> str:
     """Return the name of what made ``key`` hold in this process only; empty where it holds everywhere."""
-    return key.removeprefix(UNKNOWN).rpartition(" ")[0] if key.startswith(UNKNOWN) else ""
+    return key.removeprefix(_UNKNOWN).rpartition(" ")[0] if key.startswith(_UNKNOWN) else ""
 
 
 def own_function(value: object) -> types.FunctionType | None:

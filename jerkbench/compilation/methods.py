@@ -157,8 +157,8 @@ def compiled_method(plugin: object, method: CompiledMethod, width: int = 1, axes
             "number": vector_of(width),
         }
 
-    title = f"{type(plugin).__name__}.{method.name}{f' for {width} runs' if width > 1 else ''}"
-    title += ", axis by axis" * (axes > 1)
+    ways = f" for {width} runs" * (width > 1) + ", axis by axis" * (axes > 1)
+    title = f"{type(plugin).__name__}.{method.name}{ways}"
     module: ModuleType = load_entry(title, source, digest(function, fields=fields, width=width, axes=axes), namespace)
     return module.entry
 
@@ -173,7 +173,7 @@ def address_of(function: Any) -> int:  # noqa: ANN401 - numba has no types
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 
-ENTRY = '''"""Made by jerkbench: {title} for compiled code."""
+_ENTRY = '''"""Made by jerkbench: {title} for compiled code."""
 
 from numba import carray, njit
 from numba.types import CPointer, int64, void
@@ -198,7 +198,7 @@ def _entry_source(plugin: object, method: CompiledMethod, width: int, axes: int)
     arrays = [("parameters", "number"), *([("whole", "int64")] if width > 1 else [])]
     arrays += [(name, "number" if of == "float64" else of) for name, of, _ in method.arguments]
     arrays += [("result", "number")] if method.result else []
-    return ENTRY.format(
+    return _ENTRY.format(
         title=f"{type(plugin).__name__}.{method.name}",
         result="void" if method.result else "number",
         types=", ".join([f"CPointer({of})" for _, of in arrays] + ["int64"] * len(method.sizes)),

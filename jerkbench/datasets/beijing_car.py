@@ -14,8 +14,8 @@ from jerkbench.io.text import TextFormat, parse_numbers, read_lines
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Reference, Velocity
 
-TABLE, LOG = "Data.txt", "GPSRaw.dat"
-GPS, RTK, RTK_VELOCITY = ("GPS_X", "GPS_Y"), ("RTK_X", "RTK_Y"), ("RTK_Vx", "RTK_Vy")
+TABLE, _LOG = "Data.txt", "GPSRaw.dat"
+_GPS, RTK, RTK_VELOCITY = ("GPS_X", "GPS_Y"), ("RTK_X", "RTK_Y"), ("RTK_Vx", "RTK_Vy")
 
 # The sentences `$PSAT,FVI` and `$..GST` of a receiver's log: velocities and standard deviations,
 # epoch by epoch.
@@ -109,7 +109,7 @@ class BeijingCar(FromFiles):
             name="beijing_car",
             imu=None,
             reference=Reference(t_s, _SOURCE, independent=True, enu_m=places, velocity_mps=mps),
-            position=Position(t_s, np.column_stack([columns.numbers(GPS), level]), sigmas**2),
+            position=Position(t_s, np.column_stack([columns.numbers(_GPS), level]), sigmas**2),
             velocity=Velocity(t_s, np.column_stack([velocity_mps[:, :2], level]), spread),
             notes=(*columns.notes, *_NOTES),
         )
@@ -117,4 +117,4 @@ class BeijingCar(FromFiles):
     def paths(self) -> tuple[Path, Path]:
         """Return the files that are read."""
         folder = Path(self.folder).expanduser()
-        return find_file(folder, TABLE, ".txt", "folder"), find_file(folder, LOG, ".dat", "folder")
+        return find_file(folder, TABLE, ".txt", "folder"), find_file(folder, _LOG, ".dat", "folder")

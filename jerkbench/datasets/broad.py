@@ -199,7 +199,7 @@ SATURATED_RADPS = 7.3
 WINDOW_S, SOUND = 10.0, 0.05
 """Over so long the mean specific force is gravity, but for such a share."""
 
-ACCEL, GYRO, ATTITUDE = ["ax", "ay", "az"], ["gx", "gy", "gz"], ["qw", "qx", "qy", "qz"]
+_ACCEL, _GYRO, _ATTITUDE = ["ax", "ay", "az"], ["gx", "gy", "gz"], ["qw", "qx", "qy", "qz"]
 
 
 @register("dataset", "repoimu")
@@ -250,10 +250,10 @@ class RepoImu(FromFiles):
         (path,) = self.paths()
         require_content(path)
         try:
-            table = pd.read_parquet(path, columns=["t_s", *ACCEL, *GYRO, *ATTITUDE, "movement"]).astype(float)
+            table = pd.read_parquet(path, columns=["t_s", *_ACCEL, *_GYRO, *_ATTITUDE, "movement"]).astype(float)
         except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are of the first two
             raise RecordingError(f"{path} cannot be read as a trial of RepoIMU ({error}).") from error
-        accel, gyro, attitude = (table[columns].to_numpy() for columns in (ACCEL, GYRO, ATTITUDE))
+        accel, gyro, attitude = (table[columns].to_numpy() for columns in (_ACCEL, _GYRO, _ATTITUDE))
         trial = BroadTrial(RATE_HZ, accel, gyro, attitude, table["movement"].to_numpy() > 0)
         t_s = (table["t_s"] - table["t_s"].iloc[0]).to_numpy()
         if self.align_reference:

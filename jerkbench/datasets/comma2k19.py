@@ -14,23 +14,23 @@ from jerkbench.io.clocks import UNIX_EPOCH
 from jerkbench.io.files import NO_ARRAY, FromFiles, recording_folder
 from jerkbench.io.frames import axes_to_judge, body_from_sensor, in_enu
 from jerkbench.io.sanitiser import steady_rows
-from jerkbench.io.text import LARGEST, require_content, require_possible
+from jerkbench.io.text import LARGEST_NUMBER, require_content, require_possible
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 # A minute of comma2k19: NumPy arrays without ending, in a fixed tree of folders.
 
-POSE, LOG = "global_pose", "processed_log"
+_POSE, _LOG = "global_pose", "processed_log"
 _GROUPS: dict[str, dict[str, tuple[int, float]]] = {
-    POSE: {
-        "frame_times": (1, LARGEST),
+    _POSE: {
+        "frame_times": (1, LARGEST_NUMBER),
         "frame_positions": (3, 1e7),
         "frame_velocities": (3, 2e2),
-        "frame_orientations": (4, LARGEST),
+        "frame_orientations": (4, LARGEST_NUMBER),
     },
-    f"{LOG}/IMU": {"accelerometer/t": (1, LARGEST), "accelerometer/value": (3, 1e3), "gyro/value": (3, 1e2)},
-    f"{LOG}/GNSS/live_gnss_ublox": {"t": (1, LARGEST), "value": (6, LARGEST)},
-    f"{LOG}/CAN/speed": {"t": (1, LARGEST), "value": (1, 2e2)},
+    f"{_LOG}/IMU": {"accelerometer/t": (1, LARGEST_NUMBER), "accelerometer/value": (3, 1e3), "gyro/value": (3, 1e2)},
+    f"{_LOG}/GNSS/live_gnss_ublox": {"t": (1, LARGEST_NUMBER), "value": (6, LARGEST_NUMBER)},
+    f"{_LOG}/CAN/speed": {"t": (1, LARGEST_NUMBER), "value": (1, 2e2)},
 }
 """Arrays that are read, in groups of as many rows: how many columns each has, and its largest possible value [m/s2,
 rad/s, m/s, m]; larger ones are damage."""
@@ -92,7 +92,7 @@ def segment_files(folder: Path) -> tuple[Path, ...]:
     paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
     for path in paths:
         if not path.is_file():
-            raise RecordingError(f"There is no file {path}; give the folder with {POSE} and {LOG} of a segment.")
+            raise RecordingError(f"There is no file {path}; give the folder with {_POSE} and {_LOG} of a segment.")
     return paths
 
 

@@ -15,8 +15,8 @@ from jerkbench.io.text import require_content
 from jerkbench.plugins import register
 from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 
-FIXES, REFERENCE, META = "fixes.parquet", "reference.parquet", "meta.json"
-PLACE, SIGMA, VELOCITY = ["e_m", "n_m", "u_m"], ["sd_e_m", "sd_n_m", "sd_u_m"], ["ve_mps", "vn_mps", "vu_mps"]
+FIXES, _REFERENCE, META = "fixes.parquet", "reference.parquet", "meta.json"
+_PLACE, _SIGMA, _VELOCITY = ["e_m", "n_m", "u_m"], ["sd_e_m", "sd_n_m", "sd_u_m"], ["ve_mps", "vn_mps", "vu_mps"]
 
 UNSTATED_M = {"UWB": 0.3, "Pixel": 5.0, "xiaomi": 5.0, "": 3.0}
 """One sigma of an axis by a word of the receiver's name: of UWB, of phones, of single-point fixes."""
@@ -80,8 +80,8 @@ class RealJourney(FromFiles):
         return Recording(
             name="/".join(str(about[key]) for key in ("group", "name") if key in about) or fixes.parent.name,
             imu=None,
-            reference=Reference(true_s, source, independent, enu_m=truth[PLACE].to_numpy()),
-            position=Position(t_s, rows[PLACE].to_numpy(), _diagonal(sigma_m**2)),
+            reference=Reference(true_s, source, independent, enu_m=truth[_PLACE].to_numpy()),
+            position=Position(t_s, rows[_PLACE].to_numpy(), _diagonal(sigma_m**2)),
             velocity=self._velocity(rows, t_s),
             origin=Origin(*about["origin"]) if about.get("origin") else None,
             notes=("There is no IMU: attitude, tilt and yaw do not apply.", *notes),
@@ -90,20 +90,20 @@ class RealJourney(FromFiles):
     def paths(self) -> tuple[Path, ...]:
         """Return the files that are read."""
         folder = named_folder(self.folder)
-        return tuple(find_file(folder, name, Path(name).suffix, "folder") for name in (FIXES, REFERENCE, META))
+        return tuple(find_file(folder, name, Path(name).suffix, "folder") for name in (FIXES, _REFERENCE, META))
 
     def _sigmas(self, rows: pd.DataFrame, receiver: str) -> tuple[FloatArray, tuple[str, ...]]:
         """Return one sigma of each axis of each fix (m, 3), and what has to be known of it."""
-        if set(SIGMA) <= set(rows):
-            return rows[SIGMA].to_numpy(), ()
+        if set(_SIGMA) <= set(rows):
+            return rows[_SIGMA].to_numpy(), ()
         sigma_m = self.position_sigma_m or next(own for word, own in UNSTATED_M.items() if word in receiver)
         return np.full((len(rows), 3), sigma_m), (f"The fixes state no sigma; {sigma_m:g} m an axis are taken.",)
 
     def _velocity(self, rows: pd.DataFrame, t_s: FloatArray) -> Velocity | None:
-        if not set(VELOCITY) <= set(rows):
+        if not set(_VELOCITY) <= set(rows):
             return None
         variance = np.full((len(rows), 3), self.velocity_sigma_mps**2)
-        return Velocity(t_s, rows[VELOCITY].to_numpy(), _diagonal(variance))
+        return Velocity(t_s, rows[_VELOCITY].to_numpy(), _diagonal(variance))
 
 
 def _diagonal(variance: FloatArray) -> FloatArray:
@@ -117,7 +117,7 @@ def _rows(path: Path) -> pd.DataFrame:
     try:
         rows = pd.read_parquet(path).astype(float)
         increasing = rows["t_s"] > rows["t_s"].cummax().shift(fill_value=-np.inf)
-        return rows.loc[increasing, [name for name in rows if name in ("t_s", *PLACE, *SIGMA, *VELOCITY)]]
+        return rows.loc[increasing, [name for name in rows if name in ("t_s", *_PLACE, *_SIGMA, *_VELOCITY)]]
     except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are of the first two
         raise RecordingError(f"{path} cannot be read as a journey ({error}).") from error
 

@@ -14,7 +14,7 @@ from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Position, Recording, Reference
 
-TRUTH, ACCEL, GYRO = "GroundTruthAGL.csv", "RawAccel.csv", "RawGyro.csv"
+TRUTH, _ACCEL, _GYRO = "GroundTruthAGL.csv", "RawAccel.csv", "RawGyro.csv"
 FIRST_FIX_S, FIX_S = 7.009129, 0.03343357
 FIRST_TRUTH_S, TRUTH_S = 13.80, 0.0333667
 """When the fix and the truth of image 1 and of image 0 were true, on the IMU's clock, and the time from image to image.
@@ -98,7 +98,7 @@ class ZurichMav(FromFiles):
     def paths(self) -> tuple[Path, ...]:
         """Return the files that are read."""
         folder = Path(self.folder).expanduser()
-        return tuple(find_file(folder, name, ".csv", "folder") for name in (TRUTH, ACCEL, GYRO))
+        return tuple(find_file(folder, name, ".csv", "folder") for name in (TRUTH, _ACCEL, _GYRO))
 
 
 def _sensor(columns: Columns) -> tuple[FloatArray, FloatArray]:

@@ -379,7 +379,7 @@ def _exact_p(a: BoolArray, b: BoolArray) -> float:
 # NEES and NIS against chi-square: the band in which the average of a consistent filter lies, and the verdict.
 
 
-CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
+_CONSISTENT, OVERCONFIDENT, CAUTIOUS, UNKNOWN = "consistent", "overconfident", "too cautious", "not known"
 
 NEAR = (0.5, 2.0)
 """An average over its expectation within these is near enough to be believed."""
@@ -423,4 +423,4 @@ def runs_verdict(averages: npt.ArrayLike, expected: float, confidence: float = 0
         return UNKNOWN
     if high < expected:  # each comparison with NaN is false
         return CAUTIOUS
-    return CONSISTENT if NEAR[0] * expected <= low and high <= NEAR[1] * expected else UNKNOWN
+    return _CONSISTENT if NEAR[0] * expected <= low and high <= NEAR[1] * expected else UNKNOWN

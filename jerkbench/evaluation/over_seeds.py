@@ -61,7 +61,7 @@ class Samples:
 _RESAMPLES = 4999
 """Bootstrap resamples: the ends of the interval move by some 2 % of its width from one draw to another."""
 
-HIGHEST = 1 - 2 / _RESAMPLES
+_HIGHEST = 1 - 2 / _RESAMPLES
 """So many resamples know no higher level."""
 
 _ROWS_AT_ONCE = 128
@@ -172,7 +172,7 @@ def expanded(confidence: float, n: float) -> float:
     from scipy.special import ndtr, stdtrit  # scipy.stats takes half a second to import, in the first table too
 
     z = stdtrit(n - 1, (1 + confidence) / 2) * np.sqrt(n / (n - 1))
-    return min(float(2 * ndtr(z) - 1), HIGHEST)
+    return min(float(2 * ndtr(z) - 1), _HIGHEST)
 
 
 # Two methods on common seeds: their log ratios, with the runs that either lost or that locked out.

@@ -188,7 +188,7 @@ def _keeps(adaptation: type, contracts: tuple[type, ...]) -> bool:
 
 # The ranges and origins that the noises of several filters share.
 
-ACCEL = Range(
+ACCEL_RANGE = Range(
     0.01,
     10.0,
     log=True,

@@ -11,7 +11,7 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import (
-    ACCEL,
+    ACCEL_RANGE,
     ACCEL_WALK,
     BIAS_WALK,
     JERK_WALK,
@@ -92,8 +92,8 @@ class InteractingMultipleModels(Limited, OverTimelines):
     first_stays: Annotated[float, STAYS, TWENTY_UPDATES, BETWEEN_0_AND_1] = 0.95
     second_stays: Annotated[float, STAYS, TWENTY_UPDATES, BETWEEN_0_AND_1] = 0.95
     first_probability: Annotated[float, DefaultOrigin("ours: neither is preferred"), BETWEEN_0_AND_1] = 0.5
-    first_accel_mps2: Annotated[float, ACCEL, OF_ITSELF, NOT_NEGATIVE] = 0.2
-    second_accel_mps2: Annotated[float, ACCEL, OF_ITSELF, NOT_NEGATIVE] = 0.1
+    first_accel_mps2: Annotated[float, ACCEL_RANGE, OF_ITSELF, NOT_NEGATIVE] = 0.2
+    second_accel_mps2: Annotated[float, ACCEL_RANGE, OF_ITSELF, NOT_NEGATIVE] = 0.1
     jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, OF_ITSELF, NOT_NEGATIVE] = 6.0
     initial_jerk_mps3: Annotated[float, OF_ITSELF, NOT_NEGATIVE] = 20.0
     bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, OF_ITSELF, NOT_NEGATIVE] = 0.03

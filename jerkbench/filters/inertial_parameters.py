@@ -32,7 +32,7 @@ INERTIAL_YAW_SOURCES = ("attitude", "track")
 
 DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
-MG = 1e-3 * GRAVITY_MPS2
+_MG = 1e-3 * GRAVITY_MPS2
 
 _GRADES = "ours: from a tactical sensor to a phone's on a vibrating vehicle"
 
@@ -162,7 +162,7 @@ class Eskf15Parameters(Limited):
 
     def sensor_noise(self) -> SensorNoise:
         """Return the process noise in SI units."""
-        gyro, accel = self.gyro_instability_deg_per_h * DEG_PER_H, self.accel_instability_mg * MG
+        gyro, accel = self.gyro_instability_deg_per_h * DEG_PER_H, self.accel_instability_mg * _MG
         return SensorNoise(
             angle=float(np.deg2rad(self.angle_random_walk_deg_per_sqrt_h) * PER_SQRT_H) ** 2,
             velocity=(self.velocity_random_walk_mps_per_sqrt_h * PER_SQRT_H) ** 2,
@@ -233,7 +233,7 @@ def _start(
     yaw_rad, yaw_sigma_rad = first_yaw(parameters, recording, attitude, int(timeline.sample[0]))
     sigmas = StartSigmas(
         gyro_bias_radps=float(parameters.gyro_turn_on_deg_per_h * DEG_PER_H),
-        accel_bias_mps2=parameters.accel_turn_on_mg * MG,
+        accel_bias_mps2=parameters.accel_turn_on_mg * _MG,
         yaw_rad=max(parameters.initial_yaw_sigma_rad, yaw_sigma_rad),
         still_mps=parameters.zero_velocity_sigma_mps,
         gyro_scale=parameters.gyro_scale_ppm * 1e-6,

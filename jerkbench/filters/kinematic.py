@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.filters.common import (
-    ACCEL,
+    ACCEL_RANGE,
     ACCEL_WALK,
     BIAS_WALK,
     FIELD,
@@ -47,7 +47,7 @@ class Baseline(AxisModels):
 
     accel_mps2: Annotated[
         float,
-        ACCEL,
+        ACCEL_RANGE,
         NOT_NEGATIVE,
         DefaultOrigin(
             "tuned by hand on the simulated field: near the best of the nominal case (0.1), and not lost under a bias"
@@ -91,7 +91,7 @@ class Bias(AxisModels):
         "simplified", "doi:10.1109/TAC.1969.1099223", "The bias walks, and is a state like the others."
     )
 
-    accel_mps2: Annotated[float, ACCEL, FIELD, NOT_NEGATIVE] = 0.1
+    accel_mps2: Annotated[float, ACCEL_RANGE, FIELD, NOT_NEGATIVE] = 0.1
     bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FIELD, NOT_NEGATIVE] = 0.03
     initial_bias_mps2: Annotated[float, START, NOT_NEGATIVE] = 0.1
 
@@ -133,7 +133,7 @@ class Jerk(AxisModels):
 
     provenance = Provenance("published", "Candan, Atallah, Servadio and Arabi")
 
-    accel_mps2: Annotated[float, ACCEL, FIELD, NOT_NEGATIVE] = 0.1
+    accel_mps2: Annotated[float, ACCEL_RANGE, FIELD, NOT_NEGATIVE] = 0.1
     jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FIELD, NOT_NEGATIVE] = 6.0
     initial_jerk_mps3: Annotated[float, START, NOT_NEGATIVE] = 20.0
 

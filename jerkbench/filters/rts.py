@@ -11,7 +11,7 @@ from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.common import (
-    ACCEL,
+    ACCEL_RANGE,
     ACCEL_WALK,
     BIAS_WALK,
     JERK_WALK,
@@ -111,7 +111,7 @@ class RauchTungStriebel(Smoother):
     provenance = Provenance("published", "doi:10.2514/3.3166")
 
     model: str = "bias"
-    accel_mps2: Annotated[float, ACCEL, OF_THE_FILTER] = 0.1
+    accel_mps2: Annotated[float, ACCEL_RANGE, OF_THE_FILTER] = 0.1
     jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, OF_THE_FILTER] = 6.0
     initial_jerk_mps3: Annotated[float, OF_THE_FILTER] = 20.0
     bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, OF_THE_FILTER] = 0.03

@@ -25,7 +25,16 @@ from jerkbench.inspection.noise import (
 from jerkbench.io.frames import felt_axis
 from jerkbench.io.sanitiser import repeated_samples
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
-from jerkbench.report.plots.style import DOTS_PER_INCH, MEASURED, OKABE_ITO, OUTAGE, REFERENCE, literal, say, style_axes
+from jerkbench.report.plots.style import (
+    DOTS_PER_INCH,
+    MEASURED,
+    OKABE_ITO,
+    REFERENCE,
+    SHADE,
+    literal,
+    say,
+    style_axes,
+)
 
 Stream = Imu | Position | Velocity | Heading | Reference
 
@@ -241,7 +250,7 @@ def overview_figure(recording: Recording) -> Figure:
     for axes in (speed, force, rate, sigma):
         axes.set_xlabel("Time [s]")
         for begin, end in recording.outages_s:
-            axes.axvspan(begin, end, color=OUTAGE, alpha=0.28, linewidth=0)
+            axes.axvspan(begin, end, color=SHADE, alpha=0.28, linewidth=0)
     for axes in figure.axes:
         style_axes(axes)
         if axes.get_legend_handles_labels()[1]:

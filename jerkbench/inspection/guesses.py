@@ -39,7 +39,7 @@ _SMALL = ("cm", "mm")
 """Lengths that only a standard deviation may be in: it has a scale."""
 
 _NAMES = tomllib.loads((Path(__file__).parent / "names.toml").read_text(encoding="utf-8"))
-UNITS, VECTORS, AXES, SCALARS = (
+UNITS, VECTORS, _AXES, SCALARS = (
     {spelling: meaning for meaning, spellings in _NAMES[kind].items() for spelling in spellings.split()}
     for kind in ("units", "vectors", "axes", "scalars")
 )
@@ -77,11 +77,11 @@ def _meaning(text: str) -> tuple[str, str]:
     """Quantity and axis of a name without its unit; nothing where it says nothing that is known."""
     if text in SCALARS:
         return SCALARS[text], ""
-    if text in AXES.values() and text not in ("forward", "left"):
+    if text in _AXES.values() and text not in ("forward", "left"):
         return "position", text
     for spelling, quantity in VECTORS.items():
         rest = text.removeprefix(spelling)
-        axis = AXES.get(rest, rest if rest in {*AXES.values(), "right"} else "")
+        axis = _AXES.get(rest, rest if rest in {*_AXES.values(), "right"} else "")
         if axis and text.startswith(spelling):
             return quantity, axis
     return "", ""

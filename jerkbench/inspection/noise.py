@@ -195,7 +195,7 @@ _LEAST_ROWS = 10
 MEDIAN_OF_SQUARE = 0.455
 """Median of chi-square with one degree of freedom."""
 
-REST, REFERENCE = "scatter at rest", "error against the reference"
+REST, _REFERENCE = "scatter at rest", "error against the reference"
 
 _NEAR_S = 0.5
 """Over a longer interval of the reference a straight line says little."""
@@ -220,9 +220,9 @@ WHITE = -0.3
 Of few rows the correlation is known to one over their root."""
 
 JITTER, AT_REST = "the jitter from row to row", "the scatter at rest"
-MEDIAN = "the median error against the reference"
+_MEDIAN = "the median error against the reference"
 SPREAD = "the middle of the error against the reference, about its median"
-BY_REFERENCE = (MEDIAN, SPREAD)
+BY_REFERENCE = (_MEDIAN, SPREAD)
 """What the errors are measured by."""
 
 SIGMA_PARAMETERS = {"position": "position_sigma_scale or position_sigma_m", "velocity": "velocity_sigma_mps"}
@@ -276,7 +276,7 @@ def stated_against_real_sigma(recording: Recording, rest: Rest | None = None) ->
         error = values - truth_at(recording, name, t_s)
         inside = np.isfinite(error).any(axis=1)
         if _enough(error[inside]) and (np.nan_to_num(error) != 0).any():
-            sigmas.append(_sigma(name, unit, REFERENCE, error[inside], covariance[inside]))
+            sigmas.append(_sigma(name, unit, _REFERENCE, error[inside], covariance[inside]))
     return sigmas
 
 
@@ -385,7 +385,7 @@ def _spread(recording: Recording) -> Iterator[tuple[str, float, str]]:
 
 
 def _ratio(sigma: Sigma) -> tuple[str, float, str]:
-    ratio, basis = (sigma.ratio, AT_REST) if sigma.basis == REST else (sigma.median_ratio, MEDIAN)
+    ratio, basis = (sigma.ratio, AT_REST) if sigma.basis == REST else (sigma.median_ratio, _MEDIAN)
     return sigma.stream, ratio, basis
 
 

@@ -29,7 +29,7 @@ NONE = "none"
 """Given as a topic: use none for this role."""
 
 IMU, FIX, ODOMETRY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix", "nav_msgs/msg/Odometry"
-POSE, TWIST = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/TwistWithCovarianceStamped"
+_POSE, TWIST = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/TwistWithCovarianceStamped"
 _COORDINATES = ("status", "latitude", "longitude", "altitude", "position_covariance")
 WHETHER_FUSED = ("position", "orientation")
 """Fields by which an odometry shows that it has not started yet."""
@@ -39,11 +39,11 @@ _LINEAR = ("linear", "linear_covariance")
 _BARE = {f"geometry_msgs/msg/{name}": ("linear",) for name in ("TwistStamped", "Vector3Stamped")}
 _FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
     "imu": {IMU: ("angular_velocity", "linear_acceleration")},
-    "position": {FIX: _COORDINATES, ODOMETRY: _PLACES, POSE: _PLACES},
+    "position": {FIX: _COORDINATES, ODOMETRY: _PLACES, _POSE: _PLACES},
     "velocity": {ODOMETRY: (*WHETHER_FUSED, *_LINEAR), TWIST: _LINEAR} | _BARE,
     "heading": {IMU: ("orientation", _TURN), ODOMETRY: (*WHETHER_FUSED, _TURN)},
     "reference": {ODOMETRY: (*WHETHER_FUSED, "linear"), FIX: _COORDINATES}
-    | dict.fromkeys((POSE, "geometry_msgs/msg/PoseStamped"), WHETHER_FUSED),
+    | dict.fromkeys((_POSE, "geometry_msgs/msg/PoseStamped"), WHETHER_FUSED),
 }
 """The fields that each role reads of each type."""
 

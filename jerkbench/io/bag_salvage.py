@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, CHUNK, CONNECTION = 2, 5, 7
-LONGEST_HEADER = 64 * 1024
+_LONGEST_HEADER = 64 * 1024
 """No record has a longer header (a connection's has a topic in it)."""
 
 LARGEST_CHUNK = 1 << 31
@@ -59,7 +59,7 @@ def read_record(content: BagBytes, at: int) -> Record | None:
 
     begin = at + 4 + int.from_bytes(content[at : at + 4], "little")
     size = int.from_bytes(content[begin : begin + 4], "little")
-    if not at + 4 < begin <= at + 4 + LONGEST_HEADER or begin + 4 > len(content) or size > LARGEST_CHUNK:
+    if not at + 4 < begin <= at + 4 + _LONGEST_HEADER or begin + 4 > len(content) or size > LARGEST_CHUNK:
         return None
     try:
         header = Header.read(BytesIO(content[at:begin]))

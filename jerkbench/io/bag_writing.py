@@ -31,7 +31,7 @@ NEU = [1, 0, 2]
 _ODOMETRY = "nav_msgs/msg/Odometry"
 """Type of a reference of which everything is known."""
 
-RTK_FIXED, GPS, KNOWN = 2, 1, 3
+RTK_FIXED, _GPS, _KNOWN = 2, 1, 3
 """Status, service and type of covariance of a NavSatFix."""
 
 NOT_MEASURED = -1.0
@@ -98,9 +98,9 @@ def fix_messages(
     """Yield what the driver calls gnss1: covariance in the order north, east, up."""
     covariance = covariance[:, NEU][:, :, NEU]
     for t, place, matrix in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
-        status = make.of("sensor_msgs/msg/NavSatStatus", RTK_FIXED, GPS)
+        status = make.of("sensor_msgs/msg/NavSatStatus", RTK_FIXED, _GPS)
         where = (float(value) for value in place)
-        yield make.stamped(t, "GNSS1", "sensor_msgs/msg/NavSatFix", status, *where, matrix.ravel(), KNOWN)
+        yield make.stamped(t, "GNSS1", "sensor_msgs/msg/NavSatFix", status, *where, matrix.ravel(), _KNOWN)
 
 
 def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.io.clocks import GPS_EPOCH_NS, WEEK_NS, calendar_ns
-from jerkbench.io.text import LARGEST, TextFormat, read_lines, read_text, require_content
+from jerkbench.io.text import LARGEST_NUMBER, TextFormat, read_lines, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class Columns:
         """Return the table with ``notes`` beside those that it has."""
         return Columns(self.where, self._table, (*self.notes, *notes))
 
-    def numbers(self, names: Sequence[str], most: float = LARGEST) -> FloatArray:
+    def numbers(self, names: Sequence[str], most: float = LARGEST_NUMBER) -> FloatArray:
         """Return (n, len(names)); an empty cell is NaN.
 
         Raises:

@@ -212,8 +212,8 @@ def _lines(table: FloatArray, row: str) -> str:
 
 # A recording as the tables of pyins (python-ins): its names, NED, the body FRD, degrees.
 
-PLACE, VELOCITY, ATTITUDE = ("lat", "lon", "alt"), ("VN", "VE", "VD"), ("roll", "pitch", "heading")
-IMU = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+_PLACE, _VELOCITY, _ATTITUDE = ("lat", "lon", "alt"), ("VN", "VE", "VD"), ("roll", "pitch", "heading")
+_IMU = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
 Frame = dict[str, FloatArray]
 
@@ -243,16 +243,16 @@ def pyins_frames(recording: Recording, attitude: Attitude | None) -> dict[str, F
         raise RecordingError(f"{recording.name} cannot be written for pyins, which needs an IMU and an origin.")
     imu, position, velocity = recording.imu, recording.position, recording.velocity
     measured = np.hstack([imu.gyro_radps @ FLU_FROM_FRD, imu.accel_mps2 @ FLU_FROM_FRD])
-    frames = {"imu": _frame(imu.t_s, IMU, measured)}
+    frames = {"imu": _frame(imu.t_s, _IMU, measured)}
     if position is not None:
-        places = _frame(position.t_s, PLACE, enu_to_geodetic(position.enu_m, recording.origin))
+        places = _frame(position.t_s, _PLACE, enu_to_geodetic(position.enu_m, recording.origin))
         frames["position"] = places | {"sd": _deviations(position.covariance_m2)}
     if velocity is not None and velocity.frame == "enu":
-        ned = _frame(velocity.t_s, VELOCITY, axes_in_enu(velocity.mps, "ned"))  # the exchange is its own inverse
+        ned = _frame(velocity.t_s, _VELOCITY, axes_in_enu(velocity.mps, "ned"))  # the exchange is its own inverse
         frames["velocity"] = ned | {"sd": _deviations(velocity.covariance_m2ps2)}
     if attitude is not None:
         turns = enu_from("ned").T @ dcm_from_euler(attitude.euler_rad) @ FLU_FROM_FRD
-        frames["attitude"] = _frame(attitude.t_s, ATTITUDE, np.degrees(euler_from_dcm(turns)))
+        frames["attitude"] = _frame(attitude.t_s, _ATTITUDE, np.degrees(euler_from_dcm(turns)))
     return frames
 
 

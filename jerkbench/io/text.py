@@ -15,7 +15,7 @@ from jerkbench.errors import RecordingError
 if TYPE_CHECKING:
     import pandas as pd
 
-LARGEST = 1e15
+LARGEST_NUMBER = 1e15
 """Nothing that is measured on a vehicle is larger; what is larger is damage, and would overflow once squared."""
 
 LONGEST_LINE = 1 << 16
@@ -84,7 +84,7 @@ def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | 
     if any(text.strip() for _, text in lines):  # else numpy warns
         with suppress(ValueError):
             table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
-    if table.shape != (len(lines), columns) or not (np.abs(table) <= LARGEST).all():
+    if table.shape != (len(lines), columns) or not (np.abs(table) <= LARGEST_NUMBER).all():
         raise RecordingError(_first_fault(path, lines, columns, separator))
     return table
 
@@ -102,7 +102,7 @@ def require_increasing(path: Path, lines: list[Line], times: np.ndarray, quantit
         )
 
 
-def require_possible(where: str, values: FloatArray, most: float = LARGEST) -> None:
+def require_possible(where: str, values: FloatArray, most: float = LARGEST_NUMBER) -> None:
     """Check that no value (NaN aside) is beyond ``most``.
 
     Raises:
@@ -120,9 +120,9 @@ def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | N
         if len(fields) != columns:
             return f"{path}, line {number} has {len(fields)} fields; it must have {columns}: correct or remove it."
         for column, entry in enumerate(fields, start=1):
-            if not (is_number(entry) and abs(float(entry)) <= LARGEST):
+            if not (is_number(entry) and abs(float(entry)) <= LARGEST_NUMBER):
                 field = f"{path}, line {number}, field {column} is '{entry.strip()}'"
-                return f"{field}, not a finite number up to {LARGEST:g}: correct it."
+                return f"{field}, not a finite number up to {LARGEST_NUMBER:g}: correct it."
     return f"{path} cannot be read as {columns} columns of numbers; copy it again from where it was recorded."
 
 

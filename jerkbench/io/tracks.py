@@ -26,8 +26,8 @@ TrackRow = dict[str, Any]
 
 MPS_PER_KNOT = 1852.0 / 3600.0
 DAY_MS = 86_400_000
-PLACE = ("latitude", "longitude", "height")
-ORDER = ("t", *PLACE, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
+_PLACE = ("latitude", "longitude", "height")
+ORDER = ("t", *_PLACE, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
 
 
 def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
@@ -56,7 +56,7 @@ def _table(path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str) 
     if table["height"].isna().all():
         table["height"] = 0.0
         notes = (*notes, f"{path.name} has no heights: all are taken to be 0.")
-    kept = [name for name in ORDER if name in PLACE or table[name].notna().any()]
+    kept = [name for name in ORDER if name in _PLACE or table[name].notna().any()]
     if others := len(rows) - len(placed):
         notes = (*notes, f"{path.name}: {others} of {len(rows)} reports have no fix or no time: they are dropped.")
     return table[kept], notes

@@ -127,11 +127,11 @@ _BAGS = (".bag", ".db3", ".mcap")
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
 POSES = ("geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseStamped")
-POSE = ("position", "orientation")
+_POSE = ("position", "orientation")
 _FIELDS = {
-    _ODOMETRY: (*POSE, "linear", "position_covariance", "linear_covariance"),
-    POSES[0]: (*POSE, "position_covariance"),
-    POSES[1]: POSE,
+    _ODOMETRY: (*_POSE, "linear", "position_covariance", "linear_covariance"),
+    POSES[0]: (*_POSE, "position_covariance"),
+    POSES[1]: _POSE,
 }
 """What is read of each type."""
 
@@ -220,7 +220,7 @@ KF_GINS |= {"frame": "geodetic", "angle_unit": "deg", "attitude_frame": "ned", "
 KF_GINS |= {"attitude": ("9", "10", "11"), "attitude_unit": "deg"}
 """A line ``week second latitude longitude height vn ve vd roll pitch yaw``."""
 
-KNOWN: dict[str, dict[str, Any]] = {".tum": TUM, ".nav": KF_GINS}
+_KNOWN: dict[str, dict[str, Any]] = {".tum": TUM, ".nav": KF_GINS}
 """Endings of files whose columns need no map."""
 
 
@@ -291,7 +291,7 @@ class TrajectoryForm:
 
 
 _PLACES = POSITIONS | {"ecef": ("x_m", "y_m", "z_m")}
-ATTITUDE = ("roll_rad", "pitch_rad", "yaw_rad")
+_ATTITUDE = ("roll_rad", "pitch_rad", "yaw_rad")
 _UPPER = [(i, j) for i in range(6) for j in range(i, 6)]
 COVARIANCE = tuple(f"P{i + 1}{j + 1}" for i, j in _UPPER)
 """Names of columns that nobody has to give."""
@@ -319,7 +319,7 @@ def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) 
     if path.suffix in _BAGS:
         return read_odometry(path, declared.topic, recording)
     own = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
-    form = replace(own, **KNOWN.get(path.suffix, {}))
+    form = replace(own, **_KNOWN.get(path.suffix, {}))
     columns = read_columns([path], TextFormat(form.separator, form.header, form.comment))
     if len(columns) == 0:
         raise RecordingError(f"{path} has no estimate in it; write one line for each stamp.")
@@ -377,7 +377,7 @@ def _velocity(columns: Columns, form: TrajectoryForm) -> FloatArray | None:
 
 
 def _attitude(path: Path, columns: Columns, form: TrajectoryForm) -> FloatArray | None:
-    angles = form.attitude or _there(columns, ATTITUDE)
+    angles = form.attitude or _there(columns, _ATTITUDE)
     frame = form.attitude_frame or ("ned" if form.local_frame == "ned" else "enu")
     unit = form.attitude_unit if form.attitude else "rad"
     mapping = AttitudeMap(tuple(angles), unit, frame, form.body, ("x", "y", "z"))

@@ -36,7 +36,7 @@ from jerkbench.timeline import Timeline, build_timeline, told_timeline
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
 """Rows of some seeds that are done together, and what a reader of them has to know."""
-OK = {"status": "ok", "reason": ""}
+_OK = {"status": "ok", "reason": ""}
 
 
 class Task(NamedTuple):
@@ -274,7 +274,7 @@ def _finished(job: Job, draw: int, streamed: _Sums | None, how: How) -> NotedRow
     """Return the row of a seed; one that stopped, or went too far, is run alone, which says where and when."""
     if streamed is None or streamed.far:
         return alone(job, draw, how, streamed.values if streamed else None)
-    return [{**_head(job, draw), **OK, **streamed.values}], notes_of(job, streamed.recording)
+    return [{**_head(job, draw), **_OK, **streamed.values}], notes_of(job, streamed.recording)
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], _Sums]:

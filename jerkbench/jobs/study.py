@@ -20,7 +20,7 @@ from jerkbench.jobs.parts import HEAD_COLUMNS, Stored, frame
 from jerkbench.jobs.store import Store, damaged
 from jerkbench.notices import plain
 from jerkbench.parameters import provenance_of
-from jerkbench.report.columns import FACTORS, FLOOR, SCENARIO_FACTORS, WHY
+from jerkbench.report.columns import FACTORS, GNSS_ONLY, SCENARIO_FACTORS, WHY
 from jerkbench.report.comparisons import SPENDS
 from jerkbench.report.writers import inert
 
@@ -269,19 +269,20 @@ def worse_than_fixes(rows: "pd.DataFrame", cells: Sequence[CellMetadata]) -> lis
         rows: of the study.
         cells: the metadata of each cell.
     """
-    if ERROR_COLUMN not in rows.columns or not (rows["filter"] == FLOOR).any():
+    if ERROR_COLUMN not in rows.columns or not (rows["filter"] == GNSS_ONLY).any():
         return []
     run = rows[rows["status"] != "failed"]
     errors = run[ERROR_COLUMN].where(run["status"] == "ok", float("inf"))
     medians: Any = errors.groupby([run[key].astype(str) for key in FACTORS]).median()
     losing = {}
     for scenario, methods in medians.groupby(level=[*SCENARIO_FACTORS]):
-        floor = methods[methods.index.get_level_values("filter") == FLOOR].min()
+        floor = methods[methods.index.get_level_values("filter") == GNSS_ONLY].min()
         if len(worse := methods[methods > WORSE_RATIO * floor].sort_values(ascending=False, kind="stable")):
             losing[scenario] = _losers(scenario, worse, floor)
     if not losing:
         return []
-    more = [f"Methods lose to {FLOOR} in {len(losing) - MOST_TOLD} more scenarios."] if len(losing) > MOST_TOLD else []
+    left = len(losing) - MOST_TOLD
+    more = [f"Methods lose to {GNSS_ONLY} in {left} more scenarios."] * (left > 0)
     return [*list(losing.values())[:MOST_TOLD], *_advice(cells, {scenario[-1] for scenario in losing}), *more]
 
 
@@ -292,7 +293,7 @@ def _losers(scenario: tuple[str, ...], worse: "pd.Series[float]", floor: float) 
         named.append(f"{method} ({f'{error_m:.3g} m' if error_m < float('inf') else 'lost'})")
     more = f" and {len(named) - MOST_TOLD} more" if len(named) > MOST_TOLD else ""
     where, worst = ", ".join(scenario), ", ".join(named[:MOST_TOLD])
-    return f"Worse than {FLOOR} ({floor:.3g} m), which has no IMU, in {where}: {worst}{more}."
+    return f"Worse than {GNSS_ONLY} ({floor:.3g} m), which has no IMU, in {where}: {worst}{more}."
 
 
 def _advice(cells: Sequence[CellMetadata], attitudes: set[str]) -> list[str]:

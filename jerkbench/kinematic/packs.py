@@ -299,7 +299,7 @@ def _measured(run: Run, updated: IntArray) -> FloatArray:
 OF_AXES = [6 * r + c for r in range(6) for c in (r % 3, r % 3 + 3)]
 """Which elements of R are of one axis."""
 
-AS_REPORTED, FLOORED = np.array([1.0, 1.0, -np.inf]), np.array([1.0, 1.0, VARIANCE_FLOOR])
+_AS_REPORTED, FLOORED = np.array([1.0, 1.0, -np.inf]), np.array([1.0, 1.0, VARIANCE_FLOOR])
 
 
 def _told(run: Run) -> tuple[Measurements, FloatArray]:
@@ -307,7 +307,7 @@ def _told(run: Run) -> tuple[Measurements, FloatArray]:
     measured = run.timeline.measurements
     if isinstance(measured, ScaledMeasurements):
         return measured.reported, np.array([measured.position, measured.velocity, VARIANCE_FLOOR])
-    return measured, AS_REPORTED if measured.unfloored is None else FLOORED
+    return measured, _AS_REPORTED if measured.unfloored is None else FLOORED
 
 
 def _covariances(run: Run, updated: IntArray, covariances: FloatArray, apart: bool) -> FloatArray:

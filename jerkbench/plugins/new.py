@@ -232,7 +232,7 @@ EXAMPLES: Mapping[str, Example] = {
 }
 """By what one says to `jerkbench new`."""
 
-NAME = re.compile(r"[a-z][a-z0-9_]*")
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def write_package(kind: str, name: str, folder: Path) -> list[Path]:
@@ -271,7 +271,7 @@ def class_name(name: str) -> str:
 
 
 def _require_name(group: str, name: str) -> None:
-    if not NAME.fullmatch(name) or keyword.iskeyword(name) or keyword.issoftkeyword(name):
+    if not _NAME.fullmatch(name) or keyword.iskeyword(name) or keyword.issoftkeyword(name):
         raise PluginError(f"'{name}' cannot be the name; write small letters, digits and _, for example my_{group}.")
     if name in plugins.names(group):
         raise PluginError(f"There is {article(group)} {group} '{name}' already; choose another name than that.")

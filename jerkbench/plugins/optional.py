@@ -51,7 +51,7 @@ from jerkbench.errors import unknown
 from jerkbench.timeline import Timeline
 
 A = TypeVar("A")
-P = TypeVar("P")
+_P = TypeVar("_P")
 
 OF_ALL = (Cited, Depending)
 OF_FILTERS = (Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile)
@@ -96,7 +96,7 @@ MISSPELT = 0.8
 """Names that are more alike than this are one name, misspelt."""
 
 
-def has_methods(plugin: object, protocol: type[P]) -> TypeGuard[P]:
+def has_methods(plugin: object, protocol: type[_P]) -> TypeGuard[_P]:
     """Whether the class of a plugin has the methods of a ``protocol`` that asks for methods alone."""
     kind, contract = cast("tuple[type, type]", (type(plugin), protocol))
     return _has_methods(kind, contract)

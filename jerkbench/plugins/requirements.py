@@ -200,7 +200,7 @@ def junit(suite: str, cases: Sequence[JunitCase]) -> str:
 # What plugins are tried on: a small recording that has everything.
 
 
-RADIUS_M, RATE_RADPS, STAND_S, RAMP_S = 8.0, 0.25, 4.0, 4.0
+_RADIUS_M, _RATE_RADPS, STAND_S, RAMP_S = 8.0, 0.25, 4.0, 4.0
 IMU_RATE_HZ, GNSS_RATE_HZ = 50, 5
 
 
@@ -247,8 +247,8 @@ def _angle(t_s: FloatArray) -> FloatArray:
     """Angle on the circle and its two derivatives; the rate grows linearly over the ramp."""
     on = np.clip(t_s - STAND_S, 0.0, RAMP_S)
     after = np.maximum(t_s - STAND_S - RAMP_S, 0.0)
-    slope = RATE_RADPS / RAMP_S
-    angle = 0.5 * slope * on**2 + RATE_RADPS * after
+    slope = _RATE_RADPS / RAMP_S
+    angle = 0.5 * slope * on**2 + _RATE_RADPS * after
     return np.array([angle, slope * on, np.where((on > 0) & (after <= 0), slope, 0.0)])
 
 
@@ -256,10 +256,10 @@ def _circle(t_s: FloatArray) -> list[FloatArray]:
     """Position, velocity, Euler angles and specific force in the body, level, heading along the circle."""
     angle, rate, change = _angle(t_s)
     zero = 0 * angle
-    position = RADIUS_M * np.column_stack([np.sin(angle), 1.0 - np.cos(angle), zero])
-    velocity = RADIUS_M * np.column_stack([rate * np.cos(angle), rate * np.sin(angle), zero])
+    position = _RADIUS_M * np.column_stack([np.sin(angle), 1.0 - np.cos(angle), zero])
+    velocity = _RADIUS_M * np.column_stack([rate * np.cos(angle), rate * np.sin(angle), zero])
     euler = np.column_stack([zero, zero, np.arctan2(np.sin(angle), np.cos(angle))])
-    force = np.column_stack([RADIUS_M * change, RADIUS_M * rate**2, zero + GRAVITY_MPS2])
+    force = np.column_stack([_RADIUS_M * change, _RADIUS_M * rate**2, zero + GRAVITY_MPS2])
     return [position, velocity, euler, force]
 
 

@@ -230,7 +230,7 @@ def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list
 _KEY = "tolerances"
 """The list in the file."""
 
-ANY = "*"
+_ANY = "*"
 LINE = "{metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.05}"
 """An example of a rule."""
 
@@ -246,9 +246,9 @@ class Tolerance(NamedTuple):
     """
 
     ratio: float
-    metric: str = ANY
-    method: str = ANY
-    scenario: str = ANY
+    metric: str = _ANY
+    method: str = _ANY
+    scenario: str = _ANY
 
     def fits(self, metric: str, combination: Combination) -> bool:
         """Whether the rule is about this metric of this combination."""
@@ -287,7 +287,7 @@ class Tolerances(NamedTuple):
 
     def metrics(self, main: str, columns: Iterable[str]) -> list[str]:
         """Return what is to be compared: the main metric, if a rule leaves it open, and the columns that rules name."""
-        named = [rule.metric for rule in self.rules if rule.metric != ANY]
+        named = [rule.metric for rule in self.rules if rule.metric != _ANY]
         chosen = [column for column in columns if any(fnmatchcase(column, pattern) for pattern in named)]
         return chosen if named and len(named) == len(self.rules) else list(dict.fromkeys([main, *chosen]))
 

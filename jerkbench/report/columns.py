@@ -103,9 +103,12 @@ READING = {
 
 _COUNTS = (
     *("outages_counted", "faults_counted", "error_correlation_rows", "inflated_percent", "rejected_percent"),
-    *("lockout_s", "inclination_floor_deg", "position_bound_m"),
+    *("lockout_s", "inclination_floor_deg", "position_bound_m", "returned_percent"),
 )
-"""What tells how much was scored, how well, how well at best, or what an adaptation did: no quality of a filter."""
+"""What tells how much was scored, how well, how well at best, or what an adaptation did: no quality of a filter.
+
+`returned_percent` is one, but the highest is the best, and no ratio says by how much.
+"""
 
 NATS = ("position_log_score", "innovation_log_loss")
 """Logarithms of densities, below 0 as well: the lowest is the best, but no ratio says by how much."""
@@ -236,9 +239,9 @@ def constants(rows: "pd.DataFrame", placed: Iterable[str]) -> tuple[tuple[str, s
 
 # Combinations that stand in a study as a reference and compete with nobody.
 
-ORACLE, FLOOR = "oracle", "gnss_only"
+ORACLE, GNSS_ONLY = "oracle", "gnss_only"
 
-WHY = {"adaptation": {ORACLE: "is told the true covariance"}, "filter": {FLOOR: "is the floor, without an IMU"}}
+WHY = {"adaptation": {ORACLE: "is told the true covariance"}, "filter": {GNSS_ONLY: "is the floor, without an IMU"}}
 """Factor -> label without its parameters -> why it does not compete."""
 
 TOLD_ATTITUDE = "reference"

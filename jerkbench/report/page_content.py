@@ -246,17 +246,17 @@ def _factor(comparison: Comparison | None) -> CellEntry:
 
 HEADING = "NEES says"
 ANEES = "anees"
-CONSISTENT = EXPECTED[ANEES]
+_CONSISTENT = EXPECTED[ANEES]
 
 
 def nees_explanation(rows: "pd.DataFrame") -> str:
     """Return how to read the column; nothing where no cell has a value to judge."""
     if ANEES not in rows or rows[ANEES].isna().all():
         return ""
-    low, high = (factor * CONSISTENT for factor in NEAR)
+    low, high = (factor * _CONSISTENT for factor in NEAR)
     return (
         f"{HEADING}: overconfident or too cautious where the whole interval of the ANEES over the seeds is above or "
-        f"below {CONSISTENT:g}; consistent where it holds {CONSISTENT:g} and lies within {low:g} to {high:g}; not "
+        f"below {_CONSISTENT:g}; consistent where it holds {_CONSISTENT:g} and lies within {low:g} to {high:g}; not "
         f"known where it holds more than that, of one run and of phases. Of fewer than {FEW} seeds the interval is "
         "Student's on the logarithms. Where runs were lost the others can only be overconfident or not known."
     )
@@ -270,12 +270,12 @@ def nees_verdict(group: "pd.DataFrame") -> str:
         return UNKNOWN
     well = group["status"] == "ok"
     values = group.loc[well, ANEES].to_numpy(dtype=float)
-    return runs_verdict(values, CONSISTENT, lost=int((~well).sum()))
+    return runs_verdict(values, _CONSISTENT, lost=int((~well).sum()))
 
 
 # What the page's script reads: errors over time, two bytes each, and all that is known of each cell.
 
-LOWEST, HIGHEST = 1e-9, 1e9
+LOWEST, _HIGHEST = 1e-9, 1e9
 """Metres between which an error is told; beyond them it is set to the nearest."""
 
 LEVELS = 65534
@@ -313,9 +313,9 @@ def largest_of_steps(t_s: FloatArray, error_m: FloatArray, edges_s: FloatArray) 
 
 def encoded(error_m: FloatArray) -> str:
     """Return errors [m] as text: of each the logarithm in 65534 steps from 1 on, 0 where there is none; base64."""
-    span = np.log10(HIGHEST / LOWEST)
+    span = np.log10(_HIGHEST / LOWEST)
     with np.errstate(invalid="ignore"):
-        share = np.log10(np.clip(error_m, LOWEST, HIGHEST) / LOWEST) / span
+        share = np.log10(np.clip(error_m, LOWEST, _HIGHEST) / LOWEST) / span
     steps = np.where(np.isnan(share), 0, 1 + np.round(np.nan_to_num(share) * LEVELS))
     return base64.b64encode(steps.astype("<u2").tobytes()).decode()
 
@@ -343,7 +343,7 @@ def payload(stretches: Sequence[Stretch], styles: Mapping[str, Any], names: Mapp
         for stretch in stretches
         if stretch.errors_m
     ]
-    decades = float(np.log10(HIGHEST / LOWEST))
+    decades = float(np.log10(_HIGHEST / LOWEST))
     return {"lowest": LOWEST, "decades": decades, "levels": LEVELS, "scenarios": scenarios}
 
 
@@ -351,7 +351,7 @@ _TOLD = ("protocol", "data", "notes", "created", "seconds", "commit", "versions"
 """What of a cell's record is told beside its configuration."""
 
 
-EACH = 3
+_EACH = 3
 """So many metrics are told of each run, the first ones; of the others the spread."""
 
 
@@ -371,7 +371,7 @@ def details(
     """
     shared: Numbered = {}
     cells = {key: _cell(group, about[key], metrics, shared) for key, group in groups.items()}
-    seeds = [quantity(column).heading for column in metrics[:EACH]]
+    seeds = [quantity(column).heading for column in metrics[:_EACH]]
     return {"shared": [value for _, value in shared.values()], "seeds": seeds, "cells": cells}
 
 
@@ -393,8 +393,8 @@ def _cell(group: "pd.DataFrame", about: Mapping[str, Any], metrics: Sequence[str
         "told": {name: _place(shared, about[name]) for name in _TOLD},
         "metrics": _spreads(group, metrics, shared),
         "runs": [
-            [int(row["seed"]), row["status"], row["reason"], *(_text(row[metric]) for metric in metrics[:EACH])]
-            for row in group[["seed", "status", "reason", *metrics[:EACH]]].to_dict("records")
+            [int(row["seed"]), row["status"], row["reason"], *(_text(row[metric]) for metric in metrics[:_EACH])]
+            for row in group[["seed", "status", "reason", *metrics[:_EACH]]].to_dict("records")
         ],
     }
 

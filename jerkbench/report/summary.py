@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-BOUNDED, BOUND = "position_rmse_m", "position_bound_m"
+BOUNDED, _BOUND = "position_rmse_m", "position_bound_m"
 """The metric that has a bound, and the column with it."""
 
-SCENARIO = ("dataset", "disturbance")
+_SCENARIO = ("dataset", "disturbance")
 """What a bound depends on; attitude and method do not enter."""
 
 LABEL = "bound"
@@ -47,14 +47,14 @@ ToldScenario = tuple[str, ...]
 
 def with_bounds(table: Table, rows: "pd.DataFrame") -> Table:
     """Return ``table`` with a row for each scenario whose bound is known, where its rows are filters."""
-    if table.metric != BOUNDED or "filter" not in table.row_keys or set(SCENARIO) & set(table.column_keys):
+    if table.metric != BOUNDED or "filter" not in table.row_keys or set(_SCENARIO) & set(table.column_keys):
         return table
     bounds, lines = known_bounds(rows), list(zip(table.rows, table.cells, strict=True))
     scenarios = [_scenario(table, row) for row, _ in lines]
     for scenario, bound in bounds.items():
         if scenario in scenarios:
             at = len(scenarios) - scenarios[::-1].index(scenario)
-            labels_of = dict(zip(SCENARIO, scenario, strict=True)) | {"filter": LABEL}
+            labels_of = dict(zip(_SCENARIO, scenario, strict=True)) | {"filter": LABEL}
             head = tuple(labels_of.get(key, "") for key in table.row_keys)
             lines.insert(at, (head, (bound,) * len(table.columns)))
             scenarios.insert(at, scenario)
@@ -64,10 +64,10 @@ def with_bounds(table: Table, rows: "pd.DataFrame") -> Table:
 
 def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
     """Yield what the bound is, and of which scenarios none is known."""
-    if metric != BOUNDED or BOUND not in rows.columns:
+    if metric != BOUNDED or _BOUND not in rows.columns:
         return
     bounds = known_bounds(rows)
-    count = len(rows[[*SCENARIO]].drop_duplicates())
+    count = len(rows[[*_SCENARIO]].drop_duplicates())
     told = [f"{number(bound.mean)} ({', '.join(scenario)})" for scenario, bound in bounds.items()]
     more = [f"{len(told) - _TOLD} more"] if len(told) > _TOLD else []
     unknown = [f"not known for {count - len(told)} of {count} scenarios"] if len(told) < count else []
@@ -79,12 +79,12 @@ def bound_note(metric: str, rows: "pd.DataFrame") -> Iterator[str]:
 
 def known_bounds(rows: "pd.DataFrame") -> dict[ToldScenario, TableCell]:
     """Return the root mean square over seeds of each scenario whose bound is known."""
-    if BOUND not in rows.columns:
+    if _BOUND not in rows.columns:
         return {}
-    known = rows[np.isfinite(rows[BOUND].to_numpy(dtype=float)) & (rows["status"] == "ok").to_numpy()]
+    known = rows[np.isfinite(rows[_BOUND].to_numpy(dtype=float)) & (rows["status"] == "ok").to_numpy()]
     bounds = {}
-    for scenario, of in known.groupby([*SCENARIO], sort=False):
-        seeds = of.groupby("seed")[BOUND].min().to_numpy()
+    for scenario, of in known.groupby([*_SCENARIO], sort=False):
+        seeds = of.groupby("seed")[_BOUND].min().to_numpy()
         cell = TableCell(float(np.sqrt(np.mean(seeds**2))), math.nan, math.nan, len(seeds))
         bounds[tuple(map(str, scenario))] = cell
     return bounds
@@ -92,7 +92,7 @@ def known_bounds(rows: "pd.DataFrame") -> dict[ToldScenario, TableCell]:
 
 def _scenario(table: Table, row: tuple[str, ...]) -> ToldScenario:
     values = dict(table.constants) | dict(zip(table.row_keys, row, strict=True))
-    return tuple(values[key] for key in SCENARIO)
+    return tuple(values[key] for key in _SCENARIO)
 
 
 # The sentences under a table: what is the same everywhere, how to read a cell, what went wrong.

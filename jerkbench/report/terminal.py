@@ -24,7 +24,7 @@ MOST_ROWS = 500
 _GAP = 3
 """Characters between two columns."""
 
-LONGEST_KEY, LONGEST_HEADER = 24, 16
+LONGEST_KEY, _LONGEST_HEADER = 24, 16
 """Characters; a longer row factor or header is folded where columns are narrow."""
 
 _STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
@@ -101,7 +101,7 @@ def blocks(table: Table, width: int) -> list[Block]:
     for column, head in zip(columns, table.header[keys:], strict=True):
         told = [part for cell in column for part in parts(cell)]  # words of troubles may stand below each other
         words = [word for text, style in told for word in (text.split() if style == "trouble" else [text])]
-        own.append(max(min(len(head), LONGEST_HEADER), *map(len, words), 1))
+        own.append(max(min(len(head), _LONGEST_HEADER), *map(len, words), 1))
     room = width - (min(of_keys[-1], LONGEST_KEY) + _GAP if keys else 0)
     parted: list[list[tuple[int, int]]] = [[]]
     for column in enumerate(own):

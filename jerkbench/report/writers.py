@@ -52,7 +52,7 @@ SPECIAL = {
 
 SETUP = r"\sisetup{detect-weight=true, mode=text}"
 
-PAGE = 44
+_PAGE = 44
 """As many lines of a table have room on a page, with its caption and some footnotes."""
 
 _PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
@@ -137,7 +137,7 @@ def latex(table: Table) -> str:
     if notes:
         begin = [r"", r"  \smallskip", r"  \noindent\begin{minipage}{\linewidth}\footnotesize\raggedright"]
         notes = [*begin, *notes, r"  \end{minipage}"]
-    if len(body) > PAGE:
+    if len(body) > _PAGE:
         packages = "booktabs,siunitx,longtable"
         start = [r"{", rf"  \small{SETUP}", rf"  \begin{{longtable}}{{{columns}}}", rf"    {caption}\\"]
         head = [*ruled, r"    \endfirsthead", *ruled, r"    \endhead", r"    \bottomrule", r"    \endfoot"]

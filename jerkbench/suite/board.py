@@ -26,7 +26,7 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.notices import plain
 from jerkbench.report.writers import environment
 from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, half_settings, plugins_digest
-from jerkbench.suite.entry import MANIFEST, PAGE, Entry, file_hashes, frozen_part, read_entry
+from jerkbench.suite.entry import ENTRY_FILE, PAGE, Entry, file_hashes, frozen_part, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring, score_as_json
 from jerkbench.tuning.entrant import Entrant, Site, Try, knobs_of, tried_settings
@@ -242,7 +242,7 @@ def write_board(folder: Path, count: int) -> list[Path]:
         JerkbenchError: there is none that can be checked, or they are of several suites.
     """
     entries, checks, remarks = [], [], []
-    for path in sorted(folder.glob(f"*/{MANIFEST}")):
+    for path in sorted(folder.glob(f"*/{ENTRY_FILE}")):
         try:
             entry = read_entry(path.parent)
             checks.append(verify(entry, 0 if entry.program else count))

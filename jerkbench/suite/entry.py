@@ -25,17 +25,17 @@ from jerkbench.suite.scores import entry_scoring, score_as_json
 from jerkbench.tuning.entrant import Entrant, Site
 from jerkbench.tuning.space import Setting
 
-ROWS, SETTINGS, PAGE, MANIFEST = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
-HASHED = (ROWS, SETTINGS, PAGE)
+_ROWS, SETTINGS, PAGE, ENTRY_FILE = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
+HASHED = (_ROWS, SETTINGS, PAGE)
 """Files whose hashes stand in the manifest."""
 
-TEXTS, COUNTS = ("method", "tuned_on", "status", "reason"), ("scenario", "seed")
+_TEXTS, COUNTS = ("method", "tuned_on", "status", "reason"), ("scenario", "seed")
 """Columns of the rows, by their types."""
 
 
 def row_columns(numbers: Sequence[str]) -> tuple[str, ...]:
     """Return the columns of the rows: with what a suite keeps of a run, and the time that it took."""
-    return (*TEXTS[:2], *COUNTS, *TEXTS[2:], *numbers, "seconds")
+    return (*_TEXTS[:2], *COUNTS, *_TEXTS[2:], *numbers, "seconds")
 
 
 Test = Callable[[Any], bool]
@@ -87,11 +87,11 @@ def write_entry(folder: Path, manifest: Mapping[str, Any], rows: pd.DataFrame, s
         OSError: it cannot be written.
     """
     kept = rows[list(row_columns(_kind(manifest["suite"]).kind.numbers))]
-    write_atomically(folder / ROWS, lambda path: kept.to_parquet(path, index=False))
+    write_atomically(folder / _ROWS, lambda path: kept.to_parquet(path, index=False))
     write_text(folder / SETTINGS, yaml.safe_dump(settings, sort_keys=False))
     write_text(folder / PAGE, page)
     whole = {**manifest, "files": file_hashes(folder)}
-    write_text(folder / MANIFEST, json.dumps(whole, indent=1) + "\n")
+    write_text(folder / ENTRY_FILE, json.dumps(whole, indent=1) + "\n")
 
 
 def read_entry(folder: Path) -> Entry:
@@ -100,17 +100,17 @@ def read_entry(folder: Path) -> Entry:
     Raises:
         JerkbenchError: a part of it is missing or damaged; says which.
     """
-    for name in (MANIFEST, *HASHED):  # a pipe would be waited for
+    for name in (ENTRY_FILE, *HASHED):  # a pipe would be waited for
         if (folder / name).exists() and not (folder / name).is_file():
             raise JerkbenchError(f"{folder / name} is no file. An entry is made by `jerkbench suite run`.")
-    manifest = _read(folder / MANIFEST, lambda path: json.loads(path.read_text(encoding="utf-8")))
-    _require(folder / MANIFEST, {"": isinstance(manifest, dict) or "a JSON object"})
-    _require(folder / MANIFEST, {f"'{key}'": test(manifest.get(key)) or what for key, (test, what) in FACTS.items()})
+    manifest = _read(folder / ENTRY_FILE, lambda path: json.loads(path.read_text(encoding="utf-8")))
+    _require(folder / ENTRY_FILE, {"": isinstance(manifest, dict) or "a JSON object"})
+    _require(folder / ENTRY_FILE, {f"'{key}'": test(manifest.get(key)) or what for key, (test, what) in FACTS.items()})
     settings = _read(folder / SETTINGS, read_yaml)
     suite = _kind(manifest["suite"])
     _require(folder / SETTINGS, {"": _are_settings(settings, suite.searches) or SETTINGS_SHAPE})
     _read(folder / PAGE, Path.read_bytes)
-    return Entry(folder, manifest, _rows(folder / ROWS, suite.kind.numbers), settings)
+    return Entry(folder, manifest, _rows(folder / _ROWS, suite.kind.numbers), settings)
 
 
 def _kind(scale: str) -> Frozen:
@@ -123,7 +123,7 @@ def _rows(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
     table, names = _read(path, _table)
     error, own = numbers[0], row_columns(numbers)
     is_kind = {"numbers": pa.types.is_float64, "text": _is_string, "whole numbers": pa.types.is_int64}
-    kinds = {**dict.fromkeys(own, "numbers"), **dict.fromkeys(TEXTS, "text"), **dict.fromkeys(COUNTS, "whole numbers")}
+    kinds = {**dict.fromkeys(own, "numbers"), **dict.fromkeys(_TEXTS, "text"), **dict.fromkeys(COUNTS, "whole numbers")}
     for name, kind in kinds.items():
         fits = names.count(name) == 1 and is_kind[kind](table[name].type)
         fits = fits and (kind == "numbers" or table[name].null_count == 0)

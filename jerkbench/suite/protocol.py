@@ -300,7 +300,7 @@ FROZEN = {
 
 STRETCHES = 16
 """Each array is cut into so many; what is hashed is mean and mean square of each."""
-STEP = 1e-4
+_STEP = 1e-4
 """They are rounded to this, in their SI unit: what the last bits of another processor do does not count."""
 
 
@@ -334,7 +334,7 @@ def arrays_digest(arrays: Iterator[FloatArray]) -> str:
     for array in arrays:
         stretches = np.array_split(np.nan_to_num(array), STRETCHES)
         means = np.array([(stretch.mean(axis=0), np.square(stretch).mean(axis=0)) for stretch in stretches])
-        sha.update(f"{array.shape}".encode() + np.rint(means / STEP).astype("<i8").tobytes())
+        sha.update(f"{array.shape}".encode() + np.rint(means / _STEP).astype("<i8").tobytes())
     return sha.hexdigest()[:8]
 
 

@@ -76,7 +76,7 @@ def _write_preset(draft: "Draft", preset: Path) -> None:
 _SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
 """Parameters of data sets that move stamps to the time when the values were true."""
 
-FIGURES = (".pdf", ".png", ".svg")
+_FIGURES = (".pdf", ".png", ".svg")
 
 
 SEVERAL_SOURCES = (
@@ -180,8 +180,8 @@ def receiver_verb(chosen: argparse.Namespace) -> None:
 
 
 def _require_figure(path: Path | None) -> None:
-    if path is not None and path.suffix not in FIGURES:
-        raise JerkbenchError(unknown("suffix of a figure", path.suffix, FIGURES))
+    if path is not None and path.suffix not in _FIGURES:
+        raise JerkbenchError(unknown("suffix of a figure", path.suffix, _FIGURES))
 
 
 @verb(

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench import plugins
-from jerkbench.datasets.journey import PLACE, SIGMA, VELOCITY, RealJourney
+from jerkbench.datasets.journey import _PLACE, _SIGMA, _VELOCITY, RealJourney
 from jerkbench.disturbances.withhold import ScoreMoving
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.testing import check_plugin
@@ -27,7 +27,7 @@ META = {
 def folder(tmp_path):
     """Fixes at 1 Hz from 10 s on, the third stamp twice; a reference at 10 Hz that moves 1 m/s east from 13 s on."""
     t_s = np.array([10.0, 11.0, 12.0, 12.0, 13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0])
-    fixes = pd.DataFrame(dict(zip(("t_s", *PLACE), (t_s, t_s - 9.0, t_s * 2.0, t_s * 0.0), strict=True)))
+    fixes = pd.DataFrame(dict(zip(("t_s", *_PLACE), (t_s, t_s - 9.0, t_s * 2.0, t_s * 0.0), strict=True)))
     fixes.to_parquet(tmp_path / "fixes.parquet")
     truth_s = np.arange(95, 200) / 10.0
     truth = pd.DataFrame({"t_s": truth_s, "e_m": np.maximum(truth_s - 13.0, 0.0), "n_m": 0.0, "u_m": 1.0})
@@ -67,7 +67,7 @@ def test_a_sigma_that_is_not_stated_is_taken_by_the_receiver_and_told(folder, re
 
 def test_sigmas_and_velocities_that_are_stated_are_used(folder):
     fixes = pd.read_parquet(folder / "fixes.parquet")
-    fixes[SIGMA], fixes[VELOCITY] = [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
+    fixes[_SIGMA], fixes[_VELOCITY] = [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
     fixes.to_parquet(folder / "fixes.parquet")
     recording = RealJourney(str(folder), position_sigma_m=9.0, velocity_sigma_mps=0.5).load()
     np.testing.assert_allclose(recording.position.covariance_m2[2], np.diag([1.0, 4.0, 9.0]))

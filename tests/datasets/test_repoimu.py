@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jerkbench import plugins
-from jerkbench.datasets.broad import ACCEL, ATTITUDE, GYRO, RepoImu
+from jerkbench.datasets.broad import _ACCEL, _ATTITUDE, _GYRO, RepoImu
 from jerkbench.errors import RecordingError
 from jerkbench.evaluation.counted_rows import angle_between
 from jerkbench.geometry import vertical_in_body
@@ -17,10 +17,10 @@ def folder(tmp_path):
     n = 600
     values = {
         "t_s": 7.0 + np.arange(n) / 100,
-        **dict(zip(ACCEL, (0.0, 9.81 * np.sin(0.3), 9.81 * np.cos(0.3)), strict=True)),
+        **dict(zip(_ACCEL, (0.0, 9.81 * np.sin(0.3), 9.81 * np.cos(0.3)), strict=True)),
     }
-    values |= dict(zip(GYRO, (0.01, -0.02, 0.03), strict=True))
-    values |= dict(zip(ATTITUDE, (np.cos(0.15), np.sin(0.15), 0.0, 0.0), strict=True))
+    values |= dict(zip(_GYRO, (0.01, -0.02, 0.03), strict=True))
+    values |= dict(zip(_ATTITUDE, (np.cos(0.15), np.sin(0.15), 0.0, 0.0), strict=True))
     table = pd.DataFrame(values).assign(movement=(np.arange(n) >= 300).astype(int))
     table.to_parquet(tmp_path / "TStick_Test03_Trial2.parquet")
     return tmp_path
@@ -52,7 +52,7 @@ def turned(tmp_path):
     published[4000:] = published[4000]
     force = truth.inv().apply([0.0, 0.0, 9.81]) + np.random.default_rng(0).normal(0.0, 0.5, (6000, 3))
     columns = np.column_stack([7.0 + t, force, np.add(rate, [0.01, -0.02, 0.03]), published, t >= 3.0])
-    table = pd.DataFrame(columns, columns=["t_s", *ACCEL, *GYRO, *ATTITUDE, "movement"])
+    table = pd.DataFrame(columns, columns=["t_s", *_ACCEL, *_GYRO, *_ATTITUDE, "movement"])
     table.to_parquet(tmp_path / "TStick_Test04_Trial1.parquet")
     return tmp_path, truth.inv().apply([0.0, 0.0, 1.0])
 

@@ -8,7 +8,7 @@ from given import kitti
 
 from jerkbench.inspection.doctor import diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
-from jerkbench.inspection.noise import REFERENCE, REST, stated_against_real_sigma
+from jerkbench.inspection.noise import _REFERENCE, REST, stated_against_real_sigma
 from jerkbench.recording import Position, Reference, Velocity
 from synthetic import recording_at_rest
 
@@ -26,12 +26,12 @@ def noisy(real_m=0.02, stated_m=0.01):
 def test_the_ratio_is_that_of_the_noise_that_was_drawn():
     found = {(one.stream, one.basis): one for one in stated_against_real_sigma(noisy())}
 
-    assert set(found) == {(stream, basis) for stream in ("position", "velocity") for basis in (REST, REFERENCE)}
+    assert set(found) == {(stream, basis) for stream in ("position", "velocity") for basis in (REST, _REFERENCE)}
     assert found["position", REST].ratio == pytest.approx(2.0, rel=0.05)
-    assert found["position", REFERENCE].ratio == pytest.approx(2.0, rel=0.03)
-    assert found["velocity", REFERENCE].ratio == pytest.approx(1.0, rel=0.03)
-    np.testing.assert_allclose(found["position", REFERENCE].real, 0.02, rtol=0.06)
-    np.testing.assert_allclose(found["position", REFERENCE].stated, 0.01)
+    assert found["position", _REFERENCE].ratio == pytest.approx(2.0, rel=0.03)
+    assert found["velocity", _REFERENCE].ratio == pytest.approx(1.0, rel=0.03)
+    np.testing.assert_allclose(found["position", _REFERENCE].real, 0.02, rtol=0.06)
+    np.testing.assert_allclose(found["position", _REFERENCE].stated, 0.01)
 
 
 def test_axes_in_rows_of_their_own_are_the_same():

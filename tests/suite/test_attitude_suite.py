@@ -17,7 +17,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.io.files import VARIABLE
 from jerkbench.suite.board import Board, file_mistakes, frozen_mistakes, html, missing_mistakes, score_mistakes
 from jerkbench.suite.campaign import half_settings, seen
-from jerkbench.suite.entry import MANIFEST, read_entry
+from jerkbench.suite.entry import ENTRY_FILE, read_entry
 from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
 from jerkbench.suite.scores import BoardValue, ByTilt, entry_scoring
 
@@ -187,7 +187,7 @@ def test_what_is_no_attitude_filter_cannot_enter(tmp_path, word):
 
 
 FOLDER = Path(__file__).parents[2] / "results" / "suite-attitude-v1"
-ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{MANIFEST}"))
+ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{ENTRY_FILE}"))
 
 
 @pytest.mark.parametrize("folder", ENTRIES, ids=lambda folder: folder.name)
@@ -202,7 +202,7 @@ def test_a_committed_entry_is_whole_and_its_score_is_that_of_its_rows(folder):
 def test_the_board_shows_every_committed_entry_with_its_score():
     board = (FOLDER / "board.md").read_text(encoding="utf-8")
     for folder in ENTRIES:
-        score = json.loads((folder / MANIFEST).read_text())["score"]
+        score = json.loads((folder / ENTRY_FILE).read_text())["score"]
         assert f"{score['hand ratio']:.3f} [{score['hand low']:.3f}, {score['hand high']:.3f}]" in board
         assert f"{score['drive ratio']:.3f} [{score['drive low']:.3f}, {score['drive high']:.3f}]" in board
     assert len(ENTRIES) >= 4

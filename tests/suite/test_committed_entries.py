@@ -8,12 +8,12 @@ import pytest
 
 from commands import verb
 from jerkbench.suite.board import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
-from jerkbench.suite.entry import MANIFEST, read_entry
+from jerkbench.suite.entry import ENTRY_FILE, read_entry
 from jerkbench.suite.protocol import read_suite
 from jerkbench.suite.scores import ByPosition
 
 FOLDER = Path(__file__).parents[2] / "results" / "suite-v1"
-ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{MANIFEST}"))
+ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{ENTRY_FILE}"))
 
 
 @pytest.mark.parametrize("folder", ENTRIES, ids=lambda folder: folder.name)

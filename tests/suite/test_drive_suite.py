@@ -15,7 +15,7 @@ from jerkbench.errors import PluginError, RecordingError
 from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
 from jerkbench.suite.board import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
-from jerkbench.suite.entry import MANIFEST, read_entry
+from jerkbench.suite.entry import ENTRY_FILE, read_entry
 from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
 from jerkbench.suite.scores import ByDrives
 
@@ -128,7 +128,7 @@ def test_the_verdict_is_that_of_the_interval(factor, word):
 # Our own entries.
 
 FOLDER = Path(__file__).parents[2] / "results" / "suite-v2"
-ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{MANIFEST}"))
+ENTRIES = sorted(path.parent for path in FOLDER.glob(f"*/{ENTRY_FILE}"))
 
 
 @pytest.mark.parametrize("folder", ENTRIES, ids=lambda folder: folder.name)

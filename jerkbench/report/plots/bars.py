@@ -14,7 +14,7 @@ from jerkbench.evaluation.ranks import mean_ranks, performance_profile, rank_cli
 from jerkbench.report.columns import SCENARIO_FACTORS
 from jerkbench.report.plots.style import (
     MEASURED,
-    PLAIN,
+    NO_ADAPTATION,
     REFERENCE,
     DrawnMethod,
     MethodStyle,
@@ -86,7 +86,7 @@ def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0
 def _method(table: Table, row: Sequence[str], column: Sequence[str]) -> DrawnMethod:
     keys = (*table.row_keys, *table.column_keys)
     label = {**dict(table.constants), **dict(zip(keys, (*row, *column), strict=True))}
-    return label.get("filter", ""), label.get("adaptation", PLAIN)
+    return label.get("filter", ""), label.get("adaptation", NO_ADAPTATION)
 
 
 def _name_columns(axes: Axes, names: Sequence[str], scenes: Mapping[str, Mapping[str, Mapping[str, Bar]]]) -> None:
@@ -229,7 +229,7 @@ def profile_figure(costs: FloatArray, methods: Sequence[str], title: str, looks_
 RANKED = 24
 """As many methods are drawn, the best by mean rank."""
 
-ROW_IN = 0.24
+_ROW_IN = 0.24
 STRIP = 0.028
 """Width that a group's line takes beside the ranks, of that of the axes."""
 
@@ -248,7 +248,7 @@ def critical_difference_figure(
         scenarios: how many.
     """
     order = np.argsort(ranks, kind="stable")[:RANKED]
-    figure = new_figure(1.5 + ROW_IN * len(order))
+    figure = new_figure(1.5 + _ROW_IN * len(order))
     axes = figure.add_subplot()
     for row, k in enumerate(order):
         axes.plot([0, ranks[k]], [row, row], color="#D0D0D0", linewidth=0.8, zorder=1)

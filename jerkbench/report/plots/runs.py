@@ -21,8 +21,8 @@ from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     BAND_COLOUR,
     MEASURED,
-    OUTAGE,
     REFERENCE,
+    SHADE,
     Palette,
     coinciding,
     end_with,
@@ -260,7 +260,7 @@ def _draw_recording(axes: Axes, recording: Recording) -> None:
         t_s, (begin_s, end_s) = recording.reference.t_s[:, None], recording.outages_s.T
         inside = ((t_s >= begin_s) & (t_s < end_s)).any(axis=1)
         dark = np.where(inside[:, None], truth[:, :2], np.nan)
-        axes.plot(*dark.T, color=OUTAGE, linewidth=7.0, alpha=0.7, solid_capstyle="round", label="outage", zorder=2)
+        axes.plot(*dark.T, color=SHADE, linewidth=7.0, alpha=0.7, solid_capstyle="round", label="outage", zorder=2)
     axes.plot(*truth[:, :2].T, color=REFERENCE, linewidth=1.6, label="reference", zorder=3)
     known = np.flatnonzero(np.isfinite(truth[:, :2]).all(axis=1))
     axes.plot(*truth[known[:1], :2].T, "o", color=REFERENCE, markersize=5, label="start", zorder=5)

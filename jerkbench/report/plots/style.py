@@ -21,7 +21,7 @@ OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 REFERENCE = "black"
 MEASURED = "#9A9A9A"
-OUTAGE = "#F0C27B"
+SHADE = "#F0C27B"
 BAND_COLOUR = "#D3DEE8"
 """Bands of what a filter claims, or of a consistent one; no filter has this colour."""
 
@@ -49,7 +49,7 @@ def new_figure(
 def shade_outages(axes: Axes, outages_s: FloatArray, label: str | None = None) -> None:
     """Shade the outages; the first of them carries the label."""
     for k, (begin, end) in enumerate(outages_s):
-        axes.axvspan(begin, end, color=OUTAGE, alpha=0.28, linewidth=0, label=label if k == 0 else None, zorder=0)
+        axes.axvspan(begin, end, color=SHADE, alpha=0.28, linewidth=0, label=label if k == 0 else None, zorder=0)
 
 
 def style_axes(axes: Axes) -> None:
@@ -161,7 +161,7 @@ DASHES = ((), (8, 4), (2, 3), (10, 3, 2, 3), (4, 2), (1, 2))
 HATCHES = ("", "////", "....", "xxxx", "----", "\\\\\\\\")
 """What stands for the dashes where a method is an area."""
 
-PLAIN = "none"
+NO_ADAPTATION = "none"
 """The adaptation that has the full line, wherever it stands."""
 
 _POINTS = 0.5
@@ -210,7 +210,7 @@ class Palette(NamedTuple):
         """Return the palette of ``methods``."""
         methods = list(methods)
         adaptations = dict.fromkeys(adaptation for _, adaptation in methods)
-        plain = [PLAIN] * (PLAIN in adaptations)
+        plain = [NO_ADAPTATION] * (NO_ADAPTATION in adaptations)
         return cls(
             tuple(dict.fromkeys(filter_name for filter_name, _ in methods)),
             tuple(dict.fromkeys([*plain, *adaptations])),
@@ -232,7 +232,7 @@ def method_of(name: str) -> DrawnMethod:
     ('gnss_only', 'none')
     """
     filter_name, _, rest = name.partition(" + ")
-    return filter_name, BETWEEN.split(rest.partition(" + ")[0])[0] or PLAIN
+    return filter_name, BETWEEN.split(rest.partition(" + ")[0])[0] or NO_ADAPTATION
 
 
 def method_styles(names: Iterable[str], palette: Palette | None = None) -> Iterator[tuple[str, MethodStyle]]:

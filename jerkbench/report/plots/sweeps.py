@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-SIGMA = re.compile(r"(?:^|[ (,])accel_mps2=([0-9.eE+-]+)")
+_SIGMA = re.compile(r"(?:^|[ (,])accel_mps2=([0-9.eE+-]+)")
 
-FIRST, STEP = 0.03, 0.04
+_FIRST, _STEP = 0.03, 0.04
 """Heights of the triangles, from the axis upwards: several methods may act at the same size."""
 
 
@@ -57,7 +57,7 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
 
 def with_noise_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
     """Return the rows whose noise label says sigma_a, with the column ``sigma_a``."""
-    sigma_a = rows["noise"].astype(str).str.extract(SIGMA.pattern)[0].astype(float)
+    sigma_a = rows["noise"].astype(str).str.extract(_SIGMA.pattern)[0].astype(float)
     return rows.assign(sigma_a=sigma_a)[sigma_a.notna()].copy()
 
 
@@ -80,7 +80,7 @@ def severity_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None 
     for axes, scenario in zip(panels, scenarios, strict=True):
         scene = swept[swept[SCENARIO] == scenario]
         sizes, means = np.sort(scene[SIZE].unique()), dict[str, FloatArray]()
-        for height, (name, look) in zip(FIRST + STEP * np.arange(len(look_of)), look_of.items(), strict=True):
+        for height, (name, look) in zip(_FIRST + _STEP * np.arange(len(look_of)), look_of.items(), strict=True):
             runs = scene[scene["method"] == name]
             means[name] = _draw_means(axes, runs, SIZE, sizes, metric, look, name, panels[0])
             noticed = smallest_noticed(runs) if len(runs) else float("nan")
