@@ -52,6 +52,13 @@ def test_a_columns_name_says_title_and_unit(column, heading):
     assert quantity(column).heading == heading
 
 
+@pytest.mark.parametrize(
+    ("column", "judged"), [("captured_percent", True), ("returned_percent", False), ("rejected_percent", False)]
+)
+def test_what_is_the_better_the_higher_and_what_an_adaptation_did_is_not_judged_as_an_error(column, judged):
+    assert quantity(column).lowest_is_best == judged
+
+
 def pipes(line):
     return [match.start() for match in re.finditer(r"(?<!\\)\|", line)]
 
