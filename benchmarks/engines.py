@@ -111,7 +111,7 @@ def many_entrants(model: Filter) -> list[Entrant]:
 def error_entrants(model: Filter) -> list[Entrant]:
     """Many runs of which errors alone are asked, with an R that has nothing between two rows."""
     engine, threads, entrants = CompiledEngine(), os.cpu_count() or 1, []
-    for name in ("none", "mtf", "huber_r", "sage_husa"):
+    for name in ("none", "mtf", "huber_r", "sage_husa", "huber", "maximum_correntropy"):
         rule = plugins.create("adaptation", {"name": name})
         for recordings in (64, 1):
             several = [uncorrelated(workload(seed)) for seed in range(recordings)] * (64 // recordings)
