@@ -199,7 +199,8 @@ def _may_be_rounding(run: Lanes, taken_from: View) -> bool:
     for s in range(run.s):
         doubt += chosen(run.P[s, s], factor * taken_from[s], 0.0, 1.0)
     run.doubt = chosen(run.lost, 0.0, 0.0, doubt)
-    return bool(anywhere(run.doubt))
+    some: bool = anywhere(run.doubt)
+    return some
 
 
 def _widen(run: Lanes, taken_from: View) -> None:

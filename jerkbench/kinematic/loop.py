@@ -68,13 +68,13 @@ def update(
             find_gains_of_lanes(run, exchange.rows, rules)
         else:
             find_gains(run, exchange, rules)
+        if STRIDE > 1:
+            note_coupling(run, run.Z, 6, run.s)
         correct_by_gains(run, states)
         mirror(run)
     else:
         correct(run, states)
     check_definite(run)
-    if STRIDE > 1 and ASKED != NEVER:
-        note_answers(run)
     finish(run, scored, kept, which, place, nis)
 
 
@@ -110,6 +110,8 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
             run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
     else:
         same = adapt_runs(run, exchange, rules, complete)
+    if STRIDE > 1 and ASKED != NEVER:
+        note_answers(run)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
@@ -123,11 +125,10 @@ def _keep_innovation(run: Lanes, seen: View) -> None:
 
 
 def note_answers(run: Lanes) -> None:
-    """Note what the adaptation has put between two axes: the update has left it where it was."""
+    """Note what the adaptation of R, and of the prior, has put between two axes."""
     note_coupling(run, run.R, 6, 6)
     if DENSE == 1:
         note_coupling(run, run.P, run.s, run.s)
-        note_coupling(run, run.Z, 6, run.s)
 
 
 def note_coupling(run: Lanes, M: View, rows: int, columns: int) -> None:
@@ -223,7 +224,9 @@ def run_steps(
     reached = updates = begun = usual = 0 * len(steps.model)  # of a literal numba compiles what it is handed to twice
     all_read = True
     states = 3 * (2 + len(model.extra))
-    how = way_of(model) if run.width == 1 else way_side_by_side(model, scored, len(steps.model))
+    how = way_of(model)
+    if run.width > 1 and how == TRIANGULAR:  # P is read by updates, and seldom by the score
+        how = LATER if scored.consistency else AT_UPDATES
     k = 0
     while k < len(steps.model):
         if run.width > 1 and how == AT_UPDATES:
@@ -332,13 +335,6 @@ def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
 def way_of(model: Model) -> int:
     """Return how the covariance is predicted at each step (`jerkbench.kinematic.predict`)."""
     return TRIANGULAR if model.triangular else ANY
-
-
-def way_side_by_side(model: Model, scored: TruthRows, steps: int) -> int:
-    """Return the same for several runs: later, where P is read by updates alone, or else in few of the steps."""
-    if not model.triangular or (scored.consistency and 2 * len(scored.truth) >= steps):
-        return way_of(model)
-    return LATER if scored.consistency else AT_UPDATES
 
 
 def move(run: Lanes, steps: Steps, model: Model, how: int, k: int) -> None:
