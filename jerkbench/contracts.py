@@ -261,6 +261,16 @@ class InLanes(Protocol):
 
 
 @runtime_checkable
+class Varying(Protocol):
+    """An adaptation `InLanes` that names whole numbers of its own of which each run may have another.
+
+    In the others runs that are asked at once are alike, so that they may say how often a loop goes round.
+    """
+
+    varying: ClassVar[tuple[str, ...]]
+
+
+@runtime_checkable
 class ChangingNothing(Protocol):
     """An adaptation that leaves R as it is, if the attribute is True: runs side by side need not ask.
 

@@ -26,7 +26,7 @@ MOST_CODE = 25_353
 MOST_LONE = 17
 """Modules that one other module imports; the aim is none."""
 
-DOUBLES = {"anywhere", "chosen"}
+DOUBLES = {"anywhere", "chosen", "each_run"}
 """Names that stand for several things: these functions are one operation on numbers and on vectors of them."""
 
 PLUGINS = ("adaptation", "attitude", "datasets", "disturbances", "engines", "evaluation/metrics", "filters")

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from jerkbench.adaptation._ranges import ONE_OR_MORE, WINDOW, check_order
-from jerkbench.adaptation.common import is_full, windowed_mean
+from jerkbench.adaptation.common import unfilled, window_memory, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -55,8 +55,8 @@ class AdaptiveQ(Limited):
         check_order(self, "low", "high")
 
     def memory_size(self) -> int:
-        """Return the length of the rings and the update counts of six rows."""
-        return 6 * (self.window + 1)
+        """Return the length of what `windowed_mean` remembers of six rows."""
+        return window_memory(self.window)
 
     def fade(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -65,7 +65,7 @@ class AdaptiveQ(Limited):
         excess, full = 0.0, True
         for i, row in enumerate(rows):
             excess += windowed_mean(memory, self.window, row, innovation[i] ** 2) - R[i, i]
-            full = full and is_full(memory, self.window, row)
+            full = full and unfilled(memory, self.window, row) <= 0.0
         root = np.sqrt(max(excess, 0.0) / np.trace(HPHt))
         return min(max(root, self.low), self.high) if full else 1.0
 

@@ -1,13 +1,14 @@
 """The chi-square gate."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import NONE_OR_MORE, PROBABILITY, WITHIN_0_AND_1
 from jerkbench.adaptation.common import chi2_tail, innovation_distance, position_rows
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
@@ -45,6 +46,9 @@ class Chi2Gate(Limited):
         DefaultOrigin("ours: five seconds of fixes at 5 Hz"),
     ] = 25
 
+    lanes: ClassVar[bool] = True
+    varying: ClassVar[tuple[str, ...]] = ("longest",)
+
     def memory_size(self) -> int:
         """Return 2: rejections in a row of each block."""
         return 2
@@ -58,10 +62,9 @@ class Chi2Gate(Limited):
             if begin < end:
                 of = slice(begin, end)
                 nis = innovation_distance(innovation[of], HPHt[of, of], R[of, of])
-                if chi2_tail(nis, end - begin) < 1.0 - self.probability and memory[block] < self.longest:
-                    memory[block] += 1.0
-                    for i in range(begin, end):
-                        adapted[i, i] = np.inf
-                else:
-                    memory[block] = 0.0
+                fails = chosen(1.0 - self.probability, chi2_tail(nis, end - begin), 1.0, 0.0)
+                dropped = chosen(self.longest, memory[block], fails, 0.0)
+                memory[block] = chosen(dropped, 0.0, memory[block] + 1.0, 0.0)
+                for i in range(begin, end):
+                    adapted[i, i] = chosen(dropped, 0.0, np.inf, R[i, i])
         return adapted

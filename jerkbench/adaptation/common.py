@@ -26,42 +26,45 @@ from jerkbench.adaptation.linalg import (
     submatrix,
 )
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.compilation.lanes import chosen
+from jerkbench.compilation.lanes import anywhere, chosen, each_run
+
+UPDATES_SEEN, HITS_SEEN, NEW_SUMS, RINGS = 0, 6, 12, 18
+"""Where the memory of `windowed_mean` begins that has a number of each of the six rows: the updates, the hits in a
+sequence (of `inflated`), the sums of the values since each ring was full; then a ring for each row."""
 
 
-def windowed_mean(memory: FloatArray, window: int, row: int, value: float) -> float:
+def window_memory(window: int) -> int:
+    """Return how many numbers `windowed_mean` remembers."""
+    return RINGS + 6 * window
+
+
+def windowed_mean(memory: FloatArray, window: float, row: int, value: float) -> float:
     """Put ``value`` into the ring of ``row``; return the mean of the last ``window`` values, or of those there are.
 
-    The memory holds a ring of ``window`` values for each of the six rows, then six update counts, then, for `inflated`
-    only, six counts of hits.
+    A ring is filled again and again from its begin. Whenever it is full each value becomes the sum of itself and those
+    behind it; so what the next ones have not yet replaced is one number, nothing is ever taken away from a sum, and an
+    update costs the same whatever the window is.
     """
-    if window == 1:
+    length, updates = int(window), int(memory[UPDATES_SEEN + row])
+    memory[UPDATES_SEEN + row] = updates + 1
+    if length == 1:
         return value
-    first, count = row * window, 6 * window + row
-    updates = int(memory[count])
-    memory[count] = updates + 1
-    memory[first + updates % window] = value
-    filled = min(updates + 1, window)
-    fours = first + filled // 4 * 4
-    a = b = c = d = 0.0  # four sums: each addition waits for the one before it
-    for k in range(first, fours, 4):
-        a += memory[k]
-        b += memory[k + 1]
-        c += memory[k + 2]
-        d += memory[k + 3]
-    for k in range(fours, first + filled):
-        a += memory[k]
-    return ((a + b) + (c + d)) / filled
+    first, place = RINGS + row * length, updates % length
+    if place == 0:
+        memory[NEW_SUMS + row] = 0.0
+        for k in range(first + length - 2, first - 1, -1):
+            memory[k] += memory[k + 1]
+    memory[first + place] = value
+    memory[NEW_SUMS + row] += value
+    older = memory[first + place + 1] if place + 1 < length else 0.0
+    mean: float = (memory[NEW_SUMS + row] + older) / min(updates + 1, length)
+    return mean
 
 
-def is_full(memory: FloatArray, window: int, row: int) -> bool:
-    """Whether the ring of ``row``, which has seen at least one value, has seen ``window`` of them."""
-    return bool(window == 1 or memory[6 * window + row] >= window)
-
-
-def inflation_memory(window: int) -> int:
-    """Return how many numbers `inflated` remembers: the rings, the update counts and the hit counts of six rows."""
-    return 6 * (window + 2)
+def unfilled(memory: FloatArray, window: float, row: int) -> float:
+    """Return how many values the ring of ``row`` lacks, 0 or less where it is full."""
+    lacking: float = window - memory[UPDATES_SEEN + row]
+    return lacking
 
 
 def inflated(
@@ -70,27 +73,28 @@ def inflated(
     R: FloatArray,
     rows: IntArray,
     memory: FloatArray,
-    window: int,
-    guard: int,
-    triggered: tuple[bool, bool],
+    window: float,
+    guard: float,
+    triggered: tuple[float, float],
 ) -> FloatArray:
-    """Return R with r_i + max(0, w_i - h_i - r_i) on the diagonal where position or velocity are ``triggered``.
+    """Return R with r_i + max(0, w_i - h_i - r_i) on the diagonal where position, velocity are ``triggered`` (1 or 0).
 
-    ``memory`` has the length `inflation_memory`.
+    ``memory`` has the length `window_memory`.
     """
-    any_triggered = triggered[0] or triggered[1]
-    if window == 1 and guard == 0 and not any_triggered:
+    remembers = anywhere(window - 1.0 + guard)
+    if not (remembers or anywhere(triggered[0] + triggered[1])):
         return R  # nothing to remember, nothing to change: two updates of three
-    adapted = R.copy() if any_triggered else R
+    adapted = R.copy()
     for i, row in enumerate(rows):
-        excess = windowed_mean(memory, window, row, innovation[i] ** 2) - HPHt[i, i] - R[i, i]
-        hit = (triggered[0] if row < 3 else triggered[1]) and excess > 0.0
-        if guard > 0:
-            hits = 6 * (window + 1) + row
-            memory[hits] = memory[hits] + 1.0 if hit else 0.0
-            hit = hit and memory[hits] <= guard
-        if hit:
-            adapted[i, i] += excess
+        mean = innovation[i] * innovation[i]
+        if remembers:
+            mean = each_run(windowed_mean, memory, window, row, mean)
+        excess = mean - HPHt[i, i] - R[i, i]
+        hit = chosen(excess, 0.0, triggered[0] if row < 3 else triggered[1], 0.0)
+        if remembers:
+            memory[HITS_SEEN + row] = chosen(hit, 0.0, memory[HITS_SEEN + row] + 1.0, 0.0)
+            hit *= chosen(guard, 0.0, chosen(memory[HITS_SEEN + row], guard, 0.0, 1.0), 1.0)
+        adapted[i, i] += chosen(hit, 0.0, excess, 0.0)
     return adapted
 
 
@@ -120,6 +124,11 @@ def innovation_distance(innovation: FloatArray, HPHt: FloatArray, R: FloatArray)
     return dot(innovation, v)
 
 
+def complementary_error(x: float) -> float:
+    """Return erfc(x)."""
+    return math.erfc(x)
+
+
 def chi2_tail(x: float, rows: int) -> float:
     """Return the probability that a chi-square variable with ``rows`` degrees of freedom exceeds ``x``.
 
@@ -128,7 +137,7 @@ def chi2_tail(x: float, rows: int) -> float:
     """
     half = 0.5 * min(x, FAR)
     odd = rows % 2
-    tail = math.erfc(math.sqrt(half)) if odd else math.exp(-half)
+    tail = each_run(complementary_error, math.sqrt(half)) if odd else math.exp(-half)
     term = 2.0 * math.sqrt(half / math.pi) * math.exp(-half) if odd else half * math.exp(-half)
     for m in range(2 - odd, rows - 1, 2):
         tail += term

@@ -1,11 +1,12 @@
 """Innovation-based adaptive estimation of R."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ONE_OR_MORE, SHRINKING, WINDOW
-from jerkbench.adaptation.common import is_full, windowed_mean
+from jerkbench.adaptation.common import unfilled, window_memory, windowed_mean
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen, each_run
 from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance
 from jerkbench.plugins import register
 
@@ -43,9 +44,12 @@ class InnovationBased(Limited):
         DefaultOrigin("ours, as sage_husa"),
     ] = 0.1
 
+    lanes: ClassVar[bool] = True
+    varying: ClassVar[tuple[str, ...]] = ("window",)
+
     def memory_size(self) -> int:
-        """Return the length of the rings and the update counts of six rows."""
-        return 6 * (self.window + 1)
+        """Return the length of what `windowed_mean` remembers of six rows."""
+        return window_memory(self.window)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -53,9 +57,9 @@ class InnovationBased(Limited):
         """Return R with the estimated variances of the rows whose window is full."""
         adapted = R.copy()
         for i, row in enumerate(rows):
-            mean = windowed_mean(memory, self.window, row, innovation[i] ** 2)
-            if is_full(memory, self.window, row):
-                for j in range(len(rows)):
-                    adapted[i, j] = adapted[j, i] = 0.0
-                adapted[i, i] = max(mean - HPHt[i, i], self.low * R[i, i])
+            mean = each_run(windowed_mean, memory, self.window, row, innovation[i] * innovation[i])
+            lacks = unfilled(memory, self.window, row)
+            for j in range(len(rows)):
+                adapted[i, j] = adapted[j, i] = chosen(lacks, 0.0, adapted[i, j], 0.0)
+            adapted[i, i] = chosen(lacks, 0.0, R[i, i], max(mean - HPHt[i, i], self.low * R[i, i]))
         return adapted

@@ -1,14 +1,15 @@
 """Multiple tuning factors: each axis has its own."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import HITS, NONE_OR_MORE, ONE_OR_MORE, SHORT_WINDOW
-from jerkbench.adaptation.common import inflated, inflation_memory
-from jerkbench.adaptation.linalg import dot
+from jerkbench.adaptation.common import inflated, window_memory
+from jerkbench.adaptation.linalg import dot, trace
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
@@ -57,9 +58,12 @@ class Mtf(Limited):
     after: Annotated[int, NONE_OR_MORE, DefaultOrigin("off; the paper's steady state has no number")] = 0
     after_s: Annotated[float, NONE_OR_MORE, DefaultOrigin("off, likewise")] = 0.0
 
+    lanes: ClassVar[bool] = True
+    varying: ClassVar[tuple[str, ...]] = ("window", "guard", "after")
+
     def memory_size(self) -> int:
         """Return the length of what `inflated` remembers of six rows, and one for the updates that have passed."""
-        return inflation_memory(self.window) + 1
+        return window_memory(self.window) + 1
 
     def at_updates(self, since_start_s: FloatArray) -> Self:
         """Return the same with the updates before ``after_s`` counted."""
@@ -71,8 +75,7 @@ class Mtf(Limited):
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
-        begun = memory[-1] >= self.after
-        if not begun:
-            memory[-1] += 1.0
-        triggered = begun and dot(innovation, innovation) >= np.trace(HPHt) + np.trace(R)
+        waits = chosen(self.after, memory[-1], 1.0, 0.0)
+        memory[-1] += waits
+        triggered = chosen(trace(HPHt) + trace(R), dot(innovation, innovation), 0.0, 1.0 - waits)
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

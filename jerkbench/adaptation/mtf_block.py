@@ -1,11 +1,12 @@
 """Multiple tuning factors with one test for position and one for velocity."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import HITS, ONE_OR_MORE, SHORT_WINDOW
-from jerkbench.adaptation.common import inflated, inflation_memory
+from jerkbench.adaptation.common import inflated, window_memory
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
@@ -39,9 +40,12 @@ class MtfBlock(Limited):
     window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("literature: the paper has mu = 1")] = 1
     guard: Annotated[int, HITS, DefaultOrigin("off, as in the paper")] = 0
 
+    lanes: ClassVar[bool] = True
+    varying: ClassVar[tuple[str, ...]] = ("window", "guard")
+
     def memory_size(self) -> int:
         """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""
-        return inflation_memory(self.window)
+        return window_memory(self.window)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
@@ -51,11 +55,11 @@ class MtfBlock(Limited):
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, triggered)
 
 
-def _exceeds(innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, block: int) -> bool:
-    """Whether the innovation of position (0) or velocity (1) is larger than expected."""
+def _exceeds(innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, block: int) -> float:
+    """Return 1 where the innovation of position (0) or velocity (1) is larger than expected, else 0."""
     energy = expected = 0.0
     for i, row in enumerate(rows):
         if row // 3 == block:
-            energy += innovation[i] ** 2
+            energy += innovation[i] * innovation[i]
             expected += HPHt[i, i] + R[i, i]
-    return energy >= expected
+    return chosen(expected, energy, 0.0, 1.0)

@@ -1,11 +1,12 @@
 """Multiple tuning factors with a chi-square test of the whole innovation."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import HITS, ONE_OR_MORE, PROBABILITY, SHORT_WINDOW, WITHIN_0_AND_1
-from jerkbench.adaptation.common import chi2_tail, inflated, inflation_memory, innovation_distance
+from jerkbench.adaptation.common import chi2_tail, inflated, innovation_distance, window_memory
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
 
@@ -41,14 +42,17 @@ class MtfNis(Limited):
     window: Annotated[int, ONE_OR_MORE, SHORT_WINDOW, DefaultOrigin("as mtf")] = 1
     guard: Annotated[int, HITS, DefaultOrigin("off, as mtf")] = 0
 
+    lanes: ClassVar[bool] = True
+    varying: ClassVar[tuple[str, ...]] = ("window", "guard")
+
     def memory_size(self) -> int:
         """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""
-        return inflation_memory(self.window)
+        return window_memory(self.window)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
         """Return R with the variances of the rows in question inflated."""
         nis = innovation_distance(innovation, HPHt, R)
-        triggered = chi2_tail(nis, len(rows)) <= 1.0 - self.probability
+        triggered = chosen(chi2_tail(nis, len(rows)), 1.0 - self.probability, 0.0, 1.0)
         return inflated(innovation, HPHt, R, rows, memory, self.window, self.guard, (triggered, triggered))

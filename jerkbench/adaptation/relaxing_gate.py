@@ -1,12 +1,14 @@
 """The gate that opens again after a streak of rejections."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, NONE_OR_MORE
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.compilation.lanes import anywhere, chosen, each_run
 from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
 
@@ -53,6 +55,9 @@ class RelaxingGate(Limited):
         DefaultOrigin("ours, from no tuning"),
     ] = 1.5
 
+    lanes: ClassVar[bool] = True
+    varying: ClassVar[tuple[str, ...]] = ("patience",)
+
     def memory_size(self) -> int:
         """Return 6: rejections in sequence of each row."""
         return 6
@@ -63,11 +68,15 @@ class RelaxingGate(Limited):
         """Return R with infinite variances in the rows that are dropped."""
         adapted = R.copy()
         for i, row in enumerate(rows):
-            late = memory[row] - self.patience
-            limit = self.width * (self.growth ** min(late, 100.0) if late > 0.0 else 1.0)  # a power takes its time
-            if abs(innovation[i]) > limit * np.sqrt(HPHt[i, i] + R[i, i]):
-                memory[row] += 1.0
-                adapted[i, i] = np.inf
-            else:
-                memory[row] = 0.0
+            limit, late = self.width * math.sqrt(HPHt[i, i] + R[i, i]), memory[row] - self.patience
+            if anywhere(late):  # a power takes its time
+                limit *= each_run(_power, self.growth, min(max(late, 0.0), 100.0))
+            dropped = chosen(abs(innovation[i]), limit, 1.0, 0.0)
+            memory[row] = chosen(dropped, 0.0, memory[row] + 1.0, 0.0)
+            adapted[i, i] = chosen(dropped, 0.0, np.inf, R[i, i])
         return adapted
+
+
+def _power(base: float, exponent: float) -> float:
+    power: float = base**exponent
+    return power

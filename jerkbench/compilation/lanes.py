@@ -1,10 +1,15 @@
 """Choices that a method of a plugin makes for one run; compiled for several side by side it makes one in each.
 
 A method that says ``lanes = True`` may not branch on data: what it is given are vectors then, one number of each run
-(`jerkbench.compilation.vectors`). These three stand for the branches that it needs; by name they are replaced.
+(`jerkbench.compilation.vectors`). These four stand for the branches that it needs; by name they are replaced. A whole
+number among its parameters is the same in all runs that are asked at once, and may say how often a loop goes round; one
+that `varying` names is a vector like the others.
 Besides them it may use ``+ - * /``, abs, min, max, math.sqrt and math.exp, and make arrays of the type of those that it
 is given: ``np.empty(shape, P.dtype)``.
 """
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +17,14 @@ import numpy as np
 def chosen(left: float, right: float, yes: float, no: float) -> float:
     """Return ``yes`` where left > right, else ``no`` (also where one of them is NaN)."""
     return yes if left > right else no
+
+
+def each_run(function: Callable[..., float], *given: Any) -> float:  # noqa: ANN401 - what the function takes
+    """Return ``function(*given)``, a number, which may branch: it is asked for each run by itself.
+
+    It gets the numbers of one run, and of an array (its memory) those that are of this run. The last is a number.
+    """
+    return function(*given)
 
 
 def anywhere(flag: float) -> bool:

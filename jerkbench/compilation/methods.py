@@ -18,7 +18,7 @@ from jerkbench.compilation.code_digest import digest, own_function, reads
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.lanes import above_in_lanes
 from jerkbench.compilation.module_cache import load_entry
-from jerkbench.compilation.vectors import anywhere, chosen, vector_of
+from jerkbench.compilation.vectors import anywhere, chosen, each_run, vector_of
 from jerkbench.compilation.views import Untyped, View, data_of
 
 # Calls of compiled functions by their address: a caller that is kept on the disk cannot know them by name.
@@ -109,9 +109,14 @@ def parameter_vector(plugin: object) -> FloatArray:
 
 
 def whole_numbers(plugin: object) -> list[int]:
-    """Return the whole ones among the same numbers, and 0 for each of the others."""
-    numbers = [number for _, value in _attributes(plugin) for number in _flat(value)]
-    return [0 if isinstance(number, float) else int(number) for number in numbers]
+    """Return the whole ones among the same numbers, and 0 for the others, and for those that vary between runs."""
+    numbers = [(name, number) for name, value in _attributes(plugin) for number in _flat(value)]
+    return [0 if isinstance(number, float) or name in _varying(plugin) else int(number) for name, number in numbers]
+
+
+def _varying(plugin: object) -> tuple[str, ...]:
+    """Whole numbers of which each of several runs may have its own (`jerkbench.contracts.Varying`)."""
+    return getattr(type(plugin), "varying", ())
 
 
 def compiled_shape(plugin: object) -> tuple[object, ...]:
@@ -163,7 +168,7 @@ def compiled_method(plugin: object, method: CompiledMethod, width: int = 1, axes
     return module.entry
 
 
-IN_LANES = {"chosen": chosen, "anywhere": anywhere, "above": above_in_lanes}
+IN_LANES = {"chosen": chosen, "anywhere": anywhere, "above": above_in_lanes, "each_run": each_run}
 """What stands for the functions of `jerkbench.compilation.lanes` side by side."""
 
 
@@ -272,20 +277,20 @@ def _flat(value: object) -> list[float]:
 def _rebuilt(plugin: object, whole: str) -> list[str]:
     """Source text that makes each attribute from the vector of numbers; what is no number is written out.
 
-    ``whole``: where the numbers of whole numbers stand.
+    ``whole``: where the numbers of whole numbers stand, but for those that vary between runs.
     """
-    place = iter(range(10**6))
-    return [_text(value, place, whole) for _, value in _attributes(plugin)]
+    place, apart = iter(range(10**6)), _varying(plugin) if whole != "parameters" else ()
+    return [_text(value, place, "" if name in apart else whole) for name, value in _attributes(plugin)]
 
 
 def _text(value: object, place: Iterator[int], whole: str) -> str:
     if isinstance(value, (tuple, list)):
         items = "".join(f"{_text(item, place, whole)}, " for item in value)
         return f"({items})"
+    if isinstance(value, float) or (isinstance(value, int) and not whole):
+        return f"parameters[{next(place)}]"
     if isinstance(value, bool):
         return f"{whole}[{next(place)}] != 0"
     if isinstance(value, int):
         return f"int({whole}[{next(place)}])"
-    if isinstance(value, float):
-        return f"parameters[{next(place)}]"
     return repr(value)

@@ -16,6 +16,7 @@ from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
+from numba.np.arrayobj import populate_array
 
 from jerkbench.arrays import WIDE, FloatArray
 
@@ -237,6 +238,60 @@ def anywhere(_typing: Any, flag: Any) -> Any:  # noqa: ANN401 - as above
         return builder.icmp_unsigned("!=", builder.bitcast(above, bits), bits(0))
 
     return (types.boolean(flag), generate) if isinstance(flag, Vector | types.Float) else None
+
+
+# What is asked of each run by itself (`jerkbench.compilation.lanes.each_run`).
+
+
+@intrinsic
+def of_run(_typing: Any, values: Any, k: Any) -> Any:  # noqa: ANN401 - as above
+    """What run ``k`` has of a tuple: a number of a vector, a column of an array of vectors; all else is shared."""
+    kinds = types.Tuple([_of_one(kind) for kind in values])
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
+        place = context.cast(builder, args[1], sig.args[1], types.intp)
+        parts = zip(cgutils.unpack_tuple(builder, args[0]), sig.args[0], sig.return_type, strict=True)
+        return context.make_tuple(builder, kinds, [_part(context, builder, place, *part) for part in parts])
+
+    return kinds(values, k), generate
+
+
+def _of_one(kind: Any) -> Any:  # noqa: ANN401 - as above
+    if isinstance(kind, types.Array) and isinstance(kind.dtype, Vector):
+        return types.Array(types.float64, kind.ndim, "A")
+    return types.float64 if isinstance(kind, Vector) else kind
+
+
+def _part(context: Any, builder: Any, place: Any, value: Any, kind: Any, of_one: Any) -> Any:  # noqa: ANN401 - as above
+    if kind is of_one:
+        return value
+    if isinstance(kind, Vector):
+        return builder.extract_element(value, place)
+    whole, column = context.make_array(kind)(context, builder, value), context.make_array(of_one)(context, builder)
+    first = builder.gep(builder.bitcast(whole.data, NUMBER.as_pointer()), [place])
+    populate_array(column, first, whole.shape, whole.strides, context.get_constant(types.intp, 8), None)
+    return column._getvalue()  # noqa: SLF001 - numba's own way
+
+
+@intrinsic
+def with_number(_typing: Any, vector: Any, k: Any, number: Any) -> Any:  # noqa: ANN401 - as above
+    """``vector`` with the ``number`` of run ``k``."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
+        """Write it in LLVM."""
+        place = context.cast(builder, args[1], sig.args[1], types.intp)
+        return builder.insert_element(args[0], context.cast(builder, args[2], sig.args[2], types.float64), place)
+
+    return vector(vector, k, number), generate
+
+
+def each_run(function: Any, *given: Any) -> Any:  # noqa: ANN401 - as above
+    """``function(*given)``, a number, of each run by itself; the last that is given is a number too."""
+    answer = given[-1]
+    for k in range(WIDE):
+        answer = with_number(answer, k, function(*of_run(given, k)))
+    return answer
 
 
 def turned(builder: Any, rows: Any) -> Any:  # noqa: ANN401 - as above

@@ -45,8 +45,7 @@ class InertialFilter(Eskf15Parameters):
     def solve(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> InertialSolution:
         """Return the navigation solution with the state and the whole covariance at the end."""
         journey = self.journey(recording, attitude)
-        run = InertialRun(journey.imu, journey.timeline, journey.headings, journey.start, adaptation, journey.settings)
-        return run.over(journey.events)
+        return InertialRun(journey, adaptation).over(journey.events)
 
     def journey(self, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> Journey:
         """Return everything that a run needs besides its adaptation, as `run_inputs` says."""

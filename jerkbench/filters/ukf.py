@@ -144,7 +144,7 @@ class UnscentedRun(InertialRun):
         """
         from filterpy.kalman import UnscentedKalmanFilter
 
-        super().__init__(*journey[:3], journey.start, adaptation, journey.settings)
+        super().__init__(journey, adaptation)
         self.points = points
         self.ukf = UnscentedKalmanFilter(STATES, 6, 0.0, None, None, points)
         self.ukf.compute_process_sigmas = self._move_sigmas

@@ -10,7 +10,7 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.mechanisation import advance_navigation, calibrated, propagated, step_noise, transition
-from jerkbench.inertial.run_inputs import Events, InertialSettings
+from jerkbench.inertial.run_inputs import Events, Journey
 from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
 from jerkbench.inertial.update import (
     carried_over,
@@ -24,8 +24,6 @@ from jerkbench.inertial.update import (
     wheel_speed,
 )
 from jerkbench.kalman import AdaptedUpdates, has_factor
-from jerkbench.recording import Heading, Imu
-from jerkbench.timeline import Timeline
 
 STRETCH = 512
 """Most steps that are made at once: their Phi have to find room."""
@@ -58,19 +56,11 @@ def given_out(
 class InertialRun:
     """The state of one run, and its steps."""
 
-    def __init__(
-        self,
-        imu: Imu,
-        timeline: Timeline,
-        headings: Heading | None,
-        start: tuple[NavigationState, FloatArray],
-        adaptation: Adaptation,
-        settings: InertialSettings,
-    ) -> None:
-        """Put a run together; it starts from the state and covariance of ``start``."""
-        self.imu, self.timeline, self.headings, self.settings = imu, timeline, headings, settings
+    def __init__(self, journey: Journey, adaptation: Adaptation) -> None:
+        """Put a run together."""
+        self.imu, self.timeline, self.headings, _, start, self.settings = journey
         self.state, self.P = start
-        self.updates = AdaptedUpdates(timeline, adaptation, log_det=False)
+        self.updates = AdaptedUpdates(journey.timeline, adaptation, log_det=False)
         self.noises: dict[int, FloatArray] = {}
         self.rate = np.zeros(3)
         self.dcms: list[FloatArray] = []

@@ -146,7 +146,7 @@ class InertialSettings(NamedTuple):
 
 
 class Journey(NamedTuple):
-    """Everything that a run needs besides its adaptation; `jerkbench.inertial.run.InertialRun` takes the same.
+    """Everything that a run needs besides its adaptation.
 
     Attributes:
         imu: the samples.

@@ -97,7 +97,7 @@ class Smoothed(NamedTuple):
 
 def smooth_navigation(journey: Journey, adaptation: Adaptation) -> Estimate:
     """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
-    run = ForwardRun(*journey[:3], journey.start, adaptation, journey.settings)
+    run = ForwardRun(journey, adaptation)
     estimate = run.over(journey.events).estimate
     smoothed = backward(run.nodes)
     kept = [(node, later) for node, later in zip(run.nodes, smoothed, strict=True) if node.reference >= 0]
@@ -146,7 +146,7 @@ def forward_states(journey: Journey, adaptation: Adaptation, steps: Sequence[int
         RecordingError: the filter is lost before the end.
     """
     sparse = journey.events._replace(reference=np.full_like(journey.events.reference, -1))
-    run = ForwardRun(*journey[:3], journey.start, adaptation, journey.settings)
+    run = ForwardRun(journey, adaptation)
     failure = run.over(sparse).estimate.failure
     if failure:
         raise RecordingError(f"eskf15, from whose states the graph begins, is lost: {failure}; take lag_s above 0.")

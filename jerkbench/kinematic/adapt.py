@@ -13,7 +13,7 @@ from jerkbench.kinematic.adapt_lanes import clear_gains
 from jerkbench.kinematic.arguments import DENSE, Exchange, Packed, Rules, Whole, packed_of
 from jerkbench.kinematic.correction import NAN
 from jerkbench.kinematic.plugin_call import call_adapt, call_fade, call_gain, call_prior
-from jerkbench.kinematic.predict import begin_transition
+from jerkbench.kinematic.predict import no_time
 
 
 def adapt_runs(run: Lanes, exchange: Exchange, rules: Rules, complete: bool) -> bool:
@@ -40,12 +40,12 @@ def adapt_runs(run: Lanes, exchange: Exchange, rules: Rules, complete: bool) -> 
         alone = lane(run, k)
         m = 6 if complete else _find_rows(exchange.kept[k], exchange.rows)
         if alone.lost > 0.0:
-            m = 0  # what is left of it is nothing to show
             whole = False
-            _unpack(exchange, k, some, m)
+            _unpack(exchange, k, some, 0)  # what is left of it is nothing to show
         else:
             whole = _adapt_run(alone, exchange, k, some, rules, m) and whole
-        same = same and whole and _leaves_prior(rules, k) and _unchanged(exchange.given[k], exchange.adapted[k])
+        keeps_prior = rules.fade[k] == 0 and rules.prior[k] == 0
+        same = same and whole and keeps_prior and _unchanged(exchange.given[k], exchange.adapted[k])
     _take(run, exchange, whole)
     return same
 
@@ -65,14 +65,8 @@ def _take(run: Lanes, exchange: Exchange, whole: bool) -> None:
 def _adapt_run(alone: Lanes, exchange: Exchange, k: int, some: Packed, rules: Rules, m: int) -> bool:
     """Adapt R of ``m`` rows of run ``k``; return whether all six are used."""
     if m == 6:
-        _call(
-            alone,
-            exchange,
-            k,
-            Packed(some.rows, exchange.y[k], exchange.HPHt[k], exchange.given[k], exchange.adapted[k]),
-            rules,
-            m,
-        )
+        own = Packed(some.rows, exchange.y[k], exchange.HPHt[k], exchange.given[k], exchange.adapted[k])
+        _call(alone, exchange, k, own, rules, m)
     else:
         _pack(exchange, k, some, m)
         if m > 0:
@@ -113,12 +107,6 @@ def fade_prior(alone: Lanes, packed: Packed, factor: float) -> None:
         for a in range(alone.n):
             for b in range(alone.n):
                 alone.block[p, a, b] *= factor
-
-
-def _leaves_prior(rules: Rules, k: int) -> bool:
-    if DENSE == 1:
-        return bool(rules.fade[k] == 0 and rules.prior[k] == 0)
-    return bool(rules.fade[k] == 0)
 
 
 def _unchanged(given: FloatArray, adapted: FloatArray) -> bool:
@@ -214,7 +202,7 @@ def _take_transition(alone: Lanes, whole: Whole) -> None:
             for i in range(3):
                 e = alone.s * (3 * a + i) + 3 * b + i
                 whole.F[e], whole.Q[e] = alone.since_A[a, b], alone.since_Q[a, b]
-    begin_transition(alone)
+    no_time(alone, alone.since_A, alone.since_Q)
 
 
 def find_gains(run: Lanes, exchange: Exchange, rules: Rules) -> None:

@@ -27,7 +27,7 @@ def adapt_lanes(run: Lanes, rows: IntArray, rules: Rules, complete: bool) -> Non
     run.waits = chosen(run.lost, 0.0, 0.0, 1.0)
     if complete:
         run.asks = run.waits
-        _adapt_rows(run, rows, rules, 6)
+        _adapt_rows(run, rows, rules, 6, complete=True)
         return
     _ask_by_rows(run, rows, rules, gain=False)
 
@@ -57,7 +57,7 @@ def _ask_by_rows(run: Lanes, rows: IntArray, rules: Rules, gain: bool) -> None:
                 if DENSE == 1 and gain:
                     _find_gain(run, rows, rules, m)
                 else:
-                    _adapt_rows(run, rows, rules, m)
+                    _adapt_rows(run, rows, rules, m, complete=False)
                 _restore_memory(run, rules)
             run.waits = chosen(run.asks, 0.0, 0.0, run.waits)
 
@@ -89,22 +89,27 @@ def _restore_memory(run: Lanes, rules: Rules) -> None:
         memory[0] = chosen(run.asks, 0.0, memory[0], kept[0])
 
 
-def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
-    """Adapt R of the ``m`` rows of the runs that ask, and before it P where the adaptation does that."""
+def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int, complete: bool) -> None:
+    """Adapt R of the ``m`` rows of the runs that ask, and before it P where the adaptation does that.
+
+    Rows that are ``complete`` have their own number: the compiler then knows where everything lies.
+    """
     y, R, HPHt, adapted = room(run, "6"), room(run, "36"), room(run, "36"), room(run, "36")
     for i in range(m):
-        y[i] = run.y[rows[i]]
+        r = i if complete else rows[i]
+        y[i] = run.y[r]
         for j in range(m):
-            R[m * i + j] = run.R[rows[i], rows[j]]
+            R[m * i + j] = run.R[r, j if complete else rows[j]]
     well = True
     if DENSE == 1 and rules.prior[0] != 0:
         well = _adapt_prior(run, y, R, rows, rules, m)
     for i in range(m):
+        r = i if complete else rows[i]
         for j in range(m):
-            HPHt[m * i + j] = run.P[rows[i], rows[j]]
+            HPHt[m * i + j] = run.P[r, j if complete else rows[j]]
     seen = rules.parameters, rules.whole, y, HPHt, R, rows, rules.memory, adapted
     well = try_fill_lanes_by(rules.adapt[0], seen, (m, rules.sizes[0])) and well
-    _take(run, adapted, rows, m)
+    _take(run, adapted, rows, m, complete)
     if not well:
         run.lost = run.lost + run.asks
 
@@ -152,19 +157,19 @@ def _find_gain(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
             run.Z[rows[i], s] = chosen(run.asks, 0.0, K[e // run.s, e % run.s], run.Z[rows[i], s])
 
 
-def _take(run: Lanes, adapted: View, rows: IntArray, m: int) -> None:
+def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> None:
     """Take the adapted R in the runs that ask; a row without a finite variance is not used, and one of NaN is lost."""
     asks, lost = run.asks, run.lost
     for i in range(m):
-        variance = adapted[(m + 1) * i]
+        r, variance = i if complete else rows[i], adapted[(m + 1) * i]
         known = chosen(1.0, variance * 0.0, 1.0, 0.0)
         lost += asks * (1.0 - known) * chosen(variance, 0.0, 0.0, 1.0)
-        run.variance[rows[i]] = chosen(asks, 0.0, variance, run.variance[rows[i]])
-        run.used[rows[i]] = chosen(asks, 0.0, known, run.used[rows[i]])
-        run.y[rows[i]] = chosen(run.used[rows[i]], 0.0, run.y[rows[i]], 0.0)
+        run.variance[r] = chosen(asks, 0.0, variance, run.variance[r])
+        run.used[r] = chosen(asks, 0.0, known, run.used[r])
+        run.y[r] = chosen(run.used[r], 0.0, run.y[r], 0.0)
     run.lost = lost
     for i in range(m):
         for j in range(m):
-            r, c = rows[i], rows[j]
+            r, c = i if complete else rows[i], j if complete else rows[j]
             used = chosen(run.used[r] * run.used[c], 0.0, adapted[m * i + j], 0.0)
             run.R[r, c] = chosen(asks, 0.0, used, run.R[r, c])

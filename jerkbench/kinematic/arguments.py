@@ -1,12 +1,12 @@
 """The arguments of the compiled loop, and the parts of the runs that it works on. WIDTH is the number of runs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import WIDE, FloatCube, FloatMatrix, FloatVector, IntVector
+from jerkbench.arrays import WIDE, FloatCube, FloatMatrix, FloatVector, IntArray, IntVector
 from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes, View, fields_of
 from jerkbench.sums import NEES, SUMS
@@ -264,10 +264,12 @@ def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: 
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates
+    shapes |= {"scored": (PAIRS, n, n)}  # a covariance that goes on at each step: `jerkbench.kinematic.predict`
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
+    P_scored = View((s, s), _square(run.fields["scored"].places, s).ravel().tolist(), width)
     return Lanes(
-        {**run.fields, "over_D": over_D},
+        {**run.fields, "over_D": over_D, "P_scored": P_scored},
         {**run.sizes, "seen": SEEN, "marked": MARKED, "errors": NEES, "related": 6, **sizes},
         width,
     )
@@ -285,7 +287,7 @@ def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -
     pairs = blocks[::WIDE] if alone else blocks[: n * n]
     if alone:
         blocks = np.reshape(blocks, (n, n, WIDE))[:, :, :PAIRS].transpose(2, 0, 1).ravel().tolist()
-    P = np.reshape([blocks[e] for e in _covariance(n)], (3 * n, 3 * n))[:s, :s]
+    P = _square(blocks, s)
     six = np.pad(P[:, :6], ((0, 0), (0, 2)), mode="edge")
     views["block"] = View((PAIRS, n, n), blocks, width)
     views["pairs"] = View((n, n), pairs, WIDE)  # of one run: the same element of all pairs
@@ -296,12 +298,13 @@ def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -
     return Lanes(views, {"n": n, "s": s, "length": length}, width)
 
 
-def _covariance(n: int) -> list[int]:
-    """Which element of (6, n, n) blocks each P[s, t] is."""
-    (a, i), (b, j) = np.divmod(np.arange(3 * n)[:, None], 3), np.divmod(np.arange(3 * n), 3)
+def _square(blocks: Sequence[int], s: int) -> IntArray:
+    """Where each P[s, t] lies, of (6, n, n) blocks of places."""
+    n = -(-s // 3)
+    (a, i), (b, j) = np.divmod(np.arange(s)[:, None], 3), np.divmod(np.arange(s), 3)
     swapped = (i > j) | ((i == j) & (a > b))
     a, b, i, j = np.where(swapped, b, a), np.where(swapped, a, b), np.minimum(i, j), np.maximum(i, j)
-    places: list[int] = (n * n * (i * (5 - i) // 2 + j) + n * a + b).ravel().tolist()
+    places: IntArray = np.asarray(blocks)[n * n * (i * (5 - i) // 2 + j) + n * a + b]
     return places
 
 

@@ -30,17 +30,16 @@ from jerkbench.kinematic.correction import NAN, check_definite, correct, correct
 from jerkbench.kinematic.predict import (
     ANY,
     AT_UPDATES,
-    LATER,
     TRIANGULAR,
     advance,
-    begin_to_join,
-    begin_transition,
     join_steps,
     mark_axes,
     mirror,
+    no_time,
     predict,
     predict_covariance,
     predict_state,
+    show_covariance,
     show_transition,
 )
 from jerkbench.kinematic.score import AHEAD, add_errors, keep
@@ -225,28 +224,29 @@ def run_steps(
     all_read = True
     states = 3 * (2 + len(model.extra))
     how = way_of(model)
-    if run.width > 1 and how == TRIANGULAR:  # P is read by updates, and seldom by the score
-        how = LATER if scored.consistency else AT_UPDATES
+    if run.width > 1 and how == TRIANGULAR:
+        how = AT_UPDATES
     k = 0
     while k < len(steps.model):
-        if run.width > 1 and how == AT_UPDATES:
+        if run.width > 1 and how == AT_UPDATES and not scored.consistency:
             k, reached = coast(run, steps, scored, model, kept, k, reached)
         else:
-            move(run, steps, model, how, k)
+            move(run, steps, (model.A, model.b, model.Q), how, k)
         if steps.update[k] >= 0:
             if how == AT_UPDATES:
                 usual = join_steps(run, model, steps, begun, k + 1, usual, all_read)
-            if how >= LATER:
                 all_read = catch_up(run, taken(steps.z, steps.update[k], run, "6"))
             elif DENSE == 1:
                 advance(run, model, steps, begun, k + 1)
             begun = k + 1
             update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
+            if how == AT_UPDATES and scored.consistency:
+                show_covariance(run, run.due)
             if all_lost(run, k):
                 return reached, updates
         if steps.reference[k] >= 0:
-            keep(run, scored, kept, steps.reference[k], reached, later=how >= LATER)
+            keep(run, scored, kept, steps.reference[k], reached, later=how == AT_UPDATES)
             reached += 1
         k += 1
     return reached, updates
@@ -326,8 +326,9 @@ def start(run: Lanes, x0: View, P0: View, model: Model) -> None:
         run.P[s, s] = row(model.extra, (s - 6) // 3, run, "1")[0]
     run.ended = run.ended - 1.0
     if DENSE == 1:
-        begin_transition(run)
-    begin_to_join(run)
+        no_time(run, run.since_A, run.since_Q)
+    no_time(run, run.gone_A, run.gone_Q)
+    show_covariance(run, run.zero + 1.0)
     mirror(run)
     mark_axes(run)
 
@@ -337,13 +338,11 @@ def way_of(model: Model) -> int:
     return TRIANGULAR if model.triangular else ANY
 
 
-def move(run: Lanes, steps: Steps, model: Model, how: int, k: int) -> None:
-    """Predict over step ``k``, if time passes, as ``how`` says (`jerkbench.kinematic.predict`)."""
-    move_by(run, steps, (model.A, model.b, model.Q), how, k)
+def move(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> None:
+    """Predict over step ``k``, if time passes, as ``how`` says (`jerkbench.kinematic.predict`).
 
-
-def move_by(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> None:
-    """The same by ``models`` A, b, Q of all lengths of a step: all runs have the same, or each its own."""
+    ``models`` are A, b, Q of all lengths of a step: all runs have the same, or each its own.
+    """
     m, (A, b, Q) = steps.model[k], models
     if m < 0:
         return
@@ -367,7 +366,6 @@ ALONE = (
     "run_steps",
     "predict",
     "predict_covariance",
-    "predict_measured",
     "add_nees",
     "mahalanobis",
     "correct",

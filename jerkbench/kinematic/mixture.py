@@ -18,7 +18,7 @@ from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, run_type
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
-from jerkbench.kinematic.loop import APART, all_lost, expect, finish, move_by, runs_of
+from jerkbench.kinematic.loop import APART, all_lost, expect, finish, move, runs_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes, mirror
@@ -163,7 +163,7 @@ def run_mixture(
     for k in range(len(steps.model)):
         for j in range(combined.count):
             models = mixing.A[j], mixing.b[j], mixing.Q[j]
-            move_by(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
+            move(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
         if steps.update[k] >= 0:
             update_mixture(combined, steps, scored, mixing, rules, kept, exchange, steps.update[k], updates, states)
             updates += 1
@@ -231,7 +231,7 @@ def correct_filter(combined: Lanes, run: Lanes, steps: Steps, mixing: Mixing, j:
     combined.lost += run.lost
 
 
-_OWN = ("run_mixture", "begin_mixture", "move_by", "log_likelihood", "weigh", "mix", "correct_filter")
+_OWN = ("run_mixture", "begin_mixture", "move", "log_likelihood", "weigh", "mix", "correct_filter")
 """Kernels that stand alone: one body of all of them takes long to compile."""
 
 

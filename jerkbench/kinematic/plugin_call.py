@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -154,17 +154,21 @@ def _addresses(kind: _Kind, lanes: bool, axes: int = 1) -> tuple[int, int, int, 
     return address(ADAPT), fade, prior, gain
 
 
-def call_adapt(rules: Rules, k: int, packed: Packed, m: int) -> bool:
-    """Fill the adapted R of ``m`` rows of run ``k``; return whether `adapt` raised no error.
+def _call(address: int, seen: Any, sizes: Any, several: bool) -> bool:  # noqa: ANN401 - tuples of any length
+    """Call a method that fills an array; return whether it raised no error.
 
     What it raises in a single run goes on to the caller; of several runs the others go on.
     """
-    seen = rules.parameters[k], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[k], packed.adapted
-    if len(rules.adapt) > 1:
-        well: bool = try_fill_by(rules.adapt[k], seen, (m, rules.sizes[k]))
-        return well
-    fill_by(rules.adapt[k], seen, (m, rules.sizes[k]))
+    if several:
+        return bool(try_fill_by(address, seen, sizes))
+    fill_by(address, seen, sizes)
     return True
+
+
+def call_adapt(rules: Rules, k: int, packed: Packed, m: int) -> bool:
+    """Fill the adapted R of ``m`` rows of run ``k``; return whether `adapt` raised no error."""
+    seen = rules.parameters[k], packed.y, packed.HPHt, packed.R, packed.rows, rules.memory[k], packed.adapted
+    return _call(rules.adapt[k], seen, (m, rules.sizes[k]), len(rules.adapt) > 1)
 
 
 def call_fade(rules: Rules, k: int, packed: Packed, m: int) -> tuple[bool, float]:
@@ -180,21 +184,13 @@ def call_prior(alone: Lanes, rules: Rules, k: int, whole: Whole, packed: Packed,
     """Fill the adapted prior covariance of a run; return whether `adapt_prior` raised no error."""
     given = rules.parameters[k], whole.x, whole.P, whole.F, whole.Q, packed.y, packed.R, packed.rows
     seen = (*given, rules.memory[k], whole.answer)
-    if len(rules.adapt) > 1:
-        well: bool = try_fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
-        return well
-    fill_by(rules.prior[k], seen, (m, rules.sizes[k], alone.s))
-    return True
+    return _call(rules.prior[k], seen, (m, rules.sizes[k], alone.s), len(rules.adapt) > 1)
 
 
 def call_gain(alone: Lanes, rules: Rules, k: int, whole: Whole, packed: Packed, m: int) -> bool:
     """Fill the gain of a run; return whether `adapt_gain` raised no error."""
     seen = rules.parameters[k], whole.x, whole.P, packed.y, packed.R, packed.rows, rules.memory[k], whole.answer
-    if len(rules.adapt) > 1:
-        well: bool = try_fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
-        return well
-    fill_by(rules.gain[k], seen, (m, rules.sizes[k], alone.s))
-    return True
+    return _call(rules.gain[k], seen, (m, rules.sizes[k], alone.s), len(rules.adapt) > 1)
 
 
 def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
@@ -204,6 +200,8 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
     """
     first, lanes = rules[0], rules[0].asked == AT_ONCE and len(rules) == WIDE
     sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
+    if lanes:
+        sizes[:] = sizes.max()
     adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes, axes if lanes else 1) for rule in rules]).T.copy()
     whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)
     parameters = aligned_zeros(len(rules), max(len(rule.parameters) for rule in rules))

@@ -8,35 +8,31 @@ AxisViews = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
 
 
-ANY, TRIANGULAR, LATER, AT_UPDATES = range(4)
+ANY, TRIANGULAR, AT_UPDATES = range(3)
 """How to predict: with any A, with one that is upper triangular with ones on its diagonal, or likewise the state alone.
 
-Of the covariance then A and Q of all steps since it was read are one step, which `predict_covariance` takes: joined
-step by step where it is read in between (LATER), or all at once by `join_steps`.
+Of the covariance then A and Q of all steps since the last update are one step: `join_steps` makes it,
+`predict_covariance` takes it. A score that reads the covariance at each step has its own, `run.P_scored`.
 """
 
 
 def predict(run: Lanes, model: AxisViews, how: int, u: View) -> None:
-    """Make x = F x + B u and P = F P F' + Q (x) I3; ``how``: ANY, TRIANGULAR or LATER."""
-    A, b = room(run, "n n"), room(run, "n")  # copies: the compiler knows that nothing overlaps
+    """Make x = F x + B u and P = F P F' + Q (x) I3, or AT_UPDATES the P of the score; ``how`` as above."""
+    A, b, Q = room(run, "n n"), room(run, "n"), room(run, "n n")  # copies: the compiler knows that nothing overlaps
     for a in range(run.n):
         b[a] = model[1][a]
         for c in range(run.n):
-            A[a, c] = model[0][a, c]
-    Q = room(run, "n n")
-    for a in range(run.n):
-        for c in range(run.n):
-            Q[a, c] = model[2][a, c]
+            A[a, c], Q[a, c] = model[0][a, c], model[2][a, c]
     if how == ANY:
         predict_any(run, A, b, Q, u)
         return
     predict_state(run, run.x, A, b, u)
     if run.width == 1:
         _predict_pairs(run, A, Q)
-    elif how == LATER:
-        _join(run, A, Q)
+    elif how == AT_UPDATES:
+        _predict_every_pair(run, run.P_scored, A, Q)
     else:
-        _predict_every_pair(run, A, Q)
+        _predict_every_pair(run, run.P, A, Q)
 
 
 def predict_state(run: Lanes, x: View, A: View, b: View, u: View) -> None:
@@ -109,29 +105,21 @@ def predict_covariance(run: Lanes) -> None:
             A[a, b], Q[a, b] = chosen(due, 0.0, run.gone_A[a, b], same), chosen(due, 0.0, run.gone_Q[a, b], 0.0)
             run.gone_A[a, b] = chosen(due, 0.0, same, run.gone_A[a, b])
             run.gone_Q[a, b] = chosen(due, 0.0, 0.0, run.gone_Q[a, b])
-    _predict_every_pair(run, A, Q)
+    _predict_every_pair(run, run.P, A, Q)
 
 
-def predict_measured(run: Lanes, C: View) -> None:
-    """Fill the upper triangle of C (6, 6), the covariance of position and velocity now; P stays where it is."""
-    A, M = room(run, "n n"), room(run, "n n")
+def show_covariance(run: Lanes, due: float) -> None:
+    """Let the score go on from P in the runs that had an update ``due``."""
+    for s in range(run.s):
+        for t in range(s, run.s):
+            run.P_scored[s, t] = chosen(due, 0.0, run.P[s, t], run.P_scored[s, t])
+
+
+def no_time(run: Lanes, A: View, Q: View) -> None:
+    """Make of A and Q those of no time at all: the identity, and nothing."""
     for a in range(run.n):
         for b in range(run.n):
-            A[a, b] = run.gone_A[a, b]
-    for i in range(3):
-        for j in range(i, 3):
-            _move_pair(run, M, A, i, j)
-            for a in range(2):
-                for b in range(a if i == j else 0, 2):
-                    r, c = min(3 * a + i, 3 * b + j), max(3 * a + i, 3 * b + j)
-                    C[r, c] = M[a, b] + run.gone_Q[a, b] if i == j else M[a, b]
-
-
-def begin_to_join(run: Lanes) -> None:
-    """No time has passed since P was predicted."""
-    for a in range(run.n):
-        for b in range(run.n):
-            run.gone_A[a, b], run.gone_Q[a, b] = run.zero + (1.0 if a == b else 0.0), run.zero
+            A[a, b], Q[a, b] = run.zero + (1.0 if a == b else 0.0), run.zero
 
 
 def _predict_pairs(run: Lanes, A: View, Q: View) -> None:
@@ -146,27 +134,22 @@ def _predict_pairs(run: Lanes, A: View, Q: View) -> None:
             run.pairs[a, c] = M[a, c] + run.same * Q[a, c]
 
 
-def _predict_every_pair(run: Lanes, A: View, Q: View) -> None:
+def _predict_every_pair(run: Lanes, P: View, A: View, Q: View) -> None:
     for i in range(3):
         for j in range(i, 3, STRIDE):
-            _predict_pair(run, A, Q, i, j)
+            _predict_pair(run, P, A, Q, i, j)
 
 
-def _predict_pair(run: Lanes, A: View, Q: View, i: int, j: int) -> None:
+def _predict_pair(run: Lanes, P: View, A: View, Q: View, i: int, j: int) -> None:
     """The covariance of two axes; of equal ones the upper triangle."""
     M = room(run, "n n")
-    _move_pair(run, M, A, i, j)
     for a in range(run.n):
         for c in range(a if i == j else 0, run.n):
-            run.P[3 * a + i, 3 * c + j] = M[a, c] + Q[a, c] if i == j else M[a, c]
-
-
-def _move_pair(run: Lanes, M: View, A: View, i: int, j: int) -> None:
-    """Make M = A P A' of two axes likewise."""
-    for a in range(run.n):
-        for c in range(a if i == j else 0, run.n):
-            M[a, c] = run.P[3 * a + i, 3 * c + j]
+            M[a, c] = P[3 * a + i, 3 * c + j]
     _transform(M, A, run.n, 1 if i == j else 0)
+    for a in range(run.n):
+        for c in range(a if i == j else 0, run.n):
+            P[3 * a + i, 3 * c + j] = M[a, c] + Q[a, c] if i == j else M[a, c]
 
 
 def _transform(M: View, A: View, n: int, half: int) -> None:
@@ -268,11 +251,3 @@ def _advance_step(run: Lanes, A: View, Q: View) -> None:
             for c in range(n):
                 noise += AQ[a, c] * A[b, c]
             run.since_A[a, b], run.since_Q[a, b] = gone[a, b], noise
-
-
-def begin_transition(run: Lanes) -> None:
-    """Make the transition since the last update the identity, and its noise nothing."""
-    for a in range(run.n):
-        for b in range(run.n):
-            run.since_A[a, b] = run.zero + (1.0 if a == b else 0.0)
-            run.since_Q[a, b] = run.zero

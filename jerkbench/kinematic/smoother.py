@@ -316,7 +316,7 @@ def run_forward(
     copy_state(runs_in(tape.rows[0], ROW), run)
     reached, updates, last = 0, 0, 0
     for k in range(len(steps.model)):
-        move(run, steps, model, way_of(model), k)
+        move(run, steps, (model.A, model.b, model.Q), way_of(model), k)
         due = steps.update[k] >= 0
         if due:
             update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
@@ -345,7 +345,7 @@ def run_back(
         first, last = tape.step[number - 1], tape.step[number]
         copy_state(moving, runs_in(tape.rows[number - 1], ROW))
         for k in range(first + 1, last):
-            move(moving, steps, model, way_of(model), k)
+            move(moving, steps, (model.A, model.b, model.Q), way_of(model), k)
             copy_state(runs_in(tape.between[k - first - 1], ROW), moving)
         left = give(steps, scored, kept, last, runs_in(tape.rows[number], ROW), a, left)
         if tape.updated[number] > 0:

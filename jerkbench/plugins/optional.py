@@ -45,6 +45,7 @@ from jerkbench.contracts import (
     Summarising,
     TrueCovariance,
     UsingImu,
+    Varying,
     WithoutImu,
 )
 from jerkbench.errors import unknown
@@ -55,7 +56,7 @@ _P = TypeVar("_P")
 
 OF_ALL = (Cited, Depending)
 OF_FILTERS = (Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile)
-OF_MEMORY = (Classified, Remembering, RememberingStates, Clocked, TrueCovariance, InLanes, ChangingNothing)
+OF_MEMORY = (Classified, Remembering, RememberingStates, Clocked, TrueCovariance, InLanes, Varying, ChangingNothing)
 
 OPTIONAL: Mapping[str, tuple[type, ...]] = {
     "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu, *OF_ALL),

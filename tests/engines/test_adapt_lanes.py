@@ -1,6 +1,6 @@
 """Adaptations that many runs ask at once, against each run by itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -8,12 +8,19 @@ import pytest
 from test_side_by_side import assert_same, one, side_by_side, trajectory
 
 from jerkbench import plugins
+from jerkbench.adaptation.chi2 import Chi2Gate
+from jerkbench.adaptation.iae import InnovationBased
+from jerkbench.adaptation.mtf import Mtf
+from jerkbench.adaptation.mtf_block import MtfBlock
+from jerkbench.adaptation.mtf_nis import MtfNis
 from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.adaptation.relaxing_gate import RelaxingGate
 from jerkbench.adaptation.variational_bayes import VariationalBayes
 from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
 from jerkbench.compilation.lanes import above, chosen
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.filters.kinematic import Baseline, Jerk
+from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.plugins.optional import asked_in_lanes
 
 
@@ -51,6 +58,35 @@ def test_each_run_has_its_own_numbers_and_its_own_memory(rough, cls):
     for a, b, pair, rule in zip(together, backwards, rough, rules, strict=True):
         np.testing.assert_array_equal(list(a.values()), list(b.values()))
         assert_same(a, trajectory(*pair, Jerk(), rule), {})
+
+
+@pytest.mark.parametrize("cls", [Mtf, MtfNis, MtfBlock, InnovationBased])
+def test_runs_of_other_windows_are_asked_at_once_all_the_same(rough, cls):
+    rules = [cls(window=window) for window in (1, 2, 3, 7, 30, 4)]
+    if cls is not InnovationBased:
+        rules = [replace(rule, guard=guard) for rule, guard in zip(rules, (0, 1, 0, 2, 0, 5), strict=True)]
+
+    together = {compiled_rule(rule, side_by_side=True).together for rule in rules}
+
+    assert len(together) == 1
+    assert None not in together
+    for got, pair, rule in zip(side_by_side(rough, Jerk(), rules), rough, rules, strict=True):
+        assert_same(got, trajectory(*pair, Jerk(), rule), {})
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: [Chi2Gate(probability=p, longest=n) for p, n in ((0.9, 0), (0.5, 1), (0.2, 3), (0.2, 25), (0.99, 2))],
+        lambda: [RelaxingGate(width=w, patience=n) for w, n in ((1.0, 0), (0.5, 1), (0.2, 3), (0.7, 25), (3.0, 2))],
+    ],
+)
+def test_gates_of_other_lengths_are_asked_at_once_all_the_same(rough, make):
+    rules = make()
+
+    assert len({compiled_rule(rule, side_by_side=True).together for rule in rules}) == 1
+    for got, pair, rule in zip(side_by_side(rough[:5], Jerk(), rules), rough, rules, strict=False):
+        assert_same(got, trajectory(*pair, Jerk(), rule), {})
 
 
 def test_runs_with_other_whole_numbers_go_apart(rough):

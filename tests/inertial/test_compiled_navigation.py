@@ -69,12 +69,8 @@ def recorded(kind):
     return recording, Tilt().estimate(recording)
 
 
-def parts_of(journey, adaptation):
-    return journey.imu, journey.timeline, journey.headings, journey.start, adaptation, journey.settings
-
-
 def reference_run(journey, adaptation):
-    return InertialRun(*parts_of(journey, adaptation)).over(journey.events)
+    return InertialRun(journey, adaptation).over(journey.events)
 
 
 class RoundedRun(InertialRun):
@@ -83,8 +79,8 @@ class RoundedRun(InertialRun):
     So do those of another processor's linear algebra: that, and not the inputs, is what covariances differ by.
     """
 
-    def __init__(self, seed, *parts):
-        super().__init__(*parts)
+    def __init__(self, seed, journey, adaptation):
+        super().__init__(journey, adaptation)
         self.rng = np.random.default_rng(seed)
 
     def _grow(self, Phi, Q):
@@ -122,7 +118,7 @@ def compare(kind, fields, adaptation, model=Eskf15):
     @cache
     def changed(seed):
         other = with_other_inputs(journey, seed)
-        return RoundedRun(seed, *parts_of(other, adaptation)).over(other.events).estimate
+        return RoundedRun(seed, other, adaptation).over(other.events).estimate
 
     agreement = agree_runs(journey.timeline, got.estimate, wanted.estimate, changed)
     if agreement.flip is None:

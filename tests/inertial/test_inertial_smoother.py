@@ -85,7 +85,7 @@ def test_it_is_the_least_squares_solution_of_the_whole_run():
     assert journey.events.dt_s[0] == 0.0
     open_loop, errors, joint = batch_solution(journey)
     estimate = model.estimate(recording, level_attitude(recording), NoAdaptation())
-    run = ForwardRun(*journey[:3], journey.start, NoAdaptation(), journey.settings)
+    run = ForwardRun(journey, NoAdaptation())
     run.over(journey.events)
     nodes = backward(run.nodes)
 
