@@ -6,12 +6,12 @@ that several kinds may have come first. `jerkbench.plugins.optional` lists them.
 asked for it; one whose part is misspelt is refused when it is registered.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import ClassVar, Literal, Protocol, Self, runtime_checkable
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.parameters import Provenance
+from jerkbench.parameters import Column, Provenance
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed, Sums
 from jerkbench.timeline import Timeline
@@ -457,7 +457,7 @@ class Preparing(Protocol):
 
 
 class Metric(Protocol):
-    """A number, or a few, from one run; optional: `Summarising`, `Reading`, `OnRequest`.
+    """A number, or a few, from one run; optional: `Declaring`, `Summarising`, `Reading`, `OnRequest`.
 
     A cell all of whose metrics are `Summarising` or `Reading` runs without storing trajectories, which is many times
     faster.
@@ -468,6 +468,13 @@ class Metric(Protocol):
 
         ``counted`` (k,) says which rows of the estimate count: the reference is scored there, after the burn-in.
         """
+
+
+@runtime_checkable
+class Declaring(Protocol):
+    """A metric that says how its columns are read; of one that it leaves out the lowest is the best."""
+
+    columns: ClassVar[Mapping[str, Column]]
 
 
 @runtime_checkable

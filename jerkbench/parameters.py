@@ -1,4 +1,4 @@
-"""What a method is; and the range and the origin of a plugin's parameter, written beside its type.
+"""What plugins say of themselves: what a method is, the range and the origin of a parameter, how a column is read.
 
 A field that one would tune says within which bounds, and on which scale::
 
@@ -10,7 +10,7 @@ import math
 import typing
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from jerkbench.errors import PluginError
 
@@ -118,6 +118,25 @@ class DefaultOrigin:
     """
 
     text: str
+
+
+class Column(NamedTuple):
+    """How a column of a metric is read; its unit is the end of its name.
+
+    Attributes:
+        title: in words; empty: those of its name.
+        expected: what a consistent filter gives; then neither the lowest nor the highest is the best.
+        judged: whether the lowest is the best, and a ratio says by how much. Not so of a count, of what an adaptation
+            did, of a bound, of a logarithm, and of what is the better the higher it is.
+        reading: how to read more or less than what is expected.
+        section: whether table.md has a section for it, where it applies.
+    """
+
+    title: str = ""
+    expected: float | None = None
+    judged: bool = True
+    reading: str = "more is overconfident, less too cautious"
+    section: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,6 +21,7 @@ from jerkbench.contracts import (
     Classified,
     Clocked,
     Dataset,
+    Declaring,
     Depending,
     Disturbance,
     Engine,
@@ -65,7 +66,7 @@ OPTIONAL: Mapping[str, tuple[type, ...]] = {
     "filter": (*OF_FILTERS, Remarking, *OF_ALL),
     "adaptation": (*OF_MEMORY, Fading, AdaptingPrior, AdaptingGain, *OF_ALL),
     "engine": (SideBySide, Preparing, *OF_ALL),
-    "metric": (Summarising, Reading, OnRequest, *OF_ALL),
+    "metric": (Declaring, Summarising, Reading, OnRequest, *OF_ALL),
 }
 """The optional parts of each kind; a new one is a Protocol beside its contract, and a word here."""
 

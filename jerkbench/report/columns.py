@@ -1,13 +1,16 @@
 """The columns of a study's rows: quantities with their units, factors, references, and checks of both."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from jerkbench import plugins
 from jerkbench.arrays import IntArray
 from jerkbench.errors import JerkbenchError, require_known, unknown
 from jerkbench.evaluation.evaluated_run import DRAWN, RUN_COLUMNS
+from jerkbench.parameters import Column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,91 +30,11 @@ _UNITS = {
 }
 """Last part of a column's name, and the unit that it stands for."""
 
+STEP = Column("Time a step: one run alone, the quickest of five")
+"""The column that `jerkbench.jobs.replay` adds."""
+
 _WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
 """Parts of column names that are not plain words."""
-
-TITLES = {
-    "position_rmse_m": "Position RMSE (3-D)",
-    "position_bound_m": "Posterior Cramér-Rao bound of the position RMSE (3-D)",
-    "position_rmse_whole_m": "Position RMSE (3-D), burn-in included",
-    "position_max_m": "Largest position error (3-D)",
-    "velocity_rmse_mps": "Velocity RMSE (3-D)",
-    "outage_rmse_m": "Position RMSE (3-D) during outages",
-    "outage_rmse_horizontal_m": "Position RMSE during outages, horizontal",
-    "outage_rmse_up_m": "Position RMSE during outages, up",
-    "outage_end_m": "Position error (3-D) at the end of an outage, mean over the outages",
-    "outage_end_max_m": "Position error (3-D) at the end of an outage, the largest",
-    "outage_drift_mps": "Growth of the position error (3-D) in an outage",
-    "position_rmse_low_m": "Position RMSE (3-D), lower end of the recording's own interval",
-    "position_rmse_high_m": "Position RMSE (3-D), upper end of the recording's own interval",
-    "step_ns": "Time a step: one run alone, the quickest of five",
-    "reference_floor_m": "Floor of the position RMSE (3-D): the reference's own sigma",
-    "position_crps_m": "CRPS of the position, mean of the axes",
-    "non_credibility_db": "Non-credibility index of the position",
-    "inclination_db": "Inclination indicator of the covariances of the position",
-    "recovery_s": "Time until the error (3-D) after a fault is halfway back, median over the faults",
-    "recovery_peak_m": "Largest position error (3-D) after the begin of a fault, median over the faults",
-    "position_log_score": "Log score of the true position, lower is better",
-    "relative_error_percent": "Error of the displacement (3-D), of the distance",
-    "inflated_percent": "Updates with an inflated position",
-    "rejected_percent": "Updates with a rejected position",
-    "lockout_s": "Longest streak of inflated positions",
-    "silent_error_percent": "Position errors above 3 sigma of the filter",
-    "silent_error_s": "Longest time of a position error above 3 sigma of the filter",
-    "spike_taken_m": "Largest displaced fix that was taken",
-    "spike_refused_m": "Smallest displaced fix that was not taken",
-    "spike_step_m": "Largest step of the position at a displaced fix",
-    "spike_recovery_s": "Time until the error (3-D) after a displaced fix is halfway back, median",
-    "captured_percent": "False returns that the filter followed",
-    "returned_percent": "False returns after which the filter came back",
-    "return_s": "Time from the first right fix until the filter is back, median",
-    "innovation_correlation": "Correlation of successive innovations",
-    "innovation_white_percent": "Rows with white innovations",
-    "faults_counted": "Faults that begin after the burn-in",
-    "outages_counted": "Outages with a known error at the end",
-    "inclination_rmse_rad": "RMSE of the inclination",
-    "inclination_rmse_deg": "RMSE of the inclination",
-    "inclination_max_deg": "Largest error of the inclination",
-    "inclination_floor_deg": "Floor of the inclination: accelerometer against reference at rest",
-    "anees": "ANEES of position and velocity",
-    "anees_position": "ANEES of position",
-    "anis_per_row": "ANIS per row, with the reported R",
-    "anis_used_per_row": "ANIS per row, with the R that was used",
-}
-"""Titles that say more than the column's name."""
-
-EXPECTED = {
-    "anees": 6,
-    "anees_position": 3,
-    "anis_per_row": 1,
-    "anis_used_per_row": 1,
-    "coverage_1_sigma_percent": 68.3,
-    "coverage_2_sigma_percent": 95.4,
-    "coverage_3_sigma_percent": 99.7,
-    "innovation_correlation": 0,
-    "inclination_db": 0,
-    "innovation_white_percent": 95,
-}
-"""What a consistent filter gives; of these neither the lowest nor the highest is the best."""
-
-READING = {
-    **{f"coverage_{k}_sigma_percent": "less is overconfident, more too cautious" for k in (1, 2, 3)},
-    "innovation_correlation": "more lags behind the measurements, less overshoots",
-    "innovation_white_percent": "less means that innovations follow each other",
-}
-"""How to read what is not as expected, where it is not "more is overconfident"."""
-
-_COUNTS = (
-    *("outages_counted", "faults_counted", "error_correlation_rows", "inflated_percent", "rejected_percent"),
-    *("lockout_s", "inclination_floor_deg", "position_bound_m", "returned_percent"),
-)
-"""What tells how much was scored, how well, how well at best, or what an adaptation did: no quality of a filter.
-
-`returned_percent` is one, but the highest is the best, and no ratio says by how much.
-"""
-
-NATS = ("position_log_score", "innovation_log_loss")
-"""Logarithms of densities, below 0 as well: the lowest is the best, but no ratio says by how much."""
 
 
 class Quantity(NamedTuple):
@@ -137,8 +60,18 @@ class Quantity(NamedTuple):
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
+def declared() -> Mapping[str, Column]:
+    """Return how columns are read, by their names, as the metrics say."""
+    return _declared(tuple(plugins.get("metric", name) for name in plugins.names("metric")))
+
+
+@cache
+def _declared(metrics: tuple[type, ...]) -> Mapping[str, Column]:
+    return {"step_ns": STEP, **{name: of for metric in metrics for name, of in getattr(metric, "columns", {}).items()}}
+
+
 def quantity(column: str) -> Quantity:
-    """Return what a column's name means; names that are not known here speak for themselves.
+    """Return what a column's name means; names that no metric explains speak for themselves.
 
     >>> quantity("position_rmse_up_m").heading
     'Position RMSE up [m]'
@@ -146,10 +79,9 @@ def quantity(column: str) -> Quantity:
     stem, _, last = column.rpartition("_")
     unit = _UNITS.get(last, "") if stem else ""
     words = [_WORDS.get(word, word) for word in (stem if unit else column).split("_")]
-    plain = " ".join(words)
-    title = TITLES.get(column, plain[:1].upper() + plain[1:])
-    reading = READING.get(column, "more is overconfident, less too cautious")
-    return Quantity(title, unit, EXPECTED.get(column), column not in (*EXPECTED, *_COUNTS, *NATS), reading)
+    plain, of = " ".join(words), declared().get(column, Column())
+    title = of.title or plain[:1].upper() + plain[1:]
+    return Quantity(title, unit, of.expected, of.judged and of.expected is None, of.reading)
 
 
 # The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.

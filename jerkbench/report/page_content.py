@@ -13,8 +13,9 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.intervals import up_to
 from jerkbench.evaluation.judgement import NEAR, UNKNOWN, WINS, Verdict, runs_verdict
+from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
 from jerkbench.evaluation.over_seeds import FEW
-from jerkbench.report.columns import EXPECTED, FACTORS, SCENARIO_FACTORS, Combination, metric_columns, quantity
+from jerkbench.report.columns import FACTORS, SCENARIO_FACTORS, Combination, metric_columns, quantity
 from jerkbench.report.comparisons import Comparison, Standing
 from jerkbench.report.findings import against, mean_log_ratio, reference_method, sentence, size_text, study_baselines
 from jerkbench.report.study_verdicts import StudyVerdicts
@@ -246,18 +247,17 @@ def _factor(comparison: Comparison | None) -> CellEntry:
 
 HEADING = "NEES says"
 ANEES = "anees"
-_CONSISTENT = EXPECTED[ANEES]
 
 
 def nees_explanation(rows: "pd.DataFrame") -> str:
     """Return how to read the column; nothing where no cell has a value to judge."""
     if ANEES not in rows or rows[ANEES].isna().all():
         return ""
-    low, high = (factor * _CONSISTENT for factor in NEAR)
+    low, high = (factor * EXPECTED_ANEES for factor in NEAR)
     return (
         f"{HEADING}: overconfident or too cautious where the whole interval of the ANEES over the seeds is above or "
-        f"below {_CONSISTENT:g}; consistent where it holds {_CONSISTENT:g} and lies within {low:g} to {high:g}; not "
-        f"known where it holds more than that, of one run and of phases. Of fewer than {FEW} seeds the interval is "
+        f"below {EXPECTED_ANEES:g}; consistent where it holds {EXPECTED_ANEES:g} and lies within {low:g} to {high:g}; "
+        f"not known where it holds more than that, of one run and of phases. Of fewer than {FEW} seeds the interval is "
         "Student's on the logarithms. Where runs were lost the others can only be overconfident or not known."
     )
 
@@ -270,7 +270,7 @@ def nees_verdict(group: "pd.DataFrame") -> str:
         return UNKNOWN
     well = group["status"] == "ok"
     values = group.loc[well, ANEES].to_numpy(dtype=float)
-    return runs_verdict(values, _CONSISTENT, lost=int((~well).sum()))
+    return runs_verdict(values, EXPECTED_ANEES, lost=int((~well).sum()))
 
 
 # What the page's script reads: errors over time, two bytes each, and all that is known of each cell.

@@ -16,6 +16,7 @@ from jerkbench.files import write_atomically, write_text
 from jerkbench.report.columns import (
     FACTORS,
     Combination,
+    declared,
     metric_columns,
     quantity,
     standing_apart,
@@ -327,13 +328,18 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
 
 # The three files that every study leaves: table.md, table.csv, table.tex.
 
-SECTIONS = (
+_SECTIONS = (
     *("position_rmse_m", "position_rmse_horizontal_m", "position_rmse_up_m", "position_max_m", "velocity_rmse_mps"),
     *("outage_rmse_m", "outage_rmse_horizontal_m", "outage_rmse_up_m", "outage_end_m", "inclination_rmse_deg"),
     *("inclination_rmse_rad", "inclination_floor_deg", "roll_rmse_rad", "pitch_rmse_rad", "yaw_rmse_rad"),
     *("anees", "anis_per_row"),
 )
-"""Metrics that get a section in table.md, where they apply, after the main one; table.csv has all."""
+"""Columns that get a section in table.md, where they apply, after the main one; table.csv has all."""
+
+
+def sections_wanted() -> list[str]:
+    """Return these, in their order, and those whose metrics ask for one (`jerkbench.parameters.Column`)."""
+    return [*_SECTIONS, *(name for name, of in declared().items() if of.section)]
 
 
 MANY_CELLS = 20_000
@@ -355,7 +361,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
         grid.in_order(),
         csv_labels(grid.table(first, grid.cells(first))),
     )  # of the runs: the first table has bounds besides
-    sections = {first: markdown(main, level=1)}
+    sections, wanted = {first: markdown(main, level=1)}, sections_wanted()
 
     def write_csv(path: Path) -> None:
         """Write table.csv; sections of table.md are made on the way, while the numbers of their metric are there."""
@@ -365,7 +371,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
                 if metric == first:
                     continue
                 each = grid.each_cell(metric, places)
-                if metric in SECTIONS and len(places) <= MANY_CELLS:
+                if metric in wanted and len(places) <= MANY_CELLS:
                     cells = grid.cells(metric)
                     sections[metric] = _section(grid, metric, cells, main.footnotes)
                     in_order = list(cells.values())
@@ -373,7 +379,7 @@ def write_tables(rows: "pd.DataFrame", folder: Path, notes: Sequence[str] = ()) 
                 file.writelines(csv_lines(metric, quantity(metric).unit, each, labels))
 
     write_atomically(folder / "table.csv", write_csv)
-    ordered = (sections.get(metric) for metric in dict.fromkeys([first, *SECTIONS]))
+    ordered = (sections.get(metric) for metric in dict.fromkeys([first, *wanted]))
     write_text(folder / "table.md", "\n".join(filter(None, ordered)))
     write_text(folder / "table.tex", latex(main))
     return main

@@ -1,5 +1,6 @@
 """Attitude errors."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,6 +17,7 @@ from jerkbench.evaluation.counted_rows import (
     rms_norm,
 )
 from jerkbench.geometry import vertical_in_body
+from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
@@ -85,6 +87,15 @@ class Inclination:
     reference, of its alignment with the IMU, or of the accelerometer: no error far below the floor means anything. NaN
     where there is nothing.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "inclination_rmse_rad": Column("RMSE of the inclination"),
+        "inclination_rmse_deg": Column("RMSE of the inclination"),
+        "inclination_max_deg": Column("Largest error of the inclination"),
+        "inclination_floor_deg": Column(
+            "Floor of the inclination: accelerometer against reference at rest", judged=False
+        ),
+    }
 
     reads: ClassVar[str] = "attitude"
 

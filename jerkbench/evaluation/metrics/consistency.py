@@ -1,5 +1,6 @@
 """Consistency of errors and innovations with what the filter claims of them, and proper scores of both."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,9 +11,13 @@ from jerkbench.estimate import Estimate
 from jerkbench.evaluation.correlated_errors import whiteness_of_rows
 from jerkbench.evaluation.counted_rows import counted_errors, first_counted_s, mean
 from jerkbench.evaluation.evaluated_run import Summed
+from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
+
+EXPECTED_ANEES = 6.0
+"""Of position and velocity: as many as there are."""
 
 
 @register("metric", "consistency")
@@ -33,6 +38,13 @@ class Consistency(Summed):
 
     Source: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 5.4.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "anees": Column("ANEES of position and velocity", expected=EXPECTED_ANEES),
+        "anees_position": Column("ANEES of position", expected=3),
+        "anis_per_row": Column("ANIS per row, with the reported R", expected=1),
+        "anis_used_per_row": Column("ANIS per row, with the R that was used", expected=1),
+    }
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the four values by column name."""
@@ -60,6 +72,12 @@ class Coverage:
 
     NaN without a row. Not computed unless asked for: ``metrics=[coverage]``.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "coverage_1_sigma_percent": Column(expected=68.3, reading="less is overconfident, more too cautious"),
+        "coverage_2_sigma_percent": Column(expected=95.4, reading="less is overconfident, more too cautious"),
+        "coverage_3_sigma_percent": Column(expected=99.7, reading="less is overconfident, more too cautious"),
+    }
 
     default: ClassVar[bool] = False
 
@@ -91,6 +109,11 @@ class SilentError(Summed):
     covariance is not positive definite.
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "silent_error_percent": Column("Position errors above 3 sigma of the filter"),
+        "silent_error_s": Column("Longest time of a position error above 3 sigma of the filter"),
+    }
+
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the two values by column name."""
         error, covariance = sums.sampled_m, sums.sampled_covariance_m2
@@ -116,6 +139,17 @@ class Innovation:
 
     Above 0 the filter lags behind: its process noise is too small for what happens. NaN with fewer than 30 updates.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "innovation_correlation": Column(
+            "Correlation of successive innovations",
+            expected=0,
+            reading="more lags behind the measurements, less overshoots",
+        ),
+        "innovation_white_percent": Column(
+            "Rows with white innovations", expected=95, reading="less means that innovations follow each other"
+        ),
+    }
 
     reads: ClassVar[str] = "updates"
 
@@ -151,6 +185,10 @@ class InnovationLikelihood:
     Source: the prediction error decomposition (F. C. Schweppe, 1965, doi:10.1109/TIT.1965.1053737).
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "innovation_log_loss": Column(judged=False),
+    }
+
     default: ClassVar[bool] = False
     reads: ClassVar[str] = "updates"
 
@@ -182,6 +220,10 @@ class LogScore(Summed):
 
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007).
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "position_log_score": Column("Log score of the true position, lower is better", judged=False),
+    }
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value by column name."""
@@ -260,6 +302,10 @@ class Crps(Summed):
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), (21).
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "position_crps_m": Column("CRPS of the position, mean of the axes"),
+    }
+
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value by column name."""
         error, variance = sums.sampled_m, sums.sampled_m2[:, [0, 3, 5]]
@@ -290,6 +336,11 @@ class Credibility(Summed):
 
     Source: Li, Zhao and Li, "Estimator's credibility and its measures", IFAC World Congress (2002).
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "non_credibility_db": Column("Non-credibility index of the position"),
+        "inclination_db": Column("Inclination indicator of the covariances of the position", expected=0),
+    }
 
     default: ClassVar[bool] = False
 

@@ -1,5 +1,6 @@
 """Errors of position and velocity: root mean square, its accuracy and floor, percentiles, over a distance."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -19,7 +20,7 @@ from jerkbench.evaluation.counted_rows import (
     rms_norm,
 )
 from jerkbench.evaluation.evaluated_run import Summed
-from jerkbench.parameters import Limit, Limited
+from jerkbench.parameters import Column, Limit, Limited
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -40,6 +41,12 @@ class PositionRmse(Summed):
 
     NaN without a single such row.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "position_rmse_m": Column("Position RMSE (3-D)"),
+        "position_rmse_whole_m": Column("Position RMSE (3-D), burn-in included"),
+        "position_max_m": Column("Largest position error (3-D)"),
+    }
 
     reads_covariance: ClassVar[bool] = False
 
@@ -65,6 +72,10 @@ class VelocityRmse(Summed):
 
     NaN without a single such row.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "velocity_rmse_mps": Column("Velocity RMSE (3-D)"),
+    }
 
     reads_covariance: ClassVar[bool] = False
 
@@ -121,6 +132,10 @@ class RelativeError(Limited):
         distance_m: d [m].
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "relative_error_percent": Column("Error of the displacement (3-D), of the distance"),
+    }
+
     default: ClassVar[bool] = False
 
     distance_m: Annotated[float, Limit(lambda distance: distance > 0, "it must be more than 0.")] = 50.0
@@ -147,6 +162,10 @@ class ReferenceFloor:
     recording does not say how good its reference is (``reference_sigma`` of a table).
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "reference_floor_m": Column("Floor of the position RMSE (3-D): the reference's own sigma"),
+    }
+
     reads: ClassVar[str] = "attitude"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
@@ -172,6 +191,12 @@ class OneRecording:
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "position_rmse_low_m": Column("Position RMSE (3-D), lower end of the recording's own interval"),
+        "position_rmse_high_m": Column("Position RMSE (3-D), upper end of the recording's own interval"),
+        "error_correlation_rows": Column(judged=False),
+    }
 
     default: ClassVar[bool] = False
 

@@ -1,5 +1,6 @@
 """The lowest position error that any filter can reach: Riccati's recursion behind noisy inputs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal, NamedTuple
 
@@ -8,6 +9,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import known_axes, on_all
+from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Velocity
 
@@ -144,6 +146,10 @@ class PositionBound:
 
     Source: doi:10.1109/78.668800 (Tichavsky, Muravchik and Nehorai, 1998).
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "position_bound_m": Column("Posterior Cramér-Rao bound of the position RMSE (3-D)", judged=False),
+    }
 
     default: ClassVar[bool] = False
     reads: ClassVar[Literal["attitude"]] = "attitude"

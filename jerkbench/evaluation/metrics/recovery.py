@@ -1,6 +1,6 @@
 """Faults: errors in outages, how an estimate comes back after one, and fixes that are not believed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -19,6 +19,7 @@ from jerkbench.evaluation.counted_rows import (
 )
 from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.measurements import VARIANCE_FLOOR
+from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.sums import Sums
@@ -117,6 +118,12 @@ class Recovery:
     and where half of the errors or more do not come back. Not computed unless asked for: ``metrics=[recovery]``.
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "recovery_s": Column("Time until the error (3-D) after a fault is halfway back, median over the faults"),
+        "recovery_peak_m": Column("Largest position error (3-D) after the begin of a fault, median over the faults"),
+        "faults_counted": Column("Faults that begin after the burn-in", judged=False),
+    }
+
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
@@ -165,6 +172,13 @@ class Outage(Summed):
     the distance also where all stood still; all five without any outage.
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "outage_rmse_m": Column("Position RMSE (3-D) during outages"),
+        "outage_end_m": Column("Position error (3-D) at the end of an outage, mean over the outages"),
+        "outage_end_max_m": Column("Position error (3-D) at the end of an outage, the largest"),
+        "outages_counted": Column("Outages with a known error at the end", judged=False),
+    }
+
     reads_covariance: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
@@ -192,6 +206,11 @@ class OutageAxes:
     A wheel's speed holds the one and leaves the other to the attitude. NaN without such a row.
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "outage_rmse_horizontal_m": Column("Position RMSE during outages, horizontal"),
+        "outage_rmse_up_m": Column("Position RMSE during outages, up"),
+    }
+
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
@@ -212,6 +231,10 @@ class OutageDrift(Summed):
 
     The error with which the outage began does not count. NaN without an outage of two rows.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "outage_drift_mps": Column("Growth of the position error (3-D) in an outage"),
+    }
 
     reads_covariance: ClassVar[bool] = False
 
@@ -243,6 +266,12 @@ class Lockout:
 
     A filter that drifts away and rejects every fix has a long lock-out. NaN without such an update.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "inflated_percent": Column("Updates with an inflated position", judged=False),
+        "rejected_percent": Column("Updates with a rejected position", judged=False),
+        "lockout_s": Column("Longest streak of inflated positions", judged=False),
+    }
 
     reads: ClassVar[str] = "updates"
 
@@ -323,6 +352,13 @@ class Gate:
     `spike_sweep`.
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "spike_taken_m": Column("Largest displaced fix that was taken"),
+        "spike_refused_m": Column("Smallest displaced fix that was not taken"),
+        "spike_step_m": Column("Largest step of the position at a displaced fix"),
+        "spike_recovery_s": Column("Time until the error (3-D) after a displaced fix is halfway back, median"),
+    }
+
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
@@ -379,6 +415,12 @@ class Capture:
     A filter that rejects for ever is not captured, and does not return where it has drifted away. NaN without a false
     stretch. Not computed unless asked for: ``metrics=[capture]``, with the disturbance `false_return`.
     """
+
+    columns: ClassVar[Mapping[str, Column]] = {
+        "captured_percent": Column("False returns that the filter followed"),
+        "returned_percent": Column("False returns after which the filter came back", judged=False),
+        "return_s": Column("Time from the first right fix until the filter is back, median"),
+    }
 
     default: ClassVar[bool] = False
 

@@ -3,11 +3,15 @@
 import csv
 import io
 import re
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from jerkbench import plugins
+from jerkbench.parameters import Column
 from jerkbench.report import summary, terminal
 from jerkbench.report.columns import quantity
 from jerkbench.report.summary import summarise, write_tables
@@ -57,6 +61,29 @@ def test_a_columns_name_says_title_and_unit(column, heading):
 )
 def test_what_is_the_better_the_higher_and_what_an_adaptation_did_is_not_judged_as_an_error(column, judged):
     assert quantity(column).lowest_is_best == judged
+
+
+@dataclass(frozen=True)
+class Found:
+    """A metric of somebody else: the higher the better."""
+
+    columns: ClassVar = {"found_percent": Column("Found again", judged=False, section=True)}
+
+    def evaluate(self, estimate, recording, counted):
+        return {"found_percent": 100.0}
+
+
+def test_a_metric_of_somebody_else_says_how_its_columns_are_read(rows, tmp_path, monkeypatch):
+    assert quantity("found_percent").lowest_is_best
+    monkeypatch.setattr(plugins, "_registry", {**plugins._registry, "metric": {**plugins._registry["metric"]}})
+    plugins.register("metric", "found")(Found)
+
+    assert quantity("found_percent").heading == "Found again [%]"
+    assert not quantity("found_percent").lowest_is_best
+    write_tables(rows.assign(found_percent=np.linspace(10.0, 90.0, len(rows))), tmp_path)
+    section = (tmp_path / "table.md").read_text().partition("## Found again [%]")[2]
+    assert section
+    assert "**" not in section
 
 
 def pipes(line):
