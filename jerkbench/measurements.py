@@ -205,8 +205,8 @@ class Start(NamedTuple):
 def _told(R: FloatArray, factor: float) -> FloatArray:
     """The factor times R (k, k), the diagonal not below the floor."""
     told = factor * R
-    variances = np.einsum("ii->i", told)
-    np.maximum(variances, VARIANCE_FLOOR, out=variances)
+    for k in range(len(told)):
+        told[k, k] = max(told[k, k], VARIANCE_FLOOR)
     return told
 
 

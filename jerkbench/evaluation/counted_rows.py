@@ -267,4 +267,5 @@ def mean(total: float, rows: float) -> float:
 def _error(value: FloatArray, truth: FloatArray | None, estimate: Estimate) -> FloatArray:
     if truth is None:
         return np.full_like(value, np.nan)
-    return value - truth[estimate.index]
+    error: FloatArray = value - rows_at(truth, estimate.index)
+    return error

@@ -238,13 +238,15 @@ def why_stopped(estimate: Estimate) -> str:
 
 
 def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
-    t_s = recording.reference.t_s[estimate.index]
-    state = estimate.position_m if estimate.position_only else np.hstack([estimate.position_m, estimate.velocity_mps])
-    finite = np.isfinite(estimate.euler_rad if estimate.attitude_only else state).all(axis=1)
-    if not finite.all():
+    t_s = rows_at(recording.reference.t_s, estimate.index)
+    angles, place, pace = estimate.euler_rad, estimate.position_m, estimate.velocity_mps
+    parts = [angles] if estimate.attitude_only else [place] if estimate.position_only else [place, pace]
+    if not all(np.isfinite(part).all() for part in parts):
+        finite = np.isfinite(np.hstack(parts)).all(axis=1)
         return f"The state is not finite at {t_s[np.argmin(finite)]:.2f} s."
+    error_m = np.nan_to_num(position_error_m(estimate, recording))
     with np.errstate(over="ignore"):
-        distance_m = np.sqrt(np.nansum(position_error_m(estimate, recording) ** 2, axis=1))
+        distance_m = np.sqrt(np.einsum("ka,ka->k", error_m, error_m))
     far = distance_m > limit_m
     if not far.any():
         return ""

@@ -26,7 +26,7 @@ from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.jobs.labels import GROUPS, Labels, default_labels
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
-from jerkbench.plugins.optional import on_request
+from jerkbench.plugins.optional import has_methods, on_request
 from jerkbench.timeline import RScale, scale_of
 
 # The names of the metrics of a cell: those that are asked for, or those by default.
@@ -236,7 +236,7 @@ class Job:
     def key(self) -> str:
         """A hash of all that its rows depend on but their seeds."""
         model = self.method.filter
-        data = [self.scenario.data, model.fingerprint() if isinstance(model, ReadingFile) else ""]
+        data = [self.scenario.data, model.fingerprint() if has_methods(model, ReadingFile) else ""]
         what = {"labels": self.labels, "spec": self.spec, "protocol": self.evaluation.limits, "data": data}
         return key_of(what, (type(plugin) for _, _, plugin in self.parts()))
 

@@ -28,7 +28,7 @@ from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import processor_kind
 from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, unfit
 from jerkbench.notices import plain
-from jerkbench.plugins.optional import part_read
+from jerkbench.plugins.optional import has_methods, part_read
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Timeline, build_timeline, told_timeline
@@ -236,8 +236,8 @@ def shared_call(job: Job) -> object:
 
 def streams(job: Job) -> bool:
     """Whether the runs of ``job`` need no trajectories, and its engine or its estimator can do without."""
-    able = isinstance(job.method.filter, Batched) or not isinstance(job.method.filter, Estimator)
-    return able and isinstance(job.method.engine, SideBySide) and all(map(can_stream, job.evaluation.metrics))
+    able = has_methods(job.method.filter, Batched) or not isinstance(job.method.filter, Estimator)
+    return able and has_methods(job.method.engine, SideBySide) and all(map(can_stream, job.evaluation.metrics))
 
 
 def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[NotedRows]:
@@ -343,5 +343,7 @@ def _values(job: Job, seed: _ReadySeed, result: Streamed, inputs: Inputs) -> dic
     outline = seed.reference.outline
     if result.euler_rad is not None:  # an attitude of its own
         outline = outlined(outline.index, result.euler_rad)
-    summary = Summary(with_updates(outline, result.updates), seed.reference.counted, sums)
+    if len(result.updates.t_s):
+        outline = with_updates(outline, result.updates)
+    summary = Summary(outline, seed.reference.counted, sums)
     return metric_values(job.evaluation.metrics, summary, seed.recording, inputs.columns)

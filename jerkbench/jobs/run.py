@@ -72,7 +72,7 @@ def run_missing(
     known = KnownSeeds(store, plan.jobs)
     left = known.unfinished(plan.jobs)
     locks = Locks(store.folder.parent / LOCKS_FOLDER, plan_name(plan.draws))
-    with _shown(progress, len(plan.jobs), len(plan.jobs) - len(left)) as bar, locks, Writer(store) as writer:
+    with _shown(progress, len(plan.jobs), len(plan.jobs) - len(left)) as bar, locks, Writer(store, known) as writer:
         while left:
             to_do = {job.key: set(missing(job, known.get(job.key, ()))) for job in left}
             groups = grouped(plan.jobs, to_do, least)
@@ -100,6 +100,7 @@ def run_missing(
                     to_do[job.key].difference_update(row["seed"] for row in result.rows)
                     bar.advance([row["status"] for row in result.rows], count=not to_do[job.key])
                 shared.settle(task.bundle, sum(len(result.rows) for result in results))
+            shared.end()
             left = _wait_for_others([job for job in left if to_do[job.key]], known, bar)
 
 
@@ -126,6 +127,12 @@ class KnownSeeds(dict[str, set[int]]):
         """Read what is new in the store."""
         for key, seeds in self._store.known(self._keys, seen=self._files).items():
             self.setdefault(key, set()).update(seeds)
+
+    def note(self, file: str, blocks: Sequence[RowBlock]) -> None:
+        """Know what this process has stored itself, without reading it."""
+        self._files.add(file)
+        for block in blocks:
+            self.setdefault(block.key, set()).update(row["seed"] for row in block.rows if row["status"] != "failed")
 
     def unfinished(self, jobs: Sequence[Job]) -> list[Job]:
         """Return the jobs of which runs are missing, after a look."""
@@ -155,9 +162,9 @@ class Writer:
         store: where they go.
     """
 
-    def __init__(self, store: Store) -> None:
-        """Write into ``store``."""
-        self.store = store
+    def __init__(self, store: Store, known: KnownSeeds) -> None:
+        """Write into ``store``, and make it known."""
+        self.store, self._known = store, known
         self._held: list[RowBlock] = []
         self._written = time.monotonic()
 
@@ -176,10 +183,15 @@ class Writer:
         if time.monotonic() - self._written > HELD_S or sum(len(block.rows) for block in self._held) > HELD_ROWS:
             self.flush()
 
+    @property
+    def holds(self) -> bool:
+        """Whether anything is not stored yet."""
+        return bool(self._held)
+
     def flush(self) -> None:
         """Store what is held as one file."""
         if self._held:
-            self.store.write_blocks(self._held)
+            self._known.note(self.store.write_blocks(self._held), self._held)
         self._held = []
         self._written = time.monotonic()
 
@@ -282,7 +294,7 @@ class Shared:
     def __init__(self, groups: Iterable[Sequence[Task]], known: KnownSeeds, locks: Locks, writer: Writer) -> None:
         """Begin with ``groups`` of which what is ``known`` is left out already."""
         self._known, self._locks, self._writer = known, locks, writer
-        self._left = Counter[int]()
+        self._left, self._ended = Counter[int](), list[int]()
         for task in chain.from_iterable(groups):
             self._left[task.bundle] += task.runs
         self._taken: dict[int, bool] = {}
@@ -301,8 +313,18 @@ class Shared:
         return [task for task in tasks if task not in done]
 
     def settle(self, bundle: int, runs: int) -> None:
-        """Count runs of a bundle as done; with the last one the bundle is anybody's again."""
+        """Count runs of a bundle as done; after the last one, when they are stored, the bundle is anybody's again."""
         self._left[bundle] -= runs
         if not self._left[bundle]:
-            self._writer.flush()  # before anybody else may have the bundle
-            self._locks.release(bundle)
+            self._ended.append(bundle)
+        if not self._writer.holds:
+            self._release()
+
+    def end(self) -> None:
+        """Store what is held, before others are waited for, who wait for it."""
+        self._writer.flush()
+        self._release()
+
+    def _release(self) -> None:
+        while self._ended:
+            self._locks.release(self._ended.pop())

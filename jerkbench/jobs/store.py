@@ -95,13 +95,13 @@ class Store:
             notify(set_aside(damaged))
         return damaged
 
-    def write_blocks(self, blocks: Sequence[RowBlock]) -> None:
-        """Store runs of some cells as one part; a reader sees the whole of it or nothing.
+    def write_blocks(self, blocks: Sequence[RowBlock]) -> str:
+        """Store runs of some cells as one part; a reader sees the whole of it or nothing. Returns the part's name.
 
         Raises:
             JerkbenchError: no reader would take them for rows.
         """
-        self._put(table_of(blocks))
+        return self._put(table_of(blocks)).stem
 
     def known(
         self, keys: Collection[str], *, failed: bool = False, seen: set[str] | None = None

@@ -41,7 +41,8 @@ def _arrays_of(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
     """Ask a filter; one that cannot change is asked once."""
     params = getattr(model, "__dataclass_params__", None)
     frozen = params is not None and params.frozen
-    return _known(cast("Hashable", model), lengths_s, dt0_s) if frozen else _asked(model, lengths_s, dt0_s)
+    known = _known if len(lengths_s) > 8 * FEW else _known_of_few
+    return known(cast("Hashable", model), lengths_s, dt0_s) if frozen else _asked(model, lengths_s, dt0_s)
 
 
 def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
@@ -52,9 +53,15 @@ def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
     return _Arrays(A.reshape(k, n * n), b, Q.reshape(k, n * n), extra, triangular(A))
 
 
-@lru_cache(maxsize=32)  # even steps: the same for all packs; uneven ones: each seed has its own, for all adaptations
-def _known(model: Hashable, lengths_s: bytes, dt0_s: float) -> _Arrays:
+FEW = 64
+"""So many lengths even steps have at most. They are the same for all packs; uneven ones each seed has of its own."""
+
+
+def _asked_once(model: Hashable, lengths_s: bytes, dt0_s: float) -> _Arrays:
     return _asked(cast("Filter", model), lengths_s, dt0_s)
+
+
+_known, _known_of_few = lru_cache(maxsize=32)(_asked_once), lru_cache(maxsize=1024)(_asked_once)
 
 
 def triangular(A: FloatArray) -> bool:

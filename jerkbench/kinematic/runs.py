@@ -193,8 +193,8 @@ def run_packs(
             kept = _room_of_pack(pack, of, updates=updates)
             asked = rules_of([rules[k] for k in lanes], of.sizes["s"], 3 if pack.apart else 1)
             loop(pack.steps, pack.scored, own, asked, kept, exchange_for(of.sizes["n"], WIDE), *more)
-            coupled = kept.w[of.fields["coupled"].places[0] :].tolist()
-            if pack.apart and any(coupled[:WIDE]):
+            coupled = kept.w[of.fields["coupled"].places[0] :][:WIDE].tolist()
+            if pack.apart and any(coupled):
                 run_pack(together(pack))
             found = zip(pack.members, _results_of(pack, kept, of, updates=updates), coupled, strict=False)
             for place, result, again in found:

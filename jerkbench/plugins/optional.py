@@ -263,7 +263,7 @@ def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[Flo
     n, k = 2 + len(model.initial_variances()), len(lengths_s)
     A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
     passing = np.flatnonzero(lengths_s > 0)
-    if isinstance(model, ManyLengths) and len(passing):
+    if has_methods(model, ManyLengths) and len(passing):
         A[passing], b[passing], Q[passing] = model.axis_models(lengths_s[passing], dt0_s)
         return A, b, Q
     for row in passing.tolist():

@@ -74,8 +74,9 @@ def test_what_another_process_has_stored_meanwhile_is_left_out(tmp_path):
     groups = planning.grouped(plan.jobs)
     store = Store(tmp_path)
     store.prepare()
-    with Locks(tmp_path / ".locks", "plan") as locks, Writer(store) as writer:
-        shared = Shared(groups, KnownSeeds(store, plan.jobs), locks, writer)
+    known = KnownSeeds(store, plan.jobs)
+    with Locks(tmp_path / ".locks", "plan") as locks, Writer(store, known) as writer:
+        shared = Shared(groups, known, locks, writer)
         job = plan.jobs[0]
         (row,), notes = job_rows(job)
         Store(tmp_path).write_blocks([block_of(job, Result([row], notes))])
