@@ -313,13 +313,14 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
         if eligible and is_rival(key, grid.down):
             rows.setdefault(place[: len(grid.across)], []).append(key)
     fields = [field for field in rows.values() if len(field) > 1]
-    pairs = [list(itertools.combinations(field, 2)) for field in fields]
-    if sum(map(len, pairs)) > MOST_PAIRS:
+    counts = [math.comb(len(field), 2) for field in fields]
+    if sum(counts) > MOST_PAIRS:
         return cells
-    comparisons = iter(verdicts.compare(itertools.chain.from_iterable(pairs)))
+    pairs = itertools.chain.from_iterable(itertools.combinations(field, 2) for field in fields)
+    comparisons = iter(verdicts.compare(pairs))
     marked = dict(cells)
-    for field, pair in zip(fields, pairs, strict=True):
-        leaders = [places[key] for key in leaders_of(field, list(itertools.islice(comparisons, len(pair))))]
+    for field, count in zip(fields, counts, strict=True):
+        leaders = [places[key] for key in leaders_of(field, list(itertools.islice(comparisons, count)))]
         whole = [place for place in leaders if cells[place].complete]  # lost no runs
         for place in (whole or leaders) if len(leaders) < len(field) else ():
             marked[place] = marked[place]._replace(best=True)

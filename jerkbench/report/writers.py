@@ -261,15 +261,11 @@ def csv_lines(metric: str, unit: str, cells: Iterable[TableCell], labels: Sequen
     """Yield a line for each of ``cells``, in the order of a table: metric, unit, its ``labels``, and its numbers."""
     head = f"{csv_escaped(metric)},{csv_escaped(unit)}"
     for factors, cell in zip(labels, cells, strict=True):
-        centre = f"{cell.mean!r},{cell.low!r},{cell.high!r}".replace("nan", "")
-        quartiles = f"{cell.quartiles[0]!r},{cell.quartiles[1]!r}".replace("nan", "")
-        counts = f"{cell.runs},{cell.diverged},{cell.failed},{cell.missing},{cell.replicate}"
+        mean, low, high, runs, diverged, failed, missing, replicate, kind, locked, quartiles, geometric = cell[:12]
+        centre = f"{mean!r},{low!r},{high!r},{runs},{diverged},{failed},{missing}".replace("nan", "")
         ratio = ",".join(map(csv_number, cell.ratio[:4])) if cell.ratio else ",,,"
-        shares = _csv_shares(cell.diverged + cell.failed, cell.runs)
-        yield (
-            f"{head},{factors},{cell.kind},{centre},{counts},{ratio},{quartiles},"
-            f"{cell.locked},{shares},{csv_number(cell.geometric)}\n"
-        )
+        spread = f"{quartiles[0]!r},{quartiles[1]!r},{locked},{_csv_shares(diverged + failed, runs)},{geometric!r}\n"
+        yield f"{head},{factors},{kind},{centre},{replicate},{ratio},{spread.replace('nan', '')}"
 
 
 @cache
