@@ -264,7 +264,7 @@ class InLanes(Protocol):
 class Varying(Protocol):
     """An adaptation `InLanes` that names whole numbers of its own of which each run may have another.
 
-    In the others runs that are asked at once are alike, so that they may say how often a loop goes round.
+    They may be reckoned with and go into `chosen` and `each_run`. In the others all runs are alike: loops may use them.
     """
 
     varying: ClassVar[tuple[str, ...]]

@@ -126,17 +126,18 @@ class Column(NamedTuple):
     Attributes:
         title: in words; empty: those of its name.
         expected: what a consistent filter gives; then neither the lowest nor the highest is the best.
-        judged: whether the lowest is the best, and a ratio says by how much. Not so of a count, of what an adaptation
-            did, of a bound, of a logarithm, and of what is the better the higher it is.
+        judged: whether tables and pages say who is better: the lowest is, and a ratio says by how much. Not so of a
+            count, of what an adaptation did, of a bound, of what is the better the higher it is, and of a logarithm,
+            which has no ratio.
         reading: how to read more or less than what is expected.
-        section: whether table.md has a section for it, where it applies.
+        section: its place among the sections of table.md, where it applies; 0: it has none.
     """
 
     title: str = ""
     expected: float | None = None
     judged: bool = True
     reading: str = "more is overconfident, less too cautious"
-    section: bool = False
+    section: int = 0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 195, 25
 """Modules, but for those of plugins, which may become more; and folders."""
-MOST_CODE = 25_353
+MOST_CODE = 25_323
 """Lines without docstrings, comments, blanks and imports, but for those of plugins."""
 MOST_LONE = 17
 """Modules that one other module imports; the aim is none."""

@@ -57,6 +57,25 @@ def test_a_misspelt_part_of_a_base_is_found_too():
     assert "for remarks;" in refusal("attitude", type("Derived", (Base,), {}))
 
 
+@pytest.mark.parametrize("columns", [("error_m",), {"error_m": "Error"}])
+def test_what_explains_columns_is_a_mapping_of_columns(columns):
+    assert "columns must be a mapping" in refusal("metric", type("Explains", (), {"columns": columns}))
+
+
+@pytest.mark.parametrize("varying", ["window", ("windows",), ("sigma",), ("on",)])
+def test_what_varies_between_runs_is_a_whole_number(varying):
+    @dataclass(frozen=True)
+    class Varies:
+        window: int = 3
+        sigma: float = 1.0
+        on: bool = False
+
+    Varies.varying = varying
+    assert "varying must be a tuple of names" in optional.misfit("adaptation", Varies)
+    Varies.varying = ("window",)
+    assert optional.misfit("adaptation", Varies) == ""
+
+
 def test_a_parameter_may_have_any_name_but_that_of_a_method():
     @dataclass(frozen=True)
     class Near:

@@ -21,6 +21,7 @@ from jerkbench.adaptation.linalg import (
     forward_rows,
     quadratic,
     root_of,
+    scaled,
     solve,
     solve_rows,
     submatrix,
@@ -42,8 +43,8 @@ def windowed_mean(memory: FloatArray, window: float, row: int, value: float) -> 
     """Put ``value`` into the ring of ``row``; return the mean of the last ``window`` values, or of those there are.
 
     A ring is filled again and again from its begin. Whenever it is full each value becomes the sum of itself and those
-    behind it; so what the next ones have not yet replaced is one number, nothing is ever taken away from a sum, and an
-    update costs the same whatever the window is.
+    behind it; so what the next ones have not yet replaced is one number, nothing is ever taken away from a sum, and on
+    average an update costs the same whatever the window is. ``memory`` has the length `window_memory`, or is longer.
     """
     length, updates = int(window), int(memory[UPDATES_SEEN + row])
     memory[UPDATES_SEEN + row] = updates + 1
@@ -431,32 +432,45 @@ def fill_blend(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: floa
 
 
 def spread_part(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:
-    """Return the whole E (n, n) of its measured part ``W`` and f, its ``share`` of P-; symmetric to the bit."""
+    """Return the whole E (n, n) of its measured part ``W`` and f, its ``share`` of P-; symmetric to the bit.
+
+    Of what is measured K0 is the identity, and E is W: K0 is worked out for the other states alone.
+    """
     n, m = len(P), len(rows)
-    N, M = submatrix(P, rows), np.empty((m, m), P.dtype)
-    K, CK = np.empty((m, n), P.dtype), np.zeros((m, n), P.dtype)
+    N, M, others = submatrix(P, rows), np.empty((m, m), P.dtype), _others(n, rows)
+    E: FloatArray = scaled(P, share)
+    K, CK = np.empty((m, n - m), P.dtype), np.empty((m, n - m), P.dtype)
     factorise(N, M)
     for i in range(m):
-        for s in range(n):
-            K[i, s] = P[rows[i], s]
+        for u in range(n - m):
+            K[i, u] = P[rows[i], others[u]]
     solve_rows(M, K, K)
     for i in range(m):
         for j in range(m):
-            change = W[i, j] - share * N[i, j]
-            for s in range(n):
-                CK[i, s] += change * K[j, s]
-    return _joined(P, K, CK, share)
-
-
-def _joined(P: FloatArray, K: FloatArray, CK: FloatArray, share: float) -> FloatArray:
-    """Return f P + K' CK, of which one half is worked out."""
-    E = np.empty(P.shape, P.dtype)
-    for s in range(len(P)):
-        for t in range(s + 1):
-            E[s, t] = share * P[s, t]
-        for i in range(len(K)):
-            for t in range(s + 1):
-                E[s, t] += K[i, s] * CK[i, t]
-        for t in range(s):
-            E[t, s] = E[s, t]
+            E[rows[i], rows[j]] = W[i, j]
+        for u in range(n - m):
+            total = 0.0
+            for j in range(m):
+                total += (W[i, j] - share * N[i, j]) * K[j, u]
+            CK[i, u] = total
+            E[rows[i], others[u]] = E[others[u], rows[i]] = E[rows[i], others[u]] + total
+    for u in range(n - m):
+        for v in range(u + 1):
+            total = E[others[u], others[v]]
+            for i in range(m):
+                total += K[i, u] * CK[i, v]
+            E[others[u], others[v]] = E[others[v], others[u]] = total
     return E
+
+
+def _others(states: int, rows: IntArray) -> IntArray:
+    """Return the states that no row measures."""
+    others, count = np.empty(states - len(rows), np.int64), 0
+    for s in range(states):
+        measured = False
+        for row in rows:
+            measured = measured or row == s
+        if not measured:
+            others[count] = s
+            count += 1
+    return others

@@ -46,7 +46,7 @@ class MtfNis(Limited):
     varying: ClassVar[tuple[str, ...]] = ("window", "guard")
 
     def memory_size(self) -> int:
-        """Return the length of the ring of squared innovations, the update count and the hit count, of six rows."""
+        """Return the length of what `inflated` remembers of six rows."""
         return window_memory(self.window)
 
     def adapt(

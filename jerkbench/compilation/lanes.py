@@ -22,7 +22,8 @@ def chosen(left: float, right: float, yes: float, no: float) -> float:
 def each_run(function: Callable[..., float], *given: Any) -> float:  # noqa: ANN401 - what the function takes
     """Return ``function(*given)``, a number, which may branch: it is asked for each run by itself.
 
-    It gets the numbers of one run, and of an array (its memory) those that are of this run. The last is a number.
+    It gets the numbers of one run, and of an array (its memory) those that are of this run. The last that is given must
+    be a number of the run (innovation, memory), no size or row. Runs that do not ask, or are lost, are asked about too.
     """
     return function(*given)
 

@@ -1,4 +1,4 @@
-"""What several disturbances share: checks, draws, rows, windows, added errors, scaled noise; and no disturbance."""
+"""What several disturbances share: checks, draws, rows, windows, added errors, scaled noise; and `none`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace

@@ -28,7 +28,7 @@ class CompiledEngine:
         F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L D L',   K' = S^-1 H P
         x = x + K y,   P = P - K H P;   where R < P of a measured state: x = x + y - R S^-1 y,   P = K R
 
-    The plugin's own `adapt` and `fade` are compiled as they are. What is compiled is kept on disk ($JERKBENCH_CACHE, or
+    The plugin's own methods are compiled as they are. What is compiled is kept on disk ($JERKBENCH_CACHE, or
     the user's cache folder): the first run of a new plugin takes some seconds, later processes start at once, and
     an edit of the plugin, or of a helper that it calls, is noticed. An adaptation that numba cannot compile runs on
     the engine `filterpy`; one line says why.

@@ -20,7 +20,7 @@ from jerkbench.timeline import Timeline
 
 
 class InertialFilter(Eskf15Parameters):
-    """What the filters with the parts and the parameters of `eskf15` share; they run in NumPy with either engine."""
+    """What the filters with the parts and the parameters of `eskf15` share; in NumPy, but for what is compiled."""
 
     invariant: ClassVar[bool] = False
 
@@ -137,7 +137,7 @@ class Eskf15(InertialFilter):
     ) -> Sequence[Streamed | None]:
         """Return the sums of each run, with its own of ``estimators`` and ``adaptations``.
 
-        Runs of like steps go eight side by side.
+        Runs of like steps go side by side.
         """
         from jerkbench.inertial.compiled_runs import stream_journeys
 

@@ -33,7 +33,8 @@ POLL_S = 1.0
 """So long we wait before we look again for what other processes have done."""
 
 HELD_S = 1.0
-"""So long a result waits for others at most, while results come: so much is lost with the process."""
+"""Results wait for others while tasks end within so long of the last store: a process that dies loses so much, and what
+it is just running."""
 HELD_ROWS = 20_000
 """And so many rows are kept in memory."""
 
@@ -100,7 +101,7 @@ def run_missing(
                     to_do[job.key].difference_update(row["seed"] for row in result.rows)
                     bar.advance([row["status"] for row in result.rows], count=not to_do[job.key])
                 shared.settle(task.bundle, sum(len(result.rows) for result in results))
-            shared.end()
+            shared.store()
             left = _wait_for_others([job for job in left if to_do[job.key]], known, bar)
 
 
@@ -166,7 +167,7 @@ class Writer:
         """Write into ``store``, and make it known."""
         self.store, self._known = store, known
         self._held: list[RowBlock] = []
-        self._written = time.monotonic()
+        self._rows, self._written = 0, time.monotonic()
 
     def __enter__(self) -> Self:
         """Begin with nothing."""
@@ -180,20 +181,19 @@ class Writer:
         """Take rows of a job."""
         if result.rows:
             self._held.append(block_of(job, result))
-        if time.monotonic() - self._written > HELD_S or sum(len(block.rows) for block in self._held) > HELD_ROWS:
-            self.flush()
+            self._rows += len(result.rows)
 
     @property
-    def holds(self) -> bool:
-        """Whether anything is not stored yet."""
-        return bool(self._held)
+    def due(self) -> bool:
+        """Whether it is time to store what is held, or nothing is."""
+        return not self._held or time.monotonic() - self._written > HELD_S or self._rows > HELD_ROWS
 
     def flush(self) -> None:
         """Store what is held as one file."""
         if self._held:
             self._known.note(self.store.write_blocks(self._held), self._held)
         self._held = []
-        self._written = time.monotonic()
+        self._rows, self._written = 0, time.monotonic()
 
 
 def block_of(job: Job, result: Result) -> RowBlock:
@@ -317,14 +317,11 @@ class Shared:
         self._left[bundle] -= runs
         if not self._left[bundle]:
             self._ended.append(bundle)
-        if not self._writer.holds:
-            self._release()
+        if self._writer.due:
+            self.store()
 
-    def end(self) -> None:
-        """Store what is held, before others are waited for, who wait for it."""
+    def store(self) -> None:
+        """Store what is held; also before others are waited for, who may wait for it."""
         self._writer.flush()
-        self._release()
-
-    def _release(self) -> None:
         while self._ended:
             self._locks.release(self._ended.pop())

@@ -1,12 +1,13 @@
 """The adaptation of several runs at once: one that says ``lanes = True`` is compiled for vectors, like the kernel.
 
 It is asked once for all runs that have the same rows, nearly always all of them. A run for which it finds no answer (a
-matrix that is not positive definite) gets NaN, and is lost; alone it then raises its error.
+matrix that is not positive definite) gets NaN, and is lost; alone it then raises its error. What an engine finds of S
+itself, with a stricter test, it finds before.
 """
 
 from jerkbench.arrays import IntArray
 from jerkbench.compilation.methods import try_fill_lanes_by
-from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, lane, room, row
 from jerkbench.kinematic.arguments import DENSE, Rules
 from jerkbench.kinematic.correction import NAN
@@ -53,12 +54,15 @@ def _ask_by_rows(run: Lanes, rows: IntArray, rules: Rules, gain: bool) -> None:
         if lane(run, k).waits > 0.0:
             m = _find_rows(run, lane(run, k), rows)
             if m > 0:
-                _keep_memory(run, rules)
+                keeps = anywhere(chosen(run.lost, 0.0, 0.0, 1.0) - run.asks)  # whether a run does not ask now
+                if keeps:
+                    _keep_memory(run, rules)
                 if DENSE == 1 and gain:
                     _find_gain(run, rows, rules, m)
                 else:
                     _adapt_rows(run, rows, rules, m, complete=False)
-                _restore_memory(run, rules)
+                if keeps:
+                    _restore_memory(run, rules)
             run.waits = chosen(run.asks, 0.0, 0.0, run.waits)
 
 

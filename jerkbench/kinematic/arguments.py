@@ -264,7 +264,7 @@ def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: 
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates
-    shapes |= {"scored": (PAIRS, n, n)}  # a covariance that goes on at each step: `jerkbench.kinematic.predict`
+    shapes |= {"scored": (PAIRS, n, n)}  # side by side, a P that goes on at each step: `jerkbench.kinematic.predict`
     run = with_covariance(shapes, s, width)
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
     P_scored = View((s, s), _square(run.fields["scored"].places, s).ravel().tolist(), width)

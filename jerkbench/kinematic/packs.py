@@ -41,7 +41,7 @@ def _arrays_of(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
     """Ask a filter; one that cannot change is asked once."""
     params = getattr(model, "__dataclass_params__", None)
     frozen = params is not None and params.frozen
-    known = _known if len(lengths_s) > 8 * FEW else _known_of_few
+    known = _known if len(lengths_s) > 8 * FEW_LENGTHS else _known_of_few
     return known(cast("Hashable", model), lengths_s, dt0_s) if frozen else _asked(model, lengths_s, dt0_s)
 
 
@@ -53,7 +53,7 @@ def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
     return _Arrays(A.reshape(k, n * n), b, Q.reshape(k, n * n), extra, triangular(A))
 
 
-FEW = 64
+FEW_LENGTHS = 64
 """So many lengths even steps have at most. They are the same for all packs; uneven ones each seed has of its own."""
 
 

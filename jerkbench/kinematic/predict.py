@@ -77,7 +77,7 @@ def join_steps(run: Lanes, model: Model, steps: Steps, begin: int, end: int, usu
     count = 0
     for step in range(begin, end):
         count += 1 if steps.model[step] >= 0 else 0
-    known = fresh and count == usual and len(model.A) == 1
+    known = fresh and count == usual > 0 and len(model.A) == 1
     for step in range(begin, begin if known else end):
         k = steps.model[step]
         if k >= 0 and model.A.shape[2] == 1:
@@ -226,7 +226,7 @@ def advance(run: Lanes, model: Model, steps: Steps, begin: int, end: int) -> Non
 
 
 def show_transition(run: Lanes) -> None:
-    """Take the transition on by what `predict` has joined, of the runs in which an update is due."""
+    """Take the transition on by what `join_steps` has joined, of the runs in which an update is due."""
     A, Q = room(run, "n n"), room(run, "n n")
     for a in range(run.n):
         for b in range(run.n):

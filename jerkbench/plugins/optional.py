@@ -50,6 +50,7 @@ from jerkbench.contracts import (
     WithoutImu,
 )
 from jerkbench.errors import unknown
+from jerkbench.parameters import Column
 from jerkbench.timeline import Timeline
 
 A = TypeVar("A")
@@ -205,7 +206,21 @@ def misfit(kind: str, cls: type) -> str:
             return f"{cls.__name__}.{name} must be a method (see jerkbench.contracts), or have another name."
     if isinstance(cls, Reading) and cls.reads not in READABLE:
         return f"reads: {unknown('part of an estimate', str(cls.reads), READABLE)}"
-    return _untyped(cls, known) or _wrong_default(cls)
+    return _wrong_columns(kind, cls) or _wrong_varying(cls) or _untyped(cls, known) or _wrong_default(cls)
+
+
+def _wrong_columns(kind: str, cls: type) -> str:
+    columns = getattr(cls, "columns", {}) if kind == "metric" else {}
+    if isinstance(columns, Mapping) and all(isinstance(of, Column) for of in columns.values()):
+        return ""
+    return f"{cls.__name__}.columns must be a mapping of column names to jerkbench.parameters.Column."
+
+
+def _wrong_varying(cls: type) -> str:
+    names = getattr(cls, "varying", ())
+    if isinstance(names, tuple) and (not names or all(get_type_hints(cls).get(name) is int for name in names)):
+        return ""
+    return f"{cls.__name__}.varying must be a tuple of names of parameters that are whole numbers."
 
 
 def _untyped(cls: type, known: Collection[str]) -> str:

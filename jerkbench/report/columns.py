@@ -67,7 +67,9 @@ def declared() -> Mapping[str, Column]:
 
 @cache
 def _declared(metrics: tuple[type, ...]) -> Mapping[str, Column]:
-    return {"step_ns": STEP, **{name: of for metric in metrics for name, of in getattr(metric, "columns", {}).items()}}
+    """Of a column that two metrics explain ours counts."""
+    ours_last = sorted(metrics, key=plugins.is_own)
+    return {name: of for metric in ours_last for name, of in getattr(metric, "columns", {}).items()} | {"step_ns": STEP}
 
 
 def quantity(column: str) -> Quantity:

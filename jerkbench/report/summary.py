@@ -329,18 +329,11 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
 
 # The three files that every study leaves: table.md, table.csv, table.tex.
 
-_SECTIONS = (
-    *("position_rmse_m", "position_rmse_horizontal_m", "position_rmse_up_m", "position_max_m", "velocity_rmse_mps"),
-    *("outage_rmse_m", "outage_rmse_horizontal_m", "outage_rmse_up_m", "outage_end_m", "inclination_rmse_deg"),
-    *("inclination_rmse_rad", "inclination_floor_deg", "roll_rmse_rad", "pitch_rmse_rad", "yaw_rmse_rad"),
-    *("anees", "anis_per_row"),
-)
-"""Columns that get a section in table.md, where they apply, after the main one; table.csv has all."""
-
 
 def sections_wanted() -> list[str]:
-    """Return these, in their order, and those whose metrics ask for one (`jerkbench.parameters.Column`)."""
-    return [*_SECTIONS, *(name for name, of in declared().items() if of.section)]
+    """Return the columns that get a section in table.md after the main one, in their order; table.csv has all."""
+    places = {name: of.section for name, of in declared().items() if of.section}
+    return sorted(places, key=places.__getitem__)
 
 
 MANY_CELLS = 20_000

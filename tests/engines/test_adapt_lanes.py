@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from test_side_by_side import assert_same, one, side_by_side, trajectory
+from test_side_by_side import BURN_IN_S, assert_same, one, side_by_side, trajectory
 
 from jerkbench import plugins
 from jerkbench.adaptation.chi2 import Chi2Gate
@@ -19,9 +19,11 @@ from jerkbench.adaptation.variational_bayes import VariationalBayes
 from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
 from jerkbench.compilation.lanes import above, chosen
 from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.plugins.optional import asked_in_lanes
+from jerkbench.sums import Run
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,7 @@ def rough():
     return [one(seed) for seed in range(6)]
 
 
-def test_the_iterating_methods_are_asked_at_once():
+def test_the_methods_that_are_asked_at_once():
     lanes = {name for name in plugins.names("adaptation") if asked_in_lanes(plugins.get("adaptation", name))}
 
     assert lanes >= {
@@ -44,6 +46,12 @@ def test_the_iterating_methods_are_asked_at_once():
         "sif",
         "ssmkf",
         "ssmkf_r",
+        "mtf",
+        "mtf_block",
+        "mtf_nis",
+        "iae",
+        "chi2",
+        "relaxing_gate",
     }
 
 
@@ -84,7 +92,10 @@ def test_runs_of_other_windows_are_asked_at_once_all_the_same(rough, cls):
 def test_gates_of_other_lengths_are_asked_at_once_all_the_same(rough, make):
     rules = make()
 
-    assert len({compiled_rule(rule, side_by_side=True).together for rule in rules}) == 1
+    together = {compiled_rule(rule, side_by_side=True).together for rule in rules}
+
+    assert len(together) == 1
+    assert None not in together
     for got, pair, rule in zip(side_by_side(rough[:5], Jerk(), rules), rough, rules, strict=False):
         assert_same(got, trajectory(*pair, Jerk(), rule), {})
 
@@ -94,6 +105,44 @@ def test_runs_with_other_whole_numbers_go_apart(rough):
 
     for got, pair, rule in zip(side_by_side(rough[:3], Jerk(), rules), rough, rules, strict=False):
         assert_same(got, trajectory(*pair, Jerk(), rule), {})
+
+
+@pytest.fixture(scope="module")
+def uneven():
+    """Eleven runs whose updates lack now a position, now a velocity; some have half as many as their neighbours."""
+    rng, pairs = np.random.default_rng(5), []
+    for seed in range(11):
+        recording, timeline = one(seed)
+        z = timeline.measurements.z.copy()
+        z[rng.random(len(z)) < 0.3, :3] = np.nan
+        z[rng.random(len(z)) < 0.3, 3:] = np.nan
+        z[1 :: 2 if seed % 3 == 0 else len(z)] = np.nan
+        pairs.append((recording, replace(timeline, measurements=replace(timeline.measurements, z=z))))
+    return pairs
+
+
+@pytest.mark.parametrize("consistency", [True, False])
+@pytest.mark.parametrize("cls", [Mtf, InnovationBased])
+def test_a_run_remembers_its_own_updates_whatever_its_neighbours_lack(uneven, cls, consistency):
+    windows = (1, 2, 3, 7, 30, 4, 5, 2, 9, 1, 3)
+    rules = [cls(window=window) for window in windows]
+    if cls is Mtf:
+        rules = [replace(rule, guard=k % 3) for k, rule in enumerate(rules)]
+    prepared = [prepare_reference(*pair, BURN_IN_S) for pair in uneven]
+    runs = [
+        Run(timeline, p.scoring if consistency else p.errors_alone)
+        for (_, timeline), p in zip(uneven, prepared, strict=True)
+    ]
+    together = CompiledEngine().run_settings(runs, [Jerk()] * 11, rules, updates=False, threads=1)
+
+    for got, run, rule in zip(together, runs, rules, strict=True):
+        (alone,) = CompiledEngine().run_settings([run], [Jerk()], [rule], updates=False, threads=1)
+        np.testing.assert_array_equal(got.position_m2, alone.position_m2)
+        np.testing.assert_array_equal(got.nees, alone.nees)
+    for got, (recording, timeline), rule in zip(together, uneven, rules, strict=True):
+        wanted = trajectory(recording, timeline, Jerk(), rule)
+        rmse_m = np.sqrt(got.whole_m2 / prepared[0].numbers.whole)
+        assert rmse_m == pytest.approx(wanted["position_rmse_whole_m"], rel=1e-9)
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,45 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
     assert not (tmp_path / ".locks").exists()
 
 
+def test_a_bundle_is_anybodys_when_its_rows_are_stored_whatever_else_waits(tmp_path, monkeypatch):
+    """Of two jobs in a task, with the clock in hand: what is held is stored once a second, and bundles with it."""
+    now = [0.0]
+    monkeypatch.setattr(loop.time, "monotonic", lambda: now[0])
+    plan = planned([cell(4.0, 1), cell(5.0, 1), cell(6.0, 1)])
+    tasks = [group[0]._replace(bundle=number) for number, group in enumerate(planning.grouped(plan.jobs))]
+    store = Store(tmp_path)
+    store.prepare()
+    known = KnownSeeds(store, plan.jobs)
+
+    def free(bundle):
+        with Locks(tmp_path / ".locks", "plan") as others:
+            return others.take(bundle)
+
+    def done(task, shared, writer):
+        for job in task.jobs:
+            (row,), notes = job_rows(job)
+            writer.add(job, Result([row], notes))
+        shared.settle(task.bundle, task.runs)
+
+    with Locks(tmp_path / ".locks", "plan") as locks, Writer(store, known) as writer:
+        shared = Shared([[task] for task in tasks], known, locks, writer)
+        assert [shared.admitted([task]) for task in tasks] == [[task] for task in tasks]
+        done(tasks[0], shared, writer)
+        assert not store.known(plan.draws)
+        assert not free(0)
+        now[0] += 2 * loop.HELD_S
+        done(tasks[1], shared, writer)
+        assert len(store.known(plan.draws)) == 2
+        assert free(0)
+        assert free(1)
+        done(tasks[2], shared, writer)
+        assert not free(2)
+        shared.store()
+        assert free(2)
+        monkeypatch.setattr(store, "load", lambda *_: pytest.fail("it reads what it has written"))
+        assert not known.unfinished(plan.jobs)
+
+
 def test_what_another_process_has_stored_meanwhile_is_left_out(tmp_path):
     plan = planned([cell(4.0, 1), cell(5.0, 1)])
     groups = planning.grouped(plan.jobs)

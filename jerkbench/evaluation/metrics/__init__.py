@@ -1,1 +1,1 @@
-"""The metrics: each gives columns of rows.csv from an estimate and its recording; one file a metric."""
+"""The metrics: each gives columns of rows.csv from an estimate and its recording; one file for each kind."""

@@ -41,6 +41,12 @@ class AttitudeRmse:
     NaN without a single such row.
     """
 
+    columns: ClassVar[Mapping[str, Column]] = {
+        "roll_rmse_rad": Column(section=13),
+        "pitch_rmse_rad": Column(section=14),
+        "yaw_rmse_rad": Column(section=15),
+    }
+
     reads: ClassVar[str] = "attitude"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
@@ -89,11 +95,11 @@ class Inclination:
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "inclination_rmse_rad": Column("RMSE of the inclination"),
-        "inclination_rmse_deg": Column("RMSE of the inclination"),
+        "inclination_rmse_rad": Column("RMSE of the inclination", section=11),
+        "inclination_rmse_deg": Column("RMSE of the inclination", section=10),
         "inclination_max_deg": Column("Largest error of the inclination"),
         "inclination_floor_deg": Column(
-            "Floor of the inclination: accelerometer against reference at rest", judged=False
+            "Floor of the inclination: accelerometer against reference at rest", judged=False, section=12
         ),
     }
 

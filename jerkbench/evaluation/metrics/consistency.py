@@ -40,9 +40,9 @@ class Consistency(Summed):
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "anees": Column("ANEES of position and velocity", expected=EXPECTED_ANEES),
+        "anees": Column("ANEES of position and velocity", expected=EXPECTED_ANEES, section=16),
         "anees_position": Column("ANEES of position", expected=3),
-        "anis_per_row": Column("ANIS per row, with the reported R", expected=1),
+        "anis_per_row": Column("ANIS per row, with the reported R", expected=1, section=17),
         "anis_used_per_row": Column("ANIS per row, with the R that was used", expected=1),
     }
 

@@ -43,9 +43,11 @@ class PositionRmse(Summed):
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "position_rmse_m": Column("Position RMSE (3-D)"),
+        "position_rmse_m": Column("Position RMSE (3-D)", section=1),
         "position_rmse_whole_m": Column("Position RMSE (3-D), burn-in included"),
-        "position_max_m": Column("Largest position error (3-D)"),
+        "position_rmse_horizontal_m": Column(section=2),
+        "position_rmse_up_m": Column(section=3),
+        "position_max_m": Column("Largest position error (3-D)", section=4),
     }
 
     reads_covariance: ClassVar[bool] = False
@@ -74,7 +76,7 @@ class VelocityRmse(Summed):
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "velocity_rmse_mps": Column("Velocity RMSE (3-D)"),
+        "velocity_rmse_mps": Column("Velocity RMSE (3-D)", section=5),
     }
 
     reads_covariance: ClassVar[bool] = False

@@ -173,8 +173,8 @@ class Outage(Summed):
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "outage_rmse_m": Column("Position RMSE (3-D) during outages"),
-        "outage_end_m": Column("Position error (3-D) at the end of an outage, mean over the outages"),
+        "outage_rmse_m": Column("Position RMSE (3-D) during outages", section=6),
+        "outage_end_m": Column("Position error (3-D) at the end of an outage, mean over the outages", section=9),
         "outage_end_max_m": Column("Position error (3-D) at the end of an outage, the largest"),
         "outages_counted": Column("Outages with a known error at the end", judged=False),
     }
@@ -207,8 +207,8 @@ class OutageAxes:
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "outage_rmse_horizontal_m": Column("Position RMSE during outages, horizontal"),
-        "outage_rmse_up_m": Column("Position RMSE during outages, up"),
+        "outage_rmse_horizontal_m": Column("Position RMSE during outages, horizontal", section=7),
+        "outage_rmse_up_m": Column("Position RMSE during outages, up", section=8),
     }
 
     default: ClassVar[bool] = False

@@ -67,7 +67,7 @@ def test_what_is_the_better_the_higher_and_what_an_adaptation_did_is_not_judged_
 class Found:
     """A metric of somebody else: the higher the better."""
 
-    columns: ClassVar = {"found_percent": Column("Found again", judged=False, section=True)}
+    columns: ClassVar = {"found_percent": Column("Found again", judged=False, section=99)}
 
     def evaluate(self, estimate, recording, counted):
         return {"found_percent": 100.0}
