@@ -57,11 +57,7 @@ FEW_LENGTHS = 64
 """So many lengths even steps have at most. They are the same for all packs; uneven ones each seed has of its own."""
 
 
-def _asked_once(model: Hashable, lengths_s: bytes, dt0_s: float) -> _Arrays:
-    return _asked(cast("Filter", model), lengths_s, dt0_s)
-
-
-_known, _known_of_few = lru_cache(maxsize=32)(_asked_once), lru_cache(maxsize=1024)(_asked_once)
+_known, _known_of_few = lru_cache(maxsize=32)(_asked), lru_cache(maxsize=1024)(_asked)
 
 
 def triangular(A: FloatArray) -> bool:

@@ -96,6 +96,9 @@ def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON, *, side_by
         side_by_side: whether a loop that asks for all runs at once (`jerkbench.kinematic.adapt_lanes`) is to call it.
     """
     lanes = side_by_side and asked_in_lanes(adaptation)
+    if lanes and (reason := obstacle(adaptation, lanes=True)) and not obstacle(adaptation):
+        notify(f"{type(adaptation).__name__} is asked by each run, not by eight at once: {reason}")
+        lanes = False
     if reason := obstacle(adaptation, lanes=lanes):
         notify(f"{otherwise.format(type(adaptation).__name__)}: {reason}")
         return None

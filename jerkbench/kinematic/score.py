@@ -22,15 +22,14 @@ AHEAD = 24
 def keep(run: Lanes, scored: TruthRows, kept: Kept, reference: int, k: int, later: bool = False) -> None:
     """Keep, and score, the state at the ``k``-th visited stamp of the reference; P may be predicted ``later``."""
     kept.reference[k] = reference
-    if later:
-        compare(run, run.P_scored, scored, kept.errors, k)
-        return
-    if len(kept.x) > 0:
+    if len(kept.x) > 0 and not later:
         x = row(kept.x, k, run, "6")
         for s in range(6):
             x[s] = run.x[s]
         copy(row(kept.P, k, run, "6 6"), run.P_measured)
-    if len(scored.mark) > 0:
+    if later:
+        compare(run, run.P_scored, scored, kept.errors, k)
+    elif len(scored.mark) > 0:
         compare(run, run.P_measured, scored, kept.errors, k)
 
 

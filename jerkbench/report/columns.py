@@ -68,8 +68,8 @@ def declared() -> Mapping[str, Column]:
 @cache
 def _declared(metrics: tuple[type, ...]) -> Mapping[str, Column]:
     """Of a column that two metrics explain ours counts."""
-    ours_last = sorted(metrics, key=plugins.is_own)
-    return {name: of for metric in ours_last for name, of in getattr(metric, "columns", {}).items()} | {"step_ns": STEP}
+    each = (getattr(metric, "columns", {}) for metric in sorted(metrics, key=plugins.is_own))
+    return {name: of for columns in each for name, of in columns.items()} | {"step_ns": STEP}
 
 
 def quantity(column: str) -> Quantity:

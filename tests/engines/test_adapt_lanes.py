@@ -173,6 +173,23 @@ def test_a_run_without_an_answer_is_lost_and_harms_no_other(rough):
 
 
 @dataclass(frozen=True)
+class Branches(NoAdaptation):
+    """Says that it can be asked at once, and cannot."""
+
+    lanes: ClassVar[bool] = True
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return 2.0 * R if innovation[0] > 0.0 else R
+
+
+def test_one_that_cannot_be_asked_at_once_is_asked_by_each_run_and_a_sentence_says_so(rough, capsys):
+    for got, pair in zip(side_by_side(rough[:2], Baseline(), Branches()), rough, strict=False):
+        assert_same(got, trajectory(*pair, Baseline(), Branches()), {})
+
+    assert "Branches is asked by each run, not by eight at once:" in capsys.readouterr().err
+
+
+@dataclass(frozen=True)
 class Fades(Bounded):
     """Fades as well, which nobody does at once."""
 
