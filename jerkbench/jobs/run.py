@@ -7,7 +7,7 @@ process has run them already.
 import hashlib
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from itertools import chain
@@ -33,8 +33,8 @@ POLL_S = 1.0
 """So long we wait before we look again for what other processes have done."""
 
 HELD_S = 1.0
-"""Results wait for others while tasks end within so long of the last store: a process that dies loses so much, and what
-it is just running."""
+"""Results wait for others while tasks take less than that, for so long at most: a process that dies loses so much work,
+and what it is just running."""
 HELD_ROWS = 20_000
 """And so many rows are kept in memory."""
 
@@ -101,7 +101,7 @@ def run_missing(
                     to_do[job.key].difference_update(row["seed"] for row in result.rows)
                     bar.advance([row["status"] for row in result.rows], count=not to_do[job.key])
                 shared.settle(task.bundle, sum(len(result.rows) for result in results))
-            shared.store()
+            writer.flush()  # others, who are waited for, may wait for it
             left = _wait_for_others([job for job in left if to_do[job.key]], known, bar)
 
 
@@ -167,7 +167,7 @@ class Writer:
         """Write into ``store``, and make it known."""
         self.store, self._known = store, known
         self._held: list[RowBlock] = []
-        self._rows, self._written = 0, time.monotonic()
+        self._rows, self._written, self._after = 0, time.monotonic(), list[Callable[[], None]]()
 
     def __enter__(self) -> Self:
         """Begin with nothing."""
@@ -182,18 +182,22 @@ class Writer:
         if result.rows:
             self._held.append(block_of(job, result))
             self._rows += len(result.rows)
+        if time.monotonic() - self._written > HELD_S or self._rows > HELD_ROWS:
+            self.flush()
 
-    @property
-    def due(self) -> bool:
-        """Whether it is time to store what is held, or nothing is."""
-        return not self._held or time.monotonic() - self._written > HELD_S or self._rows > HELD_ROWS
+    def after(self, what: Callable[[], None]) -> None:
+        """Do that as soon as what is held now is stored."""
+        self._after.append(what)
+        if not self._held:
+            self.flush()
 
     def flush(self) -> None:
         """Store what is held as one file."""
         if self._held:
             self._known.note(self.store.write_blocks(self._held), self._held)
-        self._held = []
-        self._rows, self._written = 0, time.monotonic()
+        self._held, self._rows, self._written = [], 0, time.monotonic()
+        while self._after:
+            self._after.pop()()
 
 
 def block_of(job: Job, result: Result) -> RowBlock:
@@ -294,7 +298,7 @@ class Shared:
     def __init__(self, groups: Iterable[Sequence[Task]], known: KnownSeeds, locks: Locks, writer: Writer) -> None:
         """Begin with ``groups`` of which what is ``known`` is left out already."""
         self._known, self._locks, self._writer = known, locks, writer
-        self._left, self._ended = Counter[int](), list[int]()
+        self._left, self._settled = Counter[int](), time.monotonic()
         for task in chain.from_iterable(groups):
             self._left[task.bundle] += task.runs
         self._taken: dict[int, bool] = {}
@@ -316,12 +320,7 @@ class Shared:
         """Count runs of a bundle as done; after the last one, when they are stored, the bundle is anybody's again."""
         self._left[bundle] -= runs
         if not self._left[bundle]:
-            self._ended.append(bundle)
-        if self._writer.due:
-            self.store()
-
-    def store(self) -> None:
-        """Store what is held; also before others are waited for, who may wait for it."""
-        self._writer.flush()
-        while self._ended:
-            self._locks.release(self._ended.pop())
+            self._writer.after(partial(self._locks.release, bundle))
+        if time.monotonic() - self._settled > HELD_S:
+            self._writer.flush()
+        self._settled = time.monotonic()

@@ -332,8 +332,7 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
 
 def sections_wanted() -> list[str]:
     """Return the columns that get a section in table.md after the main one, in their order; table.csv has all."""
-    places = {name: of.section for name, of in declared().items() if of.section}
-    return sorted(places, key=places.__getitem__)
+    return sorted((name for name, of in declared().items() if of.section), key=lambda name: declared()[name].section)
 
 
 MANY_CELLS = 20_000

@@ -102,7 +102,7 @@ def test_a_bundle_is_anybodys_when_its_rows_are_stored_whatever_else_waits(tmp_p
         assert free(1)
         done(tasks[2], shared, writer)
         assert not free(2)
-        shared.store()
+        writer.flush()
         assert free(2)
         monkeypatch.setattr(store, "load", lambda *_: pytest.fail("it reads what it has written"))
         assert not known.unfinished(plan.jobs)
