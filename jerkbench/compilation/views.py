@@ -346,7 +346,10 @@ def _picked(builder: Untyped, parts: list[Untyped], numbers: list[int]) -> Untyp
 
 @intrinsic
 def ask_for(_typing: Untyped, view: Untyped) -> Untyped:
-    """Ask the memory, which is slow to answer, for a matrix that a later step reads; it may lie beyond the end."""
+    """Ask the memory, which is slow to answer, for a matrix that a later step reads; it may lie beyond the end.
+
+    It goes to the second cache: the first one is full of the runs themselves.
+    """
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
         """Write it in LLVM."""
@@ -355,7 +358,7 @@ def ask_for(_typing: Untyped, view: Untyped) -> Untyped:
         ask = builder.module.declare_intrinsic("llvm.prefetch", (byte,), takes)
         for place in sig.args[0].places:
             at = builder.gep(args[0], [LONG(place)])
-            builder.call(ask, [builder.bitcast(at, byte), kind(0), kind(3), kind(1)])
+            builder.call(ask, [builder.bitcast(at, byte), kind(0), kind(2), kind(1)])
         return context.get_dummy_value()
 
     return types.void(view), generate

@@ -202,11 +202,11 @@ class Whole(NamedTuple):
 
 def exchange_for(n: int, width: int) -> Exchange:
     """Make room for ``width`` runs of a filter with ``n`` quantities on each axis."""
-    HPHt, given, adapted = (aligned_zeros(width, MATRIX) for _ in range(3))
-    y, kept, variance = (aligned_zeros(width, SIX) for _ in range(3))
-    s = 3 * n
-    room = np.zeros(114), np.zeros(6, dtype=np.int64), np.zeros(s + 4 * s * s)
-    return Exchange(HPHt, y, kept, given, adapted, variance, *room)
+    room, s = aligned_zeros(3 * (MATRIX + SIX), width), 3 * n
+    HPHt, given, adapted = (room[k * MATRIX : (k + 1) * MATRIX].reshape(width, MATRIX) for k in range(3))
+    y, kept, variance = (room[3 * MATRIX + k * SIX :][:SIX].reshape(width, SIX) for k in range(3))
+    some, rows, whole = np.zeros(114), np.zeros(6, dtype=np.int64), np.zeros(s + 4 * s * s)
+    return Exchange(HPHt, y, kept, given, adapted, variance, some, rows, whole)
 
 
 def packed_of(exchange: Exchange) -> Packed:

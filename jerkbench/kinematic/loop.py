@@ -273,7 +273,6 @@ def coast(
         if steps.update[k] >= 0 or k + 1 == len(steps.model):
             break
         if steps.reference[k] >= 0:
-            kept.reference[reached] = steps.reference[k]
             add_errors(run, x, e, sums, scored, kept.errors, reached)
             reached += 1
         k += 1

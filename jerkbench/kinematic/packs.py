@@ -10,6 +10,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray, IntArray
+from jerkbench.compilation.vectors import aligned_room
 from jerkbench.contracts import Filter
 from jerkbench.kinematic.arguments import Model, Steps, TruthRows
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart
@@ -20,11 +21,11 @@ from jerkbench.timeline import Timeline, step_lengths
 
 def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:
     """Ask the filter of each run for A, b, Q of each length, and for the start; all have as many states."""
-    arrays = [_arrays_of(model, lengths_s.tobytes(), dt0_s) for model in models]
     shared = all(model is models[0] or model == models[0] for model in models)
-    own = arrays[:1] if shared else arrays
+    own = [_arrays_of(model, lengths_s.tobytes(), dt0_s) for model in (models[:1] if shared else models)]
     A, b, Q = _stack([of.A for of in own]), _stack([of.b for of in own]), _stack([of.Q for of in own])
-    return Model(A, b, Q, _stack([of.extra for of in arrays]), all(of.triangular for of in arrays))
+    extra = _stack([of.extra for of in own] * (len(models) // len(own)))
+    return Model(A, b, Q, extra, all(of.triangular for of in own))
 
 
 class _Arrays(NamedTuple):
@@ -126,12 +127,12 @@ class Kind(NamedTuple):
 
 def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     """Pack runs of the same kind whose steps have the same lengths and meet the reference at the same places."""
-    alike: dict[tuple[Kind, bytes, bool], list[int]] = {}
+    alike: dict[tuple[Kind, _Ground, bool], list[int]] = {}
     starts = axes_apart(np.reshape([run.timeline.P0 for run in runs], (-1, 6, 6))).tolist()
     for place, (run, kind, start) in enumerate(zip(runs, kinds, starts, strict=True)):
         errors_alone = kind.by_axes and not kind.wants_truth and not run.scoring.consistency
         apart = errors_alone and start and _told(run)[0].apart
-        alike.setdefault((kind, _structure(_Course(run)), apart), []).append(place)
+        alike.setdefault((kind, _ground(_Course(run)), apart), []).append(place)
     return [
         _pack(runs, members, wants_truth=kind.wants_truth, apart=apart)
         for (kind, _, apart), places in alike.items()
@@ -180,12 +181,50 @@ class _Course:
         return isinstance(other, _Course) and self._key == other._key
 
 
-@lru_cache(maxsize=256)
-def _structure(course: _Course) -> bytes:
-    """What runs of one pack have in common, as a hash."""
-    t, s = course.run.timeline, course.run.scoring
-    shared = (np.array([t.dt0_s, s.consistency]), t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
-    return blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
+class _Ground:
+    """What runs of one pack have in common: their steps, and which of them count; the same as another's by its hash."""
+
+    def __init__(self, course: _Course) -> None:
+        t, s = course.run.timeline, course.run.scoring
+        self.timeline, self.scoring = t, s
+        shared = (np.array([t.dt0_s, s.consistency]), t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
+        self._digest = blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Ground) and self._digest == other._digest
+
+
+_ground = lru_cache(maxsize=256)(_Ground)
+
+
+class _Common(NamedTuple):
+    """Arrays that all packs on one ground share, so that they stay in the cache; as in `Steps` and `TruthRows`."""
+
+    model: IntArray
+    sample: IntArray
+    reference: IntArray
+    lengths_s: FloatArray
+    weights: FloatArray
+
+
+@lru_cache(maxsize=16)  # a MB each
+def _common(ground: _Ground) -> _Common:
+    t, s = ground.timeline, ground.scoring
+    lengths_s, model = step_lengths(t.dt_s)
+    reference = _numbered(len(model), np.flatnonzero(t.reference >= 0).tobytes())
+    weights = np.column_stack([s.counted, s.whole, s.moving, s.counted * s.moving])
+    return _Common(model, t.sample.astype(np.int64), reference, lengths_s, weights)
+
+
+@lru_cache(maxsize=32)
+def _numbered(length: int, places: bytes) -> IntArray:
+    """(length,) 0, 1, 2, ... at ``places`` (int64), -1 elsewhere."""
+    numbers, at = np.full(length, -1, dtype=np.int64), np.frombuffer(places, dtype=np.int64)
+    numbers[at] = np.arange(len(at))
+    return numbers
 
 
 class _Stacked(NamedTuple):
@@ -226,23 +265,22 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, a
 
 def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_truth: bool, apart: bool) -> _Stacked:
     lanes = [course.run for course, _ in streams]
-    first = lanes[0].timeline
-    lengths_s, model = step_lengths(first.dt_s)
+    first, common = lanes[0].timeline, _common(_ground(streams[0][0]))
     updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
     marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
     reported = [_covariances(course.run, updated, measured.as_reported, apart) for course, measured in streams]
     truth = [_covariances(course.run, updated, m.R_true, apart) for course, m in streams] if wants_truth else []
     return _Stacked(
-        model,
-        first.sample.astype(np.int64),
-        _numbered(len(model), updated),
-        _numbered(len(model), np.flatnonzero(first.reference >= 0)),
+        common.model,
+        common.sample,
+        _numbered(len(common.model), updated.tobytes()),
+        common.reference,
         _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),
         _stacked(lanes, lambda run: _measured(run, updated)),
         _stack(truth) if wants_truth else np.empty((0, 36, 1)),
         _stack(reported),
-        _truth_rows(lanes, marks, first.t_s[updated]),
-        lengths_s,
+        _truth_rows(lanes, marks, first.t_s[updated], common.weights),
+        common.lengths_s,
         updated,
         tuple(np.searchsorted(marks, run.scoring.marks) for run in lanes),
     )
@@ -252,13 +290,13 @@ _streams = lru_cache(maxsize=16)(_stacked_streams)  # some 10 MB each
 _one_stream = lru_cache(maxsize=128)(_stacked_streams)  # a tenth of that
 
 
-def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray) -> TruthRows:
+def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray, weights: FloatArray) -> TruthRows:
     first = lanes[0].scoring
     return TruthRows(
-        _numbered(len(first.truth), marks),
+        _numbered(len(first.truth), marks.tobytes()),
         _stacked(lanes, lambda run: (update_s >= run.scoring.start_s).astype(np.float64)),
         _stacked(lanes, lambda run: run.scoring.truth),
-        np.column_stack([first.counted, first.whole, first.moving, first.counted * first.moving]),
+        weights,
         _outages(lanes),
         first.consistency,
     )
@@ -272,7 +310,7 @@ def _stack(parts: Sequence[FloatArray]) -> FloatArray:
     """One vector of each element; a compiled signature is exact, so it is contiguous and may be written."""
     if len(parts) == 1:
         return np.require(parts[0][..., None], requirements=["C", "W", "A"])
-    stacked = np.empty((*parts[0].shape, len(parts)))  # `np.stack` takes twice as long for a few numbers
+    stacked = aligned_room(*parts[0].shape, len(parts))  # `np.stack` takes twice as long for a few numbers
     for k, part in enumerate(parts):
         stacked[..., k] = part
     return stacked
@@ -282,13 +320,6 @@ def _outages(lanes: Sequence[Run]) -> FloatArray:
     """(k, WIDE), or no row where no run has one."""
     outage = _stacked(lanes, lambda run: run.scoring.outage)
     return outage if outage.any() else outage[:0]
-
-
-def _numbered(length: int, places: IntArray) -> IntArray:
-    """(length,) 0, 1, 2, ... at ``places``, -1 elsewhere."""
-    numbers = np.full(length, -1, dtype=np.int64)
-    numbers[places] = np.arange(len(places))
-    return numbers
 
 
 def _measured(run: Run, updated: IntArray) -> FloatArray:

@@ -1,8 +1,9 @@
 """The call of an adaptation from compiled code, as its author wrote it."""
 
 from collections.abc import Sequence
-from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,8 @@ PRIOR = CompiledMethod("adapt_prior", (*STATE, *_MEASURED), ("m", "size", "n"), 
 GAIN = CompiledMethod("adapt_gain", (*STATE[:2], *_MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, m)")
 
 
-class Rule(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Rule:
     """An adaptation that compiles.
 
     Attributes:
@@ -61,18 +63,18 @@ class Rule(NamedTuple):
     asked: int
     wants_truth: bool
 
-    @property
+    @cached_property
     def dense(self) -> bool:
         """Whether it sees whole matrices, which a loop of its own shows."""
         _, _, prior, gain = _addresses(self.kind, self.asked == AT_ONCE)
         return prior != 0 or gain != 0
 
-    @property
+    @cached_property
     def by_axes(self) -> bool:
         """Whether it sees no whole matrices, or goes over them axis by axis where it may."""
         return not self.dense or _reads_axes(type(self.adaptation))
 
-    @property
+    @cached_property
     def together(self) -> object:
         """What those have in common that are not asked by each run; None where it is."""
         return (self.kind, tuple(whole_numbers(self.adaptation))) if self.asked else None
@@ -205,7 +207,9 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
     sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
     if lanes:
         sizes[:] = sizes.max()
-    adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes, axes if lanes else 1) for rule in rules]).T.copy()
+    kinds = [first.kind] if lanes else [rule.kind for rule in rules]
+    addresses = [_addresses(kind, lanes, axes if lanes else 1) for kind in kinds] * (len(rules) // len(kinds))
+    adapt, fade, prior, gain = np.array(addresses).T.copy()
     whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)
     parameters = aligned_zeros(len(rules), max(len(rule.parameters) for rule in rules))
     for run, rule in enumerate(rules):

@@ -19,7 +19,7 @@ from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Steps, TruthRows, 
 from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs, together
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.sums import SUMS, Run, Streamed
+from jerkbench.sums import NEES, NEES_POSITION, SUMS, Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
 NO_ROWS = np.empty((0, 6, 1))
@@ -240,6 +240,8 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
     first = of.fields["sums"].places[0] // WIDE
     sums = w[first : first + SUMS].T.copy()
     healthy = np.isfinite(sums).all(axis=1) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
+    if not pack.scored.consistency:
+        sums[:, [NEES, NEES_POSITION]] = math.nan
     return [
         _result(pack, kept, sums[lane], lane, updates=updates) if well else None
         for lane, well in enumerate(healthy[: len(pack.members)].tolist())
@@ -248,8 +250,7 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
 
 def _result(pack: Pack, kept: Kept, sums: FloatArray, lane: int, *, updates: bool) -> Streamed:
     seen = _updates(pack, kept.seen, lane) if updates else _NOTHING
-    result = Streamed.of(sums, kept.errors[pack.marks[lane], :, lane], seen)
-    return result if pack.scored.consistency else result._replace(nees=math.nan, nees_position=math.nan)
+    return Streamed.of(sums, kept.errors[pack.marks[lane], :, lane], seen)
 
 
 def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
