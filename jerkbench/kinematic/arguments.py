@@ -97,7 +97,7 @@ class Rules(NamedTuple):
     Attributes:
         parameters: (WIDTH, any) its numbers; (any, WIDTH) of all runs at once.
         whole: (any,) of all runs at once the same, where they are whole numbers and so the same; else nothing.
-        adapt: (WIDTH,) address of its `adapt`, compiled.
+        adapt: (WIDTH,) address of its `adapt`, compiled; or 0 for a run alone in which nobody is to be asked.
         fade: (WIDTH,) address of its `fade`, or 0: it has none.
         prior: (WIDTH,) likewise of its `adapt_prior`.
         gain: (WIDTH,) likewise of its `adapt_gain`.

@@ -103,7 +103,7 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
     same = False
     if ASKED == AT_ONCE:
         adapt_lanes(run, exchange.rows, rules, complete)
-    elif ASKED == NEVER:
+    elif ASKED == NEVER or (run.width == 1 and rules.adapt[0] == 0):
         same = True
         for r in range(6):
             run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)

@@ -132,8 +132,8 @@ def updates_seen(t_s: FloatArray, seen: FloatArray) -> Updates:
 
 
 def _rows(array: FloatArray, increasing: IntArray) -> FloatArray:
-    """Return ``array[increasing]``, quicker; where these are all of its rows it is a view, which cannot be written."""
-    if len(increasing) != len(array) or (increasing != np.arange(len(array))).any():
+    """Return ``array[increasing]``; where that is all of them it is a view, which cannot be written."""
+    if len(increasing) != len(array):
         return array.take(increasing, axis=0)
     view = array.view()
     view.flags.writeable = False

@@ -151,6 +151,18 @@ def test_a_threshold_that_flips_in_one_of_ten_runs_explains_the_difference():
 
 
 @pytest.mark.slow
+def test_a_changed_run_whose_variance_is_negative_is_compared_up_to_there():
+    """`strong_tracking` fades what 200 s without a fix have left: other last bits make a variance negative."""
+    gap, fix = (100.0, False, "both", 1e-3), (0.01, True, "both", 0.01)
+    begin = [(0.1, True, "both", 1e-3), gap, gap, fix, (0.01, True, "position", 0.01), gap]
+    middle = [(0.0, True, "both", 30.0), (0.1, True, "none", 1.0), (1.0, True, "position", 30.0)]
+    end = [(100.0, True, "none", 0.01), (0.0, True, "position", 0.01), (0.1, True, "none", 1e-3)]
+    steps = [*begin, *middle, *end, (1e-9, True, "both", 1e-3)]
+    timeline = timeline_of(steps, 42, correlated=True)
+    assert compare(timeline, Damped(), plugins.create("adaptation", {"name": "strong_tracking"})) == "rounded"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sif", "maximum_correntropy"])
 def test_a_gain_of_their_own_leaves_nothing_of_a_prior_that_is_large_after_a_gap(name):
     """(I - K H) is worked out before P, which is 1e16 R here: P less what is nearly P is no millimetre."""
@@ -338,7 +350,7 @@ class ChangedRun(filterpy_engine._Run):
         whether P is positive definite.
         """
         kept = np.isfinite(np.diag(R))
-        left = np.sqrt(np.diag(self.kf.P))
+        left = np.sqrt(np.maximum(np.diag(self.kf.P), 0.0))  # other bits may have left a variance below nothing
         left[rows[kept]] = 0.0
         used, G, R_used = rows[kept], self.kf.P[:, rows[kept]].copy(), R[np.ix_(kept, kept)]
         self.error = np.zeros_like(self.kf.x), self._symmetric(left)
