@@ -1,5 +1,6 @@
 """The sums of a run: the numbers that the built-in metrics need in place of a trajectory."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -85,6 +86,7 @@ class ErrorWeights:
         start_s: from when on updates count.
         consistency: whether covariances are asked for: the sums of e' P^-1 e, and those of the marked rows. They take a
             quarter of a run without a trajectory.
+        limit_m: a run with a larger position error strays.
     """
 
     truth: FloatArray
@@ -95,6 +97,7 @@ class ErrorWeights:
     marks: IntArray
     start_s: float
     consistency: bool = True
+    limit_m: float = math.inf
 
 
 class Run(NamedTuple):
@@ -128,10 +131,10 @@ class RecordedRun:
         return with_r_scale(self.reported, self.r_scale)
 
 
-SUMS = 16
-"""Sums that a run adds up, the first twelve parts of `Streamed`: each has a place in the array of them."""
+SUMS = 17
+"""Sums that a run adds up, the first thirteen parts of `Streamed`: each has a place in the array of them."""
 POSITION_SQUARES, VELOCITY_SQUARES = 0, 3
-WHOLE, OUTAGE, LARGEST, FARTHEST, NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(6, SUMS)
+WHOLE, OUTAGE, LARGEST, STRAYED, ROWS_LEFT, NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(6, SUMS)
 
 
 class Streamed(NamedTuple):
@@ -143,7 +146,8 @@ class Streamed(NamedTuple):
         whole_m2: of the position, with the burn-in.
         outage_m2: of the position, inside the outages.
         largest_m2: the largest of the position, where it counts.
-        farthest_m2: the largest of all.
+        strayed_m2: the first of the position beyond the limit; 0: there is none.
+        rows_left: how many rows there were from that one on.
         nees: sum of e' P^-1 e; NaN where it was not wanted.
         nees_position: the same of the position alone.
         nis_per_row: sum of nis/m over the updates that count.
@@ -161,7 +165,8 @@ class Streamed(NamedTuple):
     whole_m2: float
     outage_m2: float
     largest_m2: float
-    farthest_m2: float
+    strayed_m2: float
+    rows_left: float
     nees: float
     nees_position: float
     nis_per_row: float

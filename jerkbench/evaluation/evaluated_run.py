@@ -177,8 +177,12 @@ def can_stream(metric: Metric) -> bool:
     return has_methods(metric, Summarising) or part_read(metric) != "everything"
 
 
-def prepare_reference(recording: Recording, timeline: Timeline, burn_in_s: float) -> PreparedReference | None:
+def prepare_reference(
+    recording: Recording, timeline: Timeline, burn_in_s: float, limit_m: float = math.inf
+) -> PreparedReference | None:
     """Return the reference for runs over ``timeline``, or None where scoring them needs a trajectory.
+
+    A run with a position error over ``limit_m`` strays.
 
     It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
     nothing counts.
@@ -190,7 +194,8 @@ def prepare_reference(recording: Recording, timeline: Timeline, burn_in_s: float
     located = known_axes(recording.reference.enu_m, outline.index).all()
     if not (located and counted.any() and (rows.velocity == rows.velocity[0]).all()):
         return None
-    return PreparedReference(error_weights(recording, outline.index, rows), rows, counted, outline)
+    scoring = replace(error_weights(recording, outline.index, rows), limit_m=limit_m)
+    return PreparedReference(scoring, rows, counted, outline)
 
 
 def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
@@ -222,12 +227,16 @@ def run_status(estimate: Estimate, recording: Recording, limit_m: float) -> tupl
     return ("diverged", reason) if reason else ("ok", "")
 
 
-def strays(result: Streamed, limit_m: float) -> bool:
-    """Whether a position error of a run without a trajectory was over ``limit_m``.
+def why_strayed(result: Streamed, prepared: PreparedReference, recording: Recording) -> str:
+    """Return what `run_status` says of a run without a trajectory that came to its end; empty: it is ok."""
+    if not result.rows_left:
+        return ""
+    t_s = recording.reference.t_s[prepared.outline.index[-int(result.rows_left)]]
+    return _beyond(math.sqrt(result.strayed_m2), float(t_s), prepared.scoring.limit_m)
 
-    Such a run is run alone and judged by `run_status`: a stricter rule there is asked for here, too.
-    """
-    return result.farthest_m2 > limit_m**2
+
+def _beyond(distance_m: float, t_s: float, limit_m: float) -> str:
+    return f"The position error is {distance_m:.0f} m at {t_s:.2f} s; the limit is {limit_m:g} m."
 
 
 def why_stopped(estimate: Estimate) -> str:
@@ -251,7 +260,7 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     if not far.any():
         return ""
     first = int(np.argmax(far))
-    return f"The position error is {distance_m[first]:.0f} m at {t_s[first]:.2f} s; the limit is {limit_m:g} m."
+    return _beyond(float(distance_m[first]), float(t_s[first]), limit_m)
 
 
 # A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.

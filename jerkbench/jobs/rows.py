@@ -19,8 +19,8 @@ from jerkbench.evaluation.evaluated_run import (
     metric_values,
     outlined,
     run_status,
-    strays,
     sums_from,
+    why_strayed,
     with_updates,
 )
 from jerkbench.jobs.inputs import KEPT_INPUTS, Inputs, shared_inputs
@@ -172,16 +172,15 @@ def run_seed(job: Job, draw: int, inputs: Inputs | None = None) -> tuple[Recordi
     return recording, method.engine.run(timeline, model, method.adaptation)
 
 
-def alone(job: Job, draw: int, how: How, values: Mapping[str, float] | None = None) -> NotedRows:
-    """Return the row of a seed that is run alone; ``values`` are its metrics, where they are known."""
+def alone(job: Job, draw: int, how: How) -> NotedRows:
+    """Return the row of a seed that is run alone."""
     evaluation = job.evaluation
     try:
         recording, estimate = run_seed(job, draw, how.inputs)
         if isinstance(job.method.filter, PerSeed):
             require_begin(estimate, recording, evaluation.burn_in_s)
         status, reason = run_status(estimate, recording, evaluation.divergence_limit_m)
-        if values is None or estimate.failure:  # one that stops has the values up to there
-            values = evaluate_run(estimate, recording, evaluation.burn_in_s, evaluation.metrics, how.inputs.columns)
+        values = evaluate_run(estimate, recording, evaluation.burn_in_s, evaluation.metrics, how.inputs.columns)
         return [{**_head(job, draw), "status": status, "reason": plain(reason), **values}], notes_of(job, recording)
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row, or a sentence
         return failed_piece(job, [draw], error, how)
@@ -263,18 +262,19 @@ class _ReadySeed(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """The result of a run among others: its metrics by column, and whether the position went beyond the limit."""
+    """The result of a run among others: its metrics by column, and why it diverged, or nothing."""
 
     recording: Recording
     values: Mapping[str, float]
-    far: bool
+    reason: str
 
 
 def _finished(job: Job, draw: int, streamed: _Sums | None, how: How) -> NotedRows:
-    """Return the row of a seed; one that stopped, or went too far, is run alone, which says where and when."""
-    if streamed is None or streamed.far:
-        return alone(job, draw, how, streamed.values if streamed else None)
-    return [{**_head(job, draw), **_OK, **streamed.values}], notes_of(job, streamed.recording)
+    """Return the row of a seed; one that stopped is run alone, which says where and when."""
+    if streamed is None:
+        return alone(job, draw, how)
+    status = {"status": "diverged", "reason": plain(streamed.reason)} if streamed.reason else _OK
+    return [{**_head(job, draw), **status, **streamed.values}], notes_of(job, streamed.recording)
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], _Sums]:
@@ -288,9 +288,12 @@ def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple
     if not ready:
         return {}
     results = _run_all([(jobs[k], seed) for (k, _), seed in ready.items()], how)
-    limit_m = jobs[0].evaluation.divergence_limit_m
     return {
-        (k, draw): _Sums(seed.recording, _values(jobs[k], seed, result, how.inputs), strays(result, limit_m))
+        (k, draw): _Sums(
+            seed.recording,
+            _values(jobs[k], seed, result, how.inputs),
+            why_strayed(result, seed.reference, seed.recording),
+        )
         for ((k, draw), seed), result in zip(ready.items(), results, strict=True)
         if result is not None
     }
@@ -304,7 +307,8 @@ def _ready(job: Job, draw: int, inputs: Inputs) -> _ReadySeed | None:
         timeline = inputs.timeline(recording, attitude)
     except Exception:  # noqa: BLE001 - the run alone raises it again, where it becomes a row that says so
         return None
-    reference = inputs.prepared(recording, timeline, job.evaluation.burn_in_s)
+    evaluation = job.evaluation
+    reference = inputs.prepared(recording, timeline, evaluation.burn_in_s, evaluation.divergence_limit_m)
     return None if reference is None else _ReadySeed(recording, attitude, timeline, reference)
 
 

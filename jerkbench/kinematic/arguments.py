@@ -63,6 +63,7 @@ class TruthRows(NamedTuple):
         weights: (k, 4) in the order of `WEIGHTS`.
         outage: (k, W) 1 where a row counts for the outages, else 0; or no row where there are none.
         consistency: whether e' P^-1 e is summed up, and the covariance of a marked row kept.
+        limit_m2: the square of a position error beyond which a run strays.
     """
 
     mark: IntVector
@@ -71,6 +72,7 @@ class TruthRows(NamedTuple):
     weights: FloatMatrix
     outage: FloatMatrix
     consistency: bool
+    limit_m2: float
 
 
 class Model(NamedTuple):

@@ -14,7 +14,6 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.estimate import Estimate
 from jerkbench.sums import (
-    FARTHEST,
     LARGEST,
     NEES,
     NEES_POSITION,
@@ -115,7 +114,6 @@ def add_state(score: TrajectoryScore, row: int, x: FloatArray, P: FloatArray) ->
 def _add_squares(score: TrajectoryScore, row: int, square: float) -> None:
     """Add the squares of the errors; ``square`` is that of the position."""
     t, e = score.totals, score.room
-    t[FARTHEST] = _larger(t[FARTHEST], square)
     if score.counted[row] > 0.0:
         for i in range(3):
             t[POSITION_SQUARES + i] += e[36 + i] * e[36 + i]

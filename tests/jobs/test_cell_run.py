@@ -23,15 +23,21 @@ def rows_of(limit_m, **changed):
     return rows
 
 
-@pytest.mark.parametrize("limit_m", [1000.0, 0.05])
-def test_a_run_that_goes_too_far_has_the_row_that_it_has_alone(monkeypatch, limit_m):
-    together = rows_of(limit_m)
+@pytest.mark.parametrize(
+    ("filter_", "limit_m"), [("baseline", 1000.0), ("baseline", 0.05), ("imm", 0.05), ("rts", 0.03), ("eskf15", 0.05)]
+)
+def test_a_run_that_goes_too_far_has_the_row_that_it_has_alone(monkeypatch, filter_, limit_m):
+    """The sentence too; `rts` meets its errors from the last one on."""
+    together = rows_of(limit_m, filter={"name": filter_})
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "alone", lambda *_, **__: pytest.fail("a run that came to its end was repeated"))
+        assert len(rows_of(limit_m, filter={"name": filter_})) == len(together)
     monkeypatch.setattr(run, "streams", lambda _: False)
-    alone = rows_of(limit_m)
+    alone = rows_of(limit_m, filter={"name": filter_})
 
     for one, other in zip(together, alone, strict=True):
         assert one["status"] == ("ok" if limit_m == 1000.0 else "diverged")
-        assert (one["reason"] != "") == (limit_m == 0.05)
+        assert (one["reason"] != "") == (limit_m < 1000.0)
         assert one.keys() == other.keys()
         for name, value in one.items():
             assert value == (
