@@ -59,6 +59,11 @@ class Timeline:
     start: Start | None = None
 
     @cached_property
+    def starts(self) -> dict[tuple[float, float], tuple[FloatArray, FloatArray]]:
+        """The x0 and P0 of filters that were told these factors on R: settings of a search share them."""
+        return {}
+
+    @cached_property
     def update_times_s(self) -> FloatArray:
         """(m,) when the updates are that measure anything, seconds since the start; shared, so it cannot be written."""
         rows = self.update[self.update >= 0]
@@ -227,7 +232,8 @@ def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, 
     before = timeline.measurements
     if timeline.start and (recording.velocity is None or recording.velocity.frame == "enu"):
         measured: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
-        x0, P0 = timeline.start.motion(scale.position, scale.velocity)
+        factors = scale.position, scale.velocity
+        x0, P0 = timeline.starts.get(factors) or timeline.starts.setdefault(factors, timeline.start.motion(*factors))
     else:  # R is not the reported one, but was turned
         again = merged_measurements(with_r_scale(recording, scale), attitude)
         measured = dataclasses.replace(before, R=again.R, unfloored=again.unfloored)

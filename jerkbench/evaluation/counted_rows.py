@@ -1,5 +1,6 @@
 """The stamps of an estimate at which errors count, where the reference knows something; and the errors there."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -256,7 +257,7 @@ def largest_norm(vectors: FloatArray) -> float:
 
 def rms(square: float, rows: float) -> float:
     """Return sqrt(square/rows) of a sum of squares over so many rows; NaN without rows."""
-    return float(np.sqrt(mean(square, rows)))
+    return math.sqrt(mean(square, rows))
 
 
 def mean(total: float, rows: float) -> float:

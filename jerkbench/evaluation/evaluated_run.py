@@ -80,8 +80,10 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
     position = [replace(prepared.scoring, counted=which.astype(np.float64)) for which in rows.position]
     velocity = [replace(prepared.scoring, moving=which.astype(np.float64)) for which in rows.velocity]
     return sums._replace(
-        position_m2=_over_axes([scored_trajectory(estimate, s).position_m2 for s in position], POSITION_AXES),
-        velocity_m2ps2=_over_axes([scored_trajectory(estimate, s).velocity_m2ps2 for s in velocity], VELOCITY_AXES),
+        position_m2=_over_axes([scored_trajectory(estimate, s).position_m2.tolist() for s in position], POSITION_AXES),
+        velocity_m2ps2=_over_axes(
+            [scored_trajectory(estimate, s).velocity_m2ps2.tolist() for s in velocity], VELOCITY_AXES
+        ),
     )
 
 
@@ -106,12 +108,12 @@ def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Record
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     return Sums(
-        position_m2=_over_axes([streamed.position_m2] * len(POSITION_AXES), POSITION_AXES),
+        position_m2=_over_axes([streamed.position_m2.tolist()] * len(POSITION_AXES), POSITION_AXES),
         position_rows=numbers.position,
         position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
         whole_m2=streamed.whole_m2,
         whole_rows=numbers.whole,
-        velocity_m2ps2=_over_axes([streamed.velocity_m2ps2] * len(VELOCITY_AXES), VELOCITY_AXES),
+        velocity_m2ps2=_over_axes([streamed.velocity_m2ps2.tolist()] * len(VELOCITY_AXES), VELOCITY_AXES),
         velocity_rows=numbers.velocity,
         nees=streamed.nees,
         nees_rows=numbers.both,
@@ -150,10 +152,9 @@ def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWei
     )
 
 
-def _over_axes(squares: Sequence[FloatArray], axes: dict[str, tuple[int, ...]]) -> FloatArray:
+def _over_axes(squares: Sequence[list[float]], axes: dict[str, tuple[int, ...]]) -> FloatArray:
     """Sum each of ``squares`` over its axes."""
-    numbers = [of.tolist() for of in squares]
-    return np.array([sum([of[k] for k in chosen]) for of, chosen in zip(numbers, axes.values(), strict=True)])
+    return np.array([sum([of[k] for k in chosen]) for of, chosen in zip(squares, axes.values(), strict=True)])
 
 
 def _lengths_m(error_m: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ class PositionRmse(Summed):
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the seven values by column name."""
-        each = zip(POSITION_AXES, sums.position_m2, sums.position_rows, strict=True)
+        each = zip(POSITION_AXES, sums.position_m2.tolist(), sums.position_rows.tolist(), strict=True)
         values = {f"position_rmse{name}_m": rms(square, rows) for name, square, rows in each}
         values["position_rmse_whole_m"] = rms(sums.whole_m2, sums.whole_rows)
         values["position_max_m"] = sums.position_max_m
@@ -83,7 +83,7 @@ class VelocityRmse(Summed):
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the three values by column name."""
-        each = zip(VELOCITY_AXES, sums.velocity_m2ps2, sums.velocity_rows, strict=True)
+        each = zip(VELOCITY_AXES, sums.velocity_m2ps2.tolist(), sums.velocity_rows.tolist(), strict=True)
         return {f"velocity_rmse{name}_mps": rms(square, rows) for name, square, rows in each}
 
 
