@@ -24,7 +24,6 @@ from jerkbench.adaptation.linalg import (
     scaled,
     solve,
     solve_rows,
-    submatrix,
 )
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen, each_run
@@ -330,7 +329,7 @@ class Measured(NamedTuple):
 
     Attributes:
         W: (m, m) H E H'.
-        R: (m, m) as reported.
+        R: (m, m) as reported: the array that was given.
         Ur: (m, m) its root, R = Ur' Ur.
         S: (m, m) its lower triangle.
         M: (m, m) factors of S.
@@ -354,8 +353,11 @@ class Measured(NamedTuple):
 def measured_of(P: FloatArray, R: FloatArray, rows: IntArray) -> Measured:
     """Return it before the first pass, x = x- and E = P-."""
     m = len(rows)
-    W, room, vectors = submatrix(P, rows), np.empty((3, m, m), P.dtype), np.zeros((2, m), P.dtype)
-    return Measured(W, R.copy(), root_of(R, m), room[0], room[1], vectors[0], vectors[1], W.copy(), room[2])
+    of, vectors = np.empty((5, m, m), P.dtype), np.zeros((2, m), P.dtype)
+    for i in range(m):
+        for j in range(m):
+            of[0, i, j] = of[1, i, j] = P[rows[i], rows[j]]
+    return Measured(of[0], R, root_of(R, m), of[2], of[3], vectors[0], vectors[1], of[1], of[4])
 
 
 def innovate(part: Measured, innovation: FloatArray, xi: float, weight: float) -> None:
@@ -431,15 +433,16 @@ def fill_blend(W: FloatArray, N: FloatArray, tau: float, D: FloatArray, xi: floa
             W[i, j] = W[j, i] = kept * N[i, j] + gained * D[i, j]
 
 
-def spread_part(P: FloatArray, rows: IntArray, W: FloatArray, share: float) -> FloatArray:
-    """Return the whole E (n, n) of its measured part ``W`` and f, its ``share`` of P-; symmetric to the bit.
+def spread_part(P: FloatArray, rows: IntArray, N: FloatArray, W: FloatArray, share: float) -> FloatArray:
+    """Return the whole E (n, n) of its measured part ``W``, of that of P-, ``N``, and of f, its ``share`` of P-.
 
-    Of what is measured K0 is the identity, and E is W: K0 is worked out for the other states alone.
+    It is symmetric to the bit. Of what is measured K0 is the identity, and E is W: K0 is worked out for the other
+    states alone.
     """
     n, m = len(P), len(rows)
-    N, M, others = submatrix(P, rows), np.empty((m, m), P.dtype), _others(n, rows)
+    M, others, both = np.empty((m, m), P.dtype), _others(n, rows), np.empty((2, m, n - m), P.dtype)
     E: FloatArray = scaled(P, share)
-    K, CK = np.empty((m, n - m), P.dtype), np.empty((m, n - m), P.dtype)
+    K, CK = both[0], both[1]
     factorise(N, M)
     for i in range(m):
         for u in range(n - m):

@@ -28,17 +28,6 @@ itself. So a weighting of rows may keep its matrices by blocks; a rule that mixe
 """
 
 
-def blocks_of(A: FloatArray) -> FloatArray:
-    """Return the blocks of A (n, n) on its diagonal, (AXES, n / AXES, n / AXES)."""
-    n = len(A) // AXES
-    blocks = np.empty((AXES, n, n), A.dtype)
-    for a in range(AXES):
-        for i in range(n):
-            for j in range(n):
-                blocks[a, i, j] = A[a + AXES * i, a + AXES * j]
-    return blocks
-
-
 def factorise(A: FloatArray, M: FloatArray) -> None:
     """Fill M, another array, with the factors of A = L D L'; what stands above its diagonal means nothing.
 
@@ -93,10 +82,9 @@ def fill_root(A: FloatArray, U: FloatArray) -> None:
 
 def block_roots(A: FloatArray, p: int) -> FloatArray:
     """Return the roots of the blocks of A, of each the first p / AXES rows."""
-    blocks = blocks_of(A)
-    roots = np.zeros((AXES, p // AXES, blocks.shape[1]), A.dtype)
+    roots = np.zeros((AXES, p // AXES, len(A) // AXES), A.dtype)
     for a in range(AXES):
-        fill_root(blocks[a], roots[a])
+        fill_root(A[a::AXES, a::AXES], roots[a])
     return roots
 
 
@@ -291,10 +279,21 @@ def diagonalise(A: FloatArray, R: FloatArray, d: FloatArray, X: FloatArray) -> N
         d[i] = max(W[i, i], 0.0)
 
 
+def _blocks_of(A: FloatArray) -> FloatArray:
+    """Return the blocks of A (n, n) on its diagonal, (AXES, n / AXES, n / AXES)."""
+    n = len(A) // AXES
+    blocks = np.empty((AXES, n, n), A.dtype)
+    for a in range(AXES):
+        for i in range(n):
+            for j in range(n):
+                blocks[a, i, j] = A[a + AXES * i, a + AXES * j]
+    return blocks
+
+
 def diagonal_blocks(HPHt: FloatArray, R: FloatArray, B: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return d (m,) and V' L^-1 B of B (m, any number of columns) by blocks: those of the first block come first."""
     m, n = len(R), len(R) // AXES
-    A, ordered = blocks_of(HPHt), blocks_of(R)
+    A, ordered = _blocks_of(HPHt), _blocks_of(R)
     d, X = np.empty(m, R.dtype), np.empty(B.shape, R.dtype)
     for i in range(m):
         for c in range(B.shape[1]):
@@ -413,10 +412,10 @@ class Residuals(NamedTuple):
 
 def residuals_of(innovation: FloatArray, HPHt: FloatArray, R: FloatArray) -> Residuals:
     """Return the update before the first pass, with weights of 1."""
-    m, n, U, N = len(innovation), len(innovation) // AXES, block_roots(R, len(innovation)), blocks_of(HPHt)
+    m, n, U = len(innovation), len(innovation) // AXES, block_roots(R, len(innovation))
     y, vectors, matrices = np.empty((AXES, n), R.dtype), np.empty((2, m), R.dtype), np.empty((2, AXES, n, n), R.dtype)
     for a in range(AXES):
-        whiten_both(U[a], N[a], matrices[0, a])
+        whiten_both(U[a], HPHt[a::AXES, a::AXES], matrices[0, a])
         for i in range(n):
             y[a, i], vectors[0, a + AXES * i] = innovation[a + AXES * i], 1.0
         whiten(U[a], y[a], y[a])

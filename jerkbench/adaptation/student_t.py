@@ -89,7 +89,7 @@ class StudentT(Limited):
                 fill_blend(part.W, N, self.tau, part.D, xi)
                 share = (self.tau + xi * share) / (self.tau + 1.0)
         memory[0] = weight
-        return spread_part(P, rows, scaled(part.W, 1.0 / xi), share / xi) if self.sides == "both" else P
+        return spread_part(P, rows, N, scaled(part.W, 1.0 / xi), share / xi) if self.sides == "both" else P
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

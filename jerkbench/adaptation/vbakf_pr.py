@@ -84,7 +84,7 @@ class VariationalPriorAndNoise(Limited):
         """Return P~, and keep u and U in the memory."""
         m, slot = len(rows), SLOT * _set_of(rows)
         known = memory[slot : slot + SLOT]
-        begun, U, part = known[0], np.empty((m, m), R.dtype), measured_of(P, R, rows)
+        begun, U, part = known[0], np.empty((m, m), R.dtype), measured_of(P, R.copy(), rows)
         u = self.forgetting * chosen(begun, 0.0, begun - m - 1.0, self.start)  # less m + 1
         for i in range(m):
             for j in range(m):
@@ -104,7 +104,7 @@ class VariationalPriorAndNoise(Limited):
         for i in range(m):
             for j in range(m):
                 known[1 + m * i + j] = gathered[i, j]
-        return spread_part(P, rows, part.W, 1.0)
+        return spread_part(P, rows, N, part.W, 1.0)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

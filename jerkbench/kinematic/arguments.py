@@ -103,6 +103,7 @@ class Rules(NamedTuple):
         fade: (WIDTH,) address of its `fade`, or 0: it has none.
         prior: (WIDTH,) likewise of its `adapt_prior`.
         gain: (WIDTH,) likewise of its `adapt_gain`.
+        shown: (1,) 1 where an `adapt_prior` reads F or Q, else 0: then they are left as they are.
         memory: (WIDTH, any) what it remembers, zero at the start; (any, WIDTH) of all at once, and room for as much.
         sizes: (WIDTH,) how much of that is its own.
     """
@@ -113,6 +114,7 @@ class Rules(NamedTuple):
     fade: IntVector
     prior: IntVector
     gain: IntVector
+    shown: IntVector
     memory: FloatMatrix
     sizes: IntVector
 

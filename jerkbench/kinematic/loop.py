@@ -235,8 +235,8 @@ def run_steps(
         if steps.update[k] >= 0:
             if how == AT_UPDATES:
                 usual = join_steps(run, model, steps, begun, k + 1, usual, all_read)
-                all_read = catch_up(run, taken(steps.z, steps.update[k], run, "6"))
-            elif DENSE == 1:
+                all_read = catch_up(run, rules, taken(steps.z, steps.update[k], run, "6"))
+            elif DENSE == 1 and rules.shown[0] != 0:
                 advance(run, model, steps, begun, k + 1)
             begun = k + 1
             update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
@@ -299,7 +299,7 @@ def ask_ahead(run: Lanes, steps: Steps, k: int) -> None:
         ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
 
 
-def catch_up(run: Lanes, z: View) -> bool:
+def catch_up(run: Lanes, rules: Rules, z: View) -> bool:
     """Predict the covariance of the runs that measure anything of ``z``, and the transition that a rule is shown.
 
     Returns:
@@ -309,7 +309,7 @@ def catch_up(run: Lanes, z: View) -> bool:
     for r in range(6):
         due += chosen(1.0, z[r] * 0.0, 1.0, 0.0)
     run.due = due
-    if DENSE == 1:
+    if DENSE == 1 and rules.shown[0] != 0:
         show_transition(run)
     predict_covariance(run)
     return not anywhere(1.0 - due)

@@ -187,7 +187,8 @@ class _Ground:
     def __init__(self, course: _Course) -> None:
         t, s = course.run.timeline, course.run.scoring
         self.timeline, self.scoring = t, s
-        shared = (np.array([t.dt0_s, s.consistency, s.limit_m]), t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
+        numbers = np.array([t.dt0_s, s.consistency, s.limit_m])
+        shared = (numbers, t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
         self._digest = blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
 
     def __hash__(self) -> int:

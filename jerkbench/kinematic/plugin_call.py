@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray
-from jerkbench.compilation.code_digest import own_function, reads
+from jerkbench.compilation.code_digest import names_arguments, own_function, reads
 from jerkbench.compilation.methods import (
     CompiledMethod,
     address_of,
@@ -39,6 +39,8 @@ _MEASURED = (
 )
 GIVEN = (_MEASURED[0], ("HPHt", "float64", "(m, m)"), *_MEASURED[1:])
 STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
+F_AND_Q = (3, 4)
+"""Their places among the arguments of `adapt_prior`, behind itself, x and P."""
 ADAPT = CompiledMethod("adapt", GIVEN, ("m", "size"), (("m", 6),), "(m, m)")
 FADE = CompiledMethod("fade", GIVEN, ("m", "size"), (("m", 6),), "")
 PRIOR = CompiledMethod("adapt_prior", (*STATE, *_MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
@@ -84,6 +86,12 @@ class Rule:
 def _reads_axes(kind: type[Adaptation]) -> bool:
     methods = (own_function(getattr(kind, method.name, None)) for method in (ADAPT, PRIOR, GAIN))
     return any(method is not None and reads(method, "AXES") for method in methods)
+
+
+@cache
+def _reads_transition(kind: type[Adaptation]) -> bool:
+    prior = own_function(getattr(kind, PRIOR.name, None))
+    return prior is not None and names_arguments(prior, F_AND_Q)
 
 
 IN_PYTHON = "estimators with {} run in plain Python"
@@ -220,4 +228,5 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
         parameters, by_rule = aligned_zeros(*parameters.T.shape), parameters
         parameters[...] = by_rule.T
     memory = aligned_zeros(max(1, 2 * sizes.max()), WIDE) if lanes else np.zeros((len(rules), sizes.max()))
-    return Rules(parameters, whole, adapt, fade, prior, gain, memory, sizes)
+    shown = np.array([any(_reads_transition(type(rule.adaptation)) for rule in rules)], dtype=np.int64)
+    return Rules(parameters, whole, adapt, fade, prior, gain, shown, memory, sizes)

@@ -23,9 +23,8 @@ from jerkbench.sums import NEES, NEES_POSITION, SUMS, Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths
 
 NO_ROWS = np.empty((0, 6, 1))
-NO_TRUTH = TruthRows(
-    np.empty(0, np.int64), NO_ROWS[:, 0], NO_ROWS, NO_ROWS[:, :4, 0], NO_ROWS[:, 0], consistency=False, limit_m2=math.inf
-)
+NO_MARKS, NO_WEIGHTS = np.empty(0, np.int64), NO_ROWS[:, :4, 0]
+NO_TRUTH = TruthRows(NO_MARKS, NO_ROWS[:, 0], NO_ROWS, NO_WEIGHTS, NO_ROWS[:, 0], consistency=False, limit_m2=math.inf)
 
 
 def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:

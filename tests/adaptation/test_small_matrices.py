@@ -202,4 +202,4 @@ def test_two_passes_over_the_measured_rows_are_those_over_all_states(rows):
         E = (5.0 * P + following * D_x) / 6.0
         fill_blend(part.W, N, 5.0, part.D, following)
         share, xi = (5.0 + following * share / xi) / 6.0, following
-        np.testing.assert_allclose(spread_part(P, rows, part.W, share), E, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(spread_part(P, rows, N, part.W, share), E, rtol=1e-8, atol=1e-9)
