@@ -132,12 +132,12 @@ def note_answers(run: Lanes) -> None:
 
 def note_coupling(run: Lanes, M: View, rows: int, columns: int) -> None:
     """Note where a matrix that an adaptation made has something between two axes."""
-    coupled = run.coupled
+    squares = run.zero
     for r in range(rows):
         for c in range(columns):
             if (r - c) % STRIDE != 0:
-                coupled += chosen(M[r, c] * M[r, c], 0.0, 1.0, 0.0)
-    run.coupled = coupled
+                squares += M[r, c] * M[r, c]
+    run.coupled += chosen(squares, 0.0, 1.0, 0.0)
 
 
 def _innovate(run: Lanes, z: View) -> bool:

@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -88,7 +89,7 @@ class Entrant:
             return str(self.attitude["name"])
         return f"{self.filter['name']} + {self.adaptation['name']}"
 
-    @property
+    @cached_property
     def text(self) -> str:
         """All of it, the same for the same method."""
         return json.dumps(self.parts, sort_keys=True)
