@@ -64,6 +64,16 @@ class Timeline:
         return {}
 
     @cached_property
+    def lengths(self) -> tuple[FloatArray, IntArray]:
+        """The different lengths of steps, and which of them each step has: `step_lengths`."""
+        return step_lengths(self.dt_s)
+
+    @cached_property
+    def visits(self) -> tuple[int, int]:
+        """How many stamps of the reference are met, and how many updates there are."""
+        return int(np.count_nonzero(self.reference >= 0)), int(np.count_nonzero(self.update >= 0))
+
+    @cached_property
     def update_times_s(self) -> FloatArray:
         """(m,) when the updates are that measure anything, seconds since the start; shared, so it cannot be written."""
         rows = self.update[self.update >= 0]
@@ -261,7 +271,7 @@ class Recorder:
 
     def __init__(self, timeline: Timeline) -> None:
         """Make room for every stamp of the reference and every update of ``timeline``."""
-        references, updates = int((timeline.reference >= 0).sum()), int((timeline.update >= 0).sum())
+        references, updates = timeline.visits
         self._timeline = timeline
         self._index = np.empty(references, dtype=np.int64)
         self._x, self._P = np.empty((references, 6)), np.empty((references, 6, 6))

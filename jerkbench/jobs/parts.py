@@ -128,8 +128,8 @@ def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
     if strange := [name for name in names if str(name).startswith(CELL)]:
         raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
     columns = {name: _values(name, [row.get(name) for row in rows]) for name in names}
-    texts: dict[int, str] = {}
-    known = [_facts(block, texts) for block in blocks]
+    shared: dict[int, str] = {}
+    known = [_facts(block, shared) for block in blocks]
     places = np.repeat(np.arange(len(blocks)), [len(block.rows) for block in blocks])
     told = dict.fromkeys(chain(*known))
     facts = {KEY: [block.key for block in blocks]} | {name: [own.get(name) for own in known] for name in told}
@@ -167,17 +167,17 @@ def _values(name: str, values: list[Any]) -> pa.Array:
     return array.dictionary_encode() if pa.types.is_string(array.type) else array
 
 
-def _facts(block: RowBlock, texts: dict[int, str]) -> dict[str, str]:
+def _facts(block: RowBlock, shared: dict[int, str]) -> dict[str, str]:
     """All that is known of a cell, each entry as JSON, by the name of its column.
 
-    ``texts`` has those of objects that cells share, which live longer than it.
+    ``shared`` has those of objects that cells share, which live longer than it.
     """
     own = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
     entries = {name: value for name, value in block.metadata.items() if name not in NOT_FACTS}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
     facts = {CELL + "columns": json.dumps(own)}
     for name, value in entries.items():
-        facts[CELL + name] = texts.get(id(value)) or texts.setdefault(id(value), json.dumps(value))
+        facts[CELL + name] = shared.get(id(value)) or shared.setdefault(id(value), json.dumps(value))
     return facts
 
 

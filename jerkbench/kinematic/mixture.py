@@ -25,7 +25,7 @@ from jerkbench.kinematic.predict import mark_axes, mirror
 from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.kinematic.score import keep
 from jerkbench.sums import Run, Streamed
-from jerkbench.timeline import Timeline, step_lengths
+from jerkbench.timeline import Timeline
 
 # Arguments of the loop besides those of its filters; WIDTH is the number of runs side by side.
 
@@ -269,7 +269,7 @@ def mixture_for(n: int, width: int, count: int) -> Any:  # noqa: ANN401 - numba 
 def mix_alone(timeline: Timeline, start: Mixed, rule: Rule) -> Estimate:
     """Run with a trajectory; stops at the first sign of divergence."""
     count, n = start.shape
-    lengths_s, which = step_lengths(timeline.dt_s)
+    lengths_s, which = timeline.lengths
     mixing = mixing_of([start], lengths_s, timeline)
     return run_alone(timeline, which, rule, (mixture_for(n, 1, count), run_type(n, 1), mixing))[0]
 

@@ -16,7 +16,7 @@ from jerkbench.kinematic.arguments import Model, Steps, TruthRows
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart
 from jerkbench.plugins.optional import axis_models
 from jerkbench.sums import Run
-from jerkbench.timeline import Timeline, step_lengths
+from jerkbench.timeline import Timeline
 
 
 def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:
@@ -214,7 +214,7 @@ class _Common(NamedTuple):
 @lru_cache(maxsize=16)  # a MB each
 def _common(ground: _Ground) -> _Common:
     t, s = ground.timeline, ground.scoring
-    lengths_s, model = step_lengths(t.dt_s)
+    lengths_s, model = t.lengths
     reference = _numbered(len(model), np.flatnonzero(t.reference >= 0).tobytes())
     weights = np.column_stack([s.counted, s.whole, s.moving, s.counted * s.moving])
     return _Common(model, t.sample.astype(np.int64), reference, lengths_s, weights)

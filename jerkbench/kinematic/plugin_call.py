@@ -105,20 +105,25 @@ def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON, *, side_by
         otherwise: what that line says of its name.
         side_by_side: whether a loop that asks for all runs at once (`jerkbench.kinematic.adapt_lanes`) is to call it.
     """
-    lanes = side_by_side and asked_in_lanes(adaptation)
-    if lanes and (reason := obstacle(adaptation, lanes=True)) and not obstacle(adaptation):
+    kind, lanes = _Kind(adaptation), side_by_side and asked_in_lanes(adaptation)
+    if lanes and (reason := _why_not(kind, lanes=True)) and not _why_not(kind, lanes=False):
         notify(f"{type(adaptation).__name__} is asked by each run, not by eight at once: {reason}")
         lanes = False
-    if reason := obstacle(adaptation, lanes=lanes):
+    if reason := _why_not(kind, lanes):
         notify(f"{otherwise.format(type(adaptation).__name__)}: {reason}")
         return None
     asked = AT_ONCE if lanes else NEVER if side_by_side and changes_nothing(adaptation) else EACH
-    return Rule(adaptation, parameter_vector(adaptation), _Kind(adaptation), asked, wants_truth(adaptation))
+    return Rule(adaptation, parameter_vector(adaptation), kind, asked, wants_truth(adaptation))
 
 
-def obstacle(adaptation: Adaptation, *, lanes: bool = False) -> str:
-    """Return why numba cannot compile ``adaptation``, by itself or for all runs at once; or an empty string."""
-    return _obstacle(_Kind(adaptation), lanes) if can_compile() else "NUMBA_DISABLE_JIT is set: numba compiles nothing"
+def obstacle(adaptation: Adaptation) -> str:
+    """Return why numba cannot compile ``adaptation``; or an empty string."""
+    return _why_not(_Kind(adaptation), lanes=False)
+
+
+def _why_not(kind: "_Kind", lanes: bool) -> str:
+    """The same by itself, or for all runs at once."""
+    return _obstacle(kind, lanes) if can_compile() else "NUMBA_DISABLE_JIT is set: numba compiles nothing"
 
 
 class _Kind:

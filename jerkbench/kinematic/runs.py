@@ -20,7 +20,7 @@ from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs, together
 from jerkbench.kinematic.plugin_call import Rule, rules_of
 from jerkbench.sums import NEES, NEES_POSITION, SUMS, Run, Streamed
-from jerkbench.timeline import Timeline, step_lengths
+from jerkbench.timeline import Timeline
 
 NO_ROWS = np.empty((0, 6, 1))
 NO_MARKS, NO_WEIGHTS = np.empty(0, np.int64), NO_ROWS[:, :4, 0]
@@ -29,7 +29,7 @@ NO_TRUTH = TruthRows(NO_MARKS, NO_ROWS[:, 0], NO_ROWS, NO_WEIGHTS, NO_ROWS[:, 0]
 
 def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
     """Run ``model`` with the compiled adaptation over ``timeline``; stops at the first sign of divergence."""
-    lengths_s, which = step_lengths(timeline.dt_s)
+    lengths_s, which = timeline.lengths
     prepared = model_of([model], lengths_s, timeline.dt0_s)
     n = 2 + len(prepared.extra)
     return run_alone(timeline, which, rule, (loop_for(n, 1, dense=rule.dense), run_type(n, 1), prepared))[0]
@@ -78,7 +78,7 @@ def _plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
 
 def _room_of(timeline: Timeline, of: Lanes) -> Kept:
     """Room for every stamp of the reference and every update of ``timeline``."""
-    k, m = int(np.count_nonzero(timeline.reference >= 0)), int(np.count_nonzero(timeline.update >= 0))
+    k, m = timeline.visits
     seen = max(m, 1)
     room = _last_room(k * 42 + seen * SEEN)
     return Kept(

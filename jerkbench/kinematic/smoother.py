@@ -50,7 +50,7 @@ from jerkbench.kinematic.predict import mark_axes, mirror
 from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.kinematic.score import compare
 from jerkbench.sums import Run, Streamed
-from jerkbench.timeline import Timeline, step_lengths
+from jerkbench.timeline import Timeline
 
 
 def absorb(a: Lanes, tape: Lanes, states: int) -> None:
@@ -402,7 +402,7 @@ def smooth_one(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None
 
     None where A is not upper triangular with ones on its diagonal.
     """
-    lengths_s, which = step_lengths(timeline.dt_s)
+    lengths_s, which = timeline.lengths
     prepared = _prepared([model], lengths_s, timeline.dt0_s, timeline.update)
     if prepared is None:
         return None
