@@ -314,11 +314,7 @@ def estimate(
 
 
 def evaluate(
-    estimate: Estimate,
-    recording: Recording,
-    *,
-    metrics: Sequence[str] = (),
-    burn_in_s: float = Protocol.burn_in_s,
+    estimate: Estimate, recording: Recording, *, metrics: Sequence[str] = (), burn_in_s: float = Protocol.burn_in_s
 ) -> dict[str, float]:
     """Return the metrics of an estimate against the recording's reference, by column name, the unit last.
 

@@ -1,8 +1,7 @@
 """(Recording, Attitude) -> Measurements: position and velocity as rows of z = [p; v]."""
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -178,7 +177,8 @@ UNSEEN_SIGMA_MPS2 = 2.0
 _AT_START = np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
 
 
-class Start(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Start:
     """What a run starts from, whatever it is told of R.
 
     Attributes:
@@ -200,6 +200,10 @@ class Start(NamedTuple):
             told = _told(R, velocity)
             x0[axes], P0[axes[:, None], axes] = _bounded(z, told + grown * np.eye(len(axes)) if grown else told)
         return x0, P0
+
+
+motion_told = lru_cache(maxsize=4096)(Start.motion)
+"""The same, found once for the settings of a search that share these factors."""
 
 
 def _told(R: FloatArray, factor: float) -> FloatArray:

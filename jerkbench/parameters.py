@@ -121,7 +121,7 @@ class DefaultOrigin:
 
 
 class Column(NamedTuple):
-    """How a column of a metric is read; its unit is the end of its name.
+    """How a column of a metric is read.
 
     Attributes:
         title: in words; empty: those of its name.
@@ -131,6 +131,7 @@ class Column(NamedTuple):
             which has no ratio.
         reading: how to read more or less than what is expected.
         section: its place among the sections of table.md, where it applies; 0: it has none.
+        unit: empty: the one that the end of its name stands for, or none (a ratio).
     """
 
     title: str = ""
@@ -138,6 +139,17 @@ class Column(NamedTuple):
     judged: bool = True
     reading: str = "more is overconfident, less too cautious"
     section: int = 0
+    unit: str = ""
+
+    @property
+    def heading(self) -> str:
+        """Title and unit."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+    @property
+    def lowest_is_best(self) -> bool:
+        """Whether the lowest is the best, and a ratio says by how much; if not, nothing is judged."""
+        return self.judged and self.expected is None
 
 
 @dataclasses.dataclass(frozen=True)

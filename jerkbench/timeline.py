@@ -21,6 +21,7 @@ from jerkbench.measurements import (
     ScaledMeasurements,
     Start,
     merged_measurements,
+    motion_told,
     start_of,
 )
 from jerkbench.recording import Position, Recording, Velocity
@@ -57,11 +58,6 @@ class Timeline:
     euler_rad: FloatArray
     t_s: FloatArray
     start: Start | None = None
-
-    @cached_property
-    def starts(self) -> dict[tuple[float, float], tuple[FloatArray, FloatArray]]:
-        """The x0 and P0 of filters that were told these factors on R: settings of a search share them."""
-        return {}
 
     @cached_property
     def lengths(self) -> tuple[FloatArray, IntArray]:
@@ -242,8 +238,7 @@ def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, 
     before = timeline.measurements
     if timeline.start and (recording.velocity is None or recording.velocity.frame == "enu"):
         measured: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
-        factors = scale.position, scale.velocity
-        x0, P0 = timeline.starts.get(factors) or timeline.starts.setdefault(factors, timeline.start.motion(*factors))
+        x0, P0 = motion_told(timeline.start, scale.position, scale.velocity)
     else:  # R is not the reported one, but was turned
         again = merged_measurements(with_r_scale(recording, scale), attitude)
         measured = dataclasses.replace(before, R=again.R, unfloored=again.unfloored)

@@ -144,7 +144,7 @@ SHOWN = 15
 def write_page(answer: AuditAnswer, folder: Path, commit: str) -> None:
     """Write README.md, its pictures, methods.csv, kinds.csv, apart.csv and answer.json into ``folder``."""
     margin = answer.rows.protocol.margin
-    kinds, methods = (table.assign(name=_names(table)) for table in (answer.kinds, answer.methods))
+    kinds, methods = (of.assign(name=of["filter"] + " + " + of["adaptation"]) for of in (answer.kinds, answer.methods))
     save_figure(kinds_figure(kinds, methods, margin), folder / "kinds.png")
     kinds, means = (t.assign(name=t["adaptation"]) for t in (answer.adaptations_by_kind, answer.adaptations))
     save_figure(kinds_figure(kinds, means, margin), folder / "answer.png")
@@ -218,10 +218,6 @@ def _by_kind(kinds: pd.DataFrame) -> list[dict[str, Any]]:
 
 def _texts(paths: Iterable[Path]) -> str:
     return "\n\n".join(path.read_text(encoding="utf-8").strip() for path in paths if path.exists())
-
-
-def _names(table: pd.DataFrame) -> "pd.Series[str]":
-    return table["filter"] + " + " + table["adaptation"]
 
 
 # The folder of an audit: its protocol before anything runs, then its rows, then what they say.

@@ -1,6 +1,5 @@
 """The digest of all that a function reaches: the helpers it calls and the constants it reads."""
 
-import dis
 import enum
 import functools
 import hashlib
@@ -8,7 +7,7 @@ import re
 import secrets
 import sys
 import types
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -162,15 +161,6 @@ def reads(function: types.FunctionType, name: str) -> bool:
         seen |= helpers
         ahead += helpers
     return False
-
-
-def names_arguments(function: types.FunctionType, places: Collection[int]) -> bool:
-    """Return whether the text of ``function`` names an argument at one of these ``places``."""
-    arguments = {function.__code__.co_varnames[place] for place in places}
-    named = (
-        step.argval if isinstance(step.argval, tuple) else (step.argval,) for step in dis.get_instructions(function)
-    )
-    return any(isinstance(name, str) and name in arguments for names in named for name in names)
 
 
 def _names(code: types.CodeType) -> Iterator[str]:

@@ -27,12 +27,7 @@ def entry({names}):
 
 
 def compiled_loop(
-    loop: Loop,
-    title: str,
-    constants: Constants | None = None,
-    apart: tuple[str, ...] = (),
-    *,
-    kernel: bool = True,
+    loop: Loop, title: str, constants: Constants | None = None, apart: tuple[str, ...] = (), *, kernel: bool = True
 ) -> Loop:
     """Return ``loop``, compiled.
 

@@ -80,10 +80,8 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
     position = [replace(prepared.scoring, counted=which.astype(np.float64)) for which in rows.position]
     velocity = [replace(prepared.scoring, moving=which.astype(np.float64)) for which in rows.velocity]
     return sums._replace(
-        position_m2=_over_axes([scored_trajectory(estimate, s).position_m2.tolist() for s in position], POSITION_AXES),
-        velocity_m2ps2=_over_axes(
-            [scored_trajectory(estimate, s).velocity_m2ps2.tolist() for s in velocity], VELOCITY_AXES
-        ),
+        position_m2=_over_axes([scored_trajectory(estimate, s).position_m2 for s in position], POSITION_AXES),
+        velocity_m2ps2=_over_axes([scored_trajectory(estimate, s).velocity_m2ps2 for s in velocity], VELOCITY_AXES),
     )
 
 
@@ -152,7 +150,7 @@ def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWei
     )
 
 
-def _over_axes(squares: Sequence[list[float]], axes: dict[str, tuple[int, ...]]) -> FloatArray:
+def _over_axes(squares: Sequence[FloatArray | list[float]], axes: dict[str, tuple[int, ...]]) -> FloatArray:
     """Sum each of ``squares`` over its axes."""
     return np.array([sum([of[k] for k in chosen]) for of, chosen in zip(squares, axes.values(), strict=True)])
 

@@ -147,7 +147,7 @@ def take_update(
     remember(run)
     if not own.direct:
         observe(run, row(own.arms, 0, run, "3"), row(own.arms, 1, run, "3"), row(own.frame, 0, run, "2"))
-    update(run, steps, scored, rules, kept, exchange, which, place, own.states)
+    update(run, steps, scored, rules, kept, exchange, which, place)
     if not own.direct:
         conclude(run)
     feed_back(run)

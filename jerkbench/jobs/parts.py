@@ -175,10 +175,8 @@ def _facts(block: RowBlock, shared: dict[int, str]) -> dict[str, str]:
     own = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
     entries = {name: value for name, value in block.metadata.items() if name not in NOT_FACTS}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
-    facts = {CELL + "columns": json.dumps(own)}
-    for name, value in entries.items():
-        facts[CELL + name] = shared.get(id(value)) or shared.setdefault(id(value), json.dumps(value))
-    return facts
+    texts = {name: shared.get(id(of)) or shared.setdefault(id(of), json.dumps(of)) for name, of in entries.items()}
+    return {CELL + name: text for name, text in {"columns": json.dumps(own), **texts}.items()}
 
 
 # The cells that are in some parts.

@@ -1,7 +1,7 @@
 """Runs become rows: the seeds and the settings of a job side by side where its plugins can, else one at a time."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -247,8 +247,7 @@ def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[Noted
             return [failed_piece(jobs[0], draws, error, how)]
         return [piece for job in jobs for piece in _together([job], draws, how)]  # which tells the culprit
     return [
-        joined_pieces(_finished(job, draw, streamed.get((k, draw)), how) for draw in draws)
-        for k, job in enumerate(jobs)
+        joined_pieces(streamed.get((k, draw)) or alone(job, draw, how) for draw in draws) for k, job in enumerate(jobs)
     ]
 
 
@@ -261,23 +260,15 @@ class _ReadySeed(NamedTuple):
     reference: PreparedReference
 
 
-class _Sums(NamedTuple):
-    """The result of a run among others: its metrics by column, and why it diverged, or nothing."""
-
-    recording: Recording
-    values: Mapping[str, float]
-    reason: str
-
-
-def _finished(job: Job, draw: int, streamed: _Sums | None, how: How) -> NotedRows:
-    """Return the row of a seed; one that stopped is run alone, which says where and when."""
-    if streamed is None:
-        return alone(job, draw, how)
-    status = {"status": "diverged", "reason": plain(streamed.reason)} if streamed.reason else _OK
-    return [{**_head(job, draw), **status, **streamed.values}], notes_of(job, streamed.recording)
+def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, how: How) -> NotedRows:
+    """Return the row of a run among others that came to its end."""
+    reason = why_strayed(result, seed.reference, seed.recording)
+    status = {"status": "diverged", "reason": plain(reason)} if reason else _OK
+    values = _values(job, seed, result, how.inputs)
+    return [{**_head(job, draw), **status, **values}], notes_of(job, seed.recording)
 
 
-def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], _Sums]:
+def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], NotedRows]:
     """Run ``draws`` of all ``jobs`` side by side; returns what came to its end, by the place of the job and the seed.
 
     The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
@@ -289,11 +280,7 @@ def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple
         return {}
     results = _run_all([(jobs[k], seed) for (k, _), seed in ready.items()], how)
     return {
-        (k, draw): _Sums(
-            seed.recording,
-            _values(jobs[k], seed, result, how.inputs),
-            why_strayed(result, seed.reference, seed.recording),
-        )
+        (k, draw): _finished(jobs[k], draw, seed, result, how)
         for ((k, draw), seed), result in zip(ready.items(), results, strict=True)
         if result is not None
     }

@@ -166,8 +166,7 @@ def adapt_prior(alone: Lanes, exchange: Exchange, k: int, packed: Packed, rules:
         return True
     whole = whole_of(alone, exchange)
     take_whole(alone, whole)
-    if rules.shown[0] != 0:
-        _take_transition(alone, whole)
+    _take_transition(alone, whole)
     well = call_prior(alone, rules, k, whole, packed, m)
     for s in range(alone.s):
         for t in range(s + 1):

@@ -125,27 +125,19 @@ def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: 
         x[s] = run.x[s]
         for t in range(run.s):
             P[s, t] = run.P[s, t]
-    if rules.shown[0] != 0:
-        _take_transition(run, F, Q)
+            F[s, t] = run.since_A[s // 3, t // 3] if s % 3 == t % 3 else run.zero
+            Q[s, t] = run.since_Q[s // 3, t // 3] if s % 3 == t % 3 else run.zero
     seen = rules.parameters, rules.whole, x, P, F, Q, y, R, rows, rules.memory, answer
     well: bool = try_fill_lanes_by(rules.prior[0], seen, (m, rules.sizes[0], run.s))
     for s in range(run.s):
         for t in range(s + 1):
             run.P[s, t] = chosen(run.asks, 0.0, 0.5 * (answer[s, t] + answer[t, s]), run.P[s, t])
-    return well
-
-
-def _take_transition(run: Lanes, F: View, Q: View) -> None:
-    """Fill F and Q since the last update; in the runs that ask they begin anew with the identity and nothing."""
-    for s in range(run.s):
-        for t in range(run.s):
-            F[s, t] = run.since_A[s // 3, t // 3] if s % 3 == t % 3 else run.zero
-            Q[s, t] = run.since_Q[s // 3, t // 3] if s % 3 == t % 3 else run.zero
     for a in range(run.n):
         for b in range(run.n):
             same = 1.0 if a == b else 0.0
             run.since_A[a, b] = chosen(run.asks, 0.0, same, run.since_A[a, b])
             run.since_Q[a, b] = chosen(run.asks, 0.0, 0.0, run.since_Q[a, b])
+    return well
 
 
 def _find_gain(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:

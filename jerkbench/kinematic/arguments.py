@@ -1,5 +1,6 @@
 """The arguments of the compiled loop, and the parts of the runs that it works on. WIDTH is the number of runs."""
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
@@ -71,8 +72,8 @@ class TruthRows(NamedTuple):
     truth: FloatCube
     weights: FloatMatrix
     outage: FloatMatrix
-    consistency: bool
-    limit_m2: float
+    consistency: bool = False
+    limit_m2: float = math.inf
 
 
 class Model(NamedTuple):
@@ -103,7 +104,6 @@ class Rules(NamedTuple):
         fade: (WIDTH,) address of its `fade`, or 0: it has none.
         prior: (WIDTH,) likewise of its `adapt_prior`.
         gain: (WIDTH,) likewise of its `adapt_gain`.
-        shown: (1,) 1 where an `adapt_prior` reads F or Q, else 0: then they are left as they are.
         memory: (WIDTH, any) what it remembers, zero at the start; (any, WIDTH) of all at once, and room for as much.
         sizes: (WIDTH,) how much of that is its own.
     """
@@ -114,7 +114,6 @@ class Rules(NamedTuple):
     fade: IntVector
     prior: IntVector
     gain: IntVector
-    shown: IntVector
     memory: FloatMatrix
     sizes: IntVector
 
@@ -155,6 +154,7 @@ class Exchange(NamedTuple):
         some: (114,) the same of one run, where some rows are missing.
         rows: (6,) which these are.
         whole: (S + 4 S S,) room for the state of one run as `Whole` has it.
+        states: S, which as a constant would make the compiler unroll the loops.
     """
 
     HPHt: FloatMatrix
@@ -166,6 +166,7 @@ class Exchange(NamedTuple):
     some: FloatVector
     rows: IntVector
     whole: FloatVector
+    states: int
 
 
 class Packed(NamedTuple):
@@ -204,13 +205,14 @@ class Whole(NamedTuple):
     answer: FloatVector
 
 
-def exchange_for(n: int, width: int) -> Exchange:
-    """Make room for ``width`` runs of a filter with ``n`` quantities on each axis."""
-    room, s = aligned_zeros(3 * (MATRIX + SIX), width), 3 * n
+def exchange_for(of: Lanes) -> Exchange:
+    """Make room for runs of this type."""
+    width, s = of.width, of.sizes["s"]
+    room = aligned_zeros(3 * (MATRIX + SIX), width)
     HPHt, given, adapted = (room[k * MATRIX : (k + 1) * MATRIX].reshape(width, MATRIX) for k in range(3))
     y, kept, variance = (room[3 * MATRIX + k * SIX :][:SIX].reshape(width, SIX) for k in range(3))
     some, rows, whole = np.zeros(114), np.zeros(6, dtype=np.int64), np.zeros(s + 4 * s * s)
-    return Exchange(HPHt, y, kept, given, adapted, variance, some, rows, whole)
+    return Exchange(HPHt, y, kept, given, adapted, variance, some, rows, whole, s)
 
 
 def packed_of(exchange: Exchange) -> Packed:

@@ -49,17 +49,9 @@ from jerkbench.sums import NIS, NIS_USED, UPDATES, UPDATES_USED
 
 
 def update(
-    run: Lanes,
-    steps: Steps,
-    scored: TruthRows,
-    rules: Rules,
-    kept: Kept,
-    exchange: Exchange,
-    which: int,
-    place: int,
-    states: int,
+    run: Lanes, steps: Steps, scored: TruthRows, rules: Rules, kept: Kept, exchange: Exchange, which: int, place: int
 ) -> None:
-    """Take row ``which`` of the measurements, the ``place``-th update, of filters with so many ``states``."""
+    """Take row ``which`` of the measurements, the ``place``-th update."""
     nis = expect(run, steps, rules, kept, exchange, which, place)
     if DENSE == 1:
         run.own = run.zero
@@ -69,10 +61,10 @@ def update(
             find_gains(run, exchange, rules)
         if STRIDE > 1:
             note_coupling(run, run.Z, 6, run.s)
-        correct_by_gains(run, states)
+        correct_by_gains(run, exchange.states)
         mirror(run)
     else:
-        correct(run, states)
+        correct(run, exchange.states)
     check_definite(run)
     finish(run, scored, kept, which, place, nis)
 
@@ -222,7 +214,6 @@ def run_steps(
     start(run, row(steps.x0, 0, run, "6"), row(steps.P0, 0, run, "6 6"), model)
     reached = updates = begun = usual = 0 * len(steps.model)  # of a literal numba compiles what it is handed to twice
     all_read = True
-    states = 3 * (2 + len(model.extra))
     how = way_of(model)
     if run.width > 1 and how == TRIANGULAR:
         how = AT_UPDATES
@@ -235,11 +226,11 @@ def run_steps(
         if steps.update[k] >= 0:
             if how == AT_UPDATES:
                 usual = join_steps(run, model, steps, begun, k + 1, usual, all_read)
-                all_read = catch_up(run, rules, taken(steps.z, steps.update[k], run, "6"))
-            elif DENSE == 1 and rules.shown[0] != 0:
+                all_read = catch_up(run, taken(steps.z, steps.update[k], run, "6"))
+            elif DENSE == 1:
                 advance(run, model, steps, begun, k + 1)
             begun = k + 1
-            update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
+            update(run, steps, scored, rules, kept, exchange, steps.update[k], updates)
             updates += 1
             if how == AT_UPDATES and scored.consistency:
                 show_covariance(run, run.due)
@@ -299,7 +290,7 @@ def ask_ahead(run: Lanes, steps: Steps, k: int) -> None:
         ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
 
 
-def catch_up(run: Lanes, rules: Rules, z: View) -> bool:
+def catch_up(run: Lanes, z: View) -> bool:
     """Predict the covariance of the runs that measure anything of ``z``, and the transition that a rule is shown.
 
     Returns:
@@ -309,7 +300,7 @@ def catch_up(run: Lanes, rules: Rules, z: View) -> bool:
     for r in range(6):
         due += chosen(1.0, z[r] * 0.0, 1.0, 0.0)
     run.due = due
-    if DENSE == 1 and rules.shown[0] != 0:
+    if DENSE == 1:
         show_transition(run)
     predict_covariance(run)
     return not anywhere(1.0 - due)
@@ -361,27 +352,11 @@ def all_lost(run: Lanes, step: int) -> bool:
 
 # The compiled loop.
 
-ALONE = (
-    "run_steps",
-    "predict",
-    "predict_covariance",
-    "add_nees",
-    "mahalanobis",
-    "correct",
-    "check_definite",
-)
+ALONE = ("run_steps", "predict", "predict_covariance", "add_nees", "mahalanobis", "correct", "check_definite")
 SELDOM = (
-    *(
-        "predict_any",
-        "clear_absent",
-        "_pack",
-        "fade_prior",
-        "_unpack",
-        "adapt_lanes",
-        "_keep_memory",
-        "_restore_memory",
-    ),
-    *("advance", "adapt_prior", "take_whole", "find_gains", "find_gains_of_lanes", "_own_update", "_widen"),
+    *("predict_any", "clear_absent", "_pack", "fade_prior", "_unpack", "adapt_lanes", "_keep_memory"),
+    *("_restore_memory", "advance", "adapt_prior", "take_whole", "find_gains", "find_gains_of_lanes"),
+    *("_own_update", "_widen"),
 )
 APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""

@@ -159,13 +159,12 @@ def run_mixture(
     combined = runs_in(kept.w, RUN)
     begin_mixture(mixing, combined)
     reached = updates = 0
-    states = mixing.x0.shape[1]
     for k in range(len(steps.model)):
         for j in range(combined.count):
             models = mixing.A[j], mixing.b[j], mixing.Q[j]
             move(runs_in(mixing.filters[j], RUN), steps, models, 1 if mixing.triangular else 0, k)
         if steps.update[k] >= 0:
-            update_mixture(combined, steps, scored, mixing, rules, kept, exchange, steps.update[k], updates, states)
+            update_mixture(combined, steps, scored, mixing, rules, kept, exchange, steps.update[k], updates)
             updates += 1
             if all_lost(combined, k):
                 return reached, updates
@@ -200,7 +199,6 @@ def update_mixture(
     exchange: Exchange,
     which: int,
     place: int,
-    states: int,
 ) -> None:
     """Adapt R by the combined prediction, update and weigh all filters, mix them."""
     combine(mixing, combined)
@@ -209,7 +207,7 @@ def update_mixture(
     for r in range(1, 6):
         rows += combined.used[r]
     for j in range(combined.count):
-        correct_filter(combined, runs_in(mixing.filters[j], RUN), steps, mixing, j, which, states)
+        correct_filter(combined, runs_in(mixing.filters[j], RUN), steps, mixing, j, which, exchange.states)
     weigh(mixing)
     mix(mixing, combined, rows)
     for j in range(combined.count):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from hashlib import blake2b
 from itertools import zip_longest
 from typing import NamedTuple, cast
@@ -182,11 +182,14 @@ class _Course:
 
 
 class _Ground:
-    """What runs of one pack have in common: their steps, and which of them count; the same as another's by its hash."""
+    """What runs of one pack have in common: their steps, and which of them count; the same as another's by its hash.
+
+    Its arrays are as in `Steps` and `TruthRows`. All packs on one ground share them, so that they stay in the cache.
+    """
 
     def __init__(self, course: _Course) -> None:
-        t, s = course.run.timeline, course.run.scoring
-        self.timeline, self.scoring = t, s
+        t, self.scoring = course.run.timeline, course.run.scoring
+        s, self.timeline = self.scoring, t
         numbers = np.array([t.dt0_s, s.consistency, s.limit_m])
         shared = (numbers, t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
         self._digest = blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
@@ -197,27 +200,23 @@ class _Ground:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Ground) and self._digest == other._digest
 
+    @cached_property
+    def reference(self) -> IntArray:
+        return _numbered(len(self.timeline.reference), np.flatnonzero(self.timeline.reference >= 0).tobytes())
 
-_ground = lru_cache(maxsize=256)(_Ground)
-
-
-class _Common(NamedTuple):
-    """Arrays that all packs on one ground share, so that they stay in the cache; as in `Steps` and `TruthRows`."""
-
-    model: IntArray
-    sample: IntArray
-    reference: IntArray
-    lengths_s: FloatArray
-    weights: FloatArray
+    @cached_property
+    def weights(self) -> FloatArray:
+        s = self.scoring
+        return np.column_stack([s.counted, s.whole, s.moving, s.counted * s.moving])
 
 
-@lru_cache(maxsize=16)  # a MB each
-def _common(ground: _Ground) -> _Common:
-    t, s = ground.timeline, ground.scoring
-    lengths_s, model = t.lengths
-    reference = _numbered(len(model), np.flatnonzero(t.reference >= 0).tobytes())
-    weights = np.column_stack([s.counted, s.whole, s.moving, s.counted * s.moving])
-    return _Common(model, t.sample.astype(np.int64), reference, lengths_s, weights)
+_same_ground: Callable[[_Ground], _Ground] = lru_cache(maxsize=16)(lambda ground: ground)  # a MB each
+
+
+@lru_cache(maxsize=256)
+def _ground(course: _Course) -> _Ground:
+    """Return the ground of a run: the one that is known, if there is an equal one."""
+    return _same_ground(_Ground(course))
 
 
 @lru_cache(maxsize=32)
@@ -266,22 +265,23 @@ def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, a
 
 def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_truth: bool, apart: bool) -> _Stacked:
     lanes = [course.run for course, _ in streams]
-    first, common = lanes[0].timeline, _common(_ground(streams[0][0]))
+    first, ground = lanes[0].timeline, _ground(streams[0][0])
+    lengths_s, model = ground.timeline.lengths
     updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
     marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
     reported = [_covariances(course.run, updated, measured.as_reported, apart) for course, measured in streams]
     truth = [_covariances(course.run, updated, m.R_true, apart) for course, m in streams] if wants_truth else []
     return _Stacked(
-        common.model,
-        common.sample,
-        _numbered(len(common.model), updated.tobytes()),
-        common.reference,
+        model,
+        ground.timeline.sample,
+        _numbered(len(model), updated.tobytes()),
+        ground.reference,
         _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),
         _stacked(lanes, lambda run: _measured(run, updated)),
         _stack(truth) if wants_truth else np.empty((0, 36, 1)),
         _stack(reported),
-        _truth_rows(lanes, marks, first.t_s[updated], common.weights),
-        common.lengths_s,
+        _truth_rows(lanes, marks, first.t_s[updated], ground.weights),
+        lengths_s,
         updated,
         tuple(np.searchsorted(marks, run.scoring.marks) for run in lanes),
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray
-from jerkbench.compilation.code_digest import names_arguments, own_function, reads
+from jerkbench.compilation.code_digest import own_function, reads
 from jerkbench.compilation.methods import (
     CompiledMethod,
     address_of,
@@ -39,8 +39,6 @@ _MEASURED = (
 )
 GIVEN = (_MEASURED[0], ("HPHt", "float64", "(m, m)"), *_MEASURED[1:])
 STATE = (("x", "float64", "n"), *((name, "float64", "(n, n)") for name in ("P", "F", "Q")))
-F_AND_Q = (3, 4)
-"""Their places among the arguments of `adapt_prior`, behind itself, x and P."""
 ADAPT = CompiledMethod("adapt", GIVEN, ("m", "size"), (("m", 6),), "(m, m)")
 FADE = CompiledMethod("fade", GIVEN, ("m", "size"), (("m", 6),), "")
 PRIOR = CompiledMethod("adapt_prior", (*STATE, *_MEASURED), ("m", "size", "n"), (("m", 6), ("n", 9)), "(n, n)")
@@ -88,12 +86,6 @@ def _reads_axes(kind: type[Adaptation]) -> bool:
     return any(method is not None and reads(method, "AXES") for method in methods)
 
 
-@cache
-def _reads_transition(kind: type[Adaptation]) -> bool:
-    prior = own_function(getattr(kind, PRIOR.name, None))
-    return prior is not None and names_arguments(prior, F_AND_Q)
-
-
 IN_PYTHON = "estimators with {} run in plain Python"
 
 
@@ -106,10 +98,10 @@ def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON, *, side_by
         side_by_side: whether a loop that asks for all runs at once (`jerkbench.kinematic.adapt_lanes`) is to call it.
     """
     kind, lanes = _Kind(adaptation), side_by_side and asked_in_lanes(adaptation)
-    if lanes and (reason := _why_not(kind, lanes=True)) and not _why_not(kind, lanes=False):
+    if lanes and (reason := _obstacle(kind, lanes=True)) and not _obstacle(kind, lanes=False):
         notify(f"{type(adaptation).__name__} is asked by each run, not by eight at once: {reason}")
         lanes = False
-    if reason := _why_not(kind, lanes):
+    if reason := _obstacle(kind, lanes):
         notify(f"{otherwise.format(type(adaptation).__name__)}: {reason}")
         return None
     asked = AT_ONCE if lanes else NEVER if side_by_side and changes_nothing(adaptation) else EACH
@@ -118,12 +110,7 @@ def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON, *, side_by
 
 def obstacle(adaptation: Adaptation) -> str:
     """Return why numba cannot compile ``adaptation``; or an empty string."""
-    return _why_not(_Kind(adaptation), lanes=False)
-
-
-def _why_not(kind: "_Kind", lanes: bool) -> str:
-    """The same by itself, or for all runs at once."""
-    return _obstacle(kind, lanes) if can_compile() else "NUMBA_DISABLE_JIT is set: numba compiles nothing"
+    return _obstacle(_Kind(adaptation), lanes=False)
 
 
 class _Kind:
@@ -141,8 +128,11 @@ class _Kind:
 
 @lru_cache(maxsize=256)
 def _obstacle(kind: _Kind, lanes: bool) -> str:
+    """Return why numba cannot compile it by itself, or for all runs at once."""
     from numba.core.errors import NumbaError, UnsupportedBytecodeError  # the second is none of the first
 
+    if not can_compile():
+        return "NUMBA_DISABLE_JIT is set: numba compiles nothing"
     try:
         _addresses(kind, lanes)
         parameter_vector(kind.example)
@@ -233,5 +223,4 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
         parameters, by_rule = aligned_zeros(*parameters.T.shape), parameters
         parameters[...] = by_rule.T
     memory = aligned_zeros(max(1, 2 * sizes.max()), WIDE) if lanes else np.zeros((len(rules), sizes.max()))
-    shown = np.array([any(_reads_transition(type(rule.adaptation)) for rule in rules)], dtype=np.int64)
-    return Rules(parameters, whole, adapt, fade, prior, gain, shown, memory, sizes)
+    return Rules(parameters, whole, adapt, fade, prior, gain, memory, sizes)

@@ -23,8 +23,7 @@ from jerkbench.sums import NEES, NEES_POSITION, SUMS, Run, Streamed
 from jerkbench.timeline import Timeline
 
 NO_ROWS = np.empty((0, 6, 1))
-NO_MARKS, NO_WEIGHTS = np.empty(0, np.int64), NO_ROWS[:, :4, 0]
-NO_TRUTH = TruthRows(NO_MARKS, NO_ROWS[:, 0], NO_ROWS, NO_WEIGHTS, NO_ROWS[:, 0], consistency=False, limit_m2=math.inf)
+NO_TRUTH = TruthRows(np.empty(0, np.int64), NO_ROWS[:, 0], NO_ROWS, NO_ROWS[:, :4, 0], NO_ROWS[:, 0])
 
 
 def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
@@ -45,7 +44,7 @@ def run_alone(
     """
     loop, of, own, *more = prepared
     kept, steps = _room_of(timeline, of), _steps_of(timeline, which, wants_truth=rule.wants_truth)
-    rules, room = rules_of([rule], of.sizes["s"]), exchange_for(of.sizes["n"], 1)
+    rules, room = rules_of([rule], of.sizes["s"]), exchange_for(of)
     states, updates = loop(steps, NO_TRUTH, own, rules, kept, room, *more)
     return _estimate_of(timeline, kept, states, updates, of), kept.w
 
@@ -193,7 +192,7 @@ def run_packs(
             loop, of, own, *more = prepared
             kept = _room_of_pack(pack, of, updates=updates)
             asked = rules_of([rules[k] for k in lanes], of.sizes["s"], 3 if pack.apart else 1)
-            loop(pack.steps, pack.scored, own, asked, kept, exchange_for(of.sizes["n"], WIDE), *more)
+            loop(pack.steps, pack.scored, own, asked, kept, exchange_for(of), *more)
             coupled = kept.w[of.fields["coupled"].places[0] :][:WIDE].tolist()
             if pack.apart and any(coupled):
                 run_pack(together(pack))

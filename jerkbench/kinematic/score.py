@@ -58,7 +58,9 @@ def add_errors(run: Lanes, x: View, e: View, sums: View, scored: TruthRows, erro
         sums[VELOCITY_SQUARES + i] += moving * (e[3 + i] * e[3 + i])
     square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
     sums[WHOLE] += whole * square
-    note_stray(sums, square, scored.limit_m2, float(len(scored.truth) - k))
+    left = chosen(square, scored.limit_m2, float(len(scored.truth) - k), 0.0)  # a smoother's rows come the other way
+    sums[STRAYED] = chosen(left, sums[ROWS_LEFT], square, sums[STRAYED])
+    sums[ROWS_LEFT] = chosen(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])
     sums[LARGEST] = chosen(counted * square, sums[LARGEST], square, sums[LARGEST])
     if len(scored.outage) > 0:
         sums[OUTAGE] += taken(scored.outage, k, run, "1")[0] * square
@@ -66,13 +68,6 @@ def add_errors(run: Lanes, x: View, e: View, sums: View, scored: TruthRows, erro
         marked = row(errors, scored.mark[k], run, "marked")
         for i in range(3):
             marked[i] = e[i]
-
-
-def note_stray(sums: View, square: float, limit_m2: float, left: float) -> None:
-    """Note the first ``square`` beyond the limit, with so many rows ``left``; rows may come from the last one on."""
-    left = chosen(square, limit_m2, left, 0.0)
-    sums[STRAYED] = chosen(left, sums[ROWS_LEFT], square, sums[STRAYED])
-    sums[ROWS_LEFT] = chosen(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])
 
 
 def add_nees(run: Lanes, P: View, weights: FloatArray) -> None:

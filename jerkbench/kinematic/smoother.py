@@ -299,15 +299,14 @@ def run_smoother(
     Returns:
         How many stamps of the reference were visited, and how many updates there were.
     """
-    states = 3 * (2 + len(model.extra))
-    rows, reached, updates = run_forward(steps, scored, model, rules, kept, exchange, tape, states)
+    rows, reached, updates = run_forward(steps, scored, model, rules, kept, exchange, tape)
     if rows > 0:
-        run_back(steps, scored, model, kept, tape, rows, reached, states)
+        run_back(steps, scored, model, kept, tape, rows, reached, exchange.states)
     return reached, updates
 
 
 def run_forward(
-    steps: Steps, scored: TruthRows, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape, states: int
+    steps: Steps, scored: TruthRows, model: Model, rules: Rules, kept: Kept, exchange: Exchange, tape: Tape
 ) -> tuple[int, int, int]:
     """Filter, and fill the tape; returns its rows and the stamps of the reference (0: lost), and the updates."""
     run = runs_in(kept.w, RUN)
@@ -319,7 +318,7 @@ def run_forward(
         move(run, steps, (model.A, model.b, model.Q), way_of(model), k)
         due = steps.update[k] >= 0
         if due:
-            update(run, steps, scored, rules, kept, exchange, steps.update[k], updates, states)
+            update(run, steps, scored, rules, kept, exchange, steps.update[k], updates)
             updates += 1
             if all_lost(run, k):
                 return 0, 0, updates

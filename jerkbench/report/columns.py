@@ -37,29 +37,6 @@ _WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
 """Parts of column names that are not plain words."""
 
 
-class Quantity(NamedTuple):
-    """A metric's column.
-
-    Attributes:
-        title: in words.
-        unit: "" for a ratio.
-        expected: what a consistent filter gives, or None.
-        lowest_is_best: whether the lowest is the best, and a ratio says by how much; if not, nothing is judged.
-        reading: what more or less than expected means.
-    """
-
-    title: str
-    unit: str
-    expected: float | None = None
-    lowest_is_best: bool = True
-    reading: str = ""
-
-    @property
-    def heading(self) -> str:
-        """Title and unit."""
-        return f"{self.title} [{self.unit}]" if self.unit else self.title
-
-
 def declared() -> Mapping[str, Column]:
     """Return how columns are read, by their names, as the metrics say."""
     return _declared(tuple(plugins.get("metric", name) for name in plugins.names("metric")))
@@ -72,8 +49,8 @@ def _declared(metrics: tuple[type, ...]) -> Mapping[str, Column]:
     return {name: of for columns in each for name, of in columns.items()} | {"step_ns": STEP}
 
 
-def quantity(column: str) -> Quantity:
-    """Return what a column's name means; names that no metric explains speak for themselves.
+def quantity(column: str) -> Column:
+    """Return how a column is read, with title and unit; names that no metric explains speak for themselves.
 
     >>> quantity("position_rmse_up_m").heading
     'Position RMSE up [m]'
@@ -82,8 +59,7 @@ def quantity(column: str) -> Quantity:
     unit = _UNITS.get(last, "") if stem else ""
     words = [_WORDS.get(word, word) for word in (stem if unit else column).split("_")]
     plain, of = " ".join(words), declared().get(column, Column())
-    title = of.title or plain[:1].upper() + plain[1:]
-    return Quantity(title, unit, of.expected, of.judged and of.expected is None, of.reading)
+    return of._replace(title=of.title or plain[:1].upper() + plain[1:], unit=of.unit or unit)
 
 
 # The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
