@@ -55,6 +55,24 @@ def test_the_methods_that_are_asked_at_once():
     }
 
 
+@dataclass(frozen=True)
+class Unasked(NoAdaptation):
+    """Says that it leaves R as it is, and would not."""
+
+    changes_nothing: ClassVar[bool] = True
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return 4.0 * R
+
+
+def test_who_says_that_nothing_changes_is_not_asked(rough):
+    """Neither alone nor side by side."""
+    plain, unasked = (CompiledEngine().run(rough[0][1], Jerk(), rule) for rule in (NoAdaptation(), Unasked()))
+    np.testing.assert_array_equal(unasked.covariance, plain.covariance)
+    (plain,), (unasked,) = (side_by_side(rough[:1], Jerk(), [rule]) for rule in (NoAdaptation(), Unasked()))
+    np.testing.assert_array_equal(list(unasked.values()), list(plain.values()))
+
+
 @pytest.mark.parametrize("cls", [VariationalBayes, pytest.param(VariationalPriorAndNoise, marks=pytest.mark.slow)])
 def test_each_run_has_its_own_numbers_and_its_own_memory(rough, cls):
     rules = [cls(forgetting=value) for value in (0.999, 0.99, 0.98, 0.95, 0.9, 0.8)]

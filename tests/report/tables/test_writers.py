@@ -67,10 +67,13 @@ def test_what_is_the_better_the_higher_and_what_an_adaptation_did_is_not_judged_
 class Found:
     """A metric of somebody else: the higher the better."""
 
-    columns: ClassVar = {"found_percent": Column("Found again", judged=False, section=99)}
+    columns: ClassVar = {
+        "found_percent": Column("Found again", judged=False, section=99),
+        "lost_per_s": Column("Lost", unit="1/s"),
+    }
 
     def evaluate(self, estimate, recording, counted):
-        return {"found_percent": 100.0}
+        return {"found_percent": 100.0, "lost_per_s": 0.0}
 
 
 def test_a_metric_of_somebody_else_says_how_its_columns_are_read(rows, tmp_path, monkeypatch):
@@ -79,6 +82,7 @@ def test_a_metric_of_somebody_else_says_how_its_columns_are_read(rows, tmp_path,
     plugins.register("metric", "found")(Found)
 
     assert quantity("found_percent").heading == "Found again [%]"
+    assert quantity("lost_per_s").heading == "Lost [1/s]"
     assert not quantity("found_percent").lowest_is_best
     write_tables(rows.assign(found_percent=np.linspace(10.0, 90.0, len(rows))), tmp_path)
     section = (tmp_path / "table.md").read_text().partition("## Found again [%]")[2]
