@@ -272,7 +272,7 @@ class Varying(Protocol):
 
 @runtime_checkable
 class ChangingNothing(Protocol):
-    """An adaptation that leaves R as it is, if the attribute is True: runs side by side need not ask.
+    """An adaptation that leaves R as it is, if the attribute is True: compiled runs do not ask.
 
     It counts for the class that states it, and not for those that are made from it.
     """
@@ -392,7 +392,7 @@ class Batched(Protocol):
             threads: how many to use.
 
         Returns:
-            The sums of each run, or None.
+            The sums of each run, with `rows_left` if it strays, or None.
         """
 
 
@@ -434,7 +434,7 @@ class SideBySide(Protocol):
         updates: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return the sums of each run; None where it is to be run alone by `Engine.run`, which says why.
+        """Return the sums of each run, `rows_left` if it strays; None: `Engine.run` is to run it, and says why.
 
         Args:
             runs: timelines, and what the errors count for.

@@ -202,7 +202,7 @@ class Start:
         return x0, P0
 
 
-motion_told = lru_cache(maxsize=4096)(Start.motion)
+motion_told = lru_cache(maxsize=1024)(Start.motion)
 """The same, found once for the settings of a search that share these factors."""
 
 
@@ -237,7 +237,7 @@ def start_of(measurements: Measurements, first: int, attitude: Attitude | None, 
             grown = (seen_s * INPUT_SIGMA_MPS2) ** 2 + ((age_s - seen_s) * UNSEEN_SIGMA_MPS2) ** 2
             z = z + gained[axes - 3]
         velocities.append((axes, z, R, grown))
-    return Start(measurements.z[first, :3], reported[first, :3, :3], tuple(velocities))
+    return Start(measurements.z[first, :3].copy(), reported[first, :3, :3].copy(), tuple(velocities))
 
 
 def latest_rows(measurements: Measurements, first: int) -> IntArray:

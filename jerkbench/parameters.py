@@ -131,7 +131,7 @@ class Column(NamedTuple):
             which has no ratio.
         reading: how to read more or less than what is expected.
         section: its place among the sections of table.md, where it applies; 0: it has none.
-        unit: empty: the one that the end of its name stands for, or none (a ratio).
+        unit: beside a title; empty: the one that the end of its name stands for, or none (a ratio).
     """
 
     title: str = ""

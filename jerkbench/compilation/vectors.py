@@ -311,7 +311,7 @@ def aligned_zeros(*shape: int) -> FloatArray:
 
 
 def aligned_room(*shape: int) -> FloatArray:
-    """Return the same with any numbers in it."""
+    """Return room that begins with a line of the cache; what is in it means nothing."""
     return _from_a_line(np.empty(math.prod(shape) + WIDE), shape)
 
 

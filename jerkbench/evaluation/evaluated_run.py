@@ -12,7 +12,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import (
     POSITION_AXES,
     VELOCITY_AXES,
@@ -181,10 +181,8 @@ def prepare_reference(
 ) -> PreparedReference | None:
     """Return the reference for runs over ``timeline``, or None where scoring them needs a trajectory.
 
-    A run with a position error over ``limit_m`` strays.
-
     It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
-    nothing counts.
+    nothing counts. A run with a position error over ``limit_m`` strays.
     """
     index = timeline.reference[timeline.reference >= 0]
     outline = outlined(index, timeline.euler_rad[index])
@@ -193,7 +191,7 @@ def prepare_reference(
     located = known_axes(recording.reference.enu_m, outline.index).all()
     if not (located and counted.any() and (rows.velocity == rows.velocity[0]).all()):
         return None
-    scoring = replace(error_weights(recording, outline.index, rows), limit_m=limit_m)
+    scoring = replace(error_weights(recording, outline.index, rows), limit_m=float(limit_m))
     return PreparedReference(scoring, rows, counted, outline)
 
 
@@ -201,11 +199,6 @@ def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
     """Return an estimate without position, velocity and covariance (NaN) at rows ``index`` (k,) of the reference."""
     unknown = np.broadcast_to(np.nan, (len(index), 6, 6))
     return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
-
-
-def with_updates(outline: Estimate, updates: Updates) -> Estimate:
-    """Return the outline with what the updates saw."""
-    return replace(outline, updates=updates)
 
 
 # When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row.

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -21,7 +21,6 @@ from jerkbench.evaluation.evaluated_run import (
     run_status,
     sums_from,
     why_strayed,
-    with_updates,
 )
 from jerkbench.jobs.inputs import KEPT_INPUTS, Inputs, shared_inputs
 from jerkbench.jobs.job import Job
@@ -36,7 +35,6 @@ from jerkbench.timeline import Timeline, build_timeline, told_timeline
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
 """Rows of some seeds that are done together, and what a reader of them has to know."""
-_OK = {"status": "ok", "reason": ""}
 
 
 class Task(NamedTuple):
@@ -262,10 +260,9 @@ class _ReadySeed(NamedTuple):
 
 def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, how: How) -> NotedRows:
     """Return the row of a run among others that came to its end."""
-    reason = why_strayed(result, seed.reference, seed.recording)
-    status = {"status": "diverged", "reason": plain(reason)} if reason else _OK
-    values = _values(job, seed, result, how.inputs)
-    return [{**_head(job, draw), **status, **values}], notes_of(job, seed.recording)
+    reason, values = why_strayed(result, seed.reference, seed.recording), _values(job, seed, result, how.inputs)
+    about = {"status": "diverged" if reason else "ok", "reason": plain(reason)}
+    return [{**_head(job, draw), **about, **values}], notes_of(job, seed.recording)
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], NotedRows]:
@@ -330,11 +327,10 @@ def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Strea
 
 def _values(job: Job, seed: _ReadySeed, result: Streamed, inputs: Inputs) -> dict[str, float]:
     """Return the metrics of a run by column, from its sums."""
-    sums = sums_from(result, seed.reference, seed.recording)
     outline = seed.reference.outline
     if result.euler_rad is not None:  # an attitude of its own
         outline = outlined(outline.index, result.euler_rad)
     if len(result.updates.t_s):
-        outline = with_updates(outline, result.updates)
-    summary = Summary(outline, seed.reference.counted, sums)
+        outline = replace(outline, updates=result.updates)
+    summary = Summary(outline, seed.reference.counted, sums_from(result, seed.reference, seed.recording))
     return metric_values(job.evaluation.metrics, summary, seed.recording, inputs.columns)

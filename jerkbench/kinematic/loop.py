@@ -129,7 +129,7 @@ def note_coupling(run: Lanes, M: View, rows: int, columns: int) -> None:
         for c in range(columns):
             if (r - c) % STRIDE != 0:
                 squares += M[r, c] * M[r, c]
-    run.coupled += chosen(squares, 0.0, 1.0, 0.0)
+    run.coupled += chosen(run.lost, 0.0, 0.0, 1.0 - chosen(1e-300, squares, 1.0, 0.0))  # what is no number couples, too
 
 
 def _innovate(run: Lanes, z: View) -> bool:

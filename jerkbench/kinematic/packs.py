@@ -213,7 +213,7 @@ class _Ground:
 _same_ground: Callable[[_Ground], _Ground] = lru_cache(maxsize=16)(lambda ground: ground)  # a MB each
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def _ground(course: _Course) -> _Ground:
     """Return the ground of a run: the one that is known, if there is an equal one."""
     return _same_ground(_Ground(course))
@@ -300,7 +300,7 @@ def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray, wei
         weights,
         _outages(lanes),
         first.consistency,
-        first.limit_m**2,
+        first.limit_m * first.limit_m,
     )
 
 

@@ -213,7 +213,7 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
     kinds = [first.kind] if lanes else [rule.kind for rule in rules]
     addresses = [_addresses(kind, lanes, axes if lanes else 1) for kind in kinds] * (len(rules) // len(kinds))
     adapt, fade, prior, gain = np.array(addresses).T.copy()
-    if len(rules) == 1 and changes_nothing(first.adaptation) and not first.wants_truth:
+    if len(rules) == 1 and changes_nothing(first.adaptation):
         adapt[0] = 0
     whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)
     parameters = aligned_zeros(len(rules), max(len(rule.parameters) for rule in rules))

@@ -117,7 +117,8 @@ def _add_squares(score: TrajectoryScore, row: int, square: float) -> None:
     if score.counted[row] > 0.0:
         for i in range(3):
             t[POSITION_SQUARES + i] += e[36 + i] * e[36 + i]
-        t[LARGEST] = _larger(t[LARGEST], square)
+        if t[LARGEST] == t[LARGEST] and not square <= t[LARGEST]:
+            t[LARGEST] = square
     if score.moving[row] > 0.0:
         for i in range(3):
             t[VELOCITY_SQUARES + i] += e[39 + i] * e[39 + i]
@@ -125,11 +126,6 @@ def _add_squares(score: TrajectoryScore, row: int, square: float) -> None:
         t[WHOLE] += square
     if score.outage[row] > 0.0:
         t[OUTAGE] += square
-
-
-def _larger(a: float, b: float) -> float:
-    """The larger; NaN where one of them is."""
-    return b if a == a and not b <= a else a  # noqa: PLR0124 - false of NaN alone
 
 
 def _mark(kept: FloatArray, e: FloatArray, P: FloatArray) -> None:

@@ -21,11 +21,11 @@ from jerkbench.contracts import (
 )
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
+from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
+from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_strayed
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.plugins import create
-from jerkbench.plugins.optional import empty_memory
+from jerkbench.plugins.optional import changes_nothing, empty_memory
 from jerkbench.plugins.requirements import (
     ROWS,
     TRIED_SIGMAS,
@@ -80,7 +80,8 @@ def _check_sums(
     subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
 ) -> None:
     timeline = build_timeline(recording, attitude)
-    scene = prepare_reference(recording, timeline, BURN_IN_S)
+    limit_m = 0.5 * largest_norm(position_error_m(wanted, recording))
+    scene = prepare_reference(recording, timeline, BURN_IN_S, limit_m)
     if scene is None:
         return
     subject = f"{subject}.run_settings()"
@@ -89,10 +90,13 @@ def _check_sums(
     settings = [plugin, plugin], [adaptation, adaptation]
     results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
     require_that(len(results) == 2, f"{subject} gives {len(results)} results for 2 runs.")
-    for got in (sums_from(result, scene, recording) for result in results if result is not None):
+    for result in filter(None, results):
+        got, reason = sums_from(result, scene, recording), why_strayed(result, scene, recording)
         for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
             near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
             require_that(near, f"{name} of {subject} is not that of estimate().")
+        said = reason == run_status(wanted, recording, limit_m)[1]
+        require_that(said, f"{subject} says of a run that strays: '{reason}'.")
 
 
 INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
@@ -287,6 +291,9 @@ def _run(plugin: Plugin, updates: list[tuple[Update, Prior]], size: int, *, thor
         seen = update._replace(HPHt=P[np.ix_(update.rows, update.rows)])
         R = _adapted(plugin, seen, memory, thorough=thorough)
         gain = _adapted_gain(plugin, prior._replace(P=P), update._replace(R=R), memory)
+        if changes_nothing(plugin):
+            same = factor == 1.0 and np.array_equal(P, prior.P) and np.array_equal(R, seen.R) and not gain.size
+            require_that(same, f"{type(plugin).__name__} says changes_nothing, and changes R, P or the gain.")
         results.append((factor, P.copy(), R.copy(), gain.copy()))
         if thorough:
             require_finite(f"the memory of {type(plugin).__name__}", memory)

@@ -17,6 +17,7 @@ from jerkbench.estimate import Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
+from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.plugins.requirements import small_recording, true_attitude
 from jerkbench.sums import Streamed
 
@@ -504,7 +505,7 @@ class BrokenBatched(GnssOnly):
         velocity = (estimate.velocity_mps - run.scoring.truth[:, 3:]) * run.scoring.moving[:, None]
         position_m2, velocity_m2ps2 = (error**2).sum(axis=0) * self.factor, (velocity**2).sum(axis=0)
         none = Updates.empty()
-        return Streamed(position_m2, velocity_m2ps2, *[0.0] * 10, np.zeros((0, 3)), np.zeros((0, 6)), none)
+        return Streamed(position_m2, velocity_m2ps2, *[0.0] * 11, np.zeros((0, 3)), np.zeros((0, 6)), none)
 
 
 def test_a_compiled_way_that_goes_another_way():
@@ -513,6 +514,35 @@ def test_a_compiled_way_that_goes_another_way():
     with pytest.raises(AssertionError, match=r"position_m2 of .*run_settings\(\)"):
         testing.check_filter(BrokenBatched(factor=1.1))
     testing.check_filter(BrokenBatched(factor=0.0))
+
+
+def test_a_compiled_way_that_does_not_say_when_a_run_strays():
+    """The sums are right; those of the squares and of what updates saw are made from the trajectory."""
+
+    class Silent(GnssOnly):
+        def run_settings(self, runs, estimators, adaptations, *, updates, attitude, threads):
+            streamed = (self._sums(run, adaptation) for run, adaptation in zip(runs, adaptations, strict=True))
+            return [result._replace(strayed_m2=0.0, rows_left=0.0) for result in streamed]
+
+        def _sums(self, run, adaptation):
+            return scored_trajectory(self.estimate(run.recording, run.attitude, adaptation), run.scoring)
+
+        def estimate_compiled(self, recording, attitude, adaptation):
+            return self.estimate(recording, attitude, adaptation)
+
+    with pytest.raises(AssertionError, match="a run that strays"):
+        testing.check_filter(Silent())
+
+
+def test_an_adaptation_that_changes_something_and_says_that_it_does_not():
+    class Lying(NoAdaptation):
+        changes_nothing = True
+
+        def adapt(self, innovation, HPHt, R, rows, memory):
+            return 4.0 * R
+
+    with pytest.raises(AssertionError, match="changes_nothing"):
+        testing.check_adaptation(Lying())
 
 
 def test_the_old_name_of_the_compiled_way_is_told_its_new_one():

@@ -18,7 +18,7 @@ from jerkbench.compilation.compiled_loop import signature_of
 from jerkbench.compilation.jitted import jitted
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, prepare_reference, sums_from, with_updates
+from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, prepare_reference, sums_from
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.kinematic.arguments import run_type
 from jerkbench.kinematic.loop import ALONE, APART, run_steps
@@ -58,7 +58,7 @@ def side_by_side(pairs, model, adaptation, **options):
 
 
 def values(result, score, recording):
-    sums, seen = sums_from(result, score, recording), with_updates(score.outline, result.updates)
+    sums, seen = sums_from(result, score, recording), replace(score.outline, updates=result.updates)
     columns = {}
     for metric in STREAMED:
         summarises = hasattr(metric, "summarise")
