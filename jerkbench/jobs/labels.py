@@ -3,16 +3,22 @@
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, NamedTuple
 
 from jerkbench import plugins
 from jerkbench.renamed import new_name
-from jerkbench.report.columns import Combination
 from jerkbench.timeline import scale_of
 
 
-class Labels(Combination):
+class Labels(NamedTuple):
     """The names of the parts of a cell in the tables."""
+
+    dataset: str
+    disturbance: str
+    attitude: str
+    filter: str
+    adaptation: str
+    noise: str
 
     @property
     def scenario(self) -> str:

@@ -17,8 +17,9 @@ from jerkbench.evaluation.intervals import loss_bound
 from jerkbench.evaluation.judgement import Judgement, Verdict, judged_on_other_seeds
 from jerkbench.evaluation.over_seeds import two_samples
 from jerkbench.files import read_yaml
+from jerkbench.jobs.labels import Labels
 from jerkbench.plugins.requirements import JunitCase, junit
-from jerkbench.report.columns import METHOD, Combination, checked, quantity
+from jerkbench.report.columns import METHOD, checked, quantity
 from jerkbench.report.comparisons import (
     RULE,
     MethodRuns,
@@ -59,7 +60,7 @@ class Change(NamedTuple):
         risen: on the same seeds, how many went up from a value of which there is no ratio (0, or below).
     """
 
-    combination: Combination
+    combination: Labels
     means: tuple[float, float]
     judgement: Judgement
     rule: VerdictRule
@@ -250,7 +251,7 @@ class Tolerance(NamedTuple):
     method: str = _ANY
     scenario: str = _ANY
 
-    def fits(self, metric: str, combination: Combination) -> bool:
+    def fits(self, metric: str, combination: Labels) -> bool:
         """Whether the rule is about this metric of this combination."""
         values = combination._asdict()
         scenario = [value for factor, value in values.items() if factor not in METHOD]
@@ -280,7 +281,7 @@ class Tolerances(NamedTuple):
     rules: tuple[Tolerance, ...] = ()
     otherwise: float | None = None
 
-    def percent(self, metric: str, combination: Combination) -> float | None:
+    def percent(self, metric: str, combination: Labels) -> float | None:
         """Return by how many percent a combination may be worse; None: it cannot fail."""
         fitting = (rule.percent for rule in self.rules if rule.fits(metric, combination))
         return next(fitting, self.otherwise)
@@ -291,7 +292,7 @@ class Tolerances(NamedTuple):
         chosen = [column for column in columns if any(fnmatchcase(column, pattern) for pattern in named)]
         return chosen if named and len(named) == len(self.rules) else list(dict.fromkeys([main, *chosen]))
 
-    def idle(self, compared: Iterable[tuple[str, Combination]]) -> list[str]:
+    def idle(self, compared: Iterable[tuple[str, Labels]]) -> list[str]:
         """Return a sentence for each rule that fits nothing that was compared."""
         pairs = list(compared)
         return [

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from jerkbench import plugins
 from jerkbench.arrays import IntArray
 from jerkbench.errors import JerkbenchError, require_known, unknown
 from jerkbench.evaluation.evaluated_run import DRAWN, RUN_COLUMNS
+from jerkbench.jobs.labels import Labels
 from jerkbench.parameters import Column
 
 if TYPE_CHECKING:
@@ -65,18 +66,7 @@ def quantity(column: str) -> Column:
 # The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
 
 
-class Combination(NamedTuple):
-    """What a cell is a combination of: a value of each factor, in the order of the data's way."""
-
-    dataset: str
-    disturbance: str
-    attitude: str
-    filter: str
-    adaptation: str
-    noise: str
-
-
-FACTORS = Combination._fields
+FACTORS = Labels._fields
 
 METHOD = ("filter", "adaptation", "noise")
 """What a method is made of, unless one says otherwise; the other factors make a scenario."""

@@ -67,7 +67,7 @@ def test_what_is_known_of_many_cells_is_looked_up_once_each(monkeypatch):
             return super().get(name)
 
     facts_of = parts._facts
-    monkeypatch.setattr(parts, "_facts", lambda block: Facts(facts_of(block)))
+    monkeypatch.setattr(parts, "_facts", lambda block, shared: Facts(facts_of(block, shared)))
     blocks = [RowBlock(f"{k}", 1, [row(seed=k)], about()) for k in range(50)]
 
     assert parts.table_of(blocks).num_rows == 50
