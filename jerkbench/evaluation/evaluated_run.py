@@ -261,6 +261,18 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
 # (`position_bound`); here the answers are only put together. What a row says of the run itself, `RUN_COLUMNS`, is
 # filled by `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.jobs.parts`.
 
+
+class Combination(NamedTuple):
+    """What a cell is a combination of: a value of each factor, in the order of the data's way."""
+
+    dataset: str
+    disturbance: str
+    attitude: str
+    filter: str
+    adaptation: str
+    noise: str
+
+
 RUN_COLUMNS = ("seed", "replicate", "status", "reason")
 """The columns of a run's row between its labels and its metrics."""
 

@@ -3,22 +3,16 @@
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 from jerkbench import plugins
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.renamed import new_name
 from jerkbench.timeline import scale_of
 
 
-class Labels(NamedTuple):
+class Labels(Combination):
     """The names of the parts of a cell in the tables."""
-
-    dataset: str
-    disturbance: str
-    attitude: str
-    filter: str
-    adaptation: str
-    noise: str
 
     @property
     def scenario(self) -> str:

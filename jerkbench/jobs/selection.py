@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from jerkbench.errors import JerkbenchError, NotComparableError, unknown
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.jobs.conditions import DECIDING_SCORES, LABELLED_PARTS, Conditions, differing_conditions
-from jerkbench.jobs.labels import Labels, bare
+from jerkbench.jobs.labels import bare
 from jerkbench.jobs.study import Study
 from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, METHOD, require_factors
@@ -139,7 +140,7 @@ def other_methods(first: Study, second: Study) -> list[str]:
     return [f"A and B differ in {', '.join(dict.fromkeys(names))}."] if names else []
 
 
-def _shared(first: Study, second: Study) -> Iterator[tuple[Labels, Conditions, Conditions]]:
+def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditions, Conditions]]:
     """Combinations that both have; a single one of each, whatever they are called."""
     first_keys, second_keys = _keys(first), _keys(second)
     pairs = [(name, first_keys[name], second_keys[name]) for name in first_keys if name in second_keys]
@@ -150,6 +151,6 @@ def _shared(first: Study, second: Study) -> Iterator[tuple[Labels, Conditions, C
         yield name, first.conditions[a], second.conditions[b]
 
 
-def _keys(study: Study) -> dict[Labels, str]:
+def _keys(study: Study) -> dict[Combination, str]:
     named = study.rows[[*FACTORS]].astype(str).itertuples(index=False, name=None)
-    return dict(zip(map(Labels._make, named), study.keys, strict=True))
+    return dict(zip(map(Combination._make, named), study.keys, strict=True))

@@ -12,12 +12,12 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import JerkbenchError, NotComparableError, unknown
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.families import Correction
 from jerkbench.evaluation.intervals import loss_bound
 from jerkbench.evaluation.judgement import Judgement, Verdict, judged_on_other_seeds
 from jerkbench.evaluation.over_seeds import two_samples
 from jerkbench.files import read_yaml
-from jerkbench.jobs.labels import Labels
 from jerkbench.plugins.requirements import JunitCase, junit
 from jerkbench.report.columns import METHOD, checked, quantity
 from jerkbench.report.comparisons import (
@@ -60,7 +60,7 @@ class Change(NamedTuple):
         risen: on the same seeds, how many went up from a value of which there is no ratio (0, or below).
     """
 
-    combination: Labels
+    combination: Combination
     means: tuple[float, float]
     judgement: Judgement
     rule: VerdictRule
@@ -251,7 +251,7 @@ class Tolerance(NamedTuple):
     method: str = _ANY
     scenario: str = _ANY
 
-    def fits(self, metric: str, combination: Labels) -> bool:
+    def fits(self, metric: str, combination: Combination) -> bool:
         """Whether the rule is about this metric of this combination."""
         values = combination._asdict()
         scenario = [value for factor, value in values.items() if factor not in METHOD]
@@ -281,7 +281,7 @@ class Tolerances(NamedTuple):
     rules: tuple[Tolerance, ...] = ()
     otherwise: float | None = None
 
-    def percent(self, metric: str, combination: Labels) -> float | None:
+    def percent(self, metric: str, combination: Combination) -> float | None:
         """Return by how many percent a combination may be worse; None: it cannot fail."""
         fitting = (rule.percent for rule in self.rules if rule.fits(metric, combination))
         return next(fitting, self.otherwise)
@@ -292,7 +292,7 @@ class Tolerances(NamedTuple):
         chosen = [column for column in columns if any(fnmatchcase(column, pattern) for pattern in named)]
         return chosen if named and len(named) == len(self.rules) else list(dict.fromkeys([main, *chosen]))
 
-    def idle(self, compared: Iterable[tuple[str, Labels]]) -> list[str]:
+    def idle(self, compared: Iterable[tuple[str, Combination]]) -> list[str]:
         """Return a sentence for each rule that fits nothing that was compared."""
         pairs = list(compared)
         return [

@@ -9,8 +9,7 @@ import numpy as np
 from jerkbench import plugins
 from jerkbench.arrays import IntArray
 from jerkbench.errors import JerkbenchError, require_known, unknown
-from jerkbench.evaluation.evaluated_run import DRAWN, RUN_COLUMNS
-from jerkbench.jobs.labels import Labels
+from jerkbench.evaluation.evaluated_run import DRAWN, RUN_COLUMNS, Combination
 from jerkbench.parameters import Column
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def quantity(column: str) -> Column:
 # The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
 
 
-FACTORS = Labels._fields
+FACTORS = Combination._fields
 
 METHOD = ("filter", "adaptation", "noise")
 """What a method is made of, unless one says otherwise; the other factors make a scenario."""

@@ -10,11 +10,11 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, require_known
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.families import Correction
 from jerkbench.evaluation.intervals import loss_bound, seeds_without_loss, up_to
 from jerkbench.evaluation.judgement import LEVEL, MARGIN, NOT_EXCLUDED, WINS, Judgement, Verdict, judged, seeds_needed
 from jerkbench.evaluation.over_seeds import LogRatios, log_ratios_of
-from jerkbench.jobs.labels import Labels
 from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, numbers_of_rows, require_factors
 from jerkbench.report.table_model import factor_number, number
@@ -39,7 +39,7 @@ class MethodRuns(NamedTuple):
         floor: of the metric, by the reference's own sigma; 0: not known.
     """
 
-    combination: Labels
+    combination: Combination
     seeds: IntArray
     errors: FloatArray
     lost: BoolArray
@@ -58,7 +58,7 @@ class MethodRuns(NamedTuple):
             return float(np.sqrt(np.mean(self.errors**2))) if len(self.errors) else np.nan
 
 
-def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Labels, MethodRuns]:
+def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Combination, MethodRuns]:
     """Return the runs of each combination; the factors are text."""
     errors = np.where(rows["status"] == "ok", rows[metric].to_numpy(dtype=float), np.inf)
     seeds, ok = rows["seed"].to_numpy(), (rows["status"] == "ok").to_numpy()
@@ -67,7 +67,7 @@ def runs_by_combination(rows: "pd.DataFrame", metric: str) -> dict[Labels, Metho
     floors = rows[_FLOOR].to_numpy(dtype=float) if floored else np.zeros(len(rows))
     groups = {}
     for values, places in numbers_of_rows(rows, FACTORS).items():
-        key, order = Labels(*values), places[np.argsort(seeds[places], kind="stable")]
+        key, order = Combination(*values), places[np.argsort(seeds[places], kind="stable")]
         floor = float(np.nan_to_num(floors[order]).max(initial=0.0))
         groups[key] = MethodRuns(key, seeds[order], errors[order], ~ok[order], bool(phases[order].any()), floor)
     return groups
@@ -143,7 +143,9 @@ def parse_baseline(text: str) -> dict[str, str]:
     return values
 
 
-def partners(combinations: Collection[Labels], baseline: Mapping[str, str]) -> list[tuple[Labels, Labels]]:
+def partners(
+    combinations: Collection[Combination], baseline: Mapping[str, str]
+) -> list[tuple[Combination, Combination]]:
     """Return every combination with the one that is like it but for the factors of ``baseline``.
 
     What has no such partner, or is the partner itself, is left out.
@@ -186,8 +188,8 @@ class Comparison(NamedTuple):
         rule: how they were judged.
     """
 
-    subject: Labels
-    baseline: Labels
+    subject: Combination
+    baseline: Combination
     ratios: LogRatios
     lost: tuple[int, int]
     runs: int
@@ -307,7 +309,7 @@ def losses_range(judgements: Iterable[Judgement]) -> str:
     return f"{counts} of {sizes} lost ({up_to(*max(runs, key=lambda of: loss_bound(*of)))})"
 
 
-def leaders_of(rivals: Sequence[Labels], comparisons: Sequence[Comparison]) -> tuple[Labels, ...]:
+def leaders_of(rivals: Sequence[Combination], comparisons: Sequence[Comparison]) -> tuple[Combination, ...]:
     """Return those of ``rivals`` whom nobody was shown to beat; nobody leads where nothing was compared."""
     beaten = {one.baseline if one.verdict in WINS else one.subject for one in comparisons if one.shown}
     return tuple(rival for rival in rivals if rival not in beaten) if comparisons else ()
@@ -333,7 +335,7 @@ class Standing(NamedTuple):
 
     scenario: tuple[str, ...]
     method: tuple[str, ...]
-    rivals: tuple[Labels, ...]
+    rivals: tuple[Combination, ...]
     comparisons: tuple[Comparison, ...]
 
     @property
@@ -351,7 +353,7 @@ class Standing(NamedTuple):
         """The comparisons that a test has judged."""
         return [pair for pair in self.comparisons if pair.tested]
 
-    def name(self, combination: Labels) -> str:
+    def name(self, combination: Combination) -> str:
         """Return the name of a method."""
         return "+".join(getattr(combination, key) for key in self.method)
 

@@ -5,9 +5,9 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import up_to
 from jerkbench.evaluation.judgement import BY_LOSSES, DEFEATS, WINS, Judgement, Verdict
-from jerkbench.jobs.labels import Labels
 from jerkbench.report.columns import FACTORS
 from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, losses_range
 from jerkbench.report.study_verdicts import StudyVerdicts
@@ -177,7 +177,7 @@ def reference_method(tested: Iterable[Standing]) -> str:
 
     Of those that most scenarios have: the baseline without adaptation, else the first without, else the first.
     """
-    names: dict[str, list[Labels]] = {}
+    names: dict[str, list[Combination]] = {}
     for standing in tested:
         for rival in standing.rivals:
             names.setdefault(standing.name(rival), []).append(rival)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import up_to
 from jerkbench.evaluation.judgement import NEAR, UNKNOWN, WINS, Verdict, runs_verdict
 from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
 from jerkbench.evaluation.over_seeds import FEW
-from jerkbench.jobs.labels import Labels
 from jerkbench.report.columns import FACTORS, SCENARIO_FACTORS, metric_columns, quantity
 from jerkbench.report.comparisons import Comparison, Standing
 from jerkbench.report.findings import against, mean_log_ratio, reference_method, sentence, size_text, study_baselines
@@ -205,7 +205,7 @@ def cells_view(
     factors = tuple(key for key in FACTORS if len(rows[key].unique()) > 1) or ("filter",)
     scenarios: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for key, group in groups.items():
-        combination = Labels(*(str(group[factor].iloc[0]) for factor in FACTORS))
+        combination = Combination(*(str(group[factor].iloc[0]) for factor in FACTORS))
         lines = scenarios.setdefault(combination[:2], [])
         lost = int((group["status"] != "ok").sum())
         bound = up_to(lost, len(group)) if (group["replicate"] == "seed").all() else ""

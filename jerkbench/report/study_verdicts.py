@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.judgement import LEVEL
 from jerkbench.evaluation.over_seeds import Samples, costs_of
 from jerkbench.evaluation.ranks import (
@@ -21,7 +22,6 @@ from jerkbench.evaluation.ranks import (
     rank_cliques,
     rank_range,
 )
-from jerkbench.jobs.labels import Labels
 from jerkbench.report.columns import (
     FACTORS,
     METHOD,
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-Pair = tuple[Labels, Labels]
+Pair = tuple[Combination, Combination]
 """Subject and baseline."""
 
 
@@ -63,8 +63,8 @@ class StudyVerdicts(NamedTuple):
         rule: how they were judged.
     """
 
-    groups: Mapping[Labels, MethodRuns]
-    entered: Mapping[Labels, MethodRuns]
+    groups: Mapping[Combination, MethodRuns]
+    entered: Mapping[Combination, MethodRuns]
     judged: Mapping[Pair, Comparison]
     standings: list[Standing]
     rule: VerdictRule
@@ -135,14 +135,14 @@ def study_verdicts(
     return StudyVerdicts(groups, entered, judged, standings, rule)
 
 
-def is_rival(combination: Labels, method: Sequence[str]) -> bool:
+def is_rival(combination: Combination, method: Sequence[str]) -> bool:
     """Whether a combination competes with others; an attitude that is told the truth does not with attitudes."""
     told = "attitude" in method and combination.attitude.partition("(")[0] == TOLD_ATTITUDE
     return competes(combination._asdict()) and not told
 
 
 def _standing(
-    field: Sequence[Labels], judged: Mapping[Pair, Comparison], method: Sequence[str], varying: Sequence[str]
+    field: Sequence[Combination], judged: Mapping[Pair, Comparison], method: Sequence[str], varying: Sequence[str]
 ) -> Standing:
     rivals = tuple(key for key in field if is_rival(key, method))
     scenario = (rivals or tuple(field))[0]._asdict().items()
@@ -155,15 +155,15 @@ def _standing(
     )
 
 
-def _fields(combinations: Iterable[Labels], method: Sequence[str]) -> list[list[Labels]]:
+def _fields(combinations: Iterable[Combination], method: Sequence[str]) -> list[list[Combination]]:
     """Return the combinations of each scenario."""
-    fields: dict[Labels, list[Labels]] = {}
+    fields: dict[Combination, list[Combination]] = {}
     for key in combinations:
         fields.setdefault(key._replace(**dict.fromkeys(method, "")), []).append(key)
     return list(fields.values())
 
 
-def _count(fields: Iterable[Sequence[Labels]]) -> int:
+def _count(fields: Iterable[Sequence[Combination]]) -> int:
     """Return about how many pairs there are, without making them."""
     return sum(math.comb(len(field), 2) for field in fields)
 

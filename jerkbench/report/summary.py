@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jerkbench.evaluation.correlated_errors import LEAST_TIMES
+from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import ENOUGH, share_interval
 from jerkbench.evaluation.over_seeds import GEOMETRIC, LOCKED_OUT, MEAN, MEDIAN
 from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.labels import Labels
 from jerkbench.report.columns import (
     FACTORS,
     declared,
@@ -305,8 +305,8 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
     if not verdicts.judged or not grid.down or {"dataset", "disturbance"} & set(grid.down):  # else scenarios compete
         return cells
     factors = grid.rows[[*FACTORS]].to_numpy(dtype=str)
-    places = {Labels(*map(str, factors[runs[0]])): place for place, runs in grid.runs.items()}
-    rows: dict[Values, list[Labels]] = {}  # the combinations of each row that compete
+    places = {Combination(*map(str, factors[runs[0]])): place for place, runs in grid.runs.items()}
+    rows: dict[Values, list[Combination]] = {}  # the combinations of each row that compete
     for key, place in places.items():
         cell = cells[place]
         eligible = cell.replicate == "seed" and not cell.missing and not math.isnan(cell.mean)
