@@ -123,7 +123,7 @@ class Kept(NamedTuple):
 
     Attributes:
         w: the array in which the runs live; its end holds the sums.
-        reference: (k,) rows of the reference that were visited.
+        reference: (k,) rows of the reference that were visited; or no row.
         x: (k, 6, WIDTH) position and velocity there; or no row.
         P: (k, 36, WIDTH) their covariance; or no row.
         errors: (marks, MARKED, WIDTH) what is kept of the marked rows.

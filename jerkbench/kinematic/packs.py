@@ -188,8 +188,7 @@ class _Ground:
     """
 
     def __init__(self, course: _Course) -> None:
-        t, self.scoring = course.run.timeline, course.run.scoring
-        s, self.timeline = self.scoring, t
+        t, s = self.timeline, self.scoring = course.run.timeline, course.run.scoring
         numbers = np.array([t.dt0_s, s.consistency, s.limit_m])
         shared = (numbers, t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
         self._digest = blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
@@ -210,10 +209,10 @@ class _Ground:
         return np.column_stack([s.counted, s.whole, s.moving, s.counted * s.moving])
 
 
-_same_ground: Callable[[_Ground], _Ground] = lru_cache(maxsize=16)(lambda ground: ground)  # a MB each
+_same_ground: Callable[[_Ground], _Ground] = lru_cache(maxsize=64)(lambda ground: ground)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=64)  # with what is cached of it up to a MB each, of equal ones once
 def _ground(course: _Course) -> _Ground:
     """Return the ground of a run: the one that is known, if there is an equal one."""
     return _same_ground(_Ground(course))
@@ -273,7 +272,7 @@ def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_tr
     truth = [_covariances(course.run, updated, m.R_true, apart) for course, m in streams] if wants_truth else []
     return _Stacked(
         model,
-        ground.timeline.sample,
+        np.require(ground.timeline.sample, np.int64, ["C", "W", "A"]),
         _numbered(len(model), updated.tobytes()),
         ground.reference,
         _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),

@@ -225,7 +225,7 @@ def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
     m, marks = len(pack.steps.z), int(pack.scored.mark.max(initial=-1)) + 1
     return Kept(
         aligned_zeros(of.sizes["length"]),
-        np.empty(len(pack.scored.truth), dtype=np.int64),
+        np.empty(0, dtype=np.int64),
         np.empty((0, 6, WIDE)),
         np.empty((0, 36, WIDE)),
         np.full((marks, MARKED, WIDE), np.nan),

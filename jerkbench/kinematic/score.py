@@ -22,8 +22,8 @@ AHEAD = 48
 
 def keep(run: Lanes, scored: TruthRows, kept: Kept, reference: int, k: int, later: bool = False) -> None:
     """Keep, and score, the state at the ``k``-th visited stamp of the reference; P may be predicted ``later``."""
-    kept.reference[k] = reference
     if len(kept.x) > 0 and not later:
+        kept.reference[k] = reference
         x = row(kept.x, k, run, "6")
         for s in range(6):
             x[s] = run.x[s]

@@ -369,9 +369,9 @@ def give(steps: Steps, scored: TruthRows, kept: Kept, k: int, filtered: Lanes, a
     if steps.reference[k] < 0:
         return left
     place = left - 1
-    kept.reference[place] = steps.reference[k]
     run = runs_in(kept.w, RUN)
     if run.width == 1:
+        kept.reference[place] = steps.reference[k]
         smooth_alone(row(kept.x, place, run, "6"), row(kept.P, place, run, "6 6"), filtered, a)
     else:
         smooth(run, filtered, a)

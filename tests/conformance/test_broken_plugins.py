@@ -517,7 +517,7 @@ def test_a_compiled_way_that_goes_another_way():
 
 
 def test_a_compiled_way_that_does_not_say_when_a_run_strays():
-    """The sums are right; those of the squares and of what updates saw are made from the trajectory."""
+    """Its sums are right: they are made from the trajectory."""
 
     class Silent(GnssOnly):
         def run_settings(self, runs, estimators, adaptations, *, updates, attitude, threads):

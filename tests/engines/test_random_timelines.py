@@ -151,7 +151,7 @@ def test_a_threshold_that_flips_in_one_of_ten_runs_explains_the_difference():
 
 
 @pytest.mark.slow
-def test_a_changed_run_whose_variance_is_negative_is_compared_up_to_there():
+def test_changed_runs_whose_variance_is_negative_are_compared_all_the_same():
     """`strong_tracking` fades what 200 s without a fix have left: other last bits make a variance negative."""
     gap, fix = (100.0, False, "both", 1e-3), (0.01, True, "both", 0.01)
     begin = [(0.1, True, "both", 1e-3), gap, gap, fix, (0.01, True, "position", 0.01), gap]
