@@ -37,6 +37,9 @@ DT_S, STEPS, EVERY = 0.01, 15_000, 10
 COMPARED = 600
 """Steps over which an adaptation that iterates is compared with plain Python, 10 ms an update."""
 
+LASTS = 10
+"""So many times many runs are made in a round."""
+
 ITERATED = (
     *("huber", "maximum_correntropy", "ssmkf", "student_t", "vbakf_pr"),
     *("cerkf_r", "maximum_correntropy_r", "ssmkf_r"),
@@ -104,7 +107,7 @@ def many_entrants(model: Filter) -> list[Entrant]:
         one: Engine = engine if name in ITERATED else FilterpyEngine()  # of the former stands above what it is worth
         (first, *_), wanted = run(), one.run(block[0].timeline, model, rule).position_m
         difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
-        entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, 3, len(block), difference))
+        entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, LASTS, len(block), difference))
     return entrants
 
 
@@ -121,7 +124,7 @@ def error_entrants(model: Filter) -> list[Entrant]:
             (first, *_), wanted = run(), FilterpyEngine().run(several[0], model, rule).position_m
             difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
             where = "memory" if recordings > 1 else "cache"
-            entrants.append(Entrant(f"errors, from {where}, {name}", run, 3, len(block), difference))
+            entrants.append(Entrant(f"errors, from {where}, {name}", run, LASTS, len(block), difference))
     return entrants
 
 

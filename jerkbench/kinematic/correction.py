@@ -34,15 +34,13 @@ def mahalanobis(run: Lanes) -> float:
 
     It is lost by an S that is not symmetric and positive definite beyond rounding.
     """
-    _fill_innovation_covariance(run)
-    _factorise(run)
+    _factorise(run, 0)
+    if STRIDE > 1:
+        _factorise(run, 1)
+        _factorise(run, 2)
     total = run.zero
     for r in range(6):  # y' S^-1 y = |D^-1/2 L^-1 y|^2
-        rest = run.y[r]
-        for j in range(r % STRIDE, r, STRIDE):
-            rest -= run.L[r, j] * run.white[j]
-        run.white[r] = rest
-        total += rest * rest * run.over_D[r]
+        total += run.white[r] * run.white[r] * run.over_D[r]
     distance: float = chosen(run.lost, 0.0, NAN, total)
     return distance
 
@@ -55,48 +53,33 @@ def determinant(run: Lanes) -> float:
     return 1.0 / product
 
 
-def _fill_innovation_covariance(run: Lanes) -> None:
-    """Put H P H' + R into L; a row that is not used becomes one of the identity."""
-    lost = run.lost
-    for r in range(6):
-        used = run.used[r]
-        run.S_diagonal[r] = used * (run.P[r, r] + run.R[r, r]) + (1.0 - used)
-        for c in range(r % STRIDE, r, STRIDE):
+def _factorise(run: Lanes, first: int) -> None:
+    """S = L D L' and L^-1 y of every STRIDE-th row from the ``first`` on; one not used is a row of the identity.
+
+    No root is drawn: one division follows the other, and each step waits for them.
+    """
+    M, lost = room(run, "6 6"), run.lost  # L D
+    for r in range(first, 6, STRIDE):
+        used, rest = run.used[r], run.y[r]
+        diagonal = pivot = used * (run.P[r, r] + run.R[r, r]) + (1.0 - used)
+        for c in range(first, r, STRIDE):
             both = used * run.used[c]
-            run.L[r, c] = both * (run.P[r, c] + run.R[r, c])
             apart = both * (run.R[r, c] - run.R[c, r])
-            lost += chosen(apart * apart, UNEQUAL * run.S_diagonal[r] * run.S_diagonal[c], 1.0, 0.0)
+            lost += chosen(apart * apart, UNEQUAL * diagonal * run.S_diagonal[c], 1.0, 0.0)
+            M[r, c] = both * (run.P[r, c] + run.R[r, c])
+            for j in range(first, c, STRIDE):
+                M[r, c] -= run.L[r, j] * M[c, j]
+            run.L[r, c] = M[r, c] * run.over_D[c]
+            pivot -= run.L[r, c] * M[r, c]
+            rest -= run.L[r, c] * run.white[c]
+        lost += chosen(pivot, ROUNDING * diagonal, 0.0, 1.0)
+        run.S_diagonal[r], run.over_D[r], run.white[r] = diagonal, 1.0 / pivot, rest
     run.lost = lost
 
 
-def _factorise(run: Lanes) -> None:
-    """S = L D L'. No root is drawn: one division follows the other six times, and each step waits for them."""
-    for r in range(6):
-        run.L[r, r] = run.S_diagonal[r]
-    lost = run.lost
-    for c in range(6):
-        lost += chosen(run.L[c, c], ROUNDING * run.S_diagonal[c], 0.0, 1.0)
-        run.over_D[c] = 1.0 / run.L[c, c]
-        for r in range(5 - (5 - c) % STRIDE, c, -STRIDE):  # a row needs those above it before they are scaled
-            factor = run.L[r, c] * run.over_D[c]
-            for j in range(c + STRIDE, r + 1, STRIDE):
-                run.L[r, j] -= factor * run.L[j, c]
-            run.L[r, c] = factor
-    run.lost = lost
-
-
-def solve_innovation(run: Lanes) -> None:
-    """Make v = S^-1 y = L^-1' D^-1 L^-1 y."""
-    for r in range(5, -1, -1):
-        rest = run.white[r] * run.over_D[r]
-        for j in range(r + STRIDE, 6, STRIDE):
-            rest -= run.L[j, r] * run.v[j]
-        run.v[r] = rest
-
-
-def solve_column(run: Lanes, s: int) -> None:
+def _solve_column(run: Lanes, s: int, first: int) -> None:
     """Make column ``s`` of Z = S^-1 G."""
-    g, first = room(run, "6"), s % STRIDE
+    g = room(run, "6")
     for r in range(first, 6, STRIDE):
         g[r] = run.G[r, s]
         for j in range(first, r, STRIDE):
@@ -119,63 +102,71 @@ def correct(run: Lanes, states: int) -> None:
     ``states`` is their number: as a constant it would make the compiler unroll the loops, and use the stack for what no
     longer fits into registers. Axis by axis little is left to unroll.
     """
-    if STRIDE > 1:
-        states = run.s
-    solve_innovation(run)
-    for r in range(6):
-        run.fine[r] = chosen(run.used[r] * run.P[r, r], run.R[r, r], 1.0, 0.0)
-    for s in range(6):  # of position and velocity: of R where that is the finer, else of W = H P
-        for r in range(s % STRIDE, 6, STRIDE):
-            run.G[r, s] = chosen(run.fine[s], 0.0, run.R[s, r], run.P[r, s] * run.used[r])
-        solve_column(run, s)
-    for s in range(6, states):
-        for r in range(s % STRIDE, 6, STRIDE):
-            run.G[r, s] = run.P[r, s] * run.used[r]
-        solve_column(run, s)
     taken_from = room(run, "s")  # each variance of the posterior is what is left of this one
-    for s in range(run.s):
-        taken_from[s] = run.P[s, s]
-    for s in range(6):
-        taken_from[s] = chosen(run.fine[s], 0.0, run.R[s, s], run.P[s, s])
-    _correct_measured(run)
-    _correct_others(run, states)
+    if STRIDE == 1:
+        _correct_states(run, 0, states, taken_from)
+    else:
+        _correct_states(run, 0, run.s, taken_from)
+        _correct_states(run, 1, run.s, taken_from)
+        _correct_states(run, 2, run.s, taken_from)
     if _may_be_rounding(run, taken_from):
         _widen(run, taken_from)
     mirror(run)
 
 
-def _correct_measured(run: Lanes) -> None:
+def _correct_states(run: Lanes, first: int, states: int, taken_from: View) -> None:
+    """Update every STRIDE-th state from the ``first`` on."""
+    for r in range(6 - STRIDE + first, -1, -STRIDE):  # v = S^-1 y = L^-1' D^-1 L^-1 y
+        rest = run.white[r] * run.over_D[r]
+        for j in range(6 - STRIDE + first, r, -STRIDE):
+            rest -= run.L[j, r] * run.v[j]
+        run.v[r] = rest
+    for s in range(first, 6, STRIDE):  # of position and velocity: of R where that is the finer, else of W = H P
+        run.fine[s] = chosen(run.used[s] * run.P[s, s], run.R[s, s], 1.0, 0.0)
+        taken_from[s] = chosen(run.fine[s], 0.0, run.R[s, s], run.P[s, s])
+        for r in range(first, 6, STRIDE):
+            run.G[r, s] = chosen(run.fine[s], 0.0, run.R[s, r], run.P[r, s] * run.used[r])
+        _solve_column(run, s, first)
+    for s in range(6 + first, states, STRIDE):
+        for r in range(first, 6, STRIDE):
+            run.G[r, s] = run.P[r, s] * run.used[r]
+        _solve_column(run, s, first)
+    for s in range(6 + first, run.s, STRIDE):
+        taken_from[s] = run.P[s, s]
+    _correct_measured(run, first)
+    _correct_others(run, first, states)
+
+
+def _correct_measured(run: Lanes, first: int) -> None:
     """Position and velocity: x + y - G' v or x + G' v; R - G' Z, P - G' Z, or G' Z."""
-    for s in range(6):
-        moved = _g_times_v(run, s)
+    for s in range(first, 6, STRIDE):
+        moved = _g_times_v(run, s, first)
         run.x[s] += chosen(run.fine[s], 0.0, run.y[s] - moved, moved)
-        for t in range(s % STRIDE, s + 1, STRIDE):
-            prior, product = run.P[s, t], _g_times_z(run, s, t)
+        for t in range(first, s + 1, STRIDE):
+            prior, product = run.P[s, t], _g_times_z(run, s, t, first)
             mixed = chosen(run.fine[s] + run.fine[t], 0.0, product, prior - product)
             run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t] - product, mixed)
 
 
-def _correct_others(run: Lanes, states: int) -> None:
+def _correct_others(run: Lanes, first: int, states: int) -> None:
     """The states that are not measured, among each other and with position and velocity."""
-    for s in range(6, states):
-        run.x[s] += _g_times_v(run, s)
-        for t in range(s % STRIDE, 6, STRIDE):
-            product = _g_times_z(run, s, t)
+    for s in range(6 + first, states, STRIDE):
+        run.x[s] += _g_times_v(run, s, first)
+        for t in range(first, 6, STRIDE):
+            product = _g_times_z(run, s, t, first)
             run.P[s, t] = chosen(run.fine[t], 0.0, product, run.P[s, t] - product)
-        for t in range(6 + s % STRIDE, s + 1, STRIDE):
-            run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t)
+        for t in range(6 + first, s + 1, STRIDE):
+            run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t, first)
 
 
-def _g_times_v(run: Lanes, s: int) -> float:
-    first = s % STRIDE
+def _g_times_v(run: Lanes, s: int, first: int) -> float:
     total: float = run.G[first, s] * run.v[first]
     for r in range(first + STRIDE, 6, STRIDE):
         total += run.G[r, s] * run.v[r]
     return total
 
 
-def _g_times_z(run: Lanes, s: int, t: int) -> float:
-    first = s % STRIDE
+def _g_times_z(run: Lanes, s: int, t: int, first: int) -> float:
     total: float = run.Z[first, s] * run.G[first, t]
     for r in range(first + STRIDE, 6, STRIDE):
         total += run.Z[r, s] * run.G[r, t]

@@ -1,7 +1,7 @@
 """The score of the kernel: errors against the reference, added up as a run goes."""
 
 from jerkbench.arrays import FloatArray
-from jerkbench.compilation.vectors import chosen
+from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, copy, room, row, taken
 from jerkbench.kinematic.arguments import Kept, TruthRows
 from jerkbench.sums import (
@@ -58,9 +58,10 @@ def add_errors(run: Lanes, x: View, e: View, sums: View, scored: TruthRows, erro
         sums[VELOCITY_SQUARES + i] += moving * (e[3 + i] * e[3 + i])
     square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
     sums[WHOLE] += whole * square
-    left = chosen(square, scored.limit_m2, float(len(scored.truth) - k), 0.0)  # a smoother's rows come the other way
-    sums[STRAYED] = chosen(left, sums[ROWS_LEFT], square, sums[STRAYED])
-    sums[ROWS_LEFT] = chosen(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])
+    if anywhere(square - scored.limit_m2):
+        left = chosen(square, scored.limit_m2, float(len(scored.truth) - k), 0.0)  # a smoother's rows come the other way
+        sums[STRAYED] = chosen(left, sums[ROWS_LEFT], square, sums[STRAYED])
+        sums[ROWS_LEFT] = chosen(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])
     sums[LARGEST] = chosen(counted * square, sums[LARGEST], square, sums[LARGEST])
     if len(scored.outage) > 0:
         sums[OUTAGE] += taken(scored.outage, k, run, "1")[0] * square
