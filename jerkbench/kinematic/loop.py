@@ -39,6 +39,7 @@ from jerkbench.kinematic.predict import (
     predict,
     predict_covariance,
     predict_state,
+    predict_usual,
     show_covariance,
     show_transition,
 )
@@ -80,12 +81,13 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
     seen = seen_of(run, kept, place)
     kept.which[place] = which
     complete = _innovate(run, taken(steps.z, which, run, "6"))
-    _take_covariance(run, taken(steps.reported, which, run, "6 related"), complete)
+    R = taken(steps.reported, which, run, "6 related")
     if run.width > 1:
-        _scale(run, row(steps.told, 0, run, "3"))
+        _scale(R, row(steps.told, 0, run, "3"))
         if steps.reported.shape[2] > 1:
             ask_for(row(steps.reported, which + 1, run, "6 related"))
             ask_for(row(steps.z, which + 1, run, "6"))
+    _take_covariance(run, R, complete)
     nis = mahalanobis(run)
     seen[0], seen[1] = _rows_used(run), nis
     if len(kept.seen) == len(kept.which):
@@ -151,13 +153,13 @@ def _take_covariance(run: Lanes, R: View, complete: bool) -> None:
         clear_absent(run)
 
 
-def _scale(run: Lanes, told: View) -> None:
+def _scale(R: View, told: View) -> None:
     """Make of the reported R the one that each run is told (`jerkbench.measurements.ScaledMeasurements`)."""
     for b in range(2):
         for r in range(3 * b, 3 * b + 3):
             for c in range(3 * b + r % STRIDE, 3 * b + 3, STRIDE):
-                run.R[r, c] *= told[b]
-            run.R[r, r] = chosen(told[2], run.R[r, r], told[2], run.R[r, r])
+                R[r, c // STRIDE] *= told[b]
+            R[r, r // STRIDE] = chosen(told[2], R[r, r // STRIDE], told[2], R[r, r // STRIDE])
 
 
 def clear_absent(run: Lanes) -> None:
@@ -169,17 +171,18 @@ def clear_absent(run: Lanes) -> None:
 
 def finish(run: Lanes, scored: TruthRows, kept: Kept, which: int, place: int, nis: float) -> None:
     """Keep what the adapted R made of it, and count the update."""
-    seen = seen_of(run, kept, place)
-    seen[2] = _rows_used(run)
-    seen[3] = chosen(seen[2], 0.0, nis, NAN)
-    for r in range(6):
-        seen[10 + r] = run.variance[r]
+    seen, used = seen_of(run, kept, place), _rows_used(run)
+    nis_used = chosen(used, 0.0, nis, NAN)
+    if len(kept.seen) == len(kept.which):
+        seen[2], seen[3] = used, nis_used
+        for r in range(6):
+            seen[10 + r] = run.variance[r]
     if len(scored.counts) > 0:
         counts = taken(scored.counts, which, run, "1")[0]
         run.sums[NIS] += chosen(seen[0], 0.0, counts * seen[1] / seen[0], 0.0)
         run.sums[UPDATES] += chosen(seen[0], 0.0, counts, 0.0)
-        run.sums[NIS_USED] += chosen(seen[2], 0.0, counts * seen[3] / seen[2], 0.0)
-        run.sums[UPDATES_USED] += chosen(seen[2], 0.0, counts, 0.0)
+        run.sums[NIS_USED] += chosen(used, 0.0, counts * nis_used / used, 0.0)
+        run.sums[UPDATES_USED] += chosen(used, 0.0, counts, 0.0)
 
 
 def _rows_used(run: Lanes) -> float:
@@ -225,8 +228,7 @@ def run_steps(
             move(run, steps, (model.A, model.b, model.Q), how, k)
         if steps.update[k] >= 0:
             if how == AT_UPDATES:
-                usual = join_steps(run, model, steps, begun, k + 1, usual, all_read)
-                all_read = catch_up(run, taken(steps.z, steps.update[k], run, "6"))
+                usual, all_read = catch_up(run, model, steps, begun, k, usual, all_read)
             elif DENSE == 1:
                 advance(run, model, steps, begun, k + 1)
             begun = k + 1
@@ -290,20 +292,28 @@ def ask_ahead(run: Lanes, steps: Steps, k: int) -> None:
         ask_for(row(steps.u, steps.sample[k] + AHEAD, run, "3"))
 
 
-def catch_up(run: Lanes, z: View) -> bool:
-    """Predict the covariance of the runs that measure anything of ``z``, and the transition that a rule is shown.
+def catch_up(run: Lanes, model: Model, steps: Steps, begin: int, k: int, usual: int, fresh: bool) -> tuple[int, bool]:
+    """Predict the covariance of the runs that measure anything at step ``k``, and the transition that a rule is shown.
 
     Returns:
-        Whether these are all of them.
+        What `join_steps` says of ``usual``, and whether these are all of them.
     """
-    due = run.zero
+    z, due = taken(steps.z, steps.update[k], run, "6"), run.zero
     for r in range(6):
         due += chosen(1.0, z[r] * 0.0, 1.0, 0.0)
-    run.due = due
+    run.due, complete = due, not anywhere(1.0 - due)
+    count = 0
+    for step in range(begin, k + 1):
+        count += 1 if steps.model[step] >= 0 else 0
+    known = fresh and count == usual > 0 and len(model.A) == 1
+    if known and complete and DENSE == 0:
+        predict_usual(run)
+        return usual, True
+    join_steps(run, model, steps, begin, k + 1, known, fresh)
     if DENSE == 1:
         show_transition(run)
     predict_covariance(run)
-    return not anywhere(1.0 - due)
+    return count if fresh else usual, complete
 
 
 def start(run: Lanes, x0: View, P0: View, model: Model) -> None:

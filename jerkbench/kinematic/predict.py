@@ -59,7 +59,7 @@ def _join(run: Lanes, A: View, Q: View) -> None:
             run.gone_Q[a, b] = run.gone_Q[b, a] = M[a, b] + Q[a, b]
 
 
-def join_steps(run: Lanes, model: Model, steps: Steps, begin: int, end: int, usual: int, fresh: bool) -> int:
+def join_steps(run: Lanes, model: Model, steps: Steps, begin: int, end: int, known: bool, fresh: bool) -> None:
     """Join steps ``begin`` to ``end`` (not included) to what is joined already.
 
     Args:
@@ -68,16 +68,9 @@ def join_steps(run: Lanes, model: Model, steps: Steps, begin: int, end: int, usu
         steps: the steps.
         begin: the first of them.
         end: the step behind the last.
-        usual: how many steps ``usual_A`` and ``usual_Q`` are; 0: none.
-        fresh: whether nothing is joined already; as many steps of equal length as usual are then those.
-
-    Returns:
-        How many they are now.
+        known: whether they are ``usual_A`` and ``usual_Q``.
+        fresh: whether nothing is joined already; then these are usual from now on.
     """
-    count = 0
-    for step in range(begin, end):
-        count += 1 if steps.model[step] >= 0 else 0
-    known = fresh and count == usual > 0 and len(model.A) == 1
     for step in range(begin, begin if known else end):
         k = steps.model[step]
         if k >= 0 and model.A.shape[2] == 1:
@@ -90,7 +83,15 @@ def join_steps(run: Lanes, model: Model, steps: Steps, begin: int, end: int, usu
                 run.gone_A[a, b], run.gone_Q[a, b] = run.usual_A[a, b], run.usual_Q[a, b]
             elif fresh:
                 run.usual_A[a, b], run.usual_Q[a, b] = run.gone_A[a, b], run.gone_Q[a, b]
-    return count if fresh else usual
+
+
+def predict_usual(run: Lanes) -> None:
+    """Take P over as many steps as usual."""
+    A, Q = room(run, "n n"), room(run, "n n")
+    for a in range(run.n):
+        for b in range(a, run.n):
+            A[a, b], Q[a, b] = run.usual_A[a, b], run.usual_Q[a, b]
+    _predict_every_pair(run, run.P, A, Q)
 
 
 def predict_covariance(run: Lanes) -> None:

@@ -58,8 +58,8 @@ def add_errors(run: Lanes, x: View, e: View, sums: View, scored: TruthRows, erro
         sums[VELOCITY_SQUARES + i] += moving * (e[3 + i] * e[3 + i])
     square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
     sums[WHOLE] += whole * square
-    if anywhere(square - scored.limit_m2):
-        left = chosen(square, scored.limit_m2, float(len(scored.truth) - k), 0.0)  # a smoother's rows come the other way
+    if anywhere(square - scored.limit_m2):  # rows that are left, for a smoother's come the other way
+        left = chosen(square, scored.limit_m2, float(len(scored.truth) - k), 0.0)
         sums[STRAYED] = chosen(left, sums[ROWS_LEFT], square, sums[STRAYED])
         sums[ROWS_LEFT] = chosen(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])
     sums[LARGEST] = chosen(counted * square, sums[LARGEST], square, sums[LARGEST])
