@@ -37,18 +37,15 @@ def factorise(A: FloatArray, M: FloatArray) -> None:
     Raises:
         LinAlgError: A is not positive definite.
     """
-    n = len(A)
-    for c in range(n):
-        for r in range(c, n):
-            M[c, r] = A[r, c]
-    for c in range(n):
-        inverse = 1.0 / _checked(M[c, c], A[c, c])
-        M[c, c] = inverse
-        for r in range(c + 1, n):
-            factor = M[c, r] * inverse
-            for j in range(r, n):
-                M[r, j] -= factor * M[c, j]
-            M[r, c] = factor
+    for r in range(len(A)):
+        pivot = A[r, r]
+        for c in range(r):  # D L' stands above the diagonal
+            entry = A[r, c]
+            for k in range(c):
+                entry -= M[c, k] * M[k, r]
+            M[c, r], M[r, c] = entry, entry * M[c, c]
+            pivot -= M[r, c] * entry
+        M[r, r] = 1.0 / _checked(pivot, A[r, r])
 
 
 def root_of(A: FloatArray, p: int) -> FloatArray:
