@@ -270,16 +270,16 @@ def _take_step(stack: Stack) -> None:
         before[s], step[s] = step[s], moved
 
 
-def weighed_prior(P: FloatArray, stack: Stack) -> FloatArray:
-    """Return P~ = P + B_p (C_p^-1 - 1) B_p'."""
+def weighed_prior(P: FloatArray, Up: FloatArray, inverses: FloatArray) -> FloatArray:
+    """Return P~ = P + B_p (C_p^-1 - 1) B_p' with what a `Stack` has of it."""
     Pw = P.copy()
     for a in range(AXES):
-        for c in range(stack.Up.shape[1]):
-            excess = stack.inverses[a, c] - 1.0
-            for s in range(c, stack.Up.shape[2]):
-                share = excess * stack.Up[a, c, s]
+        for c in range(Up.shape[1]):
+            excess = inverses[a, c] - 1.0
+            for s in range(c, Up.shape[2]):
+                share = excess * Up[a, c, s]
                 for t in range(c, s + 1):
-                    Pw[a + AXES * s, a + AXES * t] += share * stack.Up[a, c, t]
+                    Pw[a + AXES * s, a + AXES * t] += share * Up[a, c, t]
     for s in range(len(P)):
         for t in range(s % AXES, s, AXES):
             Pw[t, s] = Pw[s, t]

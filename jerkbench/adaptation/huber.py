@@ -79,7 +79,7 @@ class Huber(Limited):
                 break
         for i in range(len(rows)):
             memory[i] = stack.inverses[i % AXES, stack.Up.shape[1] + i // AXES]
-        return weighed_prior(P, stack)
+        return weighed_prior(P, stack.Up, stack.inverses)
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray

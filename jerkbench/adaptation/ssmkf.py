@@ -8,7 +8,7 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES, one_of
 from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, still_moves
-from jerkbench.adaptation.linalg import diagonal_blocks, explained_sums, scaled, submatrix
+from jerkbench.adaptation.linalg import AXES, diagonal_blocks, explained_sums, scaled, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -89,11 +89,12 @@ class StatisticalSimilarity(Limited):
     ) -> FloatArray:
         """Return P~, and leave lambda in the memory."""
         n, m = len(x), len(rows)
-        w, steps, B = np.empty(m, P.dtype), np.zeros((2, n), P.dtype), np.empty((m, n + 1), P.dtype)
-        for i in range(m):  # [H P-, y]
-            for s in range(n):
-                B[i, s] = P[rows[i], s]
-            B[i, n] = innovation[i]
+        own = n // AXES
+        w, steps, B = np.empty(m, P.dtype), np.zeros((2, n), P.dtype), np.empty((m, own + 1), P.dtype)
+        for i in range(m):  # [H P-, y], of P- the states of the row's block
+            for s in range(own):
+                B[i, s] = P[rows[i], i % AXES + AXES * s]
+            B[i, own] = innovation[i]
         d, X = diagonal_blocks(submatrix(P, rows), R, B)
         xi = weight = r = moves = 1.0
         explained = prior = measured = 0.0
@@ -104,7 +105,7 @@ class StatisticalSimilarity(Limited):
                     xi = chosen(moves, 0.0, _weight(self.function, n, g_x, xi, self.nu, self.sigma), xi)
                 weight = chosen(moves, 0.0, _weight(self.function, m, g_z, weight, self.nu, self.sigma), weight)
                 r = xi / weight
-            explained, prior, measured = explained_sums(d, X[:, n], r, w)
+            explained, prior, measured = explained_sums(d, X[:, own], r, w)
             _take_step(X, w, steps)
             moves = still_moves(steps[0], steps[1], x)
             if not anywhere(moves):
@@ -121,11 +122,11 @@ class StatisticalSimilarity(Limited):
 
 def _take_step(X: FloatArray, w: FloatArray, steps: FloatArray) -> None:
     """Note x - x- = P- H' L^-T V w, and the step before it."""
-    step, before = steps[0], steps[1]
+    step, before, n = steps[0], steps[1], len(w) // AXES
     for s in range(len(step)):
-        moved = 0.0
-        for i in range(len(w)):
-            moved += w[i] * X[i, s]
+        moved, first = 0.0, s % AXES * n
+        for i in range(first, first + n):
+            moved += w[i] * X[i, s // AXES]
         before[s], step[s] = step[s], moved
 
 

@@ -18,7 +18,7 @@ from jerkbench.compilation.code_digest import digest, own_function, reads
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.lanes import above_in_lanes
 from jerkbench.compilation.module_cache import load_entry
-from jerkbench.compilation.vectors import anywhere, chosen, each_run, vector_of
+from jerkbench.compilation.vectors import LONG, anywhere, chosen, each_run, vector_of
 from jerkbench.compilation.views import Untyped, View, data_of
 
 # Calls of compiled functions by their address: a caller that is kept on the disk cannot know them by name.
@@ -39,7 +39,7 @@ def _caller(result: Untyped, guarded: Untyped = None, width: int = 1) -> Untyped
         def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
             given = cgutils.unpack_tuple(builder, args[1], len(arrays))
             firsts = [
-                value if isinstance(t, View) else data_of(context, builder, t, value)
+                builder.gep(value, [LONG(t.places[0])]) if isinstance(t, View) else data_of(context, builder, t, value)
                 for t, value in zip(arrays, given, strict=True)
             ]
             kinds = map(context.get_value_type, takes)

@@ -260,7 +260,8 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 @cache
 def run_type(n: int, width: int, **sizes: int) -> Lanes:
     """Return the type of ``width`` runs of a filter with ``n`` quantities on each axis; ``sizes`` are further ones."""
-    return type_with({}, 3 * n, width, **sizes)
+    shown = {f"shown_{name}": (3 * n, 3 * n) for name in "PFQ"} if width > 1 else {}  # to a rule that sees all of them
+    return type_with(shown, 3 * n, width, **sizes)
 
 
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:

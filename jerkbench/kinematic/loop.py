@@ -9,7 +9,7 @@ from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_
 from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, room, row, runs_in, shared_row, taken
 from jerkbench.kinematic.adapt import adapt_runs, find_gains
-from jerkbench.kinematic.adapt_lanes import adapt_lanes, find_gains_of_lanes
+from jerkbench.kinematic.adapt_lanes import adapt_lanes, find_gains_of_lanes, note_coupling
 from jerkbench.kinematic.arguments import (
     ASKED,
     AT_ONCE,
@@ -61,7 +61,7 @@ def update(
         else:
             find_gains(run, exchange, rules)
         if STRIDE > 1:
-            note_coupling(run, run.Z, 6, run.s)
+            couple(run, run.Z, 6, run.s)
         correct_by_gains(run, exchange.states)
         mirror(run)
     else:
@@ -103,8 +103,10 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
             run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
     else:
         same = adapt_runs(run, exchange, rules, complete)
-    if STRIDE > 1 and ASKED != NEVER:
-        note_answers(run)
+        if STRIDE > 1:
+            couple(run, run.R, 6, 6)
+            if DENSE == 1:
+                couple(run, run.P, run.s, run.s)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
@@ -117,21 +119,14 @@ def _keep_innovation(run: Lanes, seen: View) -> None:
         seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
 
 
-def note_answers(run: Lanes) -> None:
-    """Note what the adaptation of R, and of the prior, has put between two axes."""
-    note_coupling(run, run.R, 6, 6)
-    if DENSE == 1:
-        note_coupling(run, run.P, run.s, run.s)
-
-
-def note_coupling(run: Lanes, M: View, rows: int, columns: int) -> None:
+def couple(run: Lanes, M: View, rows: int, columns: int) -> None:
     """Note where a matrix that an adaptation made has something between two axes."""
     squares = run.zero
     for r in range(rows):
         for c in range(columns):
             if (r - c) % STRIDE != 0:
                 squares += M[r, c] * M[r, c]
-    run.coupled += chosen(run.lost, 0.0, 0.0, 1.0 - chosen(1e-300, squares, 1.0, 0.0))  # what is no number couples, too
+    note_coupling(run, chosen(run.lost, 0.0, 0.0, 1.0), squares)
 
 
 def _innovate(run: Lanes, z: View) -> bool:

@@ -147,7 +147,7 @@ def test_a_pass_with_weights_is_the_update_with_the_weighed_covariances(rows):
     Pw = Bp @ np.diag(np.append(stack.inverses[0, :p], np.ones(9 - p))) @ Bp.T
     Rw = Br @ np.diag(stack.inverses[0, p:]) @ Br.T
     K = Pw @ H.T @ np.linalg.inv(H @ Pw @ H.T + Rw)
-    np.testing.assert_allclose(weighed_prior(P, stack), Pw, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(weighed_prior(P, stack.Up, stack.inverses), Pw, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(weighted(Br.T[None], stack.inverses[0, p:]), Rw, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(gain_of(stack), K, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(stack.steps[0], K @ y, rtol=1e-9, atol=1e-11)
