@@ -244,25 +244,18 @@ wide_room: Callable[..., Any] = _room(wide=True)
 """The same of vectors of `WIDE` numbers, also of one run."""
 
 
-def _row(*, shared: bool) -> Untyped:
-    def row_of(_typing: Untyped, array: Untyped, k: Untyped, run: Untyped, dims: Untyped) -> Untyped:
-        view = _regular(run, dims, 1 if shared else run.width)
+@intrinsic(prefer_literal=True)
+def row(_typing: Untyped, array: Untyped, k: Untyped, run: Untyped, dims: Untyped) -> Untyped:
+    """``row(array, k, run, "6 6")``: the k-th matrix in an array of them, one of each run."""
+    view = _regular(run, dims, run.width)
 
-        def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
-            view, k = sig.return_type, context.cast(builder, args[1], sig.args[1], types.intp)
-            data = data_of(context, builder, sig.args[0], args[0])
-            return builder.gep(data, [builder.mul(k, LONG(view.width * len(view.places)))])
+    def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        """Write it in LLVM."""
+        view, k = sig.return_type, context.cast(builder, args[1], sig.args[1], types.intp)
+        data = data_of(context, builder, sig.args[0], args[0])
+        return builder.gep(data, [builder.mul(k, LONG(view.width * len(view.places)))])
 
-        return view and (view(array, k, run, dims), generate)
-
-    return intrinsic(prefer_literal=True)(row_of)
-
-
-row: Callable[..., Any] = _row(shared=False)
-"""``row(array, k, run, "6 6")``: the k-th matrix in an array of them, one of each run."""
-
-shared_row: Callable[..., Any] = _row(shared=True)
-"""The same of an array of matrices that all runs share."""
+    return view and (view(array, k, run, dims), generate)
 
 
 @intrinsic(prefer_literal=True)

@@ -103,10 +103,8 @@ def correct(run: Lanes, states: int) -> None:
     longer fits into registers. Axis by axis little is left to unroll.
     """
     taken_from = room(run, "s")  # each variance of the posterior is what is left of this one
-    if STRIDE == 1:
-        _correct_states(run, 0, states, taken_from)
-    else:
-        _correct_states(run, 0, run.s, taken_from)
+    _correct_states(run, 0, states if STRIDE == 1 else run.s, taken_from)
+    if STRIDE > 1:
         _correct_states(run, 1, run.s, taken_from)
         _correct_states(run, 2, run.s, taken_from)
     if _may_be_rounding(run, taken_from):
@@ -140,7 +138,7 @@ def _correct_states(run: Lanes, first: int, states: int, taken_from: View) -> No
 def _correct_measured(run: Lanes, first: int) -> None:
     """Position and velocity: x + y - G' v or x + G' v; R - G' Z, P - G' Z, or G' Z."""
     for s in range(first, 6, STRIDE):
-        moved = _g_times_v(run, s, first)
+        moved = _row_times(run.G, s, run.v)
         run.x[s] += chosen(run.fine[s], 0.0, run.y[s] - moved, moved)
         for t in range(first, s + 1, STRIDE):
             prior, product = run.P[s, t], _g_times_z(run, s, t, first)
@@ -151,19 +149,12 @@ def _correct_measured(run: Lanes, first: int) -> None:
 def _correct_others(run: Lanes, first: int, states: int) -> None:
     """The states that are not measured, among each other and with position and velocity."""
     for s in range(6 + first, states, STRIDE):
-        run.x[s] += _g_times_v(run, s, first)
+        run.x[s] += _row_times(run.G, s, run.v)
         for t in range(first, 6, STRIDE):
             product = _g_times_z(run, s, t, first)
             run.P[s, t] = chosen(run.fine[t], 0.0, product, run.P[s, t] - product)
         for t in range(6 + first, s + 1, STRIDE):
             run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t, first)
-
-
-def _g_times_v(run: Lanes, s: int, first: int) -> float:
-    total: float = run.G[first, s] * run.v[first]
-    for r in range(first + STRIDE, 6, STRIDE):
-        total += run.G[r, s] * run.v[r]
-    return total
 
 
 def _g_times_z(run: Lanes, s: int, t: int, first: int) -> float:

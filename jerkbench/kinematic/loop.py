@@ -7,7 +7,7 @@ from typing import Any
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
 from jerkbench.compilation.vectors import anywhere, chosen
-from jerkbench.compilation.views import Lanes, View, ask_for, room, row, runs_in, shared_row, taken
+from jerkbench.compilation.views import Lanes, View, ask_for, room, row, runs_in, taken
 from jerkbench.kinematic.adapt import adapt_runs, find_gains
 from jerkbench.kinematic.adapt_lanes import adapt_lanes, find_gains_of_lanes, note_coupling
 from jerkbench.kinematic.arguments import (
@@ -41,7 +41,6 @@ from jerkbench.kinematic.predict import (
     predict_state,
     predict_usual,
     show_covariance,
-    show_transition,
 )
 from jerkbench.kinematic.score import AHEAD, add_errors, keep
 from jerkbench.sums import NIS, NIS_USED, UPDATES, UPDATES_USED
@@ -94,22 +93,27 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
         _keep_innovation(run, seen)
     if len(steps.R) > 0:
         _take_covariance(run, taken(steps.R, which, run, "6 related"), complete)
-    same = False
-    if ASKED == AT_ONCE:
-        adapt_lanes(run, exchange.rows, rules, complete)
-    elif ASKED == NEVER or (run.width == 1 and rules.adapt[0] == 0):
-        same = True
-        for r in range(6):
-            run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
-    else:
-        same = adapt_runs(run, exchange, rules, complete)
-        if STRIDE > 1:
-            couple(run, run.R, 6, 6)
-            if DENSE == 1:
-                couple(run, run.P, run.s, run.s)
+    same = _adapt(run, rules, exchange, complete)
     if not same or len(steps.R) > 0:
         nis = mahalanobis(run)
     return nis
+
+
+def _adapt(run: Lanes, rules: Rules, exchange: Exchange, complete: bool) -> bool:
+    """Ask for the adapted R, and prior; return whether both are what they were."""
+    if ASKED == AT_ONCE:
+        adapt_lanes(run, exchange.rows, rules, complete)
+        return False
+    if ASKED == NEVER or (run.width == 1 and rules.adapt[0] == 0):
+        for r in range(6):
+            run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
+        return True
+    same = adapt_runs(run, exchange, rules, complete)
+    if STRIDE > 1:
+        couple(run, run.R, 6, 6)
+        if DENSE == 1:
+            couple(run, run.P, run.s, run.s)
+    return same
 
 
 def _keep_innovation(run: Lanes, seen: View) -> None:
@@ -275,10 +279,7 @@ def move_state(run: Lanes, x: View, steps: Steps, model: Model, k: int) -> None:
     """Predict the state ``x`` alone over step ``k``."""
     ask_ahead(run, steps, k)
     u, m = taken(steps.u, steps.sample[k], run, "3"), steps.model[k]
-    if model.A.shape[2] == 1:
-        predict_state(run, x, shared_row(model.A, m, run, "n n"), shared_row(model.b, m, run, "n"), u)
-    else:
-        predict_state(run, x, row(model.A, m, run, "n n"), row(model.b, m, run, "n"), u)
+    predict_state(run, x, taken(model.A, m, run, "n n"), taken(model.b, m, run, "n"), u)
 
 
 def ask_ahead(run: Lanes, steps: Steps, k: int) -> None:
@@ -305,8 +306,6 @@ def catch_up(run: Lanes, model: Model, steps: Steps, begin: int, k: int, usual: 
         predict_usual(run)
         return usual, True
     join_steps(run, model, steps, begin, k + 1, known, fresh)
-    if DENSE == 1:
-        show_transition(run)
     predict_covariance(run)
     return count if fresh else usual, complete
 
@@ -343,10 +342,7 @@ def move(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> Non
         return
     ask_ahead(run, steps, k)
     u = taken(steps.u, steps.sample[k], run, "3")
-    if run.width == 1 or A.shape[2] == 1:
-        predict(run, (shared_row(A, m, run, "n n"), shared_row(b, m, run, "n"), shared_row(Q, m, run, "n n")), how, u)
-    else:
-        predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), how, u)
+    predict(run, (taken(A, m, run, "n n"), taken(b, m, run, "n"), taken(Q, m, run, "n n")), how, u)
 
 
 def all_lost(run: Lanes, step: int) -> bool:

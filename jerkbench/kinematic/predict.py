@@ -1,8 +1,8 @@
 """Prediction with F = A (x) I3: the same product for each pair of axes, of which half of the covariance is enough."""
 
 from jerkbench.compilation.vectors import chosen
-from jerkbench.compilation.views import Lanes, View, eights, room, row, shared_row, wide_room
-from jerkbench.kinematic.arguments import STRIDE, Model, Steps
+from jerkbench.compilation.views import Lanes, View, eights, room, taken, wide_room
+from jerkbench.kinematic.arguments import DENSE, STRIDE, Model, Steps
 
 AxisViews = tuple[View, View, View]
 """A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
@@ -73,10 +73,8 @@ def join_steps(run: Lanes, model: Model, steps: Steps, begin: int, end: int, kno
     """
     for step in range(begin, begin if known else end):
         k = steps.model[step]
-        if k >= 0 and model.A.shape[2] == 1:
-            _join(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
-        elif k >= 0:
-            _join(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
+        if k >= 0:
+            _join(run, taken(model.A, k, run, "n n"), taken(model.Q, k, run, "n n"))
     for a in range(run.n):
         for b in range(run.n):
             if known:
@@ -97,7 +95,8 @@ def predict_usual(run: Lanes) -> None:
 def predict_covariance(run: Lanes) -> None:
     """Take P over all steps since it was predicted, at once, of the runs in which an update is ``due``.
 
-    The others go over no step at all, so that no run depends on the updates of its neighbours.
+    The others go over no step at all, so that no run depends on the updates of its neighbours. Likewise the transition
+    since the last update, where a rule is shown it.
     """
     A, Q, due = room(run, "n n"), room(run, "n n"), run.due
     for a in range(run.n):
@@ -107,6 +106,8 @@ def predict_covariance(run: Lanes) -> None:
             run.gone_A[a, b] = chosen(due, 0.0, same, run.gone_A[a, b])
             run.gone_Q[a, b] = chosen(due, 0.0, 0.0, run.gone_Q[a, b])
     _predict_every_pair(run, run.P, A, Q)
+    if DENSE == 1:
+        _advance_step(run, A, Q)
 
 
 def show_covariance(run: Lanes, due: float) -> None:
@@ -220,20 +221,7 @@ def advance(run: Lanes, model: Model, steps: Steps, begin: int, end: int) -> Non
     for step in range(begin, end):
         k = steps.model[step]
         if k >= 0:
-            if run.width == 1 or model.A.shape[2] == 1:
-                _advance_step(run, shared_row(model.A, k, run, "n n"), shared_row(model.Q, k, run, "n n"))
-            else:
-                _advance_step(run, row(model.A, k, run, "n n"), row(model.Q, k, run, "n n"))
-
-
-def show_transition(run: Lanes) -> None:
-    """Take the transition on by what `join_steps` has joined, of the runs in which an update is due."""
-    A, Q = room(run, "n n"), room(run, "n n")
-    for a in range(run.n):
-        for b in range(run.n):
-            A[a, b] = chosen(run.due, 0.0, run.gone_A[a, b], 1.0 if a == b else 0.0)
-            Q[a, b] = chosen(run.due, 0.0, run.gone_Q[a, b], 0.0)
-    _advance_step(run, A, Q)
+            _advance_step(run, taken(model.A, k, run, "n n"), taken(model.Q, k, run, "n n"))
 
 
 def _advance_step(run: Lanes, A: View, Q: View) -> None:

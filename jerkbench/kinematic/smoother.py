@@ -29,7 +29,7 @@ import numpy as np
 from jerkbench.arrays import WIDE, FloatArray, FloatMatrix, FloatVector, IntArray, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import aligned_zeros, chosen
-from jerkbench.compilation.views import Lanes, View, copy, eights, room, row, runs_in, shared_row, wide_room
+from jerkbench.compilation.views import Lanes, View, copy, eights, room, row, runs_in, taken, wide_room
 from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import (
@@ -358,10 +358,7 @@ def run_back(
 def step_back(a: Lanes, steps: Steps, model: Model, k: int) -> None:
     """Take the adjoint to before step ``k``, if time passes in it."""
     if steps.model[k] >= 0:
-        if a.width == 1 or model.A.shape[2] == 1:
-            retreat(a, shared_row(model.A, steps.model[k], a, "n n"))
-        else:
-            retreat(a, row(model.A, steps.model[k], a, "n n"))
+        retreat(a, taken(model.A, steps.model[k], a, "n n"))
 
 
 def give(steps: Steps, scored: TruthRows, kept: Kept, k: int, filtered: Lanes, a: Lanes, left: int) -> int:

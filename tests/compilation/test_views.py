@@ -18,8 +18,8 @@ from jerkbench.compilation.views import (
     room,
     row,
     runs_in,
-    shared_row,
     spread,
+    taken,
     wide_room,
 )
 
@@ -92,7 +92,7 @@ def by_way_of_rooms(given, result):
     for a in range(2):
         wide[a] = run.A[a, 0]
         for b in range(run.n):
-            own[1 - a, b] = run.A[a, b] + shared_row(np.arange(6.0), 1, run, "3")[b] + wide[0] - wide[0]
+            own[1 - a, b] = run.A[a, b] + taken(np.arange(6.0).reshape(2, 3, 1), 1, run, "3")[b] + wide[0] - wide[0]
     for a in range(2):
         for b in range(run.n):
             out[a, b] = own[a, b]
