@@ -38,8 +38,8 @@ class Entrant(NamedTuple):
         name: what stands in the table.
         run: runs it.
         often: how often in a round. The median of these counts, because the first finds the caches full of others.
-        runs: how many runs it makes at once. Of more than one, the mean of all but the first counts: a sweep lasts, and
-            a system may give a second core only to what lasts.
+        runs: how many runs it makes at once. Of more than one, the mean of all but the first counts, if there are
+            others: a sweep lasts, and a system may give a second core only to what lasts.
         difference: as in `Line`.
     """
 
@@ -83,7 +83,7 @@ def _elapsed(entrant: Entrant) -> float:
         begin = time.perf_counter()
         entrant.run()
         times.append(time.perf_counter() - begin)
-    return float(np.median(times) if entrant.runs == 1 else np.mean(times[1:])) / entrant.runs
+    return float(np.median(times) if entrant.runs == 1 else np.mean(times[1:] or times)) / entrant.runs
 
 
 def timed(run: Callable[[], T], repeats: int) -> tuple[float, T]:

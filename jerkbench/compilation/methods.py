@@ -18,7 +18,7 @@ from jerkbench.compilation.code_digest import digest, own_function, reads
 from jerkbench.compilation.jitted import jitted
 from jerkbench.compilation.lanes import above_in_lanes
 from jerkbench.compilation.module_cache import load_entry
-from jerkbench.compilation.vectors import LONG, anywhere, chosen, each_run, vector_of
+from jerkbench.compilation.vectors import anywhere, chosen, each_run, vector_of
 from jerkbench.compilation.views import Untyped, View, data_of
 
 # Calls of compiled functions by their address: a caller that is kept on the disk cannot know them by name.
@@ -39,7 +39,7 @@ def _caller(result: Untyped, guarded: Untyped = None, width: int = 1) -> Untyped
         def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
             given = cgutils.unpack_tuple(builder, args[1], len(arrays))
             firsts = [
-                builder.gep(value, [LONG(t.places[0])]) if isinstance(t, View) else data_of(context, builder, t, value)
+                value if isinstance(t, View) else data_of(context, builder, t, value)
                 for t, value in zip(arrays, given, strict=True)
             ]
             kinds = map(context.get_value_type, takes)
@@ -130,15 +130,15 @@ def _shape(value: object) -> object:
     return type(value) if isinstance(value, (bool, int, float)) else value
 
 
-def compiled_method(plugin: object, method: CompiledMethod, width: int = 1, axes: int = 1, states: int = 9) -> Any:  # noqa: ANN401 - numba has no types
+def compiled_method(plugin: object, method: CompiledMethod, width: int = 1, axes: int = 1) -> Any:  # noqa: ANN401 - numba has no types
     """Return the plugin's method as a compiled function for `jerkbench.compilation.methods`.
 
     It takes the addresses of the parameters, of each argument, and of the array that it fills if there is one; then
     the sizes. One compilation serves all values of the numeric parameters.
 
     Of several runs side by side it gets vectors of ``width`` numbers in the place of numbers. Then two arrays of
-    parameters come first: the vectors, and the whole numbers, which the runs have in common. Of six rows and so many
-    ``states`` it may then go over each of ``axes`` by itself (`jerkbench.adaptation.linalg.AXES`).
+    parameters come first: the vectors, and the whole numbers, which the runs have in common. Of the usual sizes it may
+    then go over each of ``axes`` by itself (`jerkbench.adaptation.linalg.AXES`).
 
     Raises:
         numba.core.errors.NumbaError: numba cannot compile it.
@@ -150,7 +150,7 @@ def compiled_method(plugin: object, method: CompiledMethod, width: int = 1, axes
         raise TypeError(f"{type(plugin).__name__}.{method.name} is not a plain function")
     fields = [name for name, _ in _attributes(plugin)]
     replaced, axes = IN_LANES if width > 1 else {}, axes if reads(function, "AXES") else 1
-    source = _entry_source(plugin, method, width, axes, states)
+    source = _entry_source(plugin, method, width, axes)
 
     def namespace(home: str) -> dict[str, Any]:
         """Return what the entry point's text refers to."""
@@ -162,7 +162,8 @@ def compiled_method(plugin: object, method: CompiledMethod, width: int = 1, axes
             "number": vector_of(width),
         }
 
-    ways = f" for {width} runs" * (width > 1) + ", axis by axis" * (axes > 1)
+    states = "".join(f" of {size} states" for name, size in method.usual if name == "n")
+    ways = f" for {width} runs{states}" * (width > 1) + ", axis by axis" * (axes > 1)
     title = f"{type(plugin).__name__}.{method.name}{ways}"
     module: ModuleType = load_entry(title, source, digest(function, fields=fields, width=width, axes=axes), namespace)
     return module.entry
@@ -198,7 +199,7 @@ BODY = """\
         {else_}"""
 
 
-def _entry_source(plugin: object, method: CompiledMethod, width: int, axes: int, states: int) -> str:
+def _entry_source(plugin: object, method: CompiledMethod, width: int, axes: int) -> str:
     """Text of the entry point: rebuild self, call the method."""
     arrays = [("parameters", "number"), *([("whole", "int64")] if width > 1 else [])]
     arrays += [(name, "number" if of == "float64" else of) for name, of, _ in method.arguments]
@@ -208,19 +209,17 @@ def _entry_source(plugin: object, method: CompiledMethod, width: int, axes: int,
         result="void" if method.result else "number",
         types=", ".join([f"CPointer({of})" for _, of in arrays] + ["int64"] * len(method.sizes)),
         names=", ".join([name for name, _ in arrays] + list(method.sizes)),
-        body=(AS_ARRAY.format(len(parameter_vector(plugin))) if width > 1 else "")
-        + _body(plugin, method, width, axes, states),
+        body=(AS_ARRAY.format(len(parameter_vector(plugin))) if width > 1 else "") + _body(plugin, method, width, axes),
     )
 
 
-def _body(plugin: object, method: CompiledMethod, width: int, axes: int, states: int) -> str:
-    """Text of the call; of two where some sizes are usual."""
+def _body(plugin: object, method: CompiledMethod, width: int, axes: int) -> str:
+    """Text of the call; of two where some sizes are usual: of these by axes, where that is asked."""
     if not method.usual:
         return f"    {_call(plugin, method, {}, width)}"
-    usual = [(name, states if name == "n" else size) for name, size in method.usual]
     return BODY.format(
-        usual=" and ".join(f"{name} == {size}" for name, size in usual),
-        often=_call(plugin, method, dict(usual), width, "by_axes" if axes > 1 else "method"),
+        usual=" and ".join(f"{name} == {size}" for name, size in method.usual),
+        often=_call(plugin, method, dict(method.usual), width, "by_axes" if axes > 1 else "method"),
         else_=_call(plugin, method, {}, width),
     )
 

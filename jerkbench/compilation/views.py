@@ -260,7 +260,10 @@ def row(_typing: Untyped, array: Untyped, k: Untyped, run: Untyped, dims: Untype
 
 @intrinsic(prefer_literal=True)
 def taken(_typing: Untyped, array: Untyped, k: Untyped, run: Untyped, dims: Untyped) -> Untyped:
-    """``taken(array, k, run, "6")``: a matrix to read until the function returns; what is shared is repeated."""
+    """``taken(array, k, run, "6")``: a matrix to read until the function returns; of several runs a copy.
+
+    What they share is repeated.
+    """
     view = _regular(run, dims, run.width)
 
     def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:

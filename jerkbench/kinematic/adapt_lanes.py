@@ -99,6 +99,7 @@ def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int, complete: bool
     Rows that are ``complete`` have their own number: the compiler then knows where everything lies.
     """
     y, R, HPHt, adapted = room(run, "6"), room(run, "36"), room(run, "36"), room(run, "36")
+    run.between = run.zero
     for i in range(m):
         r = i if complete else rows[i]
         y[i] = run.y[r]
@@ -116,19 +117,20 @@ def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int, complete: bool
     _take(run, adapted, rows, m, complete)
     if not well:
         run.lost = run.lost + run.asks
+    if STRIDE > 1:
+        note_coupling(run, chosen(run.lost, 0.0, 0.0, run.asks), run.between)
 
 
 def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: int) -> bool:
     """Put the adapted prior covariance into its place; return whether it raised nothing."""
-    x, answer, squares = room(run, "s"), room(run, "s s"), run.zero
+    x, P, F, Q, answer = room(run, "s"), room(run, "s s"), room(run, "s s"), room(run, "s s"), room(run, "s s")
     for s in range(run.s):
         x[s] = run.x[s]
-        for t in range(s % STRIDE, run.s, STRIDE):  # the rest is zero
-            run.shown_P[s, t] = run.P[s, t]
-            run.shown_F[s, t] = run.since_A[s // 3, t // 3] if s % 3 == t % 3 else run.zero
-            run.shown_Q[s, t] = run.since_Q[s // 3, t // 3] if s % 3 == t % 3 else run.zero
-    shown = rules.parameters, rules.whole, x, run.shown_P, run.shown_F, run.shown_Q
-    seen = (*shown, y, R, rows, rules.memory, answer)
+        for t in range(run.s):
+            P[s, t] = run.P[s, t]
+            F[s, t] = run.since_A[s // 3, t // 3] if s % 3 == t % 3 else run.zero
+            Q[s, t] = run.since_Q[s // 3, t // 3] if s % 3 == t % 3 else run.zero
+    seen = rules.parameters, rules.whole, x, P, F, Q, y, R, rows, rules.memory, answer
     well: bool = try_fill_lanes_by(rules.prior[0], seen, (m, rules.sizes[0], run.s))
     for s in range(run.s):
         for t in range(s + 1):
@@ -136,8 +138,7 @@ def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: 
             if (s - t) % STRIDE == 0:
                 run.P[s, t] = chosen(run.asks, 0.0, entry, run.P[s, t])
             else:
-                squares += entry * entry
-    note_coupling(run, run.asks, squares)
+                run.between += entry * entry
     for a in range(run.n):
         for b in range(run.n):
             same = 1.0 if a == b else 0.0
@@ -178,7 +179,6 @@ def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> 
         run.used[r] = chosen(asks, 0.0, known, run.used[r])
         run.y[r] = chosen(run.used[r], 0.0, run.y[r], 0.0)
     run.lost = lost
-    squares = run.zero
     for i in range(m):
         for j in range(m):
             r, c = i if complete else rows[i], j if complete else rows[j]
@@ -186,11 +186,9 @@ def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> 
             if (r - c) % STRIDE == 0:
                 run.R[r, c] = chosen(asks, 0.0, used, run.R[r, c])
             else:
-                squares += used * used
-    note_coupling(run, asks, squares)
+                run.between += used * used
 
 
-def note_coupling(run: Lanes, asks: float, squares: float) -> None:
-    """Note of the runs that ask whether an adaptation put something between two axes, the sum of whose ``squares``."""
-    if STRIDE > 1:  # what is no number couples, too
-        run.coupled += chosen(asks, 0.0, 1.0 - chosen(1e-300, squares, 1.0, 0.0), 0.0)
+def note_coupling(run: Lanes, asked: float, squares: float) -> None:
+    """Note the runs of those ``asked`` whose adaptation put anything between two axes: ``squares``, or no number."""
+    run.coupled += chosen(asked, 0.0, 1.0 - chosen(1e-300, squares, 1.0, 0.0), 0.0)

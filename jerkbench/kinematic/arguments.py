@@ -129,7 +129,7 @@ class Kept(NamedTuple):
         errors: (marks, MARKED, WIDTH) what is kept of the marked rows.
         which: (m,) rows of z that were taken.
         seen: (m, SEEN, WIDTH) what each update saw: rows, nis, rows kept, nis used, innovation (6), diagonal of R (6),
-            det S with the reported R; or one row, which each update writes anew.
+            det S with the reported R; or one row, of which each update writes the first two.
     """
 
     w: FloatVector
@@ -250,6 +250,7 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "ended": (),  # step at whose end that was, or -1
     "waits": (),  # 1 where an adaptation of all runs at once is still to be asked
     "asks": (),  # 1 where it is being asked
+    "between": (),  # squares of what it then put between two axes
     "own": (),  # 1 where this update has a gain of its own, which then stands in Z
     "due": (),  # above 0 where an update has a row
     "e": (6,),  # error of position and velocity
@@ -260,8 +261,7 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 @cache
 def run_type(n: int, width: int, **sizes: int) -> Lanes:
     """Return the type of ``width`` runs of a filter with ``n`` quantities on each axis; ``sizes`` are further ones."""
-    shown = {f"shown_{name}": (3 * n, 3 * n) for name in "PFQ"} if width > 1 else {}  # to a rule that sees all of them
-    return type_with(shown, 3 * n, width, **sizes)
+    return type_with({}, 3 * n, width, **sizes)
 
 
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:

@@ -60,7 +60,7 @@ def update(
         else:
             find_gains(run, exchange, rules)
         if STRIDE > 1:
-            couple(run, run.Z, 6, run.s)
+            note_coupling_of(run, run.Z, 6, run.s)
         correct_by_gains(run, exchange.states)
         mirror(run)
     else:
@@ -110,9 +110,9 @@ def _adapt(run: Lanes, rules: Rules, exchange: Exchange, complete: bool) -> bool
         return True
     same = adapt_runs(run, exchange, rules, complete)
     if STRIDE > 1:
-        couple(run, run.R, 6, 6)
+        note_coupling_of(run, run.R, 6, 6)
         if DENSE == 1:
-            couple(run, run.P, run.s, run.s)
+            note_coupling_of(run, run.P, run.s, run.s)
     return same
 
 
@@ -123,7 +123,7 @@ def _keep_innovation(run: Lanes, seen: View) -> None:
         seen[4 + r] = chosen(run.used[r], 0.0, run.y[r], NAN)
 
 
-def couple(run: Lanes, M: View, rows: int, columns: int) -> None:
+def note_coupling_of(run: Lanes, M: View, rows: int, columns: int) -> None:
     """Note where a matrix that an adaptation made has something between two axes."""
     squares = run.zero
     for r in range(rows):
@@ -292,7 +292,7 @@ def catch_up(run: Lanes, model: Model, steps: Steps, begin: int, k: int, usual: 
     """Predict the covariance of the runs that measure anything at step ``k``, and the transition that a rule is shown.
 
     Returns:
-        What `join_steps` says of ``usual``, and whether these are all of them.
+        How many steps are ``usual`` now, and whether these are all runs.
     """
     z, due = taken(steps.z, steps.update[k], run, "6"), run.zero
     for r in range(6):

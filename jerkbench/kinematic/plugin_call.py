@@ -150,11 +150,12 @@ def _first_sentence(message: str) -> str:
 
 @lru_cache(maxsize=256)
 def _addresses(kind: _Kind, lanes: bool, axes: int = 1, states: int = 9) -> tuple[int, int, int, int]:
-    """Of `adapt`, and of the methods that it may have, 0 where it has not."""
+    """Of `adapt`, and of the methods that it may have, 0 where it has not; quickest for so many ``states``."""
     own = kind.example
 
     def address(method: CompiledMethod) -> int:
-        return address_of(compiled_method(own, method, WIDE if lanes else 1, axes, states))
+        usual = tuple((name, states if name == "n" else size) for name, size in method.usual)
+        return address_of(compiled_method(own, method._replace(usual=usual), WIDE if lanes else 1, axes))
 
     fade = address(FADE) if isinstance(own, Fading) else 0
     prior = address(PRIOR) if isinstance(own, AdaptingPrior) else 0
@@ -211,8 +212,8 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
     if lanes:
         sizes[:] = sizes.max()
     kinds = [first.kind] if lanes else [rule.kind for rule in rules]
-    sizes_known = (axes, states) if lanes else ()
-    addresses = [_addresses(kind, lanes, *sizes_known) for kind in kinds] * (len(rules) // len(kinds))
+    way = (axes, states) if lanes else ()
+    addresses = [_addresses(kind, lanes, *way) for kind in kinds] * (len(rules) // len(kinds))
     adapt, fade, prior, gain = np.array(addresses).T.copy()
     if len(rules) == 1 and changes_nothing(first.adaptation):
         adapt[0] = 0

@@ -5,14 +5,15 @@ from jerkbench.compilation.views import Lanes, View, eights, room, taken, wide_r
 from jerkbench.kinematic.arguments import DENSE, STRIDE, Model, Steps
 
 AxisViews = tuple[View, View, View]
-"""A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
+"""A, b and Q of one axis, for one length of a step."""
 
 
 ANY, TRIANGULAR, AT_UPDATES = range(3)
 """How to predict: with any A, with one that is upper triangular with ones on its diagonal, or likewise the state alone.
 
 Of the covariance then A and Q of all steps since the last update are one step: `join_steps` makes it,
-`predict_covariance` takes it. A score that reads the covariance at each step has its own, `run.P_scored`.
+`predict_usual` or `predict_covariance` takes it. A score that reads the covariance at each step has its own,
+`run.P_scored`.
 """
 
 

@@ -1,12 +1,15 @@
 """Runs whose axes have nothing to do with each other: each axis by itself gives what all together give."""
 
+import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from test_side_by_side import BURN_IN_S, one, side_by_side, trajectory
 
 from jerkbench import plugins
+from jerkbench.compilation.lanes import chosen
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import evaluate_run, prepare_reference, sums_from
@@ -122,13 +125,92 @@ class CouplesGain(CouplesPrior):
         return K
 
 
-@pytest.mark.parametrize("adaptation", [Couples(), CouplesPrior(), CouplesGain()], ids=lambda of: type(of).__name__)
-def test_an_adaptation_that_couples_axes_has_all_together(several, strides, adaptation):
+@dataclass(frozen=True)
+class CouplesInLanes:
+    """Gives two axes a covariance in R, of all runs at once."""
+
+    after: int = 20
+    lanes: ClassVar[bool] = True
+
+    def memory_size(self):
+        return 1
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        memory[0] += 1.0
+        adapted = R.copy()
+        if len(rows) > 1:
+            adapted[0, 1] += chosen(memory[0], self.after, 0.3 * math.sqrt(R[0, 0] * R[1, 1]), 0.0)
+            adapted[1, 0] = adapted[0, 1]
+        return adapted
+
+
+@dataclass(frozen=True)
+class CouplesPriorInLanes(CouplesInLanes):
+    """The same in the prior, of which it goes over each axis by itself otherwise."""
+
+    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
+        memory[0] += 1.0
+        grown = P.copy()
+        grown[0, 1] = chosen(memory[0], self.after, AXES * 0.01 * math.sqrt(P[0, 0] * P[1, 1]), P[0, 1])
+        grown[1, 0] = grown[0, 1]
+        for s in range(len(x)):
+            grown[s, s] *= AXES
+        return grown
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return R
+
+
+@dataclass(frozen=True)
+class CouplesGainInLanes(CouplesInLanes):
+    """The same in the gain."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return R
+
+    def adapt_gain(self, x, P, innovation, R, rows, memory):
+        memory[0] += 1.0
+        K = np.zeros((len(x), len(rows)), P.dtype)
+        for i in range(len(rows)):
+            K[rows[i], i] = AXES * P[rows[i], rows[i]] / (P[rows[i], rows[i]] + R[i, i])
+        if len(rows) > 1:
+            K[0, 1] += chosen(memory[0], self.after, 0.1, 0.0)
+        return K
+
+
+COUPLING = (Couples, CouplesPrior, CouplesGain, CouplesInLanes, CouplesPriorInLanes, CouplesGainInLanes)
+
+
+@pytest.mark.parametrize("rows", ["all", "some"])
+@pytest.mark.parametrize("adaptation", [kind() for kind in COUPLING], ids=lambda of: type(of).__name__)
+def test_an_adaptation_that_couples_axes_has_all_together(several, strides, adaptation, rows):
     model = plugins.create("filter", {"name": "jerk"})
-    for (recording, timeline), got in zip(several, errors_alone(several, model, adaptation), strict=True):
+    pairs = several if rows == "all" else [several[0], missing(several[1]), several[2]]
+    for (recording, timeline), got in zip(pairs, errors_alone(pairs, model, adaptation), strict=True):
         estimate = FilterpyEngine().run(timeline, model, adaptation)
         assert got == pytest.approx(evaluate_run(estimate, recording, BURN_IN_S, ERRORS), rel=1e-9, nan_ok=True)
     assert strides == [3, 1]
+
+
+@dataclass(frozen=True)
+class Loses(CouplesInLanes):
+    """Finds no answer for any run, from an update on: a number that is none, between axes, too."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        memory[0] += 1.0
+        adapted = R.copy()
+        for i in range(len(rows)):
+            for j in range(len(rows)):
+                adapted[i, j] *= chosen(memory[0], self.after, math.nan, 1.0)
+        return adapted
+
+
+def test_a_run_that_is_lost_is_not_run_again_with_all_axes(several, strides):
+    bare = [Run(t, prepare_reference(recording, t, BURN_IN_S).errors_alone) for recording, t in several]
+    models = [plugins.create("filter", {"name": "jerk"})] * len(bare)
+    results = CompiledEngine().run_settings(bare, models, [Loses()] * len(bare), updates=False, threads=1)
+    assert results == [None] * len(bare)
+    assert strides == [3]
 
 
 def test_what_reads_covariances_has_all_axes_together(several, strides):
@@ -192,3 +274,22 @@ def test_where_p_is_read_at_updates_alone_they_may_come_as_they_like(rule, make)
             assert own == pytest.approx(evaluate_run(estimate, recording, BURN_IN_S, ERRORS), rel=1e-9, nan_ok=True)
             (alone,) = errors_alone([(recording, timeline)], model, adaptation)
             np.testing.assert_array_equal(list(own.values()), list(alone.values()))
+
+
+def coupled(pair):
+    """The same run with a covariance of two axes in R."""
+    recording, timeline = pair
+    own = timeline.measurements
+    R = own.R.copy()
+    R[:, 0, 1] = R[:, 1, 0] = 0.4 * np.sqrt(R[:, 0, 0] * R[:, 1, 1])
+    return recording, replace(timeline, measurements=replace(own, R=R, R_true=R))
+
+
+@pytest.mark.parametrize("way", [errors_alone, side_by_side])
+@pytest.mark.parametrize("rule", ["none", "mtf"])
+def test_no_run_depends_on_what_its_neighbours_measure_where_axes_are_coupled(rule, way):
+    pairs = [coupled(even(1)), missing(coupled(even(2))), fewer(coupled(even(3)))]
+    model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": rule})
+    for own, pair in zip(way(pairs, model, adaptation), pairs, strict=True):
+        (alone,) = way([pair], model, adaptation)
+        np.testing.assert_array_equal(list(own.values()), list(alone.values()))
