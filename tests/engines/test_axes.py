@@ -194,14 +194,20 @@ def test_an_adaptation_that_couples_axes_has_all_together(several, strides, adap
 
 @dataclass(frozen=True)
 class Loses(CouplesInLanes):
-    """Finds no answer for any run, from an update on: a number that is none, between axes, too."""
+    """Finds no answer for any run, from an update on: numbers that are none, between axes, too."""
+
+    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
+        memory[0] += 1.0
+        grown, factor = P.copy(), chosen(memory[0], self.after, math.nan, 1.0 + 0.0 * AXES)
+        for s in range(len(x)):
+            for t in range(len(x)):
+                grown[s, t] *= factor
+        return grown
 
     def adapt(self, innovation, HPHt, R, rows, memory):
-        memory[0] += 1.0
         adapted = R.copy()
         for i in range(len(rows)):
-            for j in range(len(rows)):
-                adapted[i, j] *= chosen(memory[0], self.after, math.nan, 1.0)
+            adapted[i, i] *= chosen(memory[0], self.after, math.nan, 1.0)
         return adapted
 
 
