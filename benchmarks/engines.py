@@ -5,7 +5,7 @@
 Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
 In each round all of them run one after the other; a line has the median time that passed, and the median over the
 rounds of the ratio to the loop in the same round. Many runs of ours keep sums of errors and of NEES, no trajectories,
-and use all cores: their time is divided by their number. As tuning and audits have them, with a diagonal R and errors
+and use all cores: their time is divided by their number, and is that of batches in a row, the first left out. As tuning and audits have them, with a diagonal R and errors
 alone, they stand apart: of 64 recordings, which come from memory, and 64 times of one, which stays in the cache.
 The other libraries (peers.py) are too slow for that: the smallest of two CPU times on one core against that of the
 loop. `pip install '.[bench]'` installs them; one that is not is named.
@@ -37,8 +37,8 @@ DT_S, STEPS, EVERY = 0.01, 15_000, 10
 COMPARED = 600
 """Steps over which an adaptation that iterates is compared with plain Python, 10 ms an update."""
 
-LASTS = 10
-"""So many times many runs are made in a round."""
+BATCHES = 10
+"""So many batches of many runs are made in a round."""
 
 ITERATED = (
     *("huber", "maximum_correntropy", "ssmkf", "student_t", "vbakf_pr"),
@@ -107,7 +107,7 @@ def many_entrants(model: Filter) -> list[Entrant]:
         one: Engine = engine if name in ITERATED else FilterpyEngine()  # of the former stands above what it is worth
         (first, *_), wanted = run(), one.run(block[0].timeline, model, rule).position_m
         difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
-        entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, LASTS, len(block), difference))
+        entrants.append(Entrant(f"{len(block)} runs, {threads} cores, {name}", run, BATCHES, len(block), difference))
     return entrants
 
 
@@ -124,7 +124,7 @@ def error_entrants(model: Filter) -> list[Entrant]:
             (first, *_), wanted = run(), FilterpyEngine().run(several[0], model, rule).position_m
             difference = abs(np.sqrt(first.position_m2.sum()) - np.sqrt((wanted**2).sum())) / np.sqrt(len(wanted))
             where = "memory" if recordings > 1 else "cache"
-            entrants.append(Entrant(f"errors, from {where}, {name}", run, LASTS, len(block), difference))
+            entrants.append(Entrant(f"errors, from {where}, {name}", run, BATCHES, len(block), difference))
     return entrants
 
 
