@@ -5,10 +5,11 @@
 Workload: filter jerk (9 states), 15 000 steps of 0.01 s, 1 500 updates of six rows with a full R that changes.
 In each round all of them run one after the other; a line has the median time that passed, and the median over the
 rounds of the ratio to the loop in the same round. Many runs of ours keep sums of errors and of NEES, no trajectories,
-and use all cores: their time is divided by their number, and is that of batches in a row, the first left out. As tuning and audits have them, with a diagonal R and errors
-alone, they stand apart: of 64 recordings, which come from memory, and 64 times of one, which stays in the cache.
-The other libraries (peers.py) are too slow for that: the smallest of two CPU times on one core against that of the
-loop. `pip install '.[bench]'` installs them; one that is not is named.
+and use all cores: their time is divided by their number, and is the mean of batches in a row, the first left out. As
+tuning and audits have them, with a diagonal R and errors alone, they stand apart: of 64 recordings, which come from
+memory, and 64 times of one, which stays in the cache. The other libraries (peers.py) are too slow for that: the
+smallest of two CPU times on one core against that of the loop. `pip install '.[bench]'` installs them; one that is not
+is named.
 """
 
 import argparse
