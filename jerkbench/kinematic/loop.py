@@ -7,7 +7,7 @@ from typing import Any
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
 from jerkbench.compilation.vectors import anywhere, chosen
-from jerkbench.compilation.views import Lanes, View, ask_for, room, row, runs_in, taken
+from jerkbench.compilation.views import Lanes, View, ask_for, lane, room, row, runs_in, taken
 from jerkbench.kinematic.adapt import adapt_runs, find_gains
 from jerkbench.kinematic.adapt_lanes import adapt_lanes, find_gains_of_lanes, note_coupling
 from jerkbench.kinematic.arguments import (
@@ -342,7 +342,11 @@ def move(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> Non
         return
     ask_ahead(run, steps, k)
     u = taken(steps.u, steps.sample[k], run, "3")
-    predict(run, (taken(A, m, run, "n n"), taken(b, m, run, "n"), taken(Q, m, run, "n n")), how, u)
+    if run.width == 1 or A.shape[2] == 1:  # `predict` stands apart: what it is handed is read from where it lies
+        one = lane(run, 0)
+        predict(run, (row(A, m, one, "n n"), row(b, m, one, "n"), row(Q, m, one, "n n")), how, u)
+    else:
+        predict(run, (row(A, m, run, "n n"), row(b, m, run, "n"), row(Q, m, run, "n n")), how, u)
 
 
 def all_lost(run: Lanes, step: int) -> bool:

@@ -5,7 +5,7 @@ from jerkbench.compilation.views import Lanes, View, eights, room, taken, wide_r
 from jerkbench.kinematic.arguments import DENSE, STRIDE, Model, Steps
 
 AxisViews = tuple[View, View, View]
-"""A, b and Q of one axis, for one length of a step."""
+"""A, b and Q of one axis, for one length of a step: numbers, or vectors where each run has its own."""
 
 
 ANY, TRIANGULAR, AT_UPDATES = range(3)
