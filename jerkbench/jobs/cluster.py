@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -44,6 +44,12 @@ class Lent(NamedTuple):
     trouble: Callable[[], str] = str
     elsewhere: bool = False
 
+    def submit(self, group: Hashable, work: Callable[..., Any], parcel: object) -> "Future[Any]":
+        """Send work; in the own pool it goes to the process that was the last to work for its ``group``, if it can."""
+        if isinstance(self.executor, OwnPool):
+            return self.executor.submit_near(group, work, parcel)
+        return self.executor.submit(work, parcel)
+
 
 class Cluster(Protocol):
     """Somewhere to run tasks."""
@@ -61,18 +67,23 @@ GRACE_S = 5.0
 """So long a process may take to end."""
 
 
-class _Worker(NamedTuple):
-    """A process, and what came of its first work, the import of the user's plugins: without them it cannot go on."""
+@dataclass(eq=False)
+class _Worker:
+    """A process of the own pool.
+
+    Attributes:
+        executor: the process.
+        imported: what came of its first work, the import of the user's plugins: without them it cannot go on.
+        group: what it has worked for last; it has the recordings of that in memory.
+    """
 
     executor: ProcessPoolExecutor
     imported: "Future[None]"
+    group: Hashable = None
 
 
 class OwnPool(Executor):
-    """Processes that are started as they are needed; what is submitted goes to the one that was free last.
-
-    So a process goes on with the recording that it has in memory, if whoever waits for it submits what is next.
-    """
+    """Processes that are started as they are needed; each goes on with the group whose recordings it has in memory."""
 
     def __init__(self) -> None:
         """Begin without a process."""
@@ -81,19 +92,29 @@ class OwnPool(Executor):
 
     def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
         """Give work to a process that has none."""
+        return self.submit_near(None, partial(work, **named), *arguments)
+
+    def submit_near(self, group: Hashable, work: Callable[..., Any], *arguments: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
+        """Give work of a ``group`` to a process that has none: the one that worked for it last, or was free last."""
         told: Future[Any] = Future()
         told.set_running_or_notify_cancel()
         while True:
-            if self._idle:
-                worker = self._idle.pop()
-            else:
-                executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
-                worker = _Worker(executor, executor.submit(_import, plugins.modules_of_user()))
-                self._all.append(worker)
+            worker = self._free(group)
             with suppress(BrokenProcessPool):  # it has died while it had nothing to do
-                done = worker.executor.submit(work, *arguments, **named)
+                done = worker.executor.submit(work, *arguments)
+                worker.group = group
                 done.add_done_callback(partial(self._tell, worker, told))
                 return told
+
+    def _free(self, group: Hashable) -> _Worker:
+        """Take a process that has no work, or start one."""
+        if self._idle:
+            own = [place for place, worker in enumerate(self._idle) if worker.group == group]
+            return self._idle.pop(own[-1] if own else -1)
+        executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
+        worker = _Worker(executor, executor.submit(_import, plugins.modules_of_user()))
+        self._all.append(worker)
+        return worker
 
     def _tell(self, worker: _Worker, told: "Future[Any]", done: "Future[Any]") -> None:
         """Pass on what became of some work; a process that has died is not given any more."""

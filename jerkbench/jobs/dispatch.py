@@ -199,8 +199,9 @@ class _Dispatch(Generic[_Task, _Result]):
                     return
                 finished, _ = wait(self.running, LOOK_S, FIRST_COMPLETED)
                 for future in finished:
-                    yield from self._received(future)
-                    yield from self._send()
+                    received = list(self._received(future))
+                    yield from self._send()  # first: no worker waits until these are stored
+                    yield from received
                 if not finished and (trouble := self.lent.trouble()):
                     raise ClusterError(trouble)
         finally:
@@ -223,7 +224,7 @@ class _Dispatch(Generic[_Task, _Result]):
                     yield from self._failed(task, error)
                 continue
             try:
-                future = self.lent.executor.submit(run_packed, parcel)
+                future = self.lent.submit(id(group), run_packed, parcel)
             except Exception as error:
                 if trouble := self.lent.trouble():
                     raise ClusterError(trouble) from error

@@ -131,6 +131,13 @@ def test_the_rest_of_a_task_is_sent_again():
     assert executor.sent == [[1], [11], [2]]
 
 
+def test_what_is_next_is_sent_before_a_result_is_handed_on():
+    """A worker does not wait until somebody has stored what it has found."""
+    executor = FakeExecutor(slots=1)
+    for task, _ in outcomes(order([[1, 11, 21]]), executor.lent()):
+        assert len(executor.waiting) == (task != 21)
+
+
 def done_at_once(executor, run, pack):
     future = Immediate(executor)
     executor.sent.append(pickle.loads(pack.content)[1])  # noqa: S301 - packed by this test
