@@ -26,7 +26,7 @@ Source: F. E. Satterthwaite, "An approximate distribution of estimates of varian
 2(6), 110-114, 1946, doi:10.2307/3002019.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -162,29 +162,61 @@ CrossedInterval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 def _intervals(families: tuple[FloatArray, ...], weights: FloatArray | None) -> Iterator[CrossedInterval]:
     """Yield the intervals of each of the four; H3 is two of them, whose statements share its level."""
-    counts = [1, 1, 2 * len(families[2]), 2 * len(families[3])]
-    for y, count in zip(families, counts, strict=True):
-        yield crossed_intervals(y, LEVEL / FAMILIES / count, weights)
+    for y, level in zip(families, _levels(families), strict=True):
+        yield crossed_intervals(y, level, weights)
+
+
+def _levels(families: Sequence[FloatArray]) -> list[float]:
+    return [LEVEL / FAMILIES / count for count in (1, 1, 2 * len(families[2]), 2 * len(families[3]))]
 
 
 def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = None) -> CrossedInterval:
     """Return the intervals of the means of y (k, R, D), each at ``level``; their tunings' variances are pooled."""
-    from scipy.special import stdtrit
-
     tunings, drives = y.shape[1:]
     w = np.full(drives, 1.0 / drives) if weights is None else weights / weights.sum()
-    S2, S3, S4 = (float((w**k).sum()) for k in (2, 3, 4))
-    c = S2 / (S2 - 2.0 * S3 + S2**2)
     of_tuning, of_drive = y @ w, y.mean(axis=1)
-    mean = of_tuning.mean(axis=1)
-    V_d = c * (of_drive - mean[:, None]) ** 2 @ w**2
-    rest = y - of_tuning[:, :, None] - of_drive[:, None, :] + mean[:, None, None]
-    V_e = c * np.einsum("krd,krd,d->k", rest, rest, w**2) / (tunings - 1)
-    own = of_tuning.var(axis=1, ddof=1) - V_e
+    rest = y - of_tuning[:, :, None] - of_drive[:, None, :] + of_tuning.mean(axis=1)[:, None, None]
+    squares = np.einsum("krd,krd,d->k", rest, rest, w**2)
+    return interval(Means(of_tuning, of_drive, squares, np.ones(tunings), np.ones(drives), w), level)
+
+
+class Means(NamedTuple):
+    """What the interval of k means follows from.
+
+    Attributes:
+        of_tuning: (k, R) y_r.
+        of_drive: (k, D) y_.d.
+        squares: (k,) sum_rd w_d^2 (y_rd - y_r. - y_.d + mean)^2.
+        n: (R,) how often each tuning is there; R in all.
+        m: (D,) how often each drive is there.
+        w: (D,) its weight, each time.
+    """
+
+    of_tuning: FloatArray
+    of_drive: FloatArray
+    squares: FloatArray
+    n: FloatArray
+    m: FloatArray
+    w: FloatArray
+
+
+def interval(means: Means, level: float) -> CrossedInterval:
+    """Return the intervals that follow from ``means``, as `crossed_intervals` does."""
+    from scipy.special import stdtrit
+
+    of_tuning, of_drive, squares, n, m, w = means
+    tunings = len(n)
+    S2, S3, S4 = (float(m @ w**k) for k in (2, 3, 4))
+    c = S2 / (S2 - 2.0 * S3 + S2**2)
+    mean = of_tuning @ n / tunings
+    a, b = of_tuning - mean[:, None], of_drive - mean[:, None]
+    aa, bb = a * a, b * b
+    V_d = c * bb @ (m * w**2)
+    V_e = c * squares / (tunings - 1)
+    own = aa @ n / (tunings - 1) - V_e
     V_a = np.maximum(own, own.mean()) / tunings
     V = V_d + V_a
-    third = c * (of_drive - mean[:, None]) ** 3 @ w**3
-    third += ((of_tuning - mean[:, None]) ** 3).sum(axis=1) / (tunings * (tunings - 1) * (tunings - 2))
+    third = c * (bb * b) @ (m * w**3) + (aa * a) @ n / (tunings * (tunings - 1) * (tunings - 2))
     with np.errstate(divide="ignore", invalid="ignore"):  # without any variance nothing is known: NaN, undecided
         dof = V**2 / (V_d**2 / (S2**2 / S4 - 1.0) + V_a**2 / (tunings - 1))
         q, error = stdtrit(dof, 1.0 - level / 2.0), np.sqrt(V)
@@ -229,12 +261,42 @@ def procedure_error(losses: Losses, audits: int = AUDITS, seed: int = 0) -> Erro
     """
     from scipy.special import betaincinv
 
-    tunings, drives = losses.methods.shape[1:]
     centred = [y - y.mean(axis=(1, 2), keepdims=True) for y in comparisons(losses)]
-    random, wrong = np.random.default_rng(seed), 0
-    for _ in range(audits):
-        r, d = random.integers(tunings, size=tunings), random.integers(drives, size=drives)
-        drawn = tuple(y[:, r][:, :, d] for y in centred)
-        wrong += any((low > 0).any() or (high < 0).any() for _, low, high, _ in _intervals(drawn, None))
+    levels, edges = _levels(centred), np.cumsum([len(y) for y in centred])[:-1]
+    wrong = 0
+    for drawn in resampled(np.concatenate(centred), audits, np.random.default_rng(seed)):
+        parts = zip(*(np.split(of, edges) for of in drawn[:3]), levels, strict=True)
+        intervals = (interval(Means(a, b, rest, *drawn[3:]), level) for a, b, rest, level in parts)
+        wrong += any((low > 0).any() or (high < 0).any() for _, low, high, _ in intervals)
     low = float(betaincinv(wrong, audits - wrong + 1, LEVEL)) if wrong else 0.0
     return Error(audits, wrong, low)
+
+
+AT_ONCE = 16
+"""So many audits are drawn at once: each goes over all of y, which does not fit into the processor's cache."""
+
+
+def resampled(y: FloatArray, audits: int, random: np.random.Generator) -> Iterator[Means]:
+    """Yield the means of ``audits`` of tunings and drives that are drawn from y (k, R, D), without copying these.
+
+    With n_r and m_d, how often each is drawn, u_rd = y_rd - y_.d and v_r = y_r. - mean, sums over r of n_r u_rd and of
+    n_r v_r are zero, and::
+
+        sum_rd n_r m_d (u_rd - v_r)^2 = sum_rd n_r m_d y_rd^2 - R sum_d m_d y_.d^2 - D sum_r n_r v_r^2
+    """
+    k, tunings, drives = y.shape
+    w, yy = np.full(drives, 1.0 / drives), y * y
+    for begin in range(0, audits, AT_ONCE):
+        pairs = [
+            (random.integers(tunings, size=tunings), random.integers(drives, size=drives))
+            for _ in range(min(AT_ONCE, audits - begin))
+        ]
+        n = np.array([np.bincount(r, minlength=tunings) for r, _ in pairs], dtype=np.float64)
+        m = np.array([np.bincount(d, minlength=drives) for _, d in pairs], dtype=np.float64)
+        of_tuning, of_square = (of.reshape(k * tunings, drives) @ m.T / drives for of in (y, yy))
+        of_drive = n @ y / tunings
+        for j in range(len(pairs)):
+            a, b = of_tuning[:, j].reshape(k, tunings), of_drive[:, j]
+            v = a - (a @ n[j] / tunings)[:, None]
+            squares = of_square[:, j].reshape(k, tunings) @ n[j] - tunings / drives * (b * b @ m[j]) - v * v @ n[j]
+            yield Means(a, b, squares / drives, n[j], m[j], w)

@@ -8,9 +8,11 @@ from jerkbench.evaluation.drives_and_tunings import (
     Losses,
     comparisons,
     crossed_intervals,
+    interval,
     log_losses,
     mixture_weights,
     procedure_error,
+    resampled,
     statements,
 )
 from jerkbench.evaluation.judgement import Verdict
@@ -138,6 +140,17 @@ def test_three_families_share_the_error():
         _, low, high, _ = crossed_intervals(y, alone)
         place = 3 if len(y) > 1 else 0
         np.testing.assert_allclose([one.low, one.high], np.exp([low[place], high[place]]))
+
+
+def test_an_audit_that_is_drawn_is_that_of_the_rows_that_were_drawn():
+    """The rows are copied here, as often as each was drawn."""
+    y = 0.1 + crossed(np.random.default_rng(12), 5, 0.1, 0.3, 0.2)
+    random, audits = np.random.default_rng(13), 0
+    for drawn in resampled(y, 40, np.random.default_rng(13)):
+        r, d = random.integers(R, size=R), random.integers(D, size=D)
+        audits += 1
+        np.testing.assert_allclose(interval(drawn, 0.01), crossed_intervals(y[:, r][:, :, d], 0.01), rtol=1e-9)
+    assert audits == 40
 
 
 def test_another_mixture_weighs_the_drives_that_there_are():
