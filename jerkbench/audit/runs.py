@@ -139,9 +139,9 @@ def picks(protocol: AuditProtocol, tuned: pd.DataFrame) -> pd.DataFrame:
     Returns:
         filter, adaptation, tuning, tried (how many settings), trial, loss.
     """
-    found = [_lowest(tuned[tuned["trial"] < protocol.trials], protocol.trials)]
+    found = _lowest(tuned[tuned["trial"] < protocol.trials], protocol.trials)
     plain = pd.MultiIndex.from_frame(tuned[_METHOD].astype(str)).isin(protocol.plains)
-    return pd.concat([*found, _lowest(tuned[plain], protocol.plain_trials)], ignore_index=True)
+    return pd.concat([found, _lowest(tuned[plain], protocol.plain_trials)], ignore_index=True)
 
 
 def _lowest(tuned: pd.DataFrame, tried: int) -> pd.DataFrame:
@@ -156,9 +156,7 @@ def _of_picks(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
     defaults = picked[picked["tuning"] == 0].drop_duplicates(_METHOD).assign(tried=1, trial=0)
     wanted = pd.concat([picked, defaults], ignore_index=True).drop(columns="loss")
     run_of = wanted["tuning"].where(wanted["trial"] > 0, 0)  # the defaults of every tuning are the same
-    own = runs.rename(columns={"tuning": "run_of"})[
-        [*_METHOD, "run_of", "trial", "seed", "status", "log_error", "lost"]
-    ]
+    own = runs.rename(columns={"tuning": "run_of"}).drop(columns=["level", "loss"])
     rows = wanted.assign(run_of=run_of).merge(own.astype(dict.fromkeys(_METHOD, str)), on=[*_METHOD, "run_of", "trial"])
     rows["log_error"] = rows["log_error"].where(~rows["lost"])
     return rows.drop(columns=["run_of", "lost"]).astype({"tuning": np.int8, "tried": np.int16, "trial": np.int16})
@@ -174,10 +172,8 @@ def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
 
 def _knobs(protocol: AuditProtocol, picked: pd.DataFrame) -> pd.DataFrame:
     """A row for each knob of what each search has found."""
-    rows = []
-    for *names, tuning, tried, trial in picked[[*_METHOD, "tuning", "tried", "trial"]].itertuples(
-        index=False, name=None
-    ):
+    rows, found = [], picked[[*_METHOD, "tuning", "tried", "trial"]].itertuples(index=False, name=None)
+    for *names, tuning, tried, trial in found:
         method, head = AuditMethod(*names), {"tuning": tuning, "tried": tried}
         values = zip(protocol.spaces[method].names, protocol.settings_of(method, tuning)[trial], strict=True)
         rows += [{**method._asdict(), **head, "knob": knob, "value": value} for knob, value in values]

@@ -142,7 +142,8 @@ def picked(losses: Losses) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def statements(losses: Losses, weights: FloatArray | None = None) -> Statements:
     """Return what an audit says, at an error of 5 % for all of it together; ``weights`` (D,): of another mixture."""
-    each = [_judged(*row) for row in _intervals(comparisons(losses), weights)]
+    families = comparisons(losses)
+    each = [stated(y, level, weights) for y, level in zip(families, _levels(families), strict=True)]
     return Statements(each[0][0], each[1][0], each[2], each[3])
 
 
@@ -160,13 +161,8 @@ CrossedInterval = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Mean, lower and upper end of the logarithms, and the variance of the tunings, each (k,)."""
 
 
-def _intervals(families: tuple[FloatArray, ...], weights: FloatArray | None) -> Iterator[CrossedInterval]:
-    """Yield the intervals of each of the four; H3 is two of them, whose statements share its level."""
-    for y, level in zip(families, _levels(families), strict=True):
-        yield crossed_intervals(y, level, weights)
-
-
 def _levels(families: Sequence[FloatArray]) -> list[float]:
+    """The level of each interval of the four; H3 is two of them, whose statements share its level."""
     return [LEVEL / FAMILIES / count for count in (1, 1, 2 * len(families[2]), 2 * len(families[3]))]
 
 
@@ -177,46 +173,29 @@ def crossed_intervals(y: FloatArray, level: float, weights: FloatArray | None = 
     of_tuning, of_drive = y @ w, y.mean(axis=1)
     rest = y - of_tuning[:, :, None] - of_drive[:, None, :] + of_tuning.mean(axis=1)[:, None, None]
     squares = np.einsum("krd,krd,d->k", rest, rest, w**2)
-    return interval(Means(of_tuning, of_drive, squares, np.ones(tunings), np.ones(drives), w), level)
+    return intervals_from((of_tuning, of_drive, squares), (np.ones(tunings), np.ones(drives), w), level)
 
 
-class Means(NamedTuple):
-    """What the interval of k means follows from.
+def intervals_from(means: Sequence[FloatArray], drawn: Sequence[FloatArray], level: float) -> CrossedInterval:
+    """Return the intervals of k means, as `crossed_intervals` does.
 
-    Attributes:
-        of_tuning: (k, R) y_r.
-        of_drive: (k, D) y_.d.
-        squares: (k,) sum_rd w_d^2 (y_rd - y_r. - y_.d + mean)^2.
-        n: (R,) how often each tuning is there; R in all.
-        m: (D,) how often each drive is there.
-        w: (D,) its weight, each time.
+    Args:
+        means: y_r. (k, R), y_.d (k, D), and (k,) sum_rd w_d^2 (y_rd - y_r. - y_.d + mean)^2.
+        drawn: how often each tuning is there (R,) and each drive (D,), and the weight of a drive each time (D,).
+        level: of each.
     """
-
-    of_tuning: FloatArray
-    of_drive: FloatArray
-    squares: FloatArray
-    n: FloatArray
-    m: FloatArray
-    w: FloatArray
-
-
-def interval(means: Means, level: float) -> CrossedInterval:
-    """Return the intervals that follow from ``means``, as `crossed_intervals` does."""
     from scipy.special import stdtrit
 
-    of_tuning, of_drive, squares, n, m, w = means
-    tunings = len(n)
+    (of_tuning, of_drive, squares), (n, m, w), tunings = means, drawn, len(drawn[0])
     S2, S3, S4 = (float(m @ w**k) for k in (2, 3, 4))
     c = S2 / (S2 - 2.0 * S3 + S2**2)
     mean = of_tuning @ n / tunings
     a, b = of_tuning - mean[:, None], of_drive - mean[:, None]
-    aa, bb = a * a, b * b
-    V_d = c * bb @ (m * w**2)
-    V_e = c * squares / (tunings - 1)
-    own = aa @ n / (tunings - 1) - V_e
+    V_d = c * (b * b) @ (m * w**2)
+    own = (a * a) @ n / (tunings - 1) - c * squares / (tunings - 1)
     V_a = np.maximum(own, own.mean()) / tunings
     V = V_d + V_a
-    third = c * (bb * b) @ (m * w**3) + (aa * a) @ n / (tunings * (tunings - 1) * (tunings - 2))
+    third = c * (b * b * b) @ (m * w**3) + (a * a * a) @ n / (tunings * (tunings - 1) * (tunings - 2))
     with np.errstate(divide="ignore", invalid="ignore"):  # without any variance nothing is known: NaN, undecided
         dof = V**2 / (V_d**2 / (S2**2 / S4 - 1.0) + V_a**2 / (tunings - 1))
         q, error = stdtrit(dof, 1.0 - level / 2.0), np.sqrt(V)
@@ -262,41 +241,36 @@ def procedure_error(losses: Losses, audits: int = AUDITS, seed: int = 0) -> Erro
     from scipy.special import betaincinv
 
     centred = [y - y.mean(axis=(1, 2), keepdims=True) for y in comparisons(losses)]
-    levels, edges = _levels(centred), np.cumsum([len(y) for y in centred])[:-1]
-    wrong = 0
-    for drawn in resampled(np.concatenate(centred), audits, np.random.default_rng(seed)):
-        parts = zip(*(np.split(of, edges) for of in drawn[:3]), levels, strict=True)
-        intervals = (interval(Means(a, b, rest, *drawn[3:]), level) for a, b, rest, level in parts)
+    levels, edges, wrong = _levels(centred), np.cumsum([len(y) for y in centred])[:-1], 0
+    for means, drawn in resampled(np.concatenate(centred), audits, np.random.default_rng(seed)):
+        families = zip(*(np.split(of, edges) for of in means), strict=True)
+        intervals = (intervals_from(own, drawn, level) for own, level in zip(families, levels, strict=True))
         wrong += any((low > 0).any() or (high < 0).any() for _, low, high, _ in intervals)
     low = float(betaincinv(wrong, audits - wrong + 1, LEVEL)) if wrong else 0.0
     return Error(audits, wrong, low)
 
 
-AT_ONCE = 16
+AUDITS_AT_ONCE = 16
 """So many audits are drawn at once: each goes over all of y, which does not fit into the processor's cache."""
 
 
-def resampled(y: FloatArray, audits: int, random: np.random.Generator) -> Iterator[Means]:
-    """Yield the means of ``audits`` of tunings and drives that are drawn from y (k, R, D), without copying these.
+def resampled(y: FloatArray, audits: int, random: np.random.Generator) -> Iterator[tuple[Sequence[FloatArray], ...]]:
+    """Yield what `intervals_from` needs of ``audits`` of tunings and drives that are drawn from y (k, R, D); no copies.
 
     With n_r and m_d, how often each is drawn, u_rd = y_rd - y_.d and v_r = y_r. - mean, sums over r of n_r u_rd and of
     n_r v_r are zero, and::
 
         sum_rd n_r m_d (u_rd - v_r)^2 = sum_rd n_r m_d y_rd^2 - R sum_d m_d y_.d^2 - D sum_r n_r v_r^2
     """
-    k, tunings, drives = y.shape
-    w, yy = np.full(drives, 1.0 / drives), y * y
-    for begin in range(0, audits, AT_ONCE):
-        pairs = [
-            (random.integers(tunings, size=tunings), random.integers(drives, size=drives))
-            for _ in range(min(AT_ONCE, audits - begin))
-        ]
-        n = np.array([np.bincount(r, minlength=tunings) for r, _ in pairs], dtype=np.float64)
-        m = np.array([np.bincount(d, minlength=drives) for _, d in pairs], dtype=np.float64)
-        of_tuning, of_square = (of.reshape(k * tunings, drives) @ m.T / drives for of in (y, yy))
-        of_drive = n @ y / tunings
-        for j in range(len(pairs)):
-            a, b = of_tuning[:, j].reshape(k, tunings), of_drive[:, j]
+    tunings, drives = sizes = y.shape[1:]
+    yy, w = y * y, np.full(drives, 1.0 / drives)
+    for begin in range(0, audits, AUDITS_AT_ONCE):
+        several = range(min(AUDITS_AT_ONCE, audits - begin))
+        drawn = [[np.bincount(random.integers(k, size=k), minlength=k) for k in sizes] for _ in several]
+        n, m = (np.array(counts, dtype=np.float64) for counts in zip(*drawn, strict=True))
+        of_tuning, of_square, of_drive = y @ m.T / drives, yy @ m.T / drives, n @ y / tunings
+        for j in several:
+            a, b = of_tuning[:, :, j], of_drive[:, j]
             v = a - (a @ n[j] / tunings)[:, None]
-            squares = of_square[:, j].reshape(k, tunings) @ n[j] - tunings / drives * (b * b @ m[j]) - v * v @ n[j]
-            yield Means(a, b, squares / drives, n[j], m[j], w)
+            squares = (of_square[:, :, j] - v * v) @ n[j] - tunings * (b * b @ m[j]) / drives
+            yield (a, b, squares / drives), (n[j], m[j], w)

@@ -44,12 +44,6 @@ class Lent(NamedTuple):
     trouble: Callable[[], str] = str
     elsewhere: bool = False
 
-    def submit(self, group: Hashable, work: Callable[..., Any], parcel: object) -> "Future[Any]":
-        """Send work; in the own pool it goes to the process that was the last to work for its ``group``, if it can."""
-        if isinstance(self.executor, OwnPool):
-            return self.executor.submit_near(group, work, parcel)
-        return self.executor.submit(work, parcel)
-
 
 class Cluster(Protocol):
     """Somewhere to run tasks."""
@@ -90,31 +84,23 @@ class OwnPool(Executor):
         self._idle: list[_Worker] = []
         self._all: list[_Worker] = []
 
-    def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
-        """Give work to a process that has none."""
-        return self.submit_near(None, partial(work, **named), *arguments)
-
-    def submit_near(self, group: Hashable, work: Callable[..., Any], *arguments: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
-        """Give work of a ``group`` to a process that has none: the one that worked for it last, or was free last."""
+    def submit(self, work: Callable[..., Any], /, *sent: Any, group: Hashable = None, **named: Any) -> "Future[Any]":  # noqa: ANN401 - goes to the work
+        """Give work to a process that has none: to the one that worked for its ``group`` last, or was free last."""
         told: Future[Any] = Future()
         told.set_running_or_notify_cancel()
         while True:
-            worker = self._free(group)
+            if self._idle:
+                place = max(range(len(self._idle)), key=lambda k: (self._idle[k].group == group, k))
+                worker = self._idle.pop(place)
+            else:
+                executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
+                worker = _Worker(executor, executor.submit(_import, plugins.modules_of_user()))
+                self._all.append(worker)
             with suppress(BrokenProcessPool):  # it has died while it had nothing to do
-                done = worker.executor.submit(work, *arguments)
+                done = worker.executor.submit(work, *sent, **named)
                 worker.group = group
                 done.add_done_callback(partial(self._tell, worker, told))
                 return told
-
-    def _free(self, group: Hashable) -> _Worker:
-        """Take a process that has no work, or start one."""
-        if self._idle:
-            own = [place for place, worker in enumerate(self._idle) if worker.group == group]
-            return self._idle.pop(own[-1] if own else -1)
-        executor = ProcessPoolExecutor(1, _Spawning(), initializer=_prepare)
-        worker = _Worker(executor, executor.submit(_import, plugins.modules_of_user()))
-        self._all.append(worker)
-        return worker
 
     def _tell(self, worker: _Worker, told: "Future[Any]", done: "Future[Any]") -> None:
         """Pass on what became of some work; a process that has died is not given any more."""

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.cluster import ClusterError, Lent, Workers
+from jerkbench.jobs.cluster import ClusterError, Lent, OwnPool, Workers
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, plugin_digest, versions
 from jerkbench.notices import keep_output_plain
@@ -223,8 +223,9 @@ class _Dispatch(Generic[_Task, _Result]):
                 for task in bundle.tasks:
                     yield from self._failed(task, error)
                 continue
+            near = {"group": id(group)} if isinstance(self.lent.executor, OwnPool) else {}
             try:
-                future = self.lent.submit(id(group), run_packed, parcel)
+                future = self.lent.executor.submit(run_packed, parcel, **near)
             except Exception as error:
                 if trouble := self.lent.trouble():
                     raise ClusterError(trouble) from error

@@ -22,36 +22,27 @@ from jerkbench.timeline import Timeline
 def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:
     """Ask the filter of each run for A, b, Q of each length, and for the start; all have as many states."""
     shared = all(model is models[0] or model == models[0] for model in models)
-    own = [_arrays_of(model, lengths_s.tobytes(), dt0_s) for model in (models[:1] if shared else models)]
-    A, b, Q = _stack([of.A for of in own]), _stack([of.b for of in own]), _stack([of.Q for of in own])
-    extra = _stack([of.extra for of in own] * (len(models) // len(own)))
+    own = [_model_of_one(model, lengths_s.tobytes(), dt0_s) for model in (models[:1] if shared else models)]
+    if shared:
+        return own[0]._replace(extra=_stack([own[0].extra[:, 0]] * len(models)))
+    A, b, Q, extra = (_stack([part[..., 0] for part in parts]) for parts in zip(*(of[:4] for of in own), strict=True))
     return Model(A, b, Q, extra, all(of.triangular for of in own))
 
 
-class _Arrays(NamedTuple):
-    """A (k, n n), b (k, n), Q (k, n n), initial variances (n - 2,), and as in `Model`."""
-
-    A: FloatArray
-    b: FloatArray
-    Q: FloatArray
-    extra: FloatArray
-    triangular: bool
-
-
-def _arrays_of(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
+def _model_of_one(model: Filter, lengths_s: bytes, dt0_s: float) -> Model:
     """Ask a filter; one that cannot change is asked once."""
-    params = getattr(model, "__dataclass_params__", None)
-    frozen = params is not None and params.frozen
+    frozen = getattr(getattr(model, "__dataclass_params__", None), "frozen", False)
     known = _known if len(lengths_s) > 8 * FEW_LENGTHS else _known_of_few
     return known(cast("Hashable", model), lengths_s, dt0_s) if frozen else _asked(model, lengths_s, dt0_s)
 
 
-def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> _Arrays:
+def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> Model:
     """Ask for the arrays of each length; of one that is not positive A is the identity."""
     extra, lengths = np.array(model.initial_variances(), dtype=np.float64), np.frombuffer(lengths_s)
     A, b, Q = axis_models(model, lengths, dt0_s)
     k, n = b.shape
-    return _Arrays(A.reshape(k, n * n), b, Q.reshape(k, n * n), extra, triangular(A))
+    own = [_stack([part]) for part in (A.reshape(k, n * n), b, Q.reshape(k, n * n), extra)]
+    return Model(own[0], own[1], own[2], own[3], triangular(A))
 
 
 FEW_LENGTHS = 64

@@ -224,9 +224,8 @@ class Site:
         heads = [(own.number, own.entrant.filter["name"], own.entrant.adaptation["name"], own.trial) for own in tries]
         head = pd.DataFrame(heads, columns=["scenario", "filter", "adaptation", "trial"])
         named = head.iloc[rows["place"].to_numpy()].reset_index(drop=True)
-        named[["seed", "status", "reason"]] = rows[["seed", "status", "reason"]]
-        named[list(rules.numbers)] = rows[list(rules.numbers)].astype(float)
-        return named.assign(seconds=rows["run_s"])
+        found = rows[["seed", "status", "reason", *rules.numbers]].astype(dict.fromkeys(rules.numbers, float))
+        return named.join(found).assign(seconds=rows["run_s"])
 
     def rows_of(self, jobs: Sequence[Job], numbers: Sequence[str], **how: Any) -> pd.DataFrame:  # noqa: ANN401 - of `run_missing`
         """Run what is missing of some jobs, and return what `Store.rows` has of all of them.

@@ -8,7 +8,7 @@ from jerkbench.evaluation.drives_and_tunings import (
     Losses,
     comparisons,
     crossed_intervals,
-    interval,
+    intervals_from,
     log_losses,
     mixture_weights,
     procedure_error,
@@ -149,7 +149,7 @@ def test_an_audit_that_is_drawn_is_that_of_the_rows_that_were_drawn():
     for drawn in resampled(y, 40, np.random.default_rng(13)):
         r, d = random.integers(R, size=R), random.integers(D, size=D)
         audits += 1
-        np.testing.assert_allclose(interval(drawn, 0.01), crossed_intervals(y[:, r][:, :, d], 0.01), rtol=1e-9)
+        np.testing.assert_allclose(intervals_from(*drawn, 0.01), crossed_intervals(y[:, r][:, :, d], 0.01), rtol=1e-9)
     assert audits == 40
 
 

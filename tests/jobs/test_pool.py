@@ -135,9 +135,9 @@ def test_whoever_stops_early_has_no_process_left(tmp_path):
 def test_processes_that_are_free_together_go_on_with_their_own_groups(tmp_path, order):
     """Each has the recordings of its group in memory, whichever was free first."""
     with OwnPool() as pool:
-        met = {group: pool.submit_near(group, Meeting(tmp_path), 1) for group in "ab"}
+        met = {group: pool.submit(Meeting(tmp_path), 1, group=group) for group in "ab"}
         process = {group: future.result() for group, future in met.items()}
-        again = {group: pool.submit_near(group, Meeting(tmp_path), 1) for group in order}
+        again = {group: pool.submit(Meeting(tmp_path), 1, group=group) for group in order}
 
         assert process["a"] != process["b"]
         assert {group: future.result() for group, future in again.items()} == process
