@@ -187,15 +187,15 @@ def intervals_from(means: Sequence[FloatArray], drawn: Sequence[FloatArray], lev
     from scipy.special import stdtrit
 
     (of_tuning, of_drive, squares), (n, m, w), tunings = means, drawn, len(drawn[0])
-    S2, S3, S4 = (float(m @ w**k) for k in (2, 3, 4))
+    S2, S3, S4 = (float((m * w**k).sum()) for k in (2, 3, 4))
     c = S2 / (S2 - 2.0 * S3 + S2**2)
-    mean = of_tuning @ n / tunings
+    mean = (n * of_tuning).sum(axis=1) / tunings
     a, b = of_tuning - mean[:, None], of_drive - mean[:, None]
-    V_d = c * (b * b) @ (m * w**2)
-    own = (a * a) @ n / (tunings - 1) - c * squares / (tunings - 1)
+    V_d = c * b**2 @ (m * w**2)
+    own = (n * a**2).sum(axis=1) / (tunings - 1) - c * squares / (tunings - 1)
     V_a = np.maximum(own, own.mean()) / tunings
     V = V_d + V_a
-    third = c * (b * b * b) @ (m * w**3) + (a * a * a) @ n / (tunings * (tunings - 1) * (tunings - 2))
+    third = c * b**3 @ (m * w**3) + (n * a**3).sum(axis=1) / (tunings * (tunings - 1) * (tunings - 2))
     with np.errstate(divide="ignore", invalid="ignore"):  # without any variance nothing is known: NaN, undecided
         dof = V**2 / (V_d**2 / (S2**2 / S4 - 1.0) + V_a**2 / (tunings - 1))
         q, error = stdtrit(dof, 1.0 - level / 2.0), np.sqrt(V)
