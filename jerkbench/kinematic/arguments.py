@@ -239,7 +239,6 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "S_diagonal": (6,),
     "R": (6, 6),  # as the adaptation says, by row of z
     "white": (6,),  # L^-1 y
-    "v": (6,),  # S^-1 y
     "y": (6,),  # innovation by row of z, 0 where a row is not used
     "used": (6,),  # 1 where a row is used, else 0
     "variance": (6,),  # diagonal of R, also of a row that it leaves out; NaN where there is none
@@ -267,7 +266,7 @@ def run_type(n: int, width: int, **sizes: int) -> Lanes:
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
     """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
     n = -(-s // 3)
-    shapes = {**_SHAPES, "x": (s,), "G": (6, s), "Z": (6, s), **more}  # G, Z = S^-1 G: see `correction`
+    shapes = {**_SHAPES, "x": (s,), "Y": (6, s), "Z": (6, s), **more}  # of the gains: see `correction`
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates

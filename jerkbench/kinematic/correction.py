@@ -7,12 +7,12 @@ With W = H P, S = H P H' + R and v = S^-1 y it holds for the states that are mea
 
 The factors of S are those of S + E, |E_ij| < eps sqrt(S_ii S_jj), and A' S^-1 B errs by A' S^-1 E S^-1 B: the smaller A
 and B, the less, and nothing large is to be taken away from anything large (after a gap P may be 1e12 R). So each state
-has a column G of its own, that of R where it is measured and R < P, else that of W, and with Z = S^-1 G
+has a column G of its own, that of R where it is measured and R < P, else that of W, and with Y = L^-1 G, w = L^-1 y
 
-    x = x + y - G' v,    x + G' v,    posterior = R - G' Z,    P - G' Z,    G' Z
+    x = x + y - Y' D^-1 w,    x + Y' D^-1 w,    posterior = R - Y' D^-1 Y,    P - Y' D^-1 Y,    Y' D^-1 Y
 
-for two states of the first kind, two of the second, and one of each. Rounding is told from information as in
-`jerkbench.kalman`. A loop over what one row or state has to do with takes each STRIDE-th: all, or those of its axis.
+for two states of the first kind, two of the second, and one of each: G' S^-1 G = Y' D^-1 Y needs no other half of a
+solution. Rounding is told from information as in `jerkbench.kalman`. A loop over what one row or state has to do with takes each STRIDE-th: all, or those of its axis.
 """
 
 from jerkbench.compilation.vectors import anywhere, chosen
@@ -77,19 +77,14 @@ def _factorise(run: Lanes, first: int) -> None:
     run.lost = lost
 
 
-def _solve_column(run: Lanes, s: int, first: int) -> None:
-    """Make column ``s`` of Z = S^-1 G."""
-    g = room(run, "6")
-    for r in range(first, 6, STRIDE):
-        g[r] = run.G[r, s]
-        for j in range(first, r, STRIDE):
-            g[r] -= run.L[r, j] * g[j]
-    for r in range(first, 6, STRIDE):
-        g[r] *= run.over_D[r]
-    for r in range(6 - STRIDE + first, -1, -STRIDE):
-        for j in range(6 - STRIDE + first, r, -STRIDE):
-            g[r] -= run.L[j, r] * g[j]
-        run.Z[r, s] = g[r]
+def solve_gains(run: Lanes) -> None:
+    """Make Z = S^-1 G of Y = L^-1 G, which `correct` has left."""
+    for s in range(run.s):
+        for r in range(6 - STRIDE + s % STRIDE, -1, -STRIDE):
+            rest = run.Y[r, s] * run.over_D[r]
+            for j in range(6 - STRIDE + s % STRIDE, r, -STRIDE):
+                rest -= run.L[j, r] * run.Z[j, s]
+            run.Z[r, s] = rest
 
 
 BOUND = 4.0 * EXPOSED
@@ -114,53 +109,66 @@ def correct(run: Lanes, states: int) -> None:
 
 def _correct_states(run: Lanes, first: int, states: int, taken_from: View) -> None:
     """Update every STRIDE-th state from the ``first`` on."""
-    for r in range(6 - STRIDE + first, -1, -STRIDE):  # v = S^-1 y = L^-1' D^-1 L^-1 y
-        rest = run.white[r] * run.over_D[r]
-        for j in range(6 - STRIDE + first, r, -STRIDE):
-            rest -= run.L[j, r] * run.v[j]
-        run.v[r] = rest
     for s in range(first, 6, STRIDE):  # of position and velocity: of R where that is the finer, else of W = H P
         run.fine[s] = chosen(run.used[s] * run.P[s, s], run.R[s, s], 1.0, 0.0)
         taken_from[s] = chosen(run.fine[s], 0.0, run.R[s, s], run.P[s, s])
         for r in range(first, 6, STRIDE):
-            run.G[r, s] = chosen(run.fine[s], 0.0, run.R[s, r], run.P[r, s] * run.used[r])
-        _solve_column(run, s, first)
+            run.Y[r, s] = chosen(run.fine[s], 0.0, run.R[s, r], run.P[r, s] * run.used[r])
+        _whiten(run, s, first)
     for s in range(6 + first, states, STRIDE):
         for r in range(first, 6, STRIDE):
-            run.G[r, s] = run.P[r, s] * run.used[r]
-        _solve_column(run, s, first)
+            run.Y[r, s] = run.P[r, s] * run.used[r]
+        _whiten(run, s, first)
     for s in range(6 + first, run.s, STRIDE):
         taken_from[s] = run.P[s, s]
     _correct_measured(run, first)
     _correct_others(run, first, states)
 
 
+def _whiten(run: Lanes, s: int, first: int) -> None:
+    """Make of column ``s`` of G that of Y = L^-1 G."""
+    for r in range(first + STRIDE, 6, STRIDE):
+        for j in range(first, r, STRIDE):
+            run.Y[r, s] -= run.L[r, j] * run.Y[j, s]
+
+
 def _correct_measured(run: Lanes, first: int) -> None:
-    """Position and velocity: x + y - G' v or x + G' v; R - G' Z, P - G' Z, or G' Z."""
+    """Position and velocity: x + y - Y' D^-1 w or x + Y' D^-1 w; R - Y' D^-1 Y, P - Y' D^-1 Y, or Y' D^-1 Y."""
+    scaled = room(run, "6")
     for s in range(first, 6, STRIDE):
-        moved = _row_times(run.G, s, run.v)
+        moved = _scale_column(run, scaled, s, first)
         run.x[s] += chosen(run.fine[s], 0.0, run.y[s] - moved, moved)
         for t in range(first, s + 1, STRIDE):
-            prior, product = run.P[s, t], _g_times_z(run, s, t, first)
+            prior, product = run.P[s, t], _scaled_times(run, scaled, t, first)
             mixed = chosen(run.fine[s] + run.fine[t], 0.0, product, prior - product)
             run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t] - product, mixed)
 
 
 def _correct_others(run: Lanes, first: int, states: int) -> None:
     """The states that are not measured, among each other and with position and velocity."""
+    scaled = room(run, "6")
     for s in range(6 + first, states, STRIDE):
-        run.x[s] += _row_times(run.G, s, run.v)
+        run.x[s] += _scale_column(run, scaled, s, first)
         for t in range(first, 6, STRIDE):
-            product = _g_times_z(run, s, t, first)
+            product = _scaled_times(run, scaled, t, first)
             run.P[s, t] = chosen(run.fine[t], 0.0, product, run.P[s, t] - product)
         for t in range(6 + first, s + 1, STRIDE):
-            run.P[s, t] = run.P[s, t] - _g_times_z(run, s, t, first)
+            run.P[s, t] = run.P[s, t] - _scaled_times(run, scaled, t, first)
 
 
-def _g_times_z(run: Lanes, s: int, t: int, first: int) -> float:
-    total: float = run.Z[first, s] * run.G[first, t]
+def _scale_column(run: Lanes, scaled: View, s: int, first: int) -> float:
+    """Make D^-1 Y of column ``s``; return its product with w."""
+    moved = run.zero
+    for r in range(first, 6, STRIDE):
+        scaled[r] = run.Y[r, s] * run.over_D[r]
+        moved += scaled[r] * run.white[r]
+    return moved
+
+
+def _scaled_times(run: Lanes, scaled: View, t: int, first: int) -> float:
+    total: float = scaled[first] * run.Y[first, t]
     for r in range(first + STRIDE, 6, STRIDE):
-        total += run.Z[r, s] * run.G[r, t]
+        total += scaled[r] * run.Y[r, t]
     return total
 
 
@@ -188,6 +196,7 @@ def _may_be_rounding(run: Lanes, taken_from: View) -> bool:
 def _widen(run: Lanes, taken_from: View) -> None:
     """Add rounding to the variances (`jerkbench.kalman.spread_by`); lost where one is nothing else."""
     lost = run.lost
+    solve_gains(run)
     for s in range(run.s):
         variance, spread = run.P[s, s], taken_from[s]
         if s < 6:

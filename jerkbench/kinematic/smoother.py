@@ -43,6 +43,7 @@ from jerkbench.kinematic.arguments import (
     run_type,
     with_covariance,
 )
+from jerkbench.kinematic.correction import solve_gains
 from jerkbench.kinematic.loop import APART, all_lost, move, runs_of, start, update, way_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
@@ -209,16 +210,20 @@ def copy_state(into: Lanes, given: Lanes) -> None:
 def write_update(tape: Lanes, run: Lanes) -> None:
     """Write I - K H, S^-1 and S^-1 y of the update that ``run`` has just seen.
 
-    Column s of K' = S^-1 H P lies in Z; of a measured state whose R is the finer, it is that of S^-1 R, which is what
+    Column s of K' = S^-1 H P lies in Z then; of a measured state whose R is the finer, it is that of S^-1 R, which is what
     is left of one (see `jerkbench.kinematic.correction`).
     """
-    for r in range(6):
+    solve_gains(run)
+    for r in range(5, -1, -1):
+        weighed = run.white[r] * run.over_D[r]
+        for j in range(5, r, -1):
+            weighed -= run.L[j, r] * tape.weighed[j]
+        tape.weighed[r] = weighed
         for s in range(run.s):
             rest = (1.0 if r == s else 0.0) - run.Z[r, s]
             if s < 6:
                 rest = chosen(run.fine[s], 0.0, run.Z[r, s], rest)
             tape.left[r, s] = rest
-        tape.weighed[r] = run.v[r]
     _write_inverse(tape, run)
 
 
