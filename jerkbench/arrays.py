@@ -1,7 +1,7 @@
 """Array types, and the checks that every recorded array passes once, when it is made."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,20 +25,29 @@ WIDE = 8
 """Runs that go side by side: a vector has a number of each. 512 bits, one or a few registers on every processor."""
 
 
-class Same:
+class Keyed:
+    """In a cache, the same as another of its class that has an equal key, whatever else it holds."""
+
+    def __init__(self, key: Hashable) -> None:
+        """Tell it by ``key``."""
+        self._key = key
+
+    def __hash__(self) -> int:
+        """Tell by the key."""
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the keys are equal."""
+        return isinstance(other, type(self)) and self._key == other._key
+
+
+class Same(Keyed):
     """Objects, as the key of a cache: the same as others if each is the same object, whatever they hold."""
 
     def __init__(self, *objects: Any) -> None:  # noqa: ANN401 - anything
         """Hold them, so that no other object gets their place in memory."""
+        super().__init__(tuple(map(id, objects)))
         self.objects = objects
-
-    def __hash__(self) -> int:
-        """Tell by where they are."""
-        return hash(tuple(map(id, self.objects)))
-
-    def __eq__(self, other: object) -> bool:
-        """Whether each is the same object."""
-        return isinstance(other, Same) and all(a is b for a, b in zip(self.objects, other.objects, strict=True))
 
 
 def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) -> FloatArray:  # noqa: ANN401 - anything array-like

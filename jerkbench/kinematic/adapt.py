@@ -68,7 +68,7 @@ def _adapt_run(alone: Lanes, exchange: Exchange, k: int, some: Packed, rules: Ru
         own = Packed(some.rows, exchange.y[k], exchange.HPHt[k], exchange.given[k], exchange.adapted[k])
         _call(alone, exchange, k, own, rules, m)
     else:
-        _pack(exchange, k, some, m)
+        _pack(exchange, exchange.given, k, some, m)
         if m > 0:
             _call(alone, exchange, k, some, rules, m)
     whole = m == 6 and _finite(exchange.adapted[k], exchange.variance[k])
@@ -125,15 +125,15 @@ def _finite(adapted: FloatArray, variance: FloatArray) -> bool:
     return total == 0.0
 
 
-def _pack(exchange: Exchange, k: int, some: Packed, m: int) -> None:
-    """Show the rows that are there."""
+def _pack(exchange: Exchange, R: FloatArray, k: int, some: Packed, m: int) -> None:
+    """Show the rows that are there, with their ``R``."""
     for i in range(m):
         r = some.rows[i]
         some.y[i] = exchange.y[k, r]
         for j in range(m):
             c = some.rows[j]
             some.HPHt[m * i + j] = exchange.HPHt[k, 6 * r + c]
-            some.R[m * i + j] = exchange.given[k, 6 * r + c]
+            some.R[m * i + j] = R[k, 6 * r + c]
 
 
 def _unpack(exchange: Exchange, k: int, some: Packed, m: int) -> None:
@@ -210,8 +210,9 @@ def find_gains(run: Lanes, exchange: Exchange, rules: Rules) -> None:
     packed = packed_of(exchange)
     for k in range(run.width):
         alone = lane(run, k)
-        m = _take_used(alone, packed) if rules.gain[k] != 0 and alone.lost == 0.0 else 0
+        m = _find_rows(exchange.kept[k], exchange.rows) if rules.gain[k] != 0 and alone.lost == 0.0 else 0
         if m > 0:
+            _pack(exchange, exchange.adapted, k, packed, m)
             whole = whole_of(alone, exchange)
             take_whole(alone, whole)
             clear_gains(alone)
@@ -221,16 +222,3 @@ def find_gains(run: Lanes, exchange: Exchange, rules: Rules) -> None:
             for i in range(m):
                 for s in range(alone.s):
                     alone.Z[packed.rows[i], s] = whole.answer[m * s + i]
-
-
-def _take_used(alone: Lanes, packed: Packed) -> int:
-    """Fill rows, innovation and adapted R of the rows that are used; return how many they are."""
-    m = 0
-    for r in range(6):
-        if alone.used[r] > 0.0:
-            packed.rows[m], packed.y[m] = r, alone.y[r]
-            m += 1
-    for i in range(m):
-        for j in range(m):
-            packed.R[m * i + j] = alone.R[packed.rows[i], packed.rows[j]]
-    return m

@@ -231,6 +231,9 @@ def packed_of(exchange: Exchange) -> Packed:
 PAIRS = 6
 """Pairs of axes: (0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)."""
 
+FIRST_AXIS, SECOND_AXIS = [0, 0, 0, 1, 1, 2, 2, 2], [0, 1, 2, 1, 2, 2, 2, 2]
+"""The axes of each pair; two more fill a vector."""
+
 WEIGHTS = ("counted", "whole", "moving", "both")
 """What a row of the reference counts for; the weights of a row stand in this order."""
 
@@ -266,7 +269,8 @@ def run_type(n: int, width: int, **sizes: int) -> Lanes:
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
     """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
     n = -(-s // 3)
-    shapes = {**_SHAPES, "x": (s,), "Y": (6, s), "Z": (6, s), **more}  # of the gains: see `correction`
+    halves = {"Y": (6, n, WIDE if width == 1 else 3)}  # first: whole vectors lie in one line of the cache each
+    shapes = {**halves, **_SHAPES, "x": (s,), "Z": (6, s), **more}
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates
@@ -275,10 +279,21 @@ def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: 
     over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
     P_scored = View((s, s), _square(run.fields["scored"].places, s).ravel().tolist(), width)
     return Lanes(
-        {**run.fields, "over_D": over_D, "P_scored": P_scored},
+        {**run.fields, "over_D": over_D, "P_scored": P_scored, **_by_pairs(run.fields["P"], run.fields["Y"], s, width)},
         {**run.sizes, "seen": SEEN, "marked": MARKED, "errors": NEES, "related": 6, **sizes},
         width,
     )
+
+
+def _by_pairs(P: View, stored: View, s: int, width: int) -> dict[str, View]:
+    """Y = L^-1 G of an update, and of one run H P and Y with the first or second axis of each pair, side by side."""
+    n, halves = -(-s // 3), np.reshape(stored.places, stored.shape)
+    Y = halves[:, :, [0, 3, 5]] if width == 1 else halves
+    W = np.pad(np.reshape(P.places, P.shape)[:6], ((0, 0), (0, 3 * n - s)), mode="edge").reshape(Y.shape)
+    chosen = {"W_first": W[:, :, FIRST_AXIS], "Y_first": Y[:, :, FIRST_AXIS], "Y_second": Y[:, :, SECOND_AXIS]}
+    chosen["Y"] = Y.reshape(6, -1)[:, :s]
+    views = {name: View(places.shape, places.ravel().tolist(), width) for name, places in chosen.items()}
+    return {**views, "Y_pairs": View((6, n), halves[:, :, 0].ravel().tolist(), WIDE)}
 
 
 def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -> Lanes:

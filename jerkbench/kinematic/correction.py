@@ -6,17 +6,19 @@ With W = H P, S = H P H' + R and v = S^-1 y it holds for the states that are mea
     posterior = P - W' S^-1 W = R - R S^-1 R = R S^-1 W
 
 The factors of S are those of S + E, |E_ij| < eps sqrt(S_ii S_jj), and A' S^-1 B errs by A' S^-1 E S^-1 B: the smaller A
-and B, the less, and nothing large is to be taken away from anything large (after a gap P may be 1e12 R). So each state
-has a column G of its own, that of R where it is measured and R < P, else that of W, and with Y = L^-1 G, w = L^-1 y
+and B, the less, and nothing large is to be taken away from anything large (after a gap P may be 1e12 R). So what
+is updated, and each state's column G, is
 
-    x = x + y - Y' D^-1 w,    x + Y' D^-1 w,    posterior = R - Y' D^-1 Y,    P - Y' D^-1 Y,    Y' D^-1 Y
+    x + y,    R,    G = -R    of a measured state where R < P;    x,    P,    G = W    of all others
 
-for two states of the first kind, two of the second, and one of each: G' S^-1 G = Y' D^-1 Y needs no other half of a
-solution. Rounding is told from information as in `jerkbench.kalman`. A loop over what one row or state has to do with takes each STRIDE-th: all, or those of its axis.
+and 0 is the covariance of two states of which one is of either kind. With L^-1 from S = L D L', Y = L^-1 G and
+w = L^-1 y what is added to x is then G' S^-1 y = Y' D^-1 w, and what is taken from P is G' S^-1 G = Y' D^-1 Y: half of
+a solution is enough. Rounding is told from information as in `jerkbench.kalman`. A loop over what one row or state has
+to do with takes each STRIDE-th: all, or those of its axis.
 """
 
 from jerkbench.compilation.vectors import anywhere, chosen
-from jerkbench.compilation.views import Lanes, View, room
+from jerkbench.compilation.views import Lanes, View, copy, eights, room, wide_room
 from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING, SYMMETRIC
 from jerkbench.kinematic.arguments import STRIDE
 from jerkbench.kinematic.predict import mirror
@@ -80,11 +82,25 @@ def _factorise(run: Lanes, first: int) -> None:
 def solve_gains(run: Lanes) -> None:
     """Make Z = S^-1 G of Y = L^-1 G, which `correct` has left."""
     for s in range(run.s):
-        for r in range(6 - STRIDE + s % STRIDE, -1, -STRIDE):
-            rest = run.Y[r, s] * run.over_D[r]
-            for j in range(6 - STRIDE + s % STRIDE, r, -STRIDE):
-                rest -= run.L[j, r] * run.Z[j, s]
-            run.Z[r, s] = rest
+        for r in range(s % STRIDE, 6, STRIDE):
+            run.Z[r, s] = run.Y[r, s]
+        solve_back(run, run.Z, s)
+
+
+def solve_back(run: Lanes, Y: View, s: int) -> None:
+    """Make of column ``s`` of Y that of L^-1' D^-1 Y."""
+    last = 6 - STRIDE + s % STRIDE
+    for r in range(last, -1, -STRIDE):
+        Y[r, s] *= run.over_D[r]
+        for j in range(last, r, -STRIDE):
+            Y[r, s] -= run.L[j, r] * Y[j, s]
+
+
+def solve_forward(run: Lanes, G: View, s: int, first: int = 0) -> None:
+    """Make of column ``s`` of G that of L^-1 G; all that it has to do with begins with row ``first``."""
+    for r in range(first + STRIDE, 6, STRIDE):
+        for j in range(first, r, STRIDE):
+            G[r, s] -= run.L[r, j] * G[j, s]
 
 
 BOUND = 4.0 * EXPOSED
@@ -98,78 +114,104 @@ def correct(run: Lanes, states: int) -> None:
     longer fits into registers. Axis by axis little is left to unroll.
     """
     taken_from = room(run, "s")  # each variance of the posterior is what is left of this one
-    _correct_states(run, 0, states if STRIDE == 1 else run.s, taken_from)
-    if STRIDE > 1:
-        _correct_states(run, 1, run.s, taken_from)
-        _correct_states(run, 2, run.s, taken_from)
+    some_fine = _find_fine(run, taken_from)
+    if run.width == 1:
+        _correct_pairs(run, states, some_fine)
+    else:
+        _correct_states(run, 0, states if STRIDE == 1 else run.s, some_fine)
+        if STRIDE > 1:
+            _correct_states(run, 1, run.s, some_fine)
+            _correct_states(run, 2, run.s, some_fine)
     if _may_be_rounding(run, taken_from):
         _widen(run, taken_from)
-    mirror(run)
 
 
-def _correct_states(run: Lanes, first: int, states: int, taken_from: View) -> None:
-    """Update every STRIDE-th state from the ``first`` on."""
-    for s in range(first, 6, STRIDE):  # of position and velocity: of R where that is the finer, else of W = H P
+def _find_fine(run: Lanes, taken_from: View) -> bool:
+    """Find where R is the finer, and so what the posterior is taken from; return whether it is so anywhere."""
+    fine = run.zero
+    for s in range(6):
         run.fine[s] = chosen(run.used[s] * run.P[s, s], run.R[s, s], 1.0, 0.0)
         taken_from[s] = chosen(run.fine[s], 0.0, run.R[s, s], run.P[s, s])
-        for r in range(first, 6, STRIDE):
-            run.Y[r, s] = chosen(run.fine[s], 0.0, run.R[s, r], run.P[r, s] * run.used[r])
-        _whiten(run, s, first)
-    for s in range(6 + first, states, STRIDE):
-        for r in range(first, 6, STRIDE):
-            run.Y[r, s] = run.P[r, s] * run.used[r]
-        _whiten(run, s, first)
-    for s in range(6 + first, run.s, STRIDE):
+        fine += run.fine[s]
+    for s in range(6, run.s):
         taken_from[s] = run.P[s, s]
-    _correct_measured(run, first)
-    _correct_others(run, first, states)
+    return bool(anywhere(fine))
 
 
-def _whiten(run: Lanes, s: int, first: int) -> None:
-    """Make of column ``s`` of G that of Y = L^-1 G."""
-    for r in range(first + STRIDE, 6, STRIDE):
-        for j in range(first, r, STRIDE):
-            run.Y[r, s] -= run.L[r, j] * run.Y[j, s]
-
-
-def _correct_measured(run: Lanes, first: int) -> None:
-    """Position and velocity: x + y - Y' D^-1 w or x + Y' D^-1 w; R - Y' D^-1 Y, P - Y' D^-1 Y, or Y' D^-1 Y."""
-    scaled = room(run, "6")
+def _correct_states(run: Lanes, first: int, states: int, some_fine: bool) -> None:
+    """Update every STRIDE-th state from the ``first`` on."""
+    _fill_columns(run, first, states)
+    if some_fine:
+        _start_from_noise(run, first)
     for s in range(first, 6, STRIDE):
-        moved = _scale_column(run, scaled, s, first)
-        run.x[s] += chosen(run.fine[s], 0.0, run.y[s] - moved, moved)
-        for t in range(first, s + 1, STRIDE):
-            prior, product = run.P[s, t], _scaled_times(run, scaled, t, first)
-            mixed = chosen(run.fine[s] + run.fine[t], 0.0, product, prior - product)
-            run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t] - product, mixed)
-
-
-def _correct_others(run: Lanes, first: int, states: int) -> None:
-    """The states that are not measured, among each other and with position and velocity."""
-    scaled = room(run, "6")
+        solve_forward(run, run.Y, s, first)
     for s in range(6 + first, states, STRIDE):
-        run.x[s] += _scale_column(run, scaled, s, first)
-        for t in range(first, 6, STRIDE):
-            product = _scaled_times(run, scaled, t, first)
-            run.P[s, t] = chosen(run.fine[t], 0.0, product, run.P[s, t] - product)
-        for t in range(6 + first, s + 1, STRIDE):
-            run.P[s, t] = run.P[s, t] - _scaled_times(run, scaled, t, first)
+        solve_forward(run, run.Y, s, first)
+    for s in range(first, 6, STRIDE):
+        _correct_state(run, s, first)
+    for s in range(6 + first, states, STRIDE):
+        _correct_state(run, s, first)
 
 
-def _scale_column(run: Lanes, scaled: View, s: int, first: int) -> float:
-    """Make D^-1 Y of column ``s``; return its product with w."""
-    moved = run.zero
+def _correct_state(run: Lanes, s: int, first: int) -> None:
+    scaled = room(run, "6")
     for r in range(first, 6, STRIDE):
         scaled[r] = run.Y[r, s] * run.over_D[r]
-        moved += scaled[r] * run.white[r]
-    return moved
+        run.x[s] += scaled[r] * run.white[r]
+    for t in range(first, s + 1, STRIDE):
+        for r in range(first, 6, STRIDE):
+            run.P[s, t] -= scaled[r] * run.Y[r, t]
 
 
-def _scaled_times(run: Lanes, scaled: View, t: int, first: int) -> float:
-    total: float = scaled[first] * run.Y[first, t]
-    for r in range(first + STRIDE, 6, STRIDE):
-        total += scaled[r] * run.Y[r, t]
-    return total
+def _fill_columns(run: Lanes, first: int, states: int) -> None:
+    """Put G into Y."""
+    for r in range(first, 6, STRIDE):
+        for s in range(first, 6, STRIDE):
+            run.Y[r, s] = chosen(run.fine[s], 0.0, 0.0 - run.R[s, r], run.P[r, s] * run.used[r])
+        for s in range(6 + first, states, STRIDE):
+            run.Y[r, s] = run.P[r, s] * run.used[r]
+
+
+def _start_from_noise(run: Lanes, first: int) -> None:
+    """Put that in the place of x and P which something is taken from where R is the finer: x + y, R and 0."""
+    for s in range(first, 6, STRIDE):
+        run.x[s] += chosen(run.fine[s], 0.0, run.y[s], 0.0)
+        for t in range(first, s + 1, STRIDE):
+            rest = chosen(run.fine[s] + run.fine[t], 0.0, 0.0, run.P[s, t])
+            run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t], rest)
+    for s in range(6 + first, run.s, STRIDE):
+        for t in range(first, 6, STRIDE):
+            run.P[s, t] = chosen(run.fine[t], 0.0, 0.0, run.P[s, t])
+
+
+def _correct_pairs(run: Lanes, states: int, some_fine: bool) -> None:
+    """Update one run, all pairs of axes at once: Y stands there with the first axis of each, and the second."""
+    of_first, of_second, moved = room(run, "6 n 8"), room(run, "6 n 8"), room(run, "n 8")
+    Y, twin, scaled, step = run.Y_pairs, eights(of_second), wide_room(run, "6"), eights(moved)
+    if some_fine:
+        _fill_columns(run, 0, states)
+        _start_from_noise(run, 0)
+        mirror(run)
+        copy(of_first, run.Y_first)
+    else:
+        copy(of_first, run.W_first)
+    for a in range(run.n):
+        for r in range(6):
+            Y[r, a] = run.used[r] * eights(of_first)[run.n * r + a]
+        solve_forward(run, Y, a)
+    copy(of_second, run.Y_second)
+    for a in range(run.n):
+        step[a] = Y[0, a] * 0.0
+        for r in range(6):
+            scaled[r] = Y[r, a] * run.over_D[r]
+            step[a] += scaled[r] * run.white[r]
+        for b in range(run.n):
+            for r in range(6):
+                run.pairs[a, b] -= scaled[r] * twin[run.n * r + b]
+            if b < a:  # of an axis with itself both halves are the same
+                run.pairs[a, b] = chosen(run.same, 0.5, run.pairs[b, a], run.pairs[a, b])
+    for s in range(run.s):
+        run.x[s] += moved[s // 3, s % 3 * (7 - s % 3) // 2]
 
 
 def _may_be_rounding(run: Lanes, taken_from: View) -> bool:
@@ -189,8 +231,7 @@ def _may_be_rounding(run: Lanes, taken_from: View) -> bool:
     for s in range(run.s):
         doubt += chosen(run.P[s, s], factor * taken_from[s], 0.0, 1.0)
     run.doubt = chosen(run.lost, 0.0, 0.0, doubt)
-    some: bool = anywhere(run.doubt)
-    return some
+    return bool(anywhere(run.doubt))
 
 
 def _widen(run: Lanes, taken_from: View) -> None:
@@ -264,7 +305,9 @@ def _own_update(run: Lanes, x: View, P: View) -> float:
     rest, restP, noise, free = room(run, "s 6"), room(run, "s s"), room(run, "6"), room(run, "s")
     _fill_rest(run, rest, free)
     for s in range(run.s):
-        x[s] = run.x[s] + _row_times(run.Z, s, run.y)
+        x[s] = run.x[s]
+        for r in range(s % STRIDE, 6, STRIDE):
+            x[s] += run.Z[r, s] * run.y[r]
         for t in range(s % STRIDE, run.s, STRIDE):
             restP[s, t] = free[s] * run.P[s, t]
             for r in range(s % STRIDE, 6, STRIDE):
@@ -280,14 +323,6 @@ def _own_update(run: Lanes, x: View, P: View) -> float:
                 total += restP[s, r] * rest[t, r] + noise[r] * run.Z[r, t]
             P[s, t] = total
     return _note_rounding(run, rest, P)
-
-
-def _row_times(Z: View, s: int, y: View) -> float:
-    first = s % STRIDE
-    total: float = Z[first, s] * y[first]
-    for r in range(first + STRIDE, 6, STRIDE):
-        total += Z[r, s] * y[r]
-    return total
 
 
 def _fill_rest(run: Lanes, rest: View, free: View) -> None:

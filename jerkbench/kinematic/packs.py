@@ -1,5 +1,6 @@
 """What runs are made of before they begin: models of all lengths of a step, and runs of the same steps in vectors."""
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
@@ -9,7 +10,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from jerkbench.arrays import WIDE, FloatArray, IntArray
+from jerkbench.arrays import WIDE, FloatArray, IntArray, Keyed, Same
 from jerkbench.compilation.vectors import aligned_room
 from jerkbench.contracts import Filter
 from jerkbench.kinematic.arguments import Model, Steps, TruthRows
@@ -153,26 +154,18 @@ def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]
     return [tuple(own[begin : begin + WIDE]) for own in (*whole, rest) for begin in range(0, len(own), WIDE)]
 
 
-class _Course:
+class _Course(Same):
     """A run without its covariances; the same as another if it has the same arrays, not only the same numbers.
 
     Settings that are told another R of one recording have one course; to stack it takes longer than to run over it.
     """
 
     def __init__(self, run: Run) -> None:
-        t = run.timeline
-        self.run = run
-        self._shared = (t.dt_s, t.sample, t.update, t.reference, t.accel_enu_mps2, t.measurements.z, run.scoring)
-        self._key = tuple(map(id, self._shared))
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Course) and self._key == other._key
+        t, self.run = run.timeline, run
+        super().__init__(t.dt_s, t.sample, t.update, t.reference, t.accel_enu_mps2, t.measurements.z, run.scoring)
 
 
-class _Ground:
+class _Ground(Keyed):
     """What runs of one pack have in common: their steps, and which of them count; the same as another's by its hash.
 
     Its arrays are as in `Steps` and `TruthRows`. All packs on one ground share them, so that they stay in the cache.
@@ -182,13 +175,7 @@ class _Ground:
         t, s = self.timeline, self.scoring = course.run.timeline, course.run.scoring
         numbers = np.array([t.dt0_s, s.consistency, s.limit_m])
         shared = (numbers, t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
-        self._digest = blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest()
-
-    def __hash__(self) -> int:
-        return hash(self._digest)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Ground) and self._digest == other._digest
+        super().__init__(blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest())
 
     @cached_property
     def reference(self) -> IntArray:
@@ -259,17 +246,21 @@ def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_tr
     lengths_s, model = ground.timeline.lengths
     updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
     marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
-    reported = [_covariances(course.run, updated, measured.as_reported, apart) for course, measured in streams]
-    truth = [_covariances(course.run, updated, m.R_true, apart) for course, m in streams] if wants_truth else []
+    columns = OF_AXES if apart else slice(None)
+
+    def covariances(of: Callable[[Measurements], FloatArray]) -> FloatArray:
+        rows = ((course.run, of(measured).reshape(-1, 36)[:, columns]) for course, measured in streams)
+        return _stack([_at_updates(run, updated, R, 0.0) for run, R in rows])
+
     return _Stacked(
         model,
         np.require(ground.timeline.sample, np.int64, ["C", "W", "A"]),
         _numbered(len(model), updated.tobytes()),
         ground.reference,
         _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),
-        _stacked(lanes, lambda run: _measured(run, updated)),
-        _stack(truth) if wants_truth else np.empty((0, 36, 1)),
-        _stack(reported),
+        _stacked(lanes, lambda run: _at_updates(run, updated, run.timeline.measurements.z, math.nan)),
+        covariances(lambda measured: measured.R_true) if wants_truth else np.empty((0, 36, 1)),
+        covariances(lambda measured: measured.as_reported),
         _truth_rows(lanes, marks, first.t_s[updated], ground.weights),
         lengths_s,
         updated,
@@ -314,12 +305,12 @@ def _outages(lanes: Sequence[Run]) -> FloatArray:
     return outage if outage.any() else outage[:0]
 
 
-def _measured(run: Run, updated: IntArray) -> FloatArray:
-    """Return z at the updates of the pack, NaN where the run has none."""
+def _at_updates(run: Run, updated: IntArray, rows: FloatArray, nothing: float) -> FloatArray:
+    """Return one of the ``rows`` for each update of the pack, ``nothing`` where the run has none."""
     which = run.timeline.update[updated]
-    z = np.full((len(which), 6), np.nan)
-    z[which >= 0] = run.timeline.measurements.z[which[which >= 0]]
-    return z
+    found = np.full((len(which), rows.shape[1]), nothing)
+    found[which >= 0] = rows[which[which >= 0]]
+    return found
 
 
 OF_AXES = [6 * r + c for r in range(6) for c in (r % 3, r % 3 + 3)]
@@ -334,12 +325,3 @@ def _told(run: Run) -> tuple[Measurements, FloatArray]:
     if isinstance(measured, ScaledMeasurements):
         return measured.reported, np.array([measured.position, measured.velocity, VARIANCE_FLOOR])
     return measured, _AS_REPORTED if measured.unfloored is None else FLOORED
-
-
-def _covariances(run: Run, updated: IntArray, covariances: FloatArray, apart: bool) -> FloatArray:
-    """The (36,) of each update of the pack, zero where the run has none; ``apart``: (12,), of each row its axis."""
-    which = run.timeline.update[updated]
-    of = covariances.reshape(-1, 36)[:, OF_AXES] if apart else covariances.reshape(-1, 36)
-    R = np.zeros((len(which), of.shape[1]))
-    R[which >= 0] = of[which[which >= 0]]
-    return R

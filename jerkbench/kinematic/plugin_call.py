@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jerkbench.arrays import WIDE, FloatArray
+from jerkbench.arrays import WIDE, FloatArray, Keyed
 from jerkbench.compilation.code_digest import own_function, reads
 from jerkbench.compilation.methods import (
     CompiledMethod,
@@ -113,17 +113,12 @@ def obstacle(adaptation: Adaptation) -> str:
     return _obstacle(_Kind(adaptation), lanes=False)
 
 
-class _Kind:
+class _Kind(Keyed):
     """An adaptation but for its numbers, which are handed over with each call: equal ones are compiled alike."""
 
     def __init__(self, adaptation: Adaptation) -> None:
-        self.example, self._key = adaptation, (type(adaptation), compiled_shape(adaptation))
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Kind) and self._key == other._key
+        super().__init__((type(adaptation), compiled_shape(adaptation)))
+        self.example = adaptation
 
 
 @lru_cache(maxsize=256)

@@ -54,7 +54,7 @@ def _join(run: Lanes, A: View, Q: View) -> None:
             M[a, b] = run.gone_Q[a, b]
             for c in range(a + 1, b + 1):
                 run.gone_A[a, b] += A[a, c] * run.gone_A[c, b]
-    _transform(M, A, run.n, 1)
+    transform(M, A, run.n, 1)
     for a in range(run.n):
         for b in range(a, run.n):
             run.gone_Q[a, b] = run.gone_Q[b, a] = M[a, b] + Q[a, b]
@@ -131,7 +131,7 @@ def _predict_pairs(run: Lanes, A: View, Q: View) -> None:
     for a in range(run.n):
         for c in range(run.n):
             M[a, c] = run.pairs[a, c]
-    _transform(M, A, run.n, 0)
+    transform(M, A, run.n, 0)
     for a in range(run.n):
         for c in range(run.n):
             run.pairs[a, c] = M[a, c] + run.same * Q[a, c]
@@ -149,13 +149,13 @@ def _predict_pair(run: Lanes, P: View, A: View, Q: View, i: int, j: int) -> None
     for a in range(run.n):
         for c in range(a if i == j else 0, run.n):
             M[a, c] = P[3 * a + i, 3 * c + j]
-    _transform(M, A, run.n, 1 if i == j else 0)
+    transform(M, A, run.n, 1 if i == j else 0)
     for a in range(run.n):
         for c in range(a if i == j else 0, run.n):
             P[3 * a + i, 3 * c + j] = M[a, c] + Q[a, c] if i == j else M[a, c]
 
 
-def _transform(M: View, A: View, n: int, half: int) -> None:
+def transform(M: View, A: View, n: int, half: int) -> None:
     """M = A M A': rows from above, then columns from the left; ``half``: of a symmetric M the upper triangle."""
     for a in range(n):
         for b in range(a if half else 0, n):

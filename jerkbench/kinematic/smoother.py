@@ -43,11 +43,11 @@ from jerkbench.kinematic.arguments import (
     run_type,
     with_covariance,
 )
-from jerkbench.kinematic.correction import solve_gains
+from jerkbench.kinematic.correction import solve_back, solve_forward, solve_gains
 from jerkbench.kinematic.loop import APART, all_lost, move, runs_of, start, update, way_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
-from jerkbench.kinematic.predict import mark_axes, mirror
+from jerkbench.kinematic.predict import mark_axes, mirror, transform
 from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.kinematic.score import compare
 from jerkbench.sums import Run, Streamed
@@ -64,16 +64,16 @@ def absorb(a: Lanes, tape: Lanes, states: int) -> None:
             total = a.P[s, 0] * tape.left[r, 0]
             for t in range(1, a.s):
                 total += a.P[s, t] * tape.left[r, t]
-            a.G[r, s] = total
+            a.Z[r, s] = total
     _absorb_vector(a, tape)
     for r in range(6):  # (I - K H)' Lambda (I - K H) + H' S^-1 H
         for c in range(r + 1):
             total = tape.inverse[r, c]
             for s in range(a.s):
-                total += tape.left[r, s] * a.G[c, s]
+                total += tape.left[r, s] * a.Z[c, s]
             a.P[r, c] = total
         for s in range(6, states):
-            a.P[s, r] = a.G[r, s]
+            a.P[s, r] = a.Z[r, s]
     mirror(a)
 
 
@@ -90,14 +90,14 @@ def _absorb_vector(a: Lanes, tape: Lanes) -> None:
 
 def retreat(a: Lanes, model: View) -> None:
     """Take the adjoint to before a step: A' lambda and A' Lambda A, A upper triangular with ones on its diagonal."""
-    A = room(a, "n n")
+    A, last = room(a, "n n"), a.n - 1
     for q in range(a.n):
         for c in range(a.n):
-            A[q, c] = model[q, c]
+            A[q, c] = model[last - c, last - q]
     for i in range(3):
-        for q in range(a.n - 1, 0, -1):
+        for q in range(last, 0, -1):
             for c in range(q):
-                a.x[3 * q + i] += A[c, q] * a.x[3 * c + i]
+                a.x[3 * q + i] += model[c, q] * a.x[3 * c + i]
     if a.width == 1:
         _retreat_pairs(a, A)
     else:
@@ -108,37 +108,25 @@ def retreat(a: Lanes, model: View) -> None:
 
 def _retreat_pairs(a: Lanes, A: View) -> None:
     """All pairs of axes of one run at once."""
-    M = wide_room(a, "n n")
+    M, last = wide_room(a, "n n"), a.n - 1
     for r in range(a.n):
         for c in range(a.n):
-            M[r, c] = a.pairs[r, c]
-    _transform(M, A, a.n)
+            M[last - r, last - c] = a.pairs[r, c]
+    transform(M, A, a.n, 0)
     for r in range(a.n):
         for c in range(a.n):
-            a.pairs[r, c] = M[r, c]
+            a.pairs[r, c] = M[last - r, last - c]
 
 
 def _retreat_pair(a: Lanes, A: View, i: int, j: int) -> None:
-    M = room(a, "n n")
+    M, last = room(a, "n n"), a.n - 1
     for r in range(a.n):
         for c in range(a.n):
-            M[r, c] = a.P[3 * r + i, 3 * c + j]
-    _transform(M, A, a.n)
+            M[last - r, last - c] = a.P[3 * r + i, 3 * c + j]
+    transform(M, A, a.n, 0)
     for r in range(a.n):
         for c in range(r if i == j else 0, a.n):
-            a.P[3 * r + i, 3 * c + j] = M[r, c]
-
-
-def _transform(M: View, A: View, n: int) -> None:
-    """M = A' M A, A upper triangular with ones on its diagonal: rows from below, then columns from the right."""
-    for r in range(n - 1, 0, -1):
-        for c in range(n):
-            for j in range(r):
-                M[r, c] += A[j, r] * M[j, c]
-    for c in range(n - 1, 0, -1):
-        for r in range(n):
-            for j in range(c):
-                M[r, c] += A[j, c] * M[r, j]
+            a.P[3 * r + i, 3 * c + j] = M[last - r, last - c]
 
 
 # The smoothed position and velocity from filtered state and adjoint: x - P lambda, P - P Lambda P.
@@ -210,39 +198,26 @@ def copy_state(into: Lanes, given: Lanes) -> None:
 def write_update(tape: Lanes, run: Lanes) -> None:
     """Write I - K H, S^-1 and S^-1 y of the update that ``run`` has just seen.
 
-    Column s of K' = S^-1 H P lies in Z then; of a measured state whose R is the finer, it is that of S^-1 R, which is what
-    is left of one (see `jerkbench.kinematic.correction`).
+    Column s of K' = S^-1 H P lies in Z then; of a measured state whose R is the finer, it is that of -S^-1 R, what is
+    left of one (see `jerkbench.kinematic.correction`).
     """
     solve_gains(run)
-    for r in range(5, -1, -1):
-        weighed = run.white[r] * run.over_D[r]
-        for j in range(5, r, -1):
-            weighed -= run.L[j, r] * tape.weighed[j]
-        tape.weighed[r] = weighed
+    solved = room(run, "6 7")  # of the identity in the rows that are used, and of y, whose half is known
+    for c in range(7):
+        for r in range(6):
+            solved[r, c] = run.white[r] if c == 6 else run.used[r] if r == c else run.zero
+        if c < 6:
+            solve_forward(run, solved, c)
+        solve_back(run, solved, c)
+    for r in range(6):
         for s in range(run.s):
             rest = (1.0 if r == s else 0.0) - run.Z[r, s]
             if s < 6:
-                rest = chosen(run.fine[s], 0.0, run.Z[r, s], rest)
+                rest = chosen(run.fine[s], 0.0, 0.0 - run.Z[r, s], rest)
             tape.left[r, s] = rest
-    _write_inverse(tape, run)
-
-
-def _write_inverse(tape: Lanes, run: Lanes) -> None:
-    """S^-1 = L^-1' D^-1 L^-1 from the factors of S; 0 where a row is not used."""
-    inner = room(run, "6 6")  # L^-1
-    for c in range(6):
-        inner[c, c] = run.used[c]
-        for r in range(c + 1, 6):
-            rest = 0.0 - run.L[r, c] * inner[c, c]
-            for j in range(c + 1, r):
-                rest -= run.L[r, j] * inner[j, c]
-            inner[r, c] = rest
-    for i in range(6):
-        for j in range(i + 1):
-            total = inner[i, i] * run.over_D[i] * inner[i, j]
-            for r in range(i + 1, 6):
-                total += inner[r, i] * run.over_D[r] * inner[r, j]
-            tape.inverse[i, j] = total
+        tape.weighed[r] = solved[r, 6]
+        for c in range(6):
+            tape.inverse[r, c] = solved[r, c]
 
 
 # The parts of a row of the tape.
@@ -258,7 +233,7 @@ def tape_type(n: int, width: int) -> Lanes:
     shapes = {
         "x": (s,),  # filtered state
         "left": (6, s),  # the first six columns of I - K H, one after the other
-        "inverse": (6, 6),  # of S, its lower half
+        "inverse": (6, 6),  # of S; 0 where a row is not used
         "weighed": (6,),  # S^-1 y
     }
     return with_covariance(shapes, s, width)
