@@ -164,8 +164,8 @@ def _find_gain(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
     run.own = run.own + run.asks
     for i in range(m):
         for s in range(run.s):
-            e = m * s + i
-            run.Z[rows[i], s] = chosen(run.asks, 0.0, K[e // run.s, e % run.s], run.Z[rows[i], s])
+            gain = K[(m * s + i) // run.s, (m * s + i) % run.s]
+            run.Z[rows[i], s] = chosen(run.asks, 0.0, gain, run.Z[rows[i], s])
 
 
 def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> None:

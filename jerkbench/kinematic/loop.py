@@ -88,7 +88,7 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
             ask_for(row(steps.z, which + 1, run, "6"))
     _take_covariance(run, R, complete)
     nis = mahalanobis(run)
-    seen[0], seen[1] = _rows_used(run), nis
+    seen[0], seen[1] = rows_used(run), nis
     if len(kept.seen) == len(kept.which):
         _keep_innovation(run, seen)
     if len(steps.R) > 0:
@@ -170,7 +170,7 @@ def clear_absent(run: Lanes) -> None:
 
 def finish(run: Lanes, scored: TruthRows, kept: Kept, which: int, place: int, nis: float) -> None:
     """Keep what the adapted R made of it, and count the update."""
-    seen, used = seen_of(run, kept, place), _rows_used(run)
+    seen, used = seen_of(run, kept, place), rows_used(run)
     nis_used = chosen(used, 0.0, nis, NAN)
     if len(kept.seen) == len(kept.which):
         seen[2], seen[3] = used, nis_used
@@ -184,7 +184,8 @@ def finish(run: Lanes, scored: TruthRows, kept: Kept, which: int, place: int, ni
         run.sums[UPDATES_USED] += chosen(used, 0.0, counts, 0.0)
 
 
-def _rows_used(run: Lanes) -> float:
+def rows_used(run: Lanes) -> float:
+    """Return how many rows are used."""
     rows: float = run.used[0]
     for r in range(1, 6):
         rows += run.used[r]

@@ -18,7 +18,7 @@ from jerkbench.contracts import Filter
 from jerkbench.estimate import Estimate
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, run_type
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
-from jerkbench.kinematic.loop import APART, all_lost, expect, finish, move, runs_of
+from jerkbench.kinematic.loop import APART, all_lost, expect, finish, move, rows_used, runs_of
 from jerkbench.kinematic.packs import Pack, model_of
 from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes, mirror
@@ -203,13 +203,10 @@ def update_mixture(
     """Adapt R by the combined prediction, update and weigh all filters, mix them."""
     combine(mixing, combined)
     nis = expect(combined, steps, rules, kept, exchange, which, place)
-    rows = combined.used[0]
-    for r in range(1, 6):
-        rows += combined.used[r]
     for j in range(combined.count):
         correct_filter(combined, runs_in(mixing.filters[j], RUN), steps, mixing, j, which, exchange.states)
     weigh(mixing)
-    mix(mixing, combined, rows)
+    mix(mixing, combined, rows_used(combined))
     for j in range(combined.count):
         mirror(runs_in(mixing.filters[j], RUN))
     finish(combined, scored, kept, which, place, nis)

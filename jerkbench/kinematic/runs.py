@@ -257,5 +257,4 @@ def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
     """What the updates of one run saw; it may lack some that others have."""
     seen = seen[: len(pack.steps.z)]  # of no update there is a row all the same
     mine = seen[:, 0, lane] > 0
-    own = seen[mine, :, lane]
-    return updates_seen(pack.update_s[mine], own)
+    return updates_seen(pack.update_s[mine], seen[mine, :, lane])
