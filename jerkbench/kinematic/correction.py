@@ -177,8 +177,8 @@ def _start_from_noise(run: Lanes, first: int) -> None:
     for s in range(first, 6, STRIDE):
         run.x[s] += chosen(run.fine[s], 0.0, run.y[s], 0.0)
         for t in range(first, s + 1, STRIDE):
-            rest = chosen(run.fine[s] + run.fine[t], 0.0, 0.0, run.P[s, t])
-            run.P[s, t] = chosen(run.fine[s] * run.fine[t], 0.0, run.R[s, t], rest)
+            one, both = run.fine[s] + run.fine[t], run.fine[s] * run.fine[t]
+            run.P[s, t] = chosen(both, 0.0, run.R[s, t], chosen(one, 0.0, 0.0, run.P[s, t]))
     for s in range(6 + first, run.s, STRIDE):
         for t in range(first, 6, STRIDE):
             run.P[s, t] = chosen(run.fine[t], 0.0, 0.0, run.P[s, t])

@@ -25,7 +25,7 @@ def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> M
     shared = all(model is models[0] or model == models[0] for model in models)
     own = [_model_of_one(model, lengths_s.tobytes(), dt0_s) for model in (models[:1] if shared else models)]
     if shared:
-        return own[0]._replace(extra=_stack([own[0].extra[:, 0]] * len(models)))
+        return own[0]._replace(extra=np.repeat(own[0].extra, len(models), axis=1))
     A, b, Q, extra = (_stack([part[..., 0] for part in parts]) for parts in zip(*(of[:4] for of in own), strict=True))
     return Model(A, b, Q, extra, all(of.triangular for of in own))
 
@@ -273,13 +273,13 @@ _one_stream = lru_cache(maxsize=128)(_stacked_streams)  # a tenth of that
 
 
 def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray, weights: FloatArray) -> TruthRows:
-    first = lanes[0].scoring
+    first, outage = lanes[0].scoring, _stacked(lanes, lambda run: run.scoring.outage)
     return TruthRows(
         _numbered(len(first.truth), marks.tobytes()),
         _stacked(lanes, lambda run: (update_s >= run.scoring.start_s).astype(np.float64)),
         _stacked(lanes, lambda run: run.scoring.truth),
         weights,
-        _outages(lanes),
+        outage if outage.any() else outage[:0],
         first.consistency,
         first.limit_m * first.limit_m,
     )
@@ -297,12 +297,6 @@ def _stack(parts: Sequence[FloatArray]) -> FloatArray:
     for k, part in enumerate(parts):
         stacked[..., k] = part
     return stacked
-
-
-def _outages(lanes: Sequence[Run]) -> FloatArray:
-    """(k, WIDE), or no row where no run has one."""
-    outage = _stacked(lanes, lambda run: run.scoring.outage)
-    return outage if outage.any() else outage[:0]
 
 
 def _at_updates(run: Run, updated: IntArray, rows: FloatArray, nothing: float) -> FloatArray:

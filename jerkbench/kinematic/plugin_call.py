@@ -202,22 +202,25 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
 
     ``axes``: how many have nothing to do with each other; it tells those that all runs ask at once.
     """
+    known = _asked_of(tuple(rules), states, axes)
+    return known._replace(memory=aligned_zeros(*known.memory.shape))
+
+
+@lru_cache(maxsize=256)
+def _asked_of(rules: tuple[Rule, ...], states: int, axes: int) -> Rules:
+    """The same, but that the memory is of no run; a sweep asks for the same ones again and again."""
     first, lanes = rules[0], rules[0].asked == AT_ONCE and len(rules) == WIDE
     sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
     if lanes:
         sizes[:] = sizes.max()
-    kinds = [first.kind] if lanes else [rule.kind for rule in rules]
     way = (axes, states) if lanes else ()
-    addresses = [_addresses(kind, lanes, *way) for kind in kinds] * (len(rules) // len(kinds))
-    adapt, fade, prior, gain = np.array(addresses).T.copy()
+    adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes, *way) for rule in rules]).T.copy()
     if len(rules) == 1 and changes_nothing(first.adaptation):
         adapt[0] = 0
     whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)
-    parameters = aligned_zeros(len(rules), max(len(rule.parameters) for rule in rules))
+    most = max(len(rule.parameters) for rule in rules)
+    parameters = aligned_zeros(*((most, len(rules)) if lanes else (len(rules), most)))
     for run, rule in enumerate(rules):
-        parameters[run, : len(rule.parameters)] = rule.parameters
-    if lanes:
-        parameters, by_rule = aligned_zeros(*parameters.T.shape), parameters
-        parameters[...] = by_rule.T
-    memory = aligned_zeros(max(1, 2 * sizes.max()), WIDE) if lanes else np.zeros((len(rules), sizes.max()))
+        (parameters.T if lanes else parameters)[run, : len(rule.parameters)] = rule.parameters
+    memory = np.empty((max(1, 2 * sizes.max()), WIDE) if lanes else (len(rules), sizes.max()))
     return Rules(parameters, whole, adapt, fade, prior, gain, memory, sizes)

@@ -222,7 +222,7 @@ _packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for 
 
 def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
     """Room for the sums of a pack, and for what its updates saw."""
-    m, marks = len(pack.steps.z), int(pack.scored.mark.max(initial=-1)) + 1
+    m, marks = len(pack.steps.z), int(pack.scored.mark.max()) + 1 if any(map(len, pack.marks)) else 0
     return Kept(
         aligned_zeros(of.sizes["length"]),
         np.empty(0, dtype=np.int64),
@@ -241,7 +241,7 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
     sums = w[first : first + SUMS].T.copy()
     healthy = np.isfinite(sums).all(axis=1) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
     if not pack.scored.consistency:
-        sums[:, [NEES, NEES_POSITION]] = math.nan
+        sums[:, NEES : NEES_POSITION + 1] = math.nan
     return [
         _result(pack, kept, sums[lane], lane, updates=updates) if well else None
         for lane, well in enumerate(healthy[: len(pack.members)].tolist())
@@ -250,7 +250,8 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
 
 def _result(pack: Pack, kept: Kept, sums: FloatArray, lane: int, *, updates: bool) -> Streamed:
     seen = _updates(pack, kept.seen, lane) if updates else _NOTHING
-    return Streamed.of(sums, kept.errors[pack.marks[lane], :, lane], seen)
+    errors = kept.errors[:, :, lane]
+    return Streamed.of(sums, errors[pack.marks[lane]] if len(errors) else errors, seen)
 
 
 def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
