@@ -272,7 +272,7 @@ class Varying(Protocol):
 
 @runtime_checkable
 class ChangingNothing(Protocol):
-    """An adaptation that leaves R as it is, if the attribute is True: compiled runs do not ask.
+    """An adaptation that leaves R, P and the gain as they are, if the attribute is True: compiled runs do not ask.
 
     It counts for the class that states it, and not for those that are made from it.
     """

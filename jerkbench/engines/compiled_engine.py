@@ -25,8 +25,8 @@ class CompiledEngine:
 
     The same equations as the engine `filterpy`, arranged for speed::
 
-        F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L D L',   K' = S^-1 H P
-        x = x + K y,   P = P - K H P;   where R < P of a measured state: x = x + y - R S^-1 y,   P = K R
+        F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L D L',   Y = L^-1 H P,   w = L^-1 y
+        x = x + Y' D^-1 w,   P = P - Y' D^-1 Y;   and of measured states with R < P: x + y - R S^-1 y,   R - R S^-1 R
 
     The plugin's own methods are compiled as they are. What is compiled is kept on disk ($JERKBENCH_CACHE, or
     the user's cache folder): the first run of a new plugin takes some seconds, later processes start at once, and

@@ -206,7 +206,10 @@ def _take_transition(alone: Lanes, whole: Whole) -> None:
 
 
 def find_gains(run: Lanes, exchange: Exchange, rules: Rules) -> None:
-    """Put K' of the runs that have a gain of their own into Z, and mark them, from the prior and the adapted R."""
+    """Put K' of the runs that have a gain of their own into Z, and mark them, from the prior and the adapted R.
+
+    Rows, y and R are those that `adapt_runs` has left in the exchange.
+    """
     packed = packed_of(exchange)
     for k in range(run.width):
         alone = lane(run, k)

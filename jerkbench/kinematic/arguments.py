@@ -269,8 +269,8 @@ def run_type(n: int, width: int, **sizes: int) -> Lanes:
 def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
     """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
     n = -(-s // 3)
-    halves = {"Y": (6, n, WIDE if width == 1 else 3)}  # first: whole vectors lie in one line of the cache each
-    shapes = {**halves, **_SHAPES, "x": (s,), "Z": (6, s), **more}
+    first = {"Y": (6, n, WIDE if width == 1 else 3)}  # so that each vector lies in one line of the cache
+    shapes = {**first, **_SHAPES, "x": (s,), "Z": (6, s), **more}  # Z: S^-1 G, or K' of an own gain
     shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
     shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
     shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates
@@ -286,14 +286,17 @@ def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: 
 
 
 def _by_pairs(P: View, stored: View, s: int, width: int) -> dict[str, View]:
-    """Y = L^-1 G of an update, and of one run H P and Y with the first or second axis of each pair, side by side."""
-    n, halves = -(-s // 3), np.reshape(stored.places, stored.shape)
-    Y = halves[:, :, [0, 3, 5]] if width == 1 else halves
+    """Y = L^-1 G of an update. Of one run also H P and Y as vectors: of each pair of axes, the first or the second.
+
+    Numbers of no pair, and of states beyond the last, come to lie where no state is.
+    """
+    n, whole = -(-s // 3), np.reshape(stored.places, stored.shape)
+    Y = whole[:, :, [0, 3, 5]] if width == 1 else whole
     W = np.pad(np.reshape(P.places, P.shape)[:6], ((0, 0), (0, 3 * n - s)), mode="edge").reshape(Y.shape)
-    chosen = {"W_first": W[:, :, FIRST_AXIS], "Y_first": Y[:, :, FIRST_AXIS], "Y_second": Y[:, :, SECOND_AXIS]}
-    chosen["Y"] = Y.reshape(6, -1)[:, :s]
-    views = {name: View(places.shape, places.ravel().tolist(), width) for name, places in chosen.items()}
-    return {**views, "Y_pairs": View((6, n), halves[:, :, 0].ravel().tolist(), WIDE)}
+    parts = {"W_first": W[:, :, FIRST_AXIS], "Y_first": Y[:, :, FIRST_AXIS], "Y_second": Y[:, :, SECOND_AXIS]}
+    parts["Y"] = Y.reshape(6, -1)[:, :s]
+    views = {name: View(places.shape, places.ravel().tolist(), width) for name, places in parts.items()}
+    return {**views, "Y_pairs": View((6, n), whole[:, :, 0].ravel().tolist(), WIDE)}
 
 
 def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -> Lanes:

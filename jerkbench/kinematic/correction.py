@@ -11,17 +11,16 @@ is updated, and each state's column G, is
 
     x + y,    R,    G = -R    of a measured state where R < P;    x,    P,    G = W    of all others
 
-and 0 is the covariance of two states of which one is of either kind. With L^-1 from S = L D L', Y = L^-1 G and
-w = L^-1 y what is added to x is then G' S^-1 y = Y' D^-1 w, and what is taken from P is G' S^-1 G = Y' D^-1 Y: half of
-a solution is enough. Rounding is told from information as in `jerkbench.kalman`. A loop over what one row or state has
-to do with takes each STRIDE-th: all, or those of its axis.
+and between a state of one kind and one of the other it is 0. With S = L D L', Y = L^-1 G and w = L^-1 y, what is added
+to x is then G' S^-1 y = Y' D^-1 w, and what is taken from P is G' S^-1 G = Y' D^-1 Y: half of a solution is enough.
+Z = S^-1 G, the gains, are solved for where somebody reads them. Rounding is told from information as in
+`jerkbench.kalman`. A loop over what one row or state has to do with takes each STRIDE-th: all, or those of its axis.
 """
 
 from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, copy, eights, room, wide_room
 from jerkbench.kalman import EXPOSED, FLOOR, INDEFINITE, ROUNDING, SYMMETRIC
 from jerkbench.kinematic.arguments import STRIDE
-from jerkbench.kinematic.predict import mirror
 
 # S = H P H' + R = L D L' of the rows that are used, and what is divided by it.
 
@@ -84,20 +83,19 @@ def solve_gains(run: Lanes) -> None:
     for s in range(run.s):
         for r in range(s % STRIDE, 6, STRIDE):
             run.Z[r, s] = run.Y[r, s]
-        solve_back(run, run.Z, s)
+        solve_back(run, run.Z, s, s % STRIDE)
 
 
-def solve_back(run: Lanes, Y: View, s: int) -> None:
-    """Make of column ``s`` of Y that of L^-1' D^-1 Y."""
-    last = 6 - STRIDE + s % STRIDE
-    for r in range(last, -1, -STRIDE):
+def solve_back(run: Lanes, Y: View, s: int, first: int = 0) -> None:
+    """Make of column ``s`` of Y that of L^-1' D^-1 Y; rows ``first``, ``first`` + STRIDE, ... take part."""
+    for r in range(6 - STRIDE + first, -1, -STRIDE):
         Y[r, s] *= run.over_D[r]
-        for j in range(last, r, -STRIDE):
+        for j in range(6 - STRIDE + first, r, -STRIDE):
             Y[r, s] -= run.L[j, r] * Y[j, s]
 
 
 def solve_forward(run: Lanes, G: View, s: int, first: int = 0) -> None:
-    """Make of column ``s`` of G that of L^-1 G; all that it has to do with begins with row ``first``."""
+    """Make of column ``s`` of G that of L^-1 G; likewise."""
     for r in range(first + STRIDE, 6, STRIDE):
         for j in range(first, r, STRIDE):
             G[r, s] -= run.L[r, j] * G[j, s]
@@ -108,7 +106,7 @@ BOUND = 4.0 * EXPOSED
 
 
 def correct(run: Lanes, states: int) -> None:
-    """Update state and covariance with the rows that are used.
+    """Update state and covariance with the rows that are used; leaves Y, and which states are ``fine``.
 
     ``states`` is their number: as a constant it would make the compiler unroll the loops, and use the stack for what no
     longer fits into registers. Axis by axis little is left to unroll.
@@ -154,10 +152,11 @@ def _correct_states(run: Lanes, first: int, states: int, some_fine: bool) -> Non
 
 
 def _correct_state(run: Lanes, s: int, first: int) -> None:
-    scaled = room(run, "6")
+    scaled, moved = room(run, "6"), run.zero
     for r in range(first, 6, STRIDE):
         scaled[r] = run.Y[r, s] * run.over_D[r]
-        run.x[s] += scaled[r] * run.white[r]
+        moved += scaled[r] * run.white[r]
+    run.x[s] += moved
     for t in range(first, s + 1, STRIDE):
         for r in range(first, 6, STRIDE):
             run.P[s, t] -= scaled[r] * run.Y[r, t]
@@ -175,13 +174,13 @@ def _fill_columns(run: Lanes, first: int, states: int) -> None:
 def _start_from_noise(run: Lanes, first: int) -> None:
     """Put that in the place of x and P which something is taken from where R is the finer: x + y, R and 0."""
     for s in range(first, 6, STRIDE):
-        run.x[s] += chosen(run.fine[s], 0.0, run.y[s], 0.0)
+        run.x[s] += run.fine[s] * run.y[s]
         for t in range(first, s + 1, STRIDE):
-            one, both = run.fine[s] + run.fine[t], run.fine[s] * run.fine[t]
-            run.P[s, t] = chosen(both, 0.0, run.R[s, t], chosen(one, 0.0, 0.0, run.P[s, t]))
+            neither, both = (1.0 - run.fine[s]) * (1.0 - run.fine[t]), run.fine[s] * run.fine[t]
+            run.P[s, t] = neither * run.P[s, t] + both * run.R[s, t]
     for s in range(6 + first, run.s, STRIDE):
         for t in range(first, 6, STRIDE):
-            run.P[s, t] = chosen(run.fine[t], 0.0, 0.0, run.P[s, t])
+            run.P[s, t] *= 1.0 - run.fine[t]
 
 
 def _correct_pairs(run: Lanes, states: int, some_fine: bool) -> None:
@@ -191,7 +190,6 @@ def _correct_pairs(run: Lanes, states: int, some_fine: bool) -> None:
     if some_fine:
         _fill_columns(run, 0, states)
         _start_from_noise(run, 0)
-        mirror(run)
         copy(of_first, run.Y_first)
     else:
         copy(of_first, run.W_first)
@@ -201,14 +199,14 @@ def _correct_pairs(run: Lanes, states: int, some_fine: bool) -> None:
         solve_forward(run, Y, a)
     copy(of_second, run.Y_second)
     for a in range(run.n):
-        step[a] = Y[0, a] * 0.0
+        step[a] = 0.0
         for r in range(6):
             scaled[r] = Y[r, a] * run.over_D[r]
             step[a] += scaled[r] * run.white[r]
         for b in range(run.n):
             for r in range(6):
                 run.pairs[a, b] -= scaled[r] * twin[run.n * r + b]
-            if b < a:  # of an axis with itself both halves are the same
+            if b < a:  # of an axis with itself both halves are to be the same, for a step goes on from both
                 run.pairs[a, b] = chosen(run.same, 0.5, run.pairs[b, a], run.pairs[a, b])
     for s in range(run.s):
         run.x[s] += moved[s // 3, s % 3 * (7 - s % 3) // 2]

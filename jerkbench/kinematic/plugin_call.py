@@ -202,13 +202,13 @@ def rules_of(rules: Sequence[Rule], states: int, axes: int = 1) -> Rules:
 
     ``axes``: how many have nothing to do with each other; it tells those that all runs ask at once.
     """
-    known = _asked_of(tuple(rules), states, axes)
+    known = _rules_of(tuple(rules), states, axes)
     return known._replace(memory=aligned_zeros(*known.memory.shape))
 
 
-@lru_cache(maxsize=256)
-def _asked_of(rules: tuple[Rule, ...], states: int, axes: int) -> Rules:
-    """The same, but that the memory is of no run; a sweep asks for the same ones again and again."""
+@lru_cache(maxsize=16)
+def _rules_of(rules: tuple[Rule, ...], states: int, axes: int) -> Rules:
+    """The same, but that of the memory only the shape counts: the packs of a sweep ask for the same again and again."""
     first, lanes = rules[0], rules[0].asked == AT_ONCE and len(rules) == WIDE
     sizes = np.array([memory_size(rule.adaptation, states) for rule in rules])
     if lanes:

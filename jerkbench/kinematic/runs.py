@@ -166,7 +166,7 @@ def run_batch(
         return loop, run_type(n, WIDE), model
 
     sizes = [(2 + len(model.initial_variances()), rule.together) for model, rule in zip(models, rules, strict=True)]
-    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads)
+    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads, by_axes=True)
 
 
 def run_packs(
@@ -177,10 +177,12 @@ def run_packs(
     *,
     updates: bool,
     threads: int,
+    by_axes: bool = False,
 ) -> list[Streamed | None]:
     """Pack runs that have the same ``sizes`` (of the state) and steps, and run one pack a thread.
 
-    Returns one result for each run, as `run_batch` does.
+    Returns one result for each run, as `run_batch` does. ``by_axes``: whether the loop that a pack gets goes over each
+    axis by itself where the pack says so.
     """
     results: list[Streamed | None] = [None] * len(runs)
 
@@ -201,7 +203,10 @@ def run_packs(
                 if not again:
                     results[place] = result
 
-    kinds = [Kind(size, rule.wants_truth, rule.dense, rule.by_axes) for size, rule in zip(sizes, rules, strict=True)]
+    kinds = [
+        Kind(size, rule.wants_truth, rule.dense, by_axes and rule.by_axes)
+        for size, rule in zip(sizes, rules, strict=True)
+    ]
     packs = _packs(tuple(runs), tuple(kinds))
     if threads <= 1 or len(packs) <= 1:
         for pack in packs:
@@ -241,7 +246,7 @@ def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Str
     sums = w[first : first + SUMS].T.copy()
     healthy = np.isfinite(sums).all(axis=1) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
     if not pack.scored.consistency:
-        sums[:, NEES : NEES_POSITION + 1] = math.nan
+        sums[:, [NEES, NEES_POSITION]] = math.nan
     return [
         _result(pack, kept, sums[lane], lane, updates=updates) if well else None
         for lane, well in enumerate(healthy[: len(pack.members)].tolist())

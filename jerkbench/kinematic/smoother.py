@@ -198,16 +198,15 @@ def copy_state(into: Lanes, given: Lanes) -> None:
 def write_update(tape: Lanes, run: Lanes) -> None:
     """Write I - K H, S^-1 and S^-1 y of the update that ``run`` has just seen.
 
-    Column s of K' = S^-1 H P lies in Z then; of a measured state whose R is the finer, it is that of -S^-1 R, what is
-    left of one (see `jerkbench.kinematic.correction`).
+    Column s of K' = S^-1 H P lies in Z then; of a measured state whose R is the finer, that of -S^-1 R = K' - I (see
+    `jerkbench.kinematic.correction`).
     """
     solve_gains(run)
-    solved = room(run, "6 7")  # of the identity in the rows that are used, and of y, whose half is known
+    solved = room(run, "6 7")  # S^-1 and S^-1 y
     for c in range(7):
         for r in range(6):
-            solved[r, c] = run.white[r] if c == 6 else run.used[r] if r == c else run.zero
-        if c < 6:
-            solve_forward(run, solved, c)
+            solved[r, c] = run.y[r] if c == 6 else run.used[r] if r == c else run.zero
+        solve_forward(run, solved, c)
         solve_back(run, solved, c)
     for r in range(6):
         for s in range(run.s):
@@ -216,7 +215,7 @@ def write_update(tape: Lanes, run: Lanes) -> None:
                 rest = chosen(run.fine[s], 0.0, 0.0 - run.Z[r, s], rest)
             tape.left[r, s] = rest
         tape.weighed[r] = solved[r, 6]
-        for c in range(6):
+        for c in range(r + 1):
             tape.inverse[r, c] = solved[r, c]
 
 
@@ -233,7 +232,7 @@ def tape_type(n: int, width: int) -> Lanes:
     shapes = {
         "x": (s,),  # filtered state
         "left": (6, s),  # the first six columns of I - K H, one after the other
-        "inverse": (6, 6),  # of S; 0 where a row is not used
+        "inverse": (6, 6),  # of S, its lower half; 0 where a row is not used
         "weighed": (6,),  # S^-1 y
     }
     return with_covariance(shapes, s, width)
