@@ -152,11 +152,12 @@ def _correct_states(run: Lanes, first: int, states: int, some_fine: bool) -> Non
 
 
 def _correct_state(run: Lanes, s: int, first: int) -> None:
+    """Take Y' D^-1 Y from row ``s`` of P, and add Y' D^-1 w to its state: first to y, as `jerkbench.kalman.moved`."""
     scaled, moved = room(run, "6"), run.zero
     for r in range(first, 6, STRIDE):
         scaled[r] = run.Y[r, s] * run.over_D[r]
         moved += scaled[r] * run.white[r]
-    run.x[s] += moved
+    run.x[s] += moved + run.fine[s] * run.y[s] if s < 6 else moved
     for t in range(first, s + 1, STRIDE):
         for r in range(first, 6, STRIDE):
             run.P[s, t] -= scaled[r] * run.Y[r, t]
@@ -172,9 +173,8 @@ def _fill_columns(run: Lanes, first: int, states: int) -> None:
 
 
 def _start_from_noise(run: Lanes, first: int) -> None:
-    """Put that in the place of x and P which something is taken from where R is the finer: x + y, R and 0."""
+    """Put that in the place of P which something is taken from where R is the finer: R and 0."""
     for s in range(first, 6, STRIDE):
-        run.x[s] += run.fine[s] * run.y[s]
         for t in range(first, s + 1, STRIDE):
             neither, both = (1.0 - run.fine[s]) * (1.0 - run.fine[t]), run.fine[s] * run.fine[t]
             run.P[s, t] = neither * run.P[s, t] + both * run.R[s, t]
@@ -209,7 +209,8 @@ def _correct_pairs(run: Lanes, states: int, some_fine: bool) -> None:
             if b < a:  # of an axis with itself both halves are to be the same, for a step goes on from both
                 run.pairs[a, b] = chosen(run.same, 0.5, run.pairs[b, a], run.pairs[a, b])
     for s in range(run.s):
-        run.x[s] += moved[s // 3, s % 3 * (7 - s % 3) // 2]
+        by = moved[s // 3, s % 3 * (7 - s % 3) // 2]
+        run.x[s] += by + run.fine[s] * run.y[s] if s < 6 else by
 
 
 def _may_be_rounding(run: Lanes, taken_from: View) -> bool:
