@@ -6,15 +6,17 @@ With W = H P, S = H P H' + R and v = S^-1 y it holds for the states that are mea
     posterior = P - W' S^-1 W = R - R S^-1 R = R S^-1 W
 
 The factors of S are those of S + E, |E_ij| < eps sqrt(S_ii S_jj), and A' S^-1 B errs by A' S^-1 E S^-1 B: the smaller A
-and B, the less, and nothing large is to be taken away from anything large (after a gap P may be 1e12 R). So what
-is updated, and each state's column G, is
+and B, the less, and nothing large is to be taken away from anything large (after a gap P may be 1e12 R). So an update
+starts from, and each state has as its column G,
 
     x + y,    R,    G = -R    of a measured state where R < P;    x,    P,    G = W    of all others
 
-and between a state of one kind and one of the other it is 0. With S = L D L', Y = L^-1 G and w = L^-1 y, what is added
-to x is then G' S^-1 y = Y' D^-1 w, and what is taken from P is G' S^-1 G = Y' D^-1 Y: half of a solution is enough.
-Z = S^-1 G, the gains, are solved for where somebody reads them. Rounding is told from information as in
-`jerkbench.kalman`. A loop over what one row or state has to do with takes each STRIDE-th: all, or those of its axis.
+and from a covariance of 0 between a state of one kind and one of the other. With S = L D L', Y = L^-1 G and
+w = L^-1 y, what is added to x is then G' S^-1 y = Y' D^-1 w, and what is taken from P is G' S^-1 G = Y' D^-1 Y: half of
+a solution is enough. Z = S^-1 G, the gains, are solved for where somebody reads them.
+
+Rounding is told from information as in `jerkbench.kalman`. A loop over what one row or state has to do with takes each
+STRIDE-th: all, or those of its axis.
 """
 
 from jerkbench.compilation.vectors import anywhere, chosen

@@ -93,7 +93,7 @@ def retreat(a: Lanes, model: View) -> None:
     A, last = room(a, "n n"), a.n - 1
     for q in range(a.n):
         for c in range(a.n):
-            A[q, c] = model[last - c, last - q]
+            A[q, c] = model[last - c, last - q]  # A' M A is A M A' where rows and columns are counted from the end
     for i in range(3):
         for q in range(last, 0, -1):
             for c in range(q):
