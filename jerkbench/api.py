@@ -330,7 +330,7 @@ def evaluate(
     from jerkbench.evaluation.evaluated_run import evaluate_run
 
     chosen = [plugins.create("metric", {"name": name}) for name in metric_names(list(metrics))]
-    return evaluate_run(estimate, recording, burn_in_s, chosen)
+    return {**evaluate_run(estimate, recording, burn_in_s, chosen), **recording.parameters}
 
 
 def figure(recording: Recording, estimates: Mapping[str, Estimate], kind: str = "errors") -> "Figure":

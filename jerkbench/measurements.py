@@ -202,7 +202,7 @@ class Start:
         return x0, P0
 
 
-motion_told = lru_cache(maxsize=1024)(Start.motion)
+motion_told = lru_cache(maxsize=8192)(Start.motion)  # a kB each
 """The same, found once for the settings of a search that share these factors."""
 
 

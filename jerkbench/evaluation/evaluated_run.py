@@ -332,7 +332,7 @@ class Summary(NamedTuple):
 def metric_values(
     metrics: Iterable[Metric], summary: Summary, recording: Recording, evaluate: Evaluate
 ) -> dict[str, float]:
-    """Return the values of all metrics by column name, each from the least that it needs, and what the drive drew.
+    """Return the values of all metrics by column name, each from the least that it needs.
 
     Raises:
         PluginError: two metrics give the same column.
@@ -345,7 +345,7 @@ def metric_values(
             return metric.summarise(sums)
         return evaluate(metric, estimate, recording, counted)
 
-    return {**gathered((metric, columns(metric)) for metric in metrics), **recording.parameters}
+    return gathered((metric, columns(metric)) for metric in metrics)
 
 
 def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 A worker elsewhere runs nothing before it has shown that its code is that of the plan.
 """
 
+import gc
 import importlib
 import os
 import pickle
@@ -335,9 +336,13 @@ def run_packed(parcel: Parcel) -> list[Any]:
 
 @cache
 def _prepare(folder: str) -> None:
-    """One thread a process, as in the own pool, and the plan's working directory: paths may be relative to it."""
+    """One thread a process, as in the own pool, and the plan's working directory: paths may be relative to it.
+
+    Garbage is looked for as seldom as in a command: a tenth of a run's time was that.
+    """
     from threadpoolctl import threadpool_limits
 
+    gc.set_threshold(50_000, 20, 100)
     keep_output_plain()
     threadpool_limits(1)
     if Path(folder).is_dir():

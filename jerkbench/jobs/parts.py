@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
+from jerkbench.evaluation.evaluated_run import DRAWN, RUN_COLUMNS
 from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.rows import Row
 from jerkbench.renamed import new_label
@@ -54,6 +54,8 @@ PROCESSOR = "cell.processor"
 
 HEAD_COLUMNS = (*Labels._fields, *RUN_COLUMNS)
 """The columns that every row has, before its metrics."""
+_NO_NUMBERS = {*HEAD_COLUMNS, DRAWN}
+_NOTHING: Row = {}
 
 SPEC = ("dataset", "disturbance", "attitude", "filter", "adaptation", "engine", "metrics")
 ABOUT = ("protocol", "data", "notes", "code", "versions", "commit", "created", "seconds")
@@ -70,7 +72,7 @@ class RowBlock(NamedTuple):
     Attributes:
         key: of the job.
         runs: how many it has in all.
-        rows: one for each of these runs.
+        rows: one for each of these runs, as in `Result`.
         metadata: of the job: labels, specification, protocol, data, notes and times.
     """
 
@@ -125,9 +127,10 @@ def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
     """
     rows = list(chain.from_iterable(block.rows for block in blocks))
     names = dict.fromkeys([*HEAD_COLUMNS, *chain.from_iterable(rows)])
+    names.pop(DRAWN, None)
     if strange := [name for name in names if str(name).startswith(CELL)]:
         raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
-    columns = {name: _values(name, [row.get(name) for row in rows]) for name in names}
+    columns = {name: _values(name, [row.get(name) for row in rows]) for name in names} | _drawn(rows)
     shared: dict[int, str] = {}
     known = [_facts(block, shared) for block in blocks]
     places = np.repeat(np.arange(len(blocks)), [len(block.rows) for block in blocks])
@@ -167,12 +170,23 @@ def _values(name: str, values: list[Any]) -> pa.Array:
     return array.dictionary_encode() if pa.types.is_string(array.type) else array
 
 
+def _drawn(rows: Sequence[Row]) -> dict[str, pa.Array]:
+    """The columns of what drives drew: found once a drive, whose runs share it."""
+    own = [row.get(DRAWN, _NOTHING) for row in rows]
+    drives = list({id(of): of for of in own}.values())
+    place = {id(of): k for k, of in enumerate(drives)}
+    places = pa.array([place[id(of)] for of in own])
+    names = dict.fromkeys(chain.from_iterable(drives))
+    return {name: _values(name, [of.get(name) for of in drives]).take(places) for name in names}
+
+
 def _facts(block: RowBlock, shared: dict[int, str]) -> dict[str, str]:
     """All that is known of a cell, each entry as JSON, by the name of its column.
 
     ``shared`` has those of objects that cells share, which live longer than it.
     """
-    own = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
+    names = dict.fromkeys(chain(*block.rows, *(row.get(DRAWN, _NOTHING) for row in block.rows)))
+    own = [name for name in names if name not in _NO_NUMBERS]
     entries = {name: value for name, value in block.metadata.items() if name not in NOT_FACTS}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
     texts = {name: shared.get(id(of)) or shared.setdefault(id(of), json.dumps(of)) for name, of in entries.items()}
