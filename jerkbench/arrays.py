@@ -30,11 +30,11 @@ class Keyed:
 
     def __init__(self, key: Hashable) -> None:
         """Tell it by ``key``."""
-        self._key = key
+        self._key, self._hash = key, hash(key)
 
     def __hash__(self) -> int:
         """Tell by the key."""
-        return hash(self._key)
+        return self._hash
 
     def __eq__(self, other: object) -> bool:
         """Whether the keys are equal."""

@@ -316,5 +316,5 @@ def aligned_room(*shape: int) -> FloatArray:
 
 
 def _from_a_line(whole: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    first = -(whole.ctypes.data // whole.itemsize) % WIDE
+    first = -(whole.__array_interface__["data"][0] // whole.itemsize) % WIDE
     return whole[first : first + math.prod(shape)].reshape(shape)  # NumPy takes ten times as long for a product

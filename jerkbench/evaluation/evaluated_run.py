@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import repeat
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -106,12 +107,12 @@ def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Record
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     return Sums(
-        position_m2=_over_axes([streamed.position_m2.tolist()] * len(POSITION_AXES), POSITION_AXES),
+        position_m2=_over_axes(repeat(streamed.position_m2.tolist()), POSITION_AXES),
         position_rows=numbers.position,
         position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
         whole_m2=streamed.whole_m2,
         whole_rows=numbers.whole,
-        velocity_m2ps2=_over_axes([streamed.velocity_m2ps2.tolist()] * len(VELOCITY_AXES), VELOCITY_AXES),
+        velocity_m2ps2=_over_axes(repeat(streamed.velocity_m2ps2.tolist()), VELOCITY_AXES),
         velocity_rows=numbers.velocity,
         nees=streamed.nees,
         nees_rows=numbers.both,
@@ -150,9 +151,9 @@ def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWei
     )
 
 
-def _over_axes(squares: Sequence[FloatArray | list[float]], axes: dict[str, tuple[int, ...]]) -> FloatArray:
-    """Sum each of ``squares`` over its axes."""
-    return np.array([sum([of[k] for k in chosen]) for of, chosen in zip(squares, axes.values(), strict=True)])
+def _over_axes(squares: Iterable[FloatArray | list[float]], axes: dict[str, tuple[int, ...]]) -> FloatArray:
+    """Sum each of ``squares`` over its axes, which follow each other."""
+    return np.array([sum(of[own[0] : own[-1] + 1]) for of, own in zip(squares, axes.values(), strict=False)])
 
 
 def _lengths_m(error_m: FloatArray) -> FloatArray:

@@ -54,8 +54,6 @@ PROCESSOR = "cell.processor"
 
 HEAD_COLUMNS = (*Labels._fields, *RUN_COLUMNS)
 """The columns that every row has, before its metrics."""
-_NO_NUMBERS = {*HEAD_COLUMNS, DRAWN}
-_NOTHING: Row = {}
 
 SPEC = ("dataset", "disturbance", "attitude", "filter", "adaptation", "engine", "metrics")
 ABOUT = ("protocol", "data", "notes", "code", "versions", "commit", "created", "seconds")
@@ -172,12 +170,11 @@ def _values(name: str, values: list[Any]) -> pa.Array:
 
 def _drawn(rows: Sequence[Row]) -> dict[str, pa.Array]:
     """The columns of what drives drew: found once a drive, whose runs share it."""
-    own = [row.get(DRAWN, _NOTHING) for row in rows]
-    drives = list({id(of): of for of in own}.values())
-    place = {id(of): k for k, of in enumerate(drives)}
-    places = pa.array([place[id(of)] for of in own])
-    names = dict.fromkeys(chain.from_iterable(drives))
-    return {name: _values(name, [of.get(name) for of in drives]).take(places) for name in names}
+    drives = {id(own): own for row in rows if (own := row.get(DRAWN))}
+    place = {key: k for k, key in enumerate(drives)}
+    places = pa.array([place.get(id(row.get(DRAWN))) for row in rows], pa.int32())
+    names = dict.fromkeys(chain.from_iterable(drives.values()))
+    return {name: _values(name, [own.get(name) for own in drives.values()]).take(places) for name in names}
 
 
 def _facts(block: RowBlock, shared: dict[int, str]) -> dict[str, str]:
@@ -185,8 +182,8 @@ def _facts(block: RowBlock, shared: dict[int, str]) -> dict[str, str]:
 
     ``shared`` has those of objects that cells share, which live longer than it.
     """
-    names = dict.fromkeys(chain(*block.rows, *(row.get(DRAWN, _NOTHING) for row in block.rows)))
-    own = [name for name in names if name not in _NO_NUMBERS]
+    names = dict.fromkeys(chain(*block.rows, *(row.get(DRAWN, ()) for row in block.rows)))
+    own = [name for name in names if name not in (*HEAD_COLUMNS, DRAWN)]
     entries = {name: value for name, value in block.metadata.items() if name not in NOT_FACTS}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
     texts = {name: shared.get(id(of)) or shared.setdefault(id(of), json.dumps(of)) for name, of in entries.items()}

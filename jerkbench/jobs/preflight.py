@@ -123,8 +123,7 @@ def first_remarks(jobs: Sequence[Job], inputs: Inputs) -> list[str]:
     for job in firsts.values():
         if isinstance(job.scenario.attitude, Remarking):
             with suppress(Exception):  # as above
-                drive = inputs.recording(job.scenario, job.draws[0])
-                remarks += [*_attitude_notes(job, drive), *notes_of_filter(job, drive)]
+                remarks += _remarks(job, inputs.recording(job.scenario, job.draws[0]))
     return [*mistakes, *dict.fromkeys(remarks)]
 
 
@@ -137,24 +136,7 @@ IMU_GAP_S = 0.2
 
 def notes_of(job: Job, recording: Recording) -> list[str]:
     """Return what stands under the table of a job; once for all its parameters."""
-    return [*notes_of_scenario(job, recording), *notes_of_filter(job, recording)]
-
-
-def notes_of_scenario(job: Job, recording: Recording) -> list[str]:
-    """Return what of it all jobs of one scenario have."""
-    return [plain(note) for note in (*_reference_notes(job, recording), *_attitude_notes(job, recording))]
-
-
-def notes_of_filter(job: Job, recording: Recording) -> list[str]:
-    """Return the remarks of its filter."""
-    model = job.method.filter
-    return [plain(remark) for remark in model.remarks(recording)] if has_methods(model, Remarking) else []
-
-
-def _attitude_notes(job: Job, recording: Recording) -> list[str]:
-    attitude = job.scenario.attitude
-    remarks = attitude.remarks(recording) if has_methods(attitude, Remarking) else ()
-    return [f"{_name(job)}: {remark}" for remark in remarks]
+    return [plain(note) for note in (*_reference_notes(job, recording), *_remarks(job, recording))]
 
 
 def _reference_notes(job: Job, recording: Recording) -> list[str]:
@@ -176,6 +158,14 @@ def _gaps(recording: Recording) -> list[str]:
     count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
     lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
     return [f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there."]
+
+
+def _remarks(job: Job, recording: Recording) -> list[str]:
+    of_attitude, of_filter = (
+        part.remarks(recording) if has_methods(part, Remarking) else ()
+        for part in (job.scenario.attitude, job.method.filter)
+    )
+    return [*(f"{_name(job)}: {remark}" for remark in of_attitude), *of_filter]
 
 
 def _name(job: Job) -> str:

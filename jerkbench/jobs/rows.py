@@ -1,13 +1,13 @@
 """Runs become rows: the seeds and the settings of a job side by side where its plugins can, else one at a time."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
-from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Reading, SideBySide
+from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Reading, Remarking, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
@@ -26,7 +26,7 @@ from jerkbench.evaluation.evaluated_run import (
 from jerkbench.jobs.inputs import KEPT_INPUTS, Inputs, shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import processor_kind
-from jerkbench.jobs.preflight import notes_of, notes_of_filter, notes_of_scenario, plugins_in_words, reason_of, unfit
+from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, unfit
 from jerkbench.notices import plain
 from jerkbench.plugins.optional import has_methods, part_read
 from jerkbench.recording import Recording
@@ -65,7 +65,7 @@ class Result(NamedTuple):
     """The result of a task for one of its jobs.
 
     Attributes:
-        rows: of its seeds; what a drive drew is a mapping in each of its rows, under `DRAWN`.
+        rows: of its seeds; what a drive drew is one mapping, which all its rows share, under `DRAWN`.
         notes: for their reader.
         seconds: time of the rows [s], without `inputs_s`.
         inputs_s: time that recordings and attitudes took [s].
@@ -180,7 +180,7 @@ def alone(job: Job, draw: int, how: How) -> NotedRows:
             require_begin(estimate, recording, evaluation.burn_in_s)
         status, reason = run_status(estimate, recording, evaluation.divergence_limit_m)
         values = evaluate_run(estimate, recording, evaluation.burn_in_s, evaluation.metrics, how.inputs.columns)
-        return [_row(job, draw, recording, status, reason, values)], notes_of(job, recording)
+        return [{**_head(job, draw, status, reason), **values, DRAWN: recording.parameters}], notes_of(job, recording)
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row, or a sentence
         return failed_piece(job, [draw], error, how)
 
@@ -201,12 +201,6 @@ def failed_rows(job: Job, draws: Sequence[int], reason: str) -> list[Row]:
 def _head(job: Job, draw: int, status: str, reason: str) -> Row:
     replicate = "seed" if job.scenario.seeded else "phase"
     return {**job.labels._asdict(), "seed": draw, "replicate": replicate, "status": status, "reason": plain(reason)}
-
-
-def _row(job: Job, draw: int, recording: Recording, status: str, reason: str, values: Mapping[str, float]) -> Row:
-    """The row of a run; what its drive drew stays one object, which all runs of the drive share."""
-    drawn = {DRAWN: recording.parameters} if recording.parameters else {}
-    return {**_head(job, draw, status, reason), **values, **drawn}
 
 
 def flat(row: Row) -> Row:
@@ -275,8 +269,9 @@ class _ReadySeed(NamedTuple):
 def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, how: How) -> NotedRows:
     """Return the row of a run among others that came to its end."""
     reason, values = why_strayed(result, seed.reference, seed.recording), _values(job, seed, result, how.inputs)
-    row = _row(job, draw, seed.recording, "diverged" if reason else "ok", reason, values)
-    return [row], [*seed.notes, *notes_of_filter(job, seed.recording)]
+    notes = notes_of(job, seed.recording) if has_methods(job.method.filter, Remarking) else seed.notes
+    head = _head(job, draw, "diverged" if reason else "ok", reason)
+    return [{**head, **values, DRAWN: seed.recording.parameters}], notes
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], NotedRows]:
@@ -307,9 +302,7 @@ def _ready(job: Job, draw: int, inputs: Inputs) -> _ReadySeed | None:
         return None
     evaluation = job.evaluation
     reference = inputs.prepared(recording, timeline, evaluation.burn_in_s, evaluation.divergence_limit_m)
-    if reference is None:
-        return None
-    return _ReadySeed(recording, attitude, timeline, reference, notes_of_scenario(job, recording))
+    return None if reference is None else _ReadySeed(recording, attitude, timeline, reference, notes_of(job, recording))
 
 
 def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Streamed | None]:

@@ -34,7 +34,9 @@ POLL_S = 1.0
 
 HELD_S = 1.0
 """Results wait for others while tasks take less than that, for so long at most: a process that dies loses so much work,
-and what it is just running."""
+and what it is just running. After ten seconds it is a tenth of the time so far, up to `LONGEST`-fold: large files need
+not be joined later."""
+LONGEST = 5.0
 HELD_ROWS = 20_000
 """And so many rows are kept in memory."""
 
@@ -168,6 +170,7 @@ class Writer:
         self.store, self._known = store, known
         self._held: list[RowBlock] = []
         self._rows, self._written, self._after = 0, time.monotonic(), list[Callable[[], None]]()
+        self._began = self._written
 
     def __enter__(self) -> Self:
         """Begin with nothing."""
@@ -182,8 +185,13 @@ class Writer:
         if result.rows:
             self._held.append(block_of(job, result))
             self._rows += len(result.rows)
-        if time.monotonic() - self._written > HELD_S or self._rows > HELD_ROWS:
+        if time.monotonic() - self._written > self.held_s or self._rows > HELD_ROWS:
             self.flush()
+
+    @property
+    def held_s(self) -> float:
+        """So long results wait by now."""
+        return HELD_S * min(max(0.1 * (time.monotonic() - self._began), 1.0), LONGEST)
 
     def after(self, what: Callable[[], None]) -> None:
         """Do that as soon as what is held now is stored."""
@@ -321,6 +329,6 @@ class Shared:
         self._left[bundle] -= runs
         if not self._left[bundle]:
             self._writer.after(partial(self._locks.release, bundle))
-        if time.monotonic() - self._settled > HELD_S:
+        if time.monotonic() - self._settled > self._writer.held_s:
             self._writer.flush()
         self._settled = time.monotonic()

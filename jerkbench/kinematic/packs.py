@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from hashlib import blake2b
 from itertools import zip_longest
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,19 +22,22 @@ from jerkbench.timeline import Timeline
 
 def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:
     """Ask the filter of each run for A, b, Q of each length, and for the start; all have as many states."""
+    few = len(lengths_s) <= FEW_LENGTHS and all(map(_is_frozen, models))
+    return (_known_of_several if few else _of_several)(tuple(models), lengths_s.tobytes(), dt0_s)
+
+
+def _of_several(models: Sequence[Filter], lengths_s: bytes, dt0_s: float) -> Model:
     shared = all(model is models[0] or model == models[0] for model in models)
-    own = [_model_of_one(model, lengths_s.tobytes(), dt0_s) for model in (models[:1] if shared else models)]
+    own = [(_known if _is_frozen(of) else _asked)(of, lengths_s, dt0_s) for of in (models[:1] if shared else models)]
     if shared:
         return own[0]._replace(extra=np.repeat(own[0].extra, len(models), axis=1))
     A, b, Q, extra = (_stack([part[..., 0] for part in parts]) for parts in zip(*(of[:4] for of in own), strict=True))
     return Model(A, b, Q, extra, all(of.triangular for of in own))
 
 
-def _model_of_one(model: Filter, lengths_s: bytes, dt0_s: float) -> Model:
-    """Ask a filter; one that cannot change is asked once."""
-    frozen = getattr(getattr(model, "__dataclass_params__", None), "frozen", False)
-    known = _known if len(lengths_s) > 8 * FEW_LENGTHS else _known_of_few
-    return known(cast("Hashable", model), lengths_s, dt0_s) if frozen else _asked(model, lengths_s, dt0_s)
+def _is_frozen(model: Filter) -> bool:
+    """Whether it cannot change, so that it is asked once."""
+    return bool(getattr(getattr(model, "__dataclass_params__", None), "frozen", False))
 
 
 def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> Model:
@@ -50,7 +53,10 @@ FEW_LENGTHS = 64
 """So many lengths even steps have at most. They are the same for all packs; uneven ones each seed has of its own."""
 
 
-_known, _known_of_few = lru_cache(maxsize=32)(_asked), lru_cache(maxsize=1024)(_asked)
+_known: Callable[..., Model] = lru_cache(maxsize=32)(_asked)
+_known_of_several: Callable[..., Model] = lru_cache(maxsize=256)(
+    _of_several
+)  # the settings of a search come together for each seed
 
 
 def triangular(A: FloatArray) -> bool:
@@ -120,15 +126,16 @@ class Kind(NamedTuple):
 def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
     """Pack runs of the same kind whose steps have the same lengths and meet the reference at the same places."""
     alike: dict[tuple[Kind, _Ground, bool], list[int]] = {}
+    lanes = [_Lane(_Course(run), *_told(run)) for run in runs]
     starts = axes_apart(np.reshape([run.timeline.P0 for run in runs], (-1, 6, 6))).tolist()
-    for place, (run, kind, start) in enumerate(zip(runs, kinds, starts, strict=True)):
+    for place, (run, lane, kind, start) in enumerate(zip(runs, lanes, kinds, starts, strict=True)):
         errors_alone = kind.by_axes and not kind.wants_truth and not run.scoring.consistency
-        apart = errors_alone and start and _told(run)[0].apart
-        alike.setdefault((kind, _ground(_Course(run)), apart), []).append(place)
+        apart = errors_alone and start and lane.reported.apart
+        alike.setdefault((kind, _ground(lane.course), apart), []).append(place)
     return [
-        _pack(runs, members, wants_truth=kind.wants_truth, apart=apart)
+        _pack(lanes, members, wants_truth=kind.wants_truth, apart=apart)
         for (kind, _, apart), places in alike.items()
-        for members in _members(runs, places)
+        for members in _members(lanes, places)
     ]
 
 
@@ -136,21 +143,21 @@ SPARE = 2
 """So many lanes may stay empty: to stack other recordings takes longer."""
 
 
-def _members(runs: Sequence[Run], places: Sequence[int]) -> list[tuple[int, ...]]:
+def _members(lanes: Sequence["_Lane"], places: Sequence[int]) -> list[tuple[int, ...]]:
     """The places by WIDE: vectors of one recording, which their lanes share, then what is left of each recording.
 
     Of WIDE recordings one each, so that the next ones meet the same in the same lanes, whose streams are stacked then.
     """
     of_course: dict[_Course, list[int]] = {}
     for place in places:
-        of_course.setdefault(_Course(runs[place]), []).append(place)
+        of_course.setdefault(lanes[place].course, []).append(place)
     cut = [(own, len(own) if -len(own) % WIDE <= SPARE else len(own) // WIDE * WIDE) for own in of_course.values()]
     whole = [own[:end] for own, end in cut]
     left = [own[end:] for own, end in cut if end < len(own)]
     rest: list[int] = []
     for some in (left[k : k + WIDE] for k in range(0, len(left), WIDE)):
-        lanes = zip_longest(*some) if len(some) == WIDE else some
-        rest += [place for of_lane in lanes for place in of_lane if place is not None]
+        turns = zip_longest(*some) if len(some) == WIDE else some
+        rest += [place for turn in turns for place in turn if place is not None]
     return [tuple(own[begin : begin + WIDE]) for own in (*whole, rest) for begin in range(0, len(own), WIDE)]
 
 
@@ -163,6 +170,14 @@ class _Course(Same):
     def __init__(self, run: Run) -> None:
         t, self.run = run.timeline, run
         super().__init__(t.dt_s, t.sample, t.update, t.reference, t.accel_enu_mps2, t.measurements.z, run.scoring)
+
+
+class _Lane(NamedTuple):
+    """A run, what was reported to it, and what of `Steps.told` it makes of that."""
+
+    course: _Course
+    reported: Measurements
+    told: FloatArray
 
 
 class _Ground(Keyed):
@@ -221,21 +236,20 @@ class _Stacked(NamedTuple):
     marks: tuple[IntArray, ...]
 
 
-def _pack(runs: Sequence[Run], members: tuple[int, ...], *, wants_truth: bool, apart: bool) -> Pack:
-    lanes = [runs[place] for place in members]
+def _pack(of_runs: Sequence["_Lane"], members: tuple[int, ...], *, wants_truth: bool, apart: bool) -> Pack:
+    lanes = [of_runs[place] for place in members]
     lanes += [lanes[-1]] * (WIDE - len(lanes))
-    reported, told = zip(*map(_told, lanes), strict=True)
-    streams = tuple(zip(map(_Course, lanes), reported, strict=True))
+    streams = tuple((lane.course, lane.reported) for lane in lanes)
     alike = tuple(dict.fromkeys(streams))
     shared = _one_stream(alike, wants_truth, apart) if len(alike) == 1 else _streams(streams, wants_truth, apart)
+    timelines = tuple(lane.course.run.timeline for lane in lanes)
     steps = Steps(
         *shared[:8],
-        _stack(told),
-        _stacked(lanes, lambda run: run.timeline.x0),
-        _stacked(lanes, lambda run: run.timeline.P0.ravel()),
+        _stack([lane.told for lane in lanes]),
+        _stack([timeline.x0 for timeline in timelines]),
+        _stack([timeline.P0.ravel() for timeline in timelines]),
     )
-    update_s = lanes[0].timeline.t_s[shared.updated]
-    timelines = tuple(run.timeline for run in lanes)
+    update_s = timelines[0].t_s[shared.updated]
     marks = shared.marks * (WIDE // len(shared.marks))
     return Pack(members, timelines, steps, shared.scored, shared.lengths_s, update_s, marks, apart)
 
