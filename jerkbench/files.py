@@ -4,6 +4,7 @@ import os
 import stat
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -109,20 +110,16 @@ def forget_oldest(folder: Path, pattern: str, most_bytes: int) -> None:
 
     The latest one stays, however large. A file that another process deletes meanwhile is gone as well.
     """
-    files = [(path, stat) for path in folder.glob(pattern) if (stat := _stat(path)) is not None]
+    files: list[tuple[Path, os.stat_result]] = []
+    for path in folder.glob(pattern):
+        with suppress(FileNotFoundError):
+            files.append((path, path.stat()))
     files.sort(key=lambda entry: -entry[1].st_mtime_ns)
     size = 0
-    for place, (path, stat) in enumerate(files):
-        size += stat.st_size
+    for place, (path, of_file) in enumerate(files):
+        size += of_file.st_size
         if place and size > most_bytes:
             path.unlink(missing_ok=True)
-
-
-def _stat(path: Path) -> os.stat_result | None:
-    try:
-        return path.stat()
-    except FileNotFoundError:
-        return None
 
 
 def write_text(path: Path, text: str) -> None:

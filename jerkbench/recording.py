@@ -344,6 +344,7 @@ class Recording:
     def __post_init__(self) -> None:
         """Check that an outage ends after it begins, and that there is something without an IMU."""
         freeze(self, outages_s=(None, 2))
+        object.__setattr__(self, "parameters", dict(self.parameters))
         require(
             self.outages_s[:, 1] > self.outages_s[:, 0], self, "outages_s", "the outage does not end after it begins"
         )

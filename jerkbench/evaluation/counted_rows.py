@@ -115,9 +115,7 @@ def driven_m(reference: Reference) -> FloatArray:
 
 def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:
     """Return (k, 3) whether each axis of ``truth`` is a number."""
-    if truth is None:
-        return np.zeros((len(index), 3), dtype=bool)
-    return np.asarray(np.isfinite(rows_at(truth, index)))
+    return np.zeros((len(index), 3), bool) if truth is None else np.asarray(np.isfinite(rows_at(truth, index)))
 
 
 def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArray:
@@ -266,7 +264,4 @@ def mean(total: float, rows: float) -> float:
 
 
 def _error(value: FloatArray, truth: FloatArray | None, estimate: Estimate) -> FloatArray:
-    if truth is None:
-        return np.full_like(value, np.nan)
-    error: FloatArray = value - rows_at(truth, estimate.index)
-    return error
+    return np.full_like(value, np.nan) if truth is None else np.asarray(value - rows_at(truth, estimate.index))

@@ -234,9 +234,7 @@ def _beyond(distance_m: float, t_s: float, limit_m: float) -> str:
 
 def why_stopped(estimate: Estimate) -> str:
     """Return why the run stopped early, or an empty string."""
-    if estimate.failure or len(estimate.index):
-        return estimate.failure
-    return "The run reached none of the reference's stamps."
+    return estimate.failure or ("" if len(estimate.index) else "The run reached none of the reference's stamps.")
 
 
 def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
@@ -278,7 +276,7 @@ RUN_COLUMNS = ("seed", "replicate", "status", "reason")
 """The columns of a run's row between its labels and its metrics."""
 
 DRAWN = "drawn."
-"""The columns of what a random drive drew begin so; they are no metrics."""
+"""The columns of what a random drive drew begin so; they are no metrics. A row on its way has all of them under it."""
 
 Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float]]
 
@@ -311,8 +309,7 @@ def evaluate_run(
     counted = counted_rows(estimate, recording, burn_in_s)
     if not counted.any() and not why_stopped(estimate):
         raise RecordingError(nothing_counts(recording, burn_in_s))
-    summarised = any(isinstance(metric, Summarising) for metric in metrics)
-    sums = sums_of(estimate, recording, counted) if summarised else None
+    sums = sums_of(estimate, recording, counted) if any(isinstance(own, Summarising) for own in metrics) else None
     return metric_values(metrics, Summary(estimate, counted, sums), recording, evaluate)
 
 
@@ -339,14 +336,10 @@ def metric_values(
         PluginError: two metrics give the same column.
     """
     estimate, counted, sums = summary
-
-    def columns(metric: Metric) -> Mapping[str, float]:
-        """Return the columns of one metric, from the sums where it can."""
-        if sums is not None and has_methods(metric, Summarising):
-            return metric.summarise(sums)
-        return evaluate(metric, estimate, recording, counted)
-
-    return gathered((metric, columns(metric)) for metric in metrics)
+    return gathered(
+        (m, m.summarise(sums) if sums and has_methods(m, Summarising) else evaluate(m, estimate, recording, counted))
+        for m in metrics
+    )
 
 
 def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:

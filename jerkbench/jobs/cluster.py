@@ -167,13 +167,10 @@ def _import(modules: Iterable[str]) -> None:
 
 
 def _prepare() -> None:
-    """Use one thread; Ctrl-C is for the parent, without which nothing is left to do."""
-    from threadpoolctl import threadpool_limits
-
+    """Write plain text; Ctrl-C is for the parent, without which nothing is left to do."""
     keep_output_plain()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threadpool_limits(1)
 
 
 @dataclass(frozen=True)

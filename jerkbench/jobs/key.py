@@ -9,6 +9,7 @@ import secrets
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, packages_distributions, version
 from importlib.util import find_spec
@@ -182,10 +183,7 @@ def sources_digest(module: str) -> str:
     Raises:
         LookupError: it has no file: nothing tells it apart from another of the same name.
     """
-    sha = hashlib.sha256()
-    for line in sorted(set(_lines(module))):
-        sha.update(f"{line}\n".encode())
-    return sha.hexdigest()
+    return _hash("".join(f"{line}\n" for line in sorted(set(_lines(module)))))
 
 
 def _lines(module: str) -> Iterator[str]:
@@ -249,8 +247,7 @@ def _installed(top: str) -> Distribution | None:
 def _place(top: str) -> Path | None:
     """Return the folder of a package, or the file of a module; None where it has none."""
     module = sys.modules.get(top)
-    spec = getattr(module, "__spec__", None)
-    file = getattr(module, "__file__", None)
+    spec, file = (getattr(module, name, None) for name in ("__spec__", "__file__"))
     if module is None:
         try:
             spec = find_spec(top)
@@ -329,10 +326,8 @@ def _released(installed: Distribution, visited: set[str]) -> Iterator[str]:
         name = requirement.split(";")[0]
         name = "".join(c if c.isalnum() or c in "-_." else " " for c in name).split(" ")[0]
         if "extra ==" not in requirement:
-            try:
+            with suppress(PackageNotFoundError):
                 yield from _released(distribution(name), visited)
-            except PackageNotFoundError:
-                continue
 
 
 def named_places(path: Path) -> set[str]:

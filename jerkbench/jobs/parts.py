@@ -126,9 +126,9 @@ def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
     rows = list(chain.from_iterable(block.rows for block in blocks))
     names = dict.fromkeys([*HEAD_COLUMNS, *chain.from_iterable(rows)])
     names.pop(DRAWN, None)
-    if strange := [name for name in names if str(name).startswith(CELL)]:
-        raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
     columns = {name: _values(name, [row.get(name) for row in rows]) for name in names} | _drawn(rows)
+    if strange := [name for name in columns if str(name).startswith(CELL)]:
+        raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
     shared: dict[int, str] = {}
     known = [_facts(block, shared) for block in blocks]
     places = np.repeat(np.arange(len(blocks)), [len(block.rows) for block in blocks])

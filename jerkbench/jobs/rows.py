@@ -256,6 +256,9 @@ def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[Noted
     ]
 
 
+_Notes = dict[object, list[str]]
+
+
 class _ReadySeed(NamedTuple):
     """A seed, ready to run; R is as reported."""
 
@@ -263,15 +266,15 @@ class _ReadySeed(NamedTuple):
     attitude: Attitude
     timeline: Timeline
     reference: PreparedReference
-    notes: list[str]
 
 
-def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, how: How) -> NotedRows:
-    """Return the row of a run among others that came to its end."""
+def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, how: How, notes: _Notes) -> NotedRows:
+    """Return the row of a run among others that came to its end; ``notes`` has those of a seed that settings share."""
     reason, values = why_strayed(result, seed.reference, seed.recording), _values(job, seed, result, how.inputs)
-    notes = notes_of(job, seed.recording) if has_methods(job.method.filter, Remarking) else seed.notes
+    key = draw, job if has_methods(job.method.filter, Remarking) else job.labels.dataset
+    own = notes.get(key) or notes.setdefault(key, notes_of(job, seed.recording))
     head = _head(job, draw, "diverged" if reason else "ok", reason)
-    return [{**head, **values, DRAWN: seed.recording.parameters}], notes
+    return [{**head, **values, DRAWN: seed.recording.parameters}], own
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], NotedRows]:
@@ -285,8 +288,9 @@ def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple
     if not ready:
         return {}
     results = _run_all([(jobs[k], seed) for (k, _), seed in ready.items()], how)
+    notes: _Notes = {}
     return {
-        (k, draw): _finished(jobs[k], draw, seed, result, how)
+        (k, draw): _finished(jobs[k], draw, seed, result, how, notes)
         for ((k, draw), seed), result in zip(ready.items(), results, strict=True)
         if result is not None
     }
@@ -302,7 +306,7 @@ def _ready(job: Job, draw: int, inputs: Inputs) -> _ReadySeed | None:
         return None
     evaluation = job.evaluation
     reference = inputs.prepared(recording, timeline, evaluation.burn_in_s, evaluation.divergence_limit_m)
-    return None if reference is None else _ReadySeed(recording, attitude, timeline, reference, notes_of(job, recording))
+    return None if reference is None else _ReadySeed(recording, attitude, timeline, reference)
 
 
 def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Streamed | None]:

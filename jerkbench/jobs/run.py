@@ -34,9 +34,8 @@ POLL_S = 1.0
 
 HELD_S = 1.0
 """Results wait for others while tasks take less than that, for so long at most: a process that dies loses so much work,
-and what it is just running. After ten seconds it is a tenth of the time so far, up to `LONGEST`-fold: large files need
+and what it is just running. After ten seconds it is a tenth of the time so far, up to five times this: large files need
 not be joined later."""
-LONGEST = 5.0
 HELD_ROWS = 20_000
 """And so many rows are kept in memory."""
 
@@ -191,7 +190,7 @@ class Writer:
     @property
     def held_s(self) -> float:
         """So long results wait by now."""
-        return HELD_S * min(max(0.1 * (time.monotonic() - self._began), 1.0), LONGEST)
+        return HELD_S * min(max(0.1 * (time.monotonic() - self._began), 1.0), 5.0)
 
     def after(self, what: Callable[[], None]) -> None:
         """Do that as soon as what is held now is stored."""

@@ -45,7 +45,7 @@ OUTCOMES = {"seed": "seed", "status": "status", "reason": "reason", f"{CELL}run_
 ABANDONED_S = 3600.0
 """A half-written file that is older belongs to nobody any more."""
 
-SMALL_ROWS = 5_000
+SMALL_ROWS = 10_000
 """Rows of a part that is not worth joining with others."""
 JOINED = 100_000
 """About as many rows has a joined part: so many are in memory at once."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from hashlib import blake2b
 from itertools import zip_longest
 from typing import NamedTuple
@@ -54,22 +54,13 @@ FEW_LENGTHS = 64
 
 
 _known: Callable[..., Model] = lru_cache(maxsize=32)(_asked)
-_known_of_several: Callable[..., Model] = lru_cache(maxsize=256)(
-    _of_several
-)  # the settings of a search come together for each seed
+_known_of_several: Callable[..., Model] = lru_cache(maxsize=256)(_of_several)
+"""The settings of a search come together again for each seed."""
 
 
 def triangular(A: FloatArray) -> bool:
     """Whether each of (k, n, n) is upper triangular with ones on its diagonal."""
-    (rows, columns), identity = _lower(A.shape[1])
-    return bool((A[:, rows, columns] == identity).all())
-
-
-@cache
-def _lower(n: int) -> tuple[tuple[IntArray, ...], FloatArray]:
-    """Where the lower triangle is, and what the identity has there."""
-    below = np.tril_indices(n)
-    return below, np.eye(n)[below]
+    return bool((np.tril(A) == np.eye(A.shape[1])).all())
 
 
 # Runs of the same steps, packed into vectors.

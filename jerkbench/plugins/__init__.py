@@ -157,9 +157,12 @@ def converted(kind: str, name: str, values: Mapping[str, Any], *, resolve: bool 
         return _merged(kind, name, cls, values, resolve)
     known = {key: json.dumps(value) for key, value in values.items() if type(value) in (bool, int, float, str)}
     others = {key: value for key, value in values.items() if key not in known}
-    exact = [key for key in known if _hints(cls).get(key) is type(values[key]) is not str]  # as the schema has them
-    fields = {key: _field(kind, name, cls, key, text, resolve) for key, text in known.items() if key not in exact}
-    return fields | {key: values[key] for key in exact} | (_merged(kind, name, cls, others, resolve) if others else {})
+    types = {key: hint for key, hint in _hints(cls).items() if key in _defaults(cls) and hint in (bool, int, float)}
+    fields = {
+        key: values[key] if types.get(key) is type(values[key]) else _field(kind, name, cls, key, text, resolve)
+        for key, text in known.items()
+    }
+    return fields | (_merged(kind, name, cls, others, resolve) if others else {})
 
 
 @lru_cache(maxsize=4096)

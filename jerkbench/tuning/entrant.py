@@ -5,8 +5,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -206,15 +204,8 @@ class Site:
         Raises:
             JerkbenchError: nothing can be stored, or the cluster cannot go on.
         """
-        parts: list[pd.DataFrame] = []
-        waiting: list[Try] = []
-        for _, of_scenario in groupby(tries, attrgetter("number")):
-            waiting += of_scenario
-            if len(waiting) >= TOGETHER:
-                parts.append(self._rows(waiting, rules, bar))
-                waiting = []
-        if waiting:
-            parts.append(self._rows(waiting, rules, bar))
+        every = list(tries)
+        parts = [self._rows(every[k : k + TOGETHER], rules, bar) for k in range(0, len(every), TOGETHER)]
         return pd.concat(parts, ignore_index=True)
 
     def _rows(self, tries: Sequence[Try], rules: RunRules, bar: Progress) -> pd.DataFrame:

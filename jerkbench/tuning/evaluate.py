@@ -55,7 +55,7 @@ class Objective:
         With c the column: log(c/plain), or c - plain; of a run that is lost log 100, and never more than that.
         """
         values = [self._value(row) for row in rows]
-        losses = [LOST_RUN if math.isnan(value) else self._difference(value, plain) for value in values]
+        losses = [LOST_RUN if math.isnan(v) else math.log(v / plain) if self.relative else v - plain for v in values]
         return np.asarray(np.minimum(losses, LOST_RUN))
 
     def level(self, rows: Sequence[Row], limit_m: float) -> float:
@@ -68,9 +68,6 @@ class Objective:
         if not len(values):
             return limit_m if self.relative else 0.0
         return float(np.exp(np.log(values).mean()) if self.relative else values.mean())
-
-    def _difference(self, value: float, plain: float) -> float:
-        return math.log(value / plain) if self.relative else value - plain
 
     def _value(self, row: Row) -> float:
         """The column of a run that came to its end, else NaN."""

@@ -1,17 +1,23 @@
 """What stands under the table about a recording."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.rows import notes_of
+from jerkbench.jobs.rows import Task, notes_of, work
 from jerkbench.recording import Imu
+from made_jobs import with_method
+
+
+def cell_of():
+    names = {"attitude": "tilt", "filter": "baseline", "adaptation": "none", "engine": "compiled"}
+    parts = {part: {"name": name} for part, name in names.items()}
+    return build({"dataset": {"name": "field", "duration_s": 8.0}, "disturbance": [], **parts}, Protocol(seeds=2))
 
 
 def told(without_s):
     """The notes on a simulated drive whose IMU is silent from 3 s on for ``without_s``."""
-    names = {"attitude": "tilt", "filter": "baseline", "adaptation": "none", "engine": "compiled"}
-    parts = {part: {"name": name} for part, name in names.items()}
-    cell = build({"dataset": {"name": "field", "duration_s": 8.0}, "disturbance": [], **parts}, Protocol(seeds=1))
+    cell = cell_of()
     recording = cell.scenario.dataset.load(0)
     imu = recording.imu
     kept = (imu.t_s <= 3.0) | (imu.t_s > 3.0 + without_s)
@@ -24,3 +30,18 @@ def test_gaps_of_the_imu_are_told_and_a_few_lost_samples_are_not():
 
     assert "the IMU has 1 gap of up to 1.51 s" in note
     assert told(0.1) == []
+
+
+@dataclass(frozen=True)
+class Talking(Jerk):
+    def remarks(self, recording):
+        return (f"sigma is {self.accel_mps2}",)
+
+
+def test_settings_that_run_side_by_side_have_the_notes_that_each_has_alone():
+    quiet = [with_method(cell_of(), filter=Jerk(accel_mps2=sigma)) for sigma in (0.2, 0.4)]
+    talking = [with_method(cell_of(), filter=Talking(accel_mps2=sigma)) for sigma in (0.2, 0.4)]
+    for cells in (quiet, talking):
+        notes = [result.notes for result in work(Task(tuple(cells), (0, 1))).results]
+        assert notes == [notes_of(cell, cell.scenario.dataset.load(0)) for cell in cells]
+    assert [own[-1] for own in notes] == ["sigma is 0.2", "sigma is 0.4"]

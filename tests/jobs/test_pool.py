@@ -1,5 +1,6 @@
 """Work in processes of our own: grouped, helping each other, surviving a death."""
 
+import gc
 import os
 import pickle
 import threading
@@ -10,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_info
 
 from jerkbench.errors import PluginError
 from jerkbench.jobs.cluster import Lent, OwnPool, Workers
@@ -118,6 +120,16 @@ def test_a_module_of_plugins_that_fails_in_another_process_is_no_death(tmp_path,
     for error in done.values():
         assert isinstance(error, PluginError)
         assert "ValueError: no licence on this machine" in str(error)
+
+
+def habits(task):
+    return max((library["num_threads"] for library in threadpool_info()), default=1), gc.get_threshold()
+
+
+def test_a_worker_has_one_thread_and_looks_for_garbage_as_seldom_as_a_command():
+    done = dict(run_grouped(habits, [[1], [2]], workers=2))
+
+    assert set(done.values()) == {(1, (50_000, 20, 100))}
 
 
 def test_whoever_stops_early_has_no_process_left(tmp_path):

@@ -7,6 +7,7 @@ import weakref
 import pytest
 
 from jerkbench.adaptation.mtf import Mtf
+from jerkbench.arrays import WIDE
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.kinematic import Jerk
@@ -14,7 +15,7 @@ from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
-from jerkbench.jobs.rows import Task, job_rows, work
+from jerkbench.jobs.rows import Task, job_rows, unfit, work
 from jerkbench.timeline import RScale
 from made_jobs import with_method
 
@@ -112,3 +113,23 @@ def test_inputs_go_with_their_last_reference():
         assert recording() is None
     finally:
         gc.enable()
+
+
+ASKED = []
+
+
+@dataclasses.dataclass(frozen=True)
+class Counted(Jerk):
+    def axis_models(self, dt, dt0):
+        ASKED.append(self.accel_mps2)
+        return super().axis_models(dt, dt0)
+
+
+def test_the_same_settings_over_other_seeds_are_not_asked_for_their_models_again():
+    sigmas = [0.2 + 0.1 * k for k in range(WIDE)]
+    cells = [with_method(cell_of(), filter=Counted(accel_mps2=sigma)) for sigma in sigmas]
+    assert not unfit(cells[0])  # which asks, too
+    ASKED.clear()
+    together(cells)
+
+    assert sorted(ASKED) == sigmas

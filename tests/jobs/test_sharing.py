@@ -70,7 +70,7 @@ def test_two_sweeps_share_their_cells(durations, seeds, tmp_path, monkeypatch):
 
 
 def test_a_bundle_is_anybodys_when_its_rows_are_stored_whatever_else_waits(tmp_path, monkeypatch):
-    """Of two jobs in a task, with the clock in hand: what is held is stored once a second, and bundles with it."""
+    """Of two jobs in a task, with the clock in hand: what is held is stored after a while, and bundles with it."""
     now = [0.0]
     monkeypatch.setattr(loop.time, "monotonic", lambda: now[0])
     plan = planned([cell(4.0, 1), cell(5.0, 1), cell(6.0, 1)])
@@ -106,6 +106,15 @@ def test_a_bundle_is_anybodys_when_its_rows_are_stored_whatever_else_waits(tmp_p
         assert free(2)
         monkeypatch.setattr(store, "load", lambda *_: pytest.fail("it reads what it has written"))
         assert not known.unfinished(plan.jobs)
+
+
+def test_results_wait_for_a_second_and_later_for_a_tenth_of_the_time_so_far_up_to_five(tmp_path, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(loop.time, "monotonic", lambda: now[0])
+    with Writer(Store(tmp_path), KnownSeeds(Store(tmp_path), [])) as writer:
+        for seconds, wanted in ((0.0, 1.0), (9.0, 1.0), (30.0, 3.0), (1000.0, 5.0)):
+            now[0] = seconds
+            assert writer.held_s == pytest.approx(wanted)
 
 
 def test_what_another_process_has_stored_meanwhile_is_left_out(tmp_path):

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
+from jerkbench.evaluation.evaluated_run import DRAWN
 from jerkbench.jobs import parts
 from jerkbench.jobs import store as store_of_cells
 from jerkbench.jobs.manifest import read_manifest, write_manifest
@@ -56,6 +57,20 @@ def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store)
     pd.testing.assert_frame_equal(a.rows, pd.DataFrame(first[::-1]), check_exact=True, check_dtype=False)
     pd.testing.assert_frame_equal(b.rows, pd.DataFrame(second), check_exact=True)
     assert [cell.metadata["notes"] for cell in (a, b)] == [["of a"], ["of b"]]
+
+
+def test_what_a_drive_drew_is_stored_as_if_each_of_its_rows_held_it(store):
+    calm, rough = {"drawn.speed_mps": 1.5}, {"drawn.speed_mps": 2.0, "drawn.fault.ruts": 1.0}
+    failed = {**row(seed=9), "status": "failed"}
+    for key in ("a", "b"):
+        rows = [row(seed=1) | {DRAWN: calm}, row(seed=2) | {DRAWN: rough}, failed]
+        store.write_blocks([RowBlock(key, 3, rows, about())])
+    a, b = store.read()[0]
+
+    expected = pd.DataFrame([{**row(seed=1), **calm}, {**row(seed=2), **rough}, failed])
+    assert list(a.rows.columns[10:]) == ["position_rmse_m", "drawn.speed_mps", "drawn.fault.ruts"]
+    pd.testing.assert_frame_equal(a.rows, expected[a.rows.columns], check_exact=True)
+    pd.testing.assert_frame_equal(b.rows, expected[b.rows.columns], check_exact=True)
 
 
 def test_what_is_known_of_many_cells_is_looked_up_once_each(monkeypatch):
