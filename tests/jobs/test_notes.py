@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+from jerkbench.datasets.field import Field
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.rows import Task, notes_of, work
 from jerkbench.recording import Imu
-from made_jobs import with_method
+from made_jobs import with_method, with_scenario
 
 
 def cell_of():
@@ -33,15 +34,24 @@ def test_gaps_of_the_imu_are_told_and_a_few_lost_samples_are_not():
 
 
 @dataclass(frozen=True)
+class Telling(Field):
+    def load(self, seed):
+        return replace(super().load(seed), notes=(f"seed {seed}",))
+
+
+@dataclass(frozen=True)
 class Talking(Jerk):
     def remarks(self, recording):
         return (f"sigma is {self.accel_mps2}",)
 
 
 def test_settings_that_run_side_by_side_have_the_notes_that_each_has_alone():
-    quiet = [with_method(cell_of(), filter=Jerk(accel_mps2=sigma)) for sigma in (0.2, 0.4)]
-    talking = [with_method(cell_of(), filter=Talking(accel_mps2=sigma)) for sigma in (0.2, 0.4)]
-    for cells in (quiet, talking):
-        notes = [result.notes for result in work(Task(tuple(cells), (0, 1))).results]
-        assert notes == [notes_of(cell, cell.scenario.dataset.load(0)) for cell in cells]
-    assert [own[-1] for own in notes] == ["sigma is 0.2", "sigma is 0.4"]
+    job = with_scenario(cell_of(), dataset=Telling(duration_s=8.0))
+    for model in (Jerk, Talking):
+        cells = tuple(with_method(job, filter=model(accel_mps2=sigma)) for sigma in (0.2, 0.4))
+        notes = [result.notes for result in work(Task(cells, (0, 1))).results]
+        for own, cell in zip(notes, cells, strict=True):
+            each = [note for seed in (0, 1) for note in notes_of(cell, cell.scenario.dataset.load(seed))]
+            assert own == list(dict.fromkeys(each))
+            assert {f"field: seed {seed}" for seed in (0, 1)} <= {*own}
+    assert [[note for note in own if "sigma" in note] for own in notes] == [["sigma is 0.2"], ["sigma is 0.4"]]
