@@ -339,7 +339,7 @@ def run_packed(parcel: Parcel) -> list[Any]:
 def _prepare(folder: str) -> None:
     """One thread a process, and the plan's working directory: paths may be relative to it.
 
-    Garbage is looked for as seldom as in a command, and after each bundle: a tenth of a run's time was that.
+    Garbage is collected as seldom as in a command, and after each bundle: it took a tenth of a run.
     """
     from threadpoolctl import threadpool_limits
 
