@@ -54,9 +54,9 @@ class Objective:
 
         With c the column: log(c/plain), or c - plain; of a run that is lost log 100, and never more than that.
         """
-        values = [self._value(row) for row in rows]
-        losses = [LOST_RUN if math.isnan(v) else math.log(v / plain) if self.relative else v - plain for v in values]
-        return np.asarray(np.minimum(losses, LOST_RUN))
+        values = map(self._value, rows)
+        losses = [math.log(value / plain) if self.relative else value - plain for value in values]
+        return np.asarray(np.fmin(losses, LOST_RUN))  # of NaN and a number the number
 
     def level(self, rows: Sequence[Row], limit_m: float) -> float:
         """Return the mean of the runs that came to their end: geometric of errors, plain of scores.
