@@ -7,7 +7,6 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import BoolArray, FloatArray
@@ -268,6 +267,8 @@ class RepoImu(FromFiles):
 
 def aligned(trial: BroadTrial, imu: Imu) -> BroadTrial:
     """Return the trial with its reference in the axes of the IMU, upright, scored where it agrees with gravity."""
+    from scipy.ndimage import uniform_filter1d
+
     known: BoolArray = np.asarray(np.isfinite(trial.quaternion_wxyz).all(axis=1))
     q = Rotation.from_quat(np.where(known[:, None], trial.quaternion_wxyz, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
     accel, gyro = imu.accel_mps2.copy(), imu.gyro_radps[1:]
