@@ -3,7 +3,8 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -129,17 +130,26 @@ def _read(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
     from yaml import YAMLError
 
-    from jerkbench.files import require_small
-
     try:
-        require_small(path.read_text(encoding="utf-8"), path)
-        content = OmegaConf.load(path)
+        content, asked = _parsed(path, path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, YAMLError) as error:
         raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
-    for name in re.findall(r"\$\{oc\.env:(\w+)", OmegaConf.to_yaml(content)):
+    for name in asked:
         environment_variable(name, None)
     values: Any = OmegaConf.to_container(content, resolve=True)
     return values or {}
+
+
+@lru_cache(maxsize=256)
+def _parsed(path: Path, text: str) -> tuple[Any, list[str]]:
+    """A preset, and the environment variables that it names; each method of an audit asks for the same two."""
+    from omegaconf import OmegaConf
+
+    from jerkbench.files import require_small
+
+    require_small(text, path)
+    content = OmegaConf.load(StringIO(text))
+    return content, re.findall(r"\$\{oc\.env:(\w+)", OmegaConf.to_yaml(content))
 
 
 def environment_variable(name: str, *default: str | None) -> str | None:

@@ -5,7 +5,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,7 +42,10 @@ class AuditMethod(NamedTuple):
     @property
     def entrant(self) -> Entrant:
         """The method at its defaults."""
-        return Entrant.named(self.filter, self.adaptation)
+        return _entrant(*self)
+
+
+_entrant = cache(Entrant.named)  # asked for with each setting
 
 
 @dataclass(frozen=True, kw_only=True)

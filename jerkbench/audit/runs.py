@@ -95,13 +95,12 @@ def collected(protocol: AuditProtocol, site: Site) -> AuditRows:
 def _judged(protocol: AuditProtocol, site: Site, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> pd.DataFrame:
     """Run the defaults of ``methods``, and what each search has ``picked``, on unseen drives; returns the runs."""
     found = picked[["tuning", *_METHOD, "trial"]].itertuples(index=False, name=None)
-    wanted = {(tuning if trial else 0, *names, trial) for tuning, *names, trial in found}  # the defaults run once
-    wanted |= {(0, *method, 0) for method in methods}
-    tries = []
-    for tuning, *names, trial in sorted(wanted):
-        method = AuditMethod(*names)
-        setting = protocol.settings_of(method, tuning)[trial]
-        tries.append(Try(tuning, protocol.drives, method.entrant, setting, trial, protocol.judges(method)))
+    wanted = {(tuning if trial else 0, AuditMethod(*names), trial) for tuning, *names, trial in found}
+    wanted |= {(0, method, 0) for method in methods}  # the defaults run once
+    tries = [
+        Try(tuning, protocol.drives, own.entrant, protocol.settings_of(own, tuning)[trial], trial, protocol.judges(own))
+        for tuning, own, trial in sorted(wanted)
+    ]
     return _run(protocol, site, tries, "Audit, judged unseen")
 
 
@@ -283,7 +282,7 @@ def losses_of(rows: AuditRows, cost: float = 0.0) -> Losses:
 def lost_shares(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
     """Return the share of the runs of each of ``methods``, as tuned, that were lost."""
     own = rows.judged[rows.judged["tried"] == rows.protocol.trials]
-    shares = own["log_error"].isna().groupby([own[name].astype(str) for name in _METHOD]).mean()
+    shares = own["log_error"].isna().groupby([own[name] for name in _METHOD], observed=True).mean()
     return np.asarray(shares.loc[list(methods)], dtype=np.float64)
 
 
@@ -296,9 +295,9 @@ def _with_losses(rows: AuditRows, tried: int, cost: float) -> pd.DataFrame:
 
 def _array(table: pd.DataFrame, methods: Sequence[AuditMethod], axes: Sequence[str]) -> FloatArray:
     """The column ``loss`` of a table as an array: the methods, then the ``axes`` in the order of their values."""
-    name = table["filter"].astype(str) + " + " + table["adaptation"].astype(str)
-    names = [method.name for method in methods]
-    known = table.assign(name=name)[name.isin(names)]
-    wide = known.pivot_table(index=[*axes], columns="name", values="loss", aggfunc="first", dropna=False, observed=True)
-    sizes = [known[axis].nunique() for axis in axes]
-    return np.asarray(wide[names].to_numpy(dtype=np.float64).T.reshape(len(names), *sizes))
+    place = pd.MultiIndex.from_tuples(methods).get_indexer(pd.MultiIndex.from_frame(table[_METHOD]))
+    known = table[place >= 0]
+    codes, values = zip(*(pd.factorize(known[axis], sort=True) for axis in axes), strict=True)
+    array = np.full((len(methods), *map(len, values)), np.nan)
+    array[place[place >= 0], *codes] = known["loss"]
+    return array

@@ -5,7 +5,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import repeat
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -15,8 +14,6 @@ from jerkbench.contracts import Metric, Summarising
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import (
-    POSITION_AXES,
-    VELOCITY_AXES,
     Rows,
     counted_rows,
     counting,
@@ -78,11 +75,11 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
     sums = sums_from(scored_trajectory(estimate, prepared.scoring), prepared, recording)
     if (rows.position == rows.position[0]).all() and (rows.velocity == rows.velocity[0]).all():
         return sums
-    position = [replace(prepared.scoring, counted=which.astype(np.float64)) for which in rows.position]
-    velocity = [replace(prepared.scoring, moving=which.astype(np.float64)) for which in rows.velocity]
+    errors = [scored_trajectory(estimate, replace(prepared.scoring, counted=on)) for on in rows.position.astype(float)]
+    speeds = [scored_trajectory(estimate, replace(prepared.scoring, moving=on)) for on in rows.velocity.astype(float)]
     return sums._replace(
-        position_m2=_over_axes([scored_trajectory(estimate, s).position_m2 for s in position], POSITION_AXES),
-        velocity_m2ps2=_over_axes([scored_trajectory(estimate, s).velocity_m2ps2 for s in velocity], VELOCITY_AXES),
+        position_m2=np.diagonal([_over_axes(own.position_m2) for own in errors]),
+        velocity_m2ps2=np.diagonal([_over_axes(own.velocity_m2ps2)[_MOVING] for own in speeds]),
     )
 
 
@@ -107,12 +104,12 @@ def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Record
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     return Sums(
-        position_m2=_over_axes(repeat(streamed.position_m2.tolist()), POSITION_AXES),
+        position_m2=_over_axes(streamed.position_m2),
         position_rows=numbers.position,
         position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
         whole_m2=streamed.whole_m2,
         whole_rows=numbers.whole,
-        velocity_m2ps2=_over_axes(repeat(streamed.velocity_m2ps2.tolist()), VELOCITY_AXES),
+        velocity_m2ps2=_over_axes(streamed.velocity_m2ps2)[_MOVING],
         velocity_rows=numbers.velocity,
         nees=streamed.nees,
         nees_rows=numbers.both,
@@ -151,9 +148,14 @@ def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWei
     )
 
 
-def _over_axes(squares: Iterable[FloatArray | list[float]], axes: dict[str, tuple[int, ...]]) -> FloatArray:
-    """Sum each of ``squares`` over its axes, which follow each other."""
-    return np.array([sum(of[own[0] : own[-1] + 1]) for of, own in zip(squares, axes.values(), strict=False)])
+def _over_axes(squares: FloatArray) -> FloatArray:
+    """(5,) from (3,) of each axis: over the axes of each of POSITION_AXES."""
+    east, north, up = squares.tolist()
+    return np.array([east + north + up, east + north, east, north, up])
+
+
+_MOVING = np.array([0, 1, 4])
+"""Which of these are VELOCITY_AXES."""
 
 
 def _lengths_m(error_m: FloatArray) -> FloatArray:
@@ -247,11 +249,9 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     error_m = np.nan_to_num(position_error_m(estimate, recording))
     with np.errstate(over="ignore"):
         distance_m = np.sqrt(np.einsum("ka,ka->k", error_m, error_m))
-    far = distance_m > limit_m
-    if not far.any():
-        return ""
-    first = int(np.argmax(far))
-    return _beyond(float(distance_m[first]), float(t_s[first]), limit_m)
+    first = int(np.argmax(distance_m > limit_m))
+    far = distance_m[first] > limit_m
+    return _beyond(float(distance_m[first]), float(t_s[first]), limit_m) if far else ""
 
 
 # A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
@@ -336,26 +336,15 @@ def metric_values(
         PluginError: two metrics give the same column.
     """
     estimate, counted, sums = summary
-    return gathered(
-        (m, m.summarise(sums) if sums and has_methods(m, Summarising) else evaluate(m, estimate, recording, counted))
-        for m in metrics
-    )
-
-
-def gathered(results: Iterable[tuple[Metric, Mapping[str, float]]]) -> dict[str, float]:
-    """Return the columns of all metrics.
-
-    Raises:
-        PluginError: two metrics give the same column.
-    """
     values: dict[str, float] = {}
     owners: dict[str, str] = {}
-    for metric, columns in results:
-        for column, value in columns.items():
-            if column in values:
-                raise PluginError(
-                    f"The metrics {owners[column]} and {type(metric).__name__} both give the column '{column}'; rename"
-                    " it in one of them, or leave one out."
-                )
-            values[column], owners[column] = float(value), type(metric).__name__
+    for m in metrics:
+        own = m.summarise(sums) if sums and has_methods(m, Summarising) else evaluate(m, estimate, recording, counted)
+        if twice := [column for column in own if column in owners]:
+            raise PluginError(
+                f"The metrics {owners[twice[0]]} and {type(m).__name__} both give the column '{twice[0]}'; rename it in"
+                " one of them, or leave one out."
+            )
+        values |= {column: float(value) for column, value in own.items()}
+        owners |= dict.fromkeys(own, type(m).__name__)
     return values

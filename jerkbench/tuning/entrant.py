@@ -2,14 +2,15 @@
 
 import dataclasses
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 
+from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.job import Job, Protocol
@@ -130,8 +131,11 @@ def tried_settings(trials: int, space: Space, restart: int = 0) -> tuple[Setting
     """
     if not space.knobs or trials < 2:
         return (space.start,)
-    shares = sampler_of("sobol", len(space.knobs), restart).ask(trials - 1)
-    return (space.start, *map(space.setting, shares))
+    return (space.start, *map(space.setting, _shares(len(space.knobs), restart, trials - 1)))
+
+
+_shares: Callable[[int, int, int], FloatArray] = lru_cache(256)(lambda k, r, n: sampler_of("sobol", k, r).ask(n))
+"""The first ``n`` points of ``k`` knobs and restart ``r``: to scramble them takes as long as some runs."""
 
 
 # Where settings are run over scenarios: what is stored is not run again.
