@@ -75,7 +75,7 @@ class Progress:
             TimeRemainingColumn(),
             TextColumn("{task.fields[trouble]}"),
         )
-        self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)))
+        self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)), refresh_per_second=2)
         self._stack = ExitStack()
         self._left = count - already
         self._drawn = self._left > 0

@@ -231,10 +231,7 @@ def block_of(job: Job, result: Result) -> RowBlock:
 
 def plan_name(draws: Mapping[str, Sequence[int]]) -> str:
     """Name a plan by its keys and their seeds; its bundles have the same numbers in every process."""
-    sha = hashlib.sha256()
-    for key, own in draws.items():
-        sha.update(f"{key} {own}\n".encode())
-    return sha.hexdigest()[:12]
+    return hashlib.sha256("".join(f"{key} {own}\n" for key, own in draws.items()).encode()).hexdigest()[:12]
 
 
 class Locks:
@@ -315,9 +312,9 @@ class Shared:
         bundle = tasks[0].bundle
         if bundle not in self._taken:
             self._taken[bundle] = self._locks.take(bundle)
+            self._known.look()  # others may have done some of it; from now on they cannot
         if not self._taken[bundle]:
             return []
-        self._known.look()
         done = [task for task in tasks if all(self._known.get(job.key, set()) >= {*task.draws} for job in task.jobs)]
         for task in done:
             self.settle(bundle, task.runs)
