@@ -95,8 +95,8 @@ def collected(protocol: AuditProtocol, site: Site) -> AuditRows:
 def _judged(protocol: AuditProtocol, site: Site, methods: Sequence[AuditMethod], picked: pd.DataFrame) -> pd.DataFrame:
     """Run the defaults of ``methods``, and what each search has ``picked``, on unseen drives; returns the runs."""
     found = picked[["tuning", *_METHOD, "trial"]].itertuples(index=False, name=None)
-    wanted = {(tuning if trial else 0, AuditMethod(*names), trial) for tuning, *names, trial in found}
-    wanted |= {(0, method, 0) for method in methods}  # the defaults run once
+    wanted = {(tuning if trial else 0, AuditMethod(*names), trial) for tuning, *names, trial in found}  # defaults: once
+    wanted |= {(0, method, 0) for method in methods}
     tries = [
         Try(tuning, protocol.drives, own.entrant, protocol.settings_of(own, tuning)[trial], trial, protocol.judges(own))
         for tuning, own, trial in sorted(wanted)
@@ -296,6 +296,8 @@ def _with_losses(rows: AuditRows, tried: int, cost: float) -> pd.DataFrame:
 def _array(table: pd.DataFrame, methods: Sequence[AuditMethod], axes: Sequence[str]) -> FloatArray:
     """The column ``loss`` of a table as an array: the methods, then the ``axes`` in the order of their values."""
     place = pd.MultiIndex.from_tuples(methods).get_indexer(pd.MultiIndex.from_frame(table[_METHOD]))
+    if lacking := {*range(len(methods))} - {*np.unique(place).tolist()}:
+        raise KeyError(methods[min(lacking)].name)
     known = table[place >= 0]
     codes, values = zip(*(pd.factorize(known[axis], sort=True) for axis in axes), strict=True)
     array = np.full((len(methods), *map(len, values)), np.nan)

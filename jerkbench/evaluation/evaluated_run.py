@@ -155,7 +155,7 @@ def _over_axes(squares: FloatArray) -> FloatArray:
 
 
 _MOVING = np.array([0, 1, 4])
-"""Which of these are VELOCITY_AXES."""
+"""The places of VELOCITY_AXES among POSITION_AXES."""
 
 
 def _lengths_m(error_m: FloatArray) -> FloatArray:
@@ -336,8 +336,7 @@ def metric_values(
         PluginError: two metrics give the same column.
     """
     estimate, counted, sums = summary
-    values: dict[str, float] = {}
-    owners: dict[str, str] = {}
+    values, owners = dict[str, float](), dict[str, str]()
     for m in metrics:
         own = m.summarise(sums) if sums and has_methods(m, Summarising) else evaluate(m, estimate, recording, counted)
         if twice := [column for column in own if column in owners]:

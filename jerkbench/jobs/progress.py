@@ -75,6 +75,7 @@ class Progress:
             TimeRemainingColumn(),
             TextColumn("{task.fields[trouble]}"),
         )
+        # Each drawing takes time from the process that stores the rows.
         self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)), refresh_per_second=2)
         self._stack = ExitStack()
         self._left = count - already

@@ -310,9 +310,8 @@ class Shared:
     def admitted(self, tasks: Sequence[Task]) -> list[Task]:
         """Return those of some tasks of one bundle that are to run here."""
         bundle = tasks[0].bundle
-        if bundle not in self._taken:
-            self._taken[bundle] = self._locks.take(bundle)
-            self._known.look()  # others may have done some of it; from now on they cannot
+        if bundle not in self._taken and self._taken.setdefault(bundle, self._locks.take(bundle)):
+            self._known.look()  # others may have done some of it before; while it is locked they do not
         if not self._taken[bundle]:
             return []
         done = [task for task in tasks if all(self._known.get(job.key, set()) >= {*task.draws} for job in task.jobs)]

@@ -135,7 +135,7 @@ def tried_settings(trials: int, space: Space, restart: int = 0) -> tuple[Setting
 
 
 _shares: Callable[[int, int, int], FloatArray] = lru_cache(256)(lambda k, r, n: sampler_of("sobol", k, r).ask(n))
-"""The first ``n`` points of ``k`` knobs and restart ``r``: to scramble them takes as long as some runs."""
+"""The first ``n`` points for ``k`` knobs and restart ``r``: to scramble a sequence takes as long as several runs."""
 
 
 # Where settings are run over scenarios: what is stored is not run again.

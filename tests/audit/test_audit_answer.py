@@ -123,3 +123,11 @@ def test_an_audit_of_equal_methods_says_nothing():
 
     assert not set(said.methods["own_verdict"]) & {"better", "worse"}
     assert said.error.low <= 0.05
+
+
+def test_a_method_without_a_row_is_no_row_of_nan(answer):
+    judged = answer.rows.judged
+    lacking = dataclasses.replace(answer.rows, judged=judged[judged["adaptation"] != "mtf"])
+
+    with pytest.raises(KeyError, match="mtf"):
+        losses_of(lacking)
