@@ -16,8 +16,13 @@ Doubles carry 16 digits, so what is left has an error of 1e-4 of itself by then.
 states depend on each other, as with `jerk` over 100 s in one step: p = 166 667 j and v = 5 000 j.
 """
 
-EXPOSED = 1e-6
-"""Below this share of what an update takes away, what it leaves is widened by rounding (`rounding_noise`)."""
+EXPOSED = 1e-3
+"""Below this share of what an update takes away, what it leaves is widened by rounding (`rounding_noise`).
+
+Above it an error of u of the whole is 1e-13 of what is left. That is less than `ROUNDING`: a second update cannot take
+away all but the error. It could if widening began at a millionth: of two precise rows the first leaves 1e-5 of a
+variance, the second 3e-12 of the rest, and the sign of the error decides which run ends.
+"""
 
 FLOOR = 1e-15
 """What rounding is taken for there, as a share of the same.
@@ -25,7 +30,7 @@ FLOOR = 1e-15
 Nine units of rounding u: some for the factors of S, some for the prediction before. Without it the posterior keeps the
 noise alone where the prior is singular to rounding, of either sign; the next precise row takes away what is left beside
 it, and its sign decides which run ends. A variance gets wider by FLOOR / ROUNDING, a thousandth, at the very limit, by
-FLOOR / EXPOSED, a thousandth of a millionth, where it begins.
+FLOOR / EXPOSED, a millionth of a millionth, where it begins.
 """
 
 SYMMETRIC = 1e-12

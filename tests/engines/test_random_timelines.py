@@ -163,6 +163,20 @@ def test_changed_runs_whose_variance_is_negative_are_compared_all_the_same():
 
 
 @pytest.mark.slow
+def test_two_precise_rows_after_a_gap_do_not_leave_an_error_alone():
+    """A velocity leaves 1e-5 of what 400 s have made, a position 3e-12 of that: its sign had decided which run ends."""
+    gap, fix = (100.0, False, "position", 1e-3), (0.01, True, "both", 0.01)
+    begin = [(0.01, True, "both", 1.0), fix, (100.0, True, "both", 1e-3), gap, (1.0, False, "some", 30.0)]
+    middle = [(100.0, True, "position", 1.0), (0.0, True, "position", 1.0), gap, (100.0, True, "both", 30.0)]
+    end = [(0.0, True, "velocity", 30.0), gap, gap, (0.01, True, "none", 1e-3), (0.01, True, "velocity", 1e-3)]
+    last = [(0.01, True, "position", 1e-3), (0.01, True, "both", 1e-3), (0.01, True, "none", 1.0)]
+    timeline = timeline_of([*begin, *middle, *end, *last], 88, correlated=True)
+    pair = Damped(), plugins.create("adaptation", {"name": "ssmkf_r"})
+    assert compare(timeline, *pair) in {"strictly", "rounded", "cut"}
+    assert {engine.run(timeline, *pair).failure for engine in (FilterpyEngine(), CompiledEngine())} == {""}
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sif", "maximum_correntropy"])
 def test_a_gain_of_their_own_leaves_nothing_of_a_prior_that_is_large_after_a_gap(name):
     """(I - K H) is worked out before P, which is 1e16 R here: P less what is nearly P is no millimetre."""
