@@ -54,8 +54,6 @@ PROCESSOR = "cell.processor"
 
 HEAD_COLUMNS = (*Labels._fields, *RUN_COLUMNS)
 """The columns that every row has, before its metrics."""
-NOT_METRICS = {*HEAD_COLUMNS, DRAWN}
-"""Entries of a row on its way that are no metrics."""
 
 SPEC = ("dataset", "disturbance", "attitude", "filter", "adaptation", "engine", "metrics")
 ABOUT = ("protocol", "data", "notes", "code", "versions", "commit", "created", "seconds")
@@ -128,12 +126,10 @@ def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
     rows = list(chain.from_iterable(block.rows for block in blocks))
     names = dict.fromkeys([*HEAD_COLUMNS, *chain.from_iterable(rows)])
     names.pop(DRAWN, None)
-    # Block by block: its rows stay in the processor's cache.
-    listed = [[[row.get(name) for row in block.rows] for name in names] for block in blocks]
-    columns = {name: _values(name, [*chain(*own)]) for name, *own in zip(names, *listed, strict=True)} | _drawn(rows)
+    columns = {name: _values(name, [row.get(name) for row in rows]) for name in names} | _drawn(rows)
     if strange := [name for name in columns if str(name).startswith(CELL)]:
         raise JerkbenchError(f"A metric cannot be called {strange[0]}: names that begin with {CELL} are taken.")
-    shared: dict[Any, Any] = {}
+    shared: dict[int, str] = {}
     known = [_facts(block, shared) for block in blocks]
     places = np.repeat(np.arange(len(blocks)), [len(block.rows) for block in blocks])
     told = dict.fromkeys(chain(*known))
@@ -181,15 +177,13 @@ def _drawn(rows: Sequence[Row]) -> dict[str, pa.Array]:
     return {name: _values(name, [own.get(name) for own in drives.values()]).take(places) for name in names}
 
 
-def _facts(block: RowBlock, shared: dict[Any, Any]) -> dict[str, str]:
+def _facts(block: RowBlock, shared: dict[int, str]) -> dict[str, str]:
     """All that is known of a cell, each entry as JSON, by the name of its column.
 
-    ``shared`` has the JSON of objects that cells share, by their id, and the columns of what drives drew, by the ids of
-    these. All of them live longer than it.
+    ``shared`` has those of objects that cells share, which live longer than it.
     """
-    drives = {id(of): of for row in block.rows if (of := row.get(DRAWN))}
-    drawn = shared.get(tuple(drives)) or shared.setdefault(tuple(drives), dict.fromkeys(chain(*drives.values())))
-    own = [name for name in dict.fromkeys(chain(*block.rows, drawn)) if name not in NOT_METRICS]
+    names = dict.fromkeys(chain(*block.rows, *(row.get(DRAWN, ()) for row in block.rows)))
+    own = [name for name in names if name not in (*HEAD_COLUMNS, DRAWN)]
     entries = {name: value for name, value in block.metadata.items() if name not in NOT_FACTS}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
     texts = {name: shared.get(id(of)) or shared.setdefault(id(of), json.dumps(of)) for name, of in entries.items()}

@@ -231,7 +231,10 @@ def block_of(job: Job, result: Result) -> RowBlock:
 
 def plan_name(draws: Mapping[str, Sequence[int]]) -> str:
     """Name a plan by its keys and their seeds; its bundles have the same numbers in every process."""
-    return hashlib.sha256("".join(f"{key} {own}\n" for key, own in draws.items()).encode()).hexdigest()[:12]
+    sha = hashlib.sha256()
+    for key, own in draws.items():
+        sha.update(f"{key} {own}\n".encode())
+    return sha.hexdigest()[:12]
 
 
 class Locks:
