@@ -107,9 +107,7 @@ def _words(column: str) -> tuple[list[str], str]:
     words = [word for word in re.split(r"[^a-z0-9]+", text) if word and word not in SENSORS]
     if bracketed:
         return words, UNITS.get(bracketed[1].strip().lower().replace(" ", ""), "")
-    if len(words) > 1 and words[-1] in UNITS:
-        return words[:-1], UNITS[words[-1]]
-    return words, ""
+    return (words[:-1], UNITS[words[-1]]) if len(words) > 1 and words[-1] in UNITS else (words, "")
 
 
 SENSOR_AXES = (("x", "y", "z"), ("forward", "left", "up"), ("forward", "right", "down"))

@@ -110,9 +110,7 @@ def plugin_of(kind: str, part: Part | None) -> Any:  # noqa: ANN401 - the kind d
     Raises:
         PluginError: something is unknown or does not fit together.
     """
-    if is_plugin(part):
-        return part
-    return plugins.create(kind, choose(kind, _or_default(kind, part)).plain)
+    return part if is_plugin(part) else plugins.create(kind, choose(kind, _or_default(kind, part)).plain)
 
 
 def is_plugin(part: object) -> bool:

@@ -182,8 +182,8 @@ def _facts(block: RowBlock, shared: dict[int, str]) -> dict[str, str]:
 
     ``shared`` has those of objects that cells share, which live longer than it.
     """
-    names = dict.fromkeys(chain(*block.rows, *(row.get(DRAWN, ()) for row in block.rows)))
-    own = [name for name in names if name not in (*HEAD_COLUMNS, DRAWN)]
+    kinds = dict.fromkeys(map(tuple, chain(block.rows, (row.get(DRAWN, ()) for row in block.rows))))
+    own = [name for name in dict.fromkeys(chain.from_iterable(kinds)) if name not in (*HEAD_COLUMNS, DRAWN)]
     entries = {name: value for name, value in block.metadata.items() if name not in NOT_FACTS}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
     texts = {name: shared.get(id(of)) or shared.setdefault(id(of), json.dumps(of)) for name, of in entries.items()}
@@ -266,7 +266,7 @@ def concatenated(tables: Sequence[pa.Table]) -> pa.Table:
     for field in chain.from_iterable(table.schema for table in tables):
         types.setdefault(field.name, set()).add(field.type)
     floats = {name: pa.float64() for name, kinds in types.items() if len(kinds - {pa.null()}) > 1}
-    alike = [_with_types(table, floats) for table in tables]
+    alike = [_with_types(table, floats) for table in tables] if floats else tables
     return pa.concat_tables(alike, promote_options="default").unify_dictionaries().combine_chunks()
 
 

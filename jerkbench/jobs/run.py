@@ -7,25 +7,26 @@ process has run them already.
 import hashlib
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from functools import cache, partial
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 from uuid import uuid4
 
+import pyarrow as pa
 from filelock import FileLock, Timeout
 
 from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, identity_of, outcomes
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.jobs.parts import RowBlock
+from jerkbench.jobs.parts import RowBlock, table_of
 from jerkbench.jobs.plan import Plan, grouped, missing
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import Result, Task, failed_rows, work
+from jerkbench.jobs.rows import Done, Result, Row, Task, failed_rows, work
 from jerkbench.jobs.store import Store
 from jerkbench.notices import notify
 
@@ -74,47 +75,39 @@ def run_missing(
     known = KnownSeeds(store, plan.jobs)
     left = known.unfinished(plan.jobs)
     locks = Locks(store.folder.parent / LOCKS_FOLDER, plan_name(plan.draws))
-    with _shown(progress, len(plan.jobs), len(plan.jobs) - len(left)) as bar, locks, Writer(store, known) as writer:
+    done = len(plan.jobs) - len(left)
+    shown = nullcontext(progress) if progress else Progress(len(plan.jobs), done)
+    with shown as bar, locks, Writer(store, known) as writer:
+        bar.skip(done if progress else 0)
         while left:
             to_do = {job.key: set(missing(job, known.get(job.key, ()))) for job in left}
             groups = grouped(plan.jobs, to_do, least)
             shared = Shared(groups, known, locks, writer)
             order = Order(
-                work=partial(work, strict=strict, threads=threads),
+                work=partial(sent, strict=strict, threads=threads, commit=git_commit()),
                 groups=groups,
                 bundle=attrgetter("bundle"),
                 admit=shared.admitted,
-                rest=attrgetter("rest"),
+                rest=lambda outcome: outcome[0].rest,
                 alone=Task.alone,
                 identity=cache(partial(identity_of, left)),
             )
             lent = workers.lent(sum(map(len, groups))) if workers and groups else None
             for task, outcome in outcomes(order, lent):
                 if not isinstance(outcome, Exception):
-                    results = outcome.results
+                    (results, _), table = outcome
                 elif strict:
                     raise outcome
                 else:  # its process could not say what became of it
                     reason = f"{type(outcome).__name__}: {outcome}"
-                    results = [Result(failed_rows(job, task.draws, reason), []) for job in task.jobs]
+                    results, table = [Result(failed_rows(job, task.draws, reason), []) for job in task.jobs], None
+                writer.add(task.jobs, results, table)
                 for job, result in zip(task.jobs, results, strict=True):
-                    writer.add(job, result)
                     to_do[job.key].difference_update(row["seed"] for row in result.rows)
                     bar.advance([row["status"] for row in result.rows], count=not to_do[job.key])
                 shared.settle(task.bundle, sum(len(result.rows) for result in results))
             writer.flush()  # others, who are waited for, may wait for it
             left = _wait_for_others([job for job in left if to_do[job.key]], known, bar)
-
-
-@contextmanager
-def _shown(progress: Progress | None, jobs: int, done: int) -> Iterator[Progress]:
-    """Show the bar that is given, without what is done already; or draw one."""
-    if progress is None:
-        with Progress(jobs, done) as bar:
-            yield bar
-    else:
-        progress.skip(done)
-        yield progress
 
 
 class KnownSeeds(dict[str, set[int]]):
@@ -130,11 +123,11 @@ class KnownSeeds(dict[str, set[int]]):
         for key, seeds in self._store.known(self._keys, seen=self._files).items():
             self.setdefault(key, set()).update(seeds)
 
-    def note(self, file: str, blocks: Sequence[RowBlock]) -> None:
-        """Know what this process has stored itself, without reading it."""
+    def note(self, file: str, runs: Iterable[tuple[str, Sequence[Row]]]) -> None:
+        """Know the rows of some keys that this process has stored itself, without reading them."""
         self._files.add(file)
-        for block in blocks:
-            self.setdefault(block.key, set()).update(row["seed"] for row in block.rows if row["status"] != "failed")
+        for key, rows in runs:
+            self.setdefault(key, set()).update(row["seed"] for row in rows if row["status"] != "failed")
 
     def unfinished(self, jobs: Sequence[Job]) -> list[Job]:
         """Return the jobs of which runs are missing, after a look."""
@@ -167,7 +160,7 @@ class Writer:
     def __init__(self, store: Store, known: KnownSeeds) -> None:
         """Write into ``store``, and make it known."""
         self.store, self._known = store, known
-        self._held: list[RowBlock] = []
+        self._held, self._blocks, self._tables = list[tuple[str, Sequence[Row]]](), list[RowBlock](), list[pa.Table]()
         self._rows, self._written, self._after = 0, time.monotonic(), list[Callable[[], None]]()
         self._began = self._written
 
@@ -179,11 +172,12 @@ class Writer:
         """Store what is held."""
         self.flush()
 
-    def add(self, job: Job, result: Result) -> None:
-        """Take rows of a job."""
-        if result.rows:
-            self._held.append(block_of(job, result))
-            self._rows += len(result.rows)
+    def add(self, jobs: Sequence[Job], results: Sequence[Result], table: pa.Table | None = None) -> None:
+        """Take rows of some jobs; ``table`` has them as they are stored, if that is made already."""
+        self._held += [(job.key, result.rows) for job, result in zip(jobs, results, strict=True)]
+        self._blocks += map(block_of, jobs, results) if table is None else ()
+        self._tables += () if table is None else [table]
+        self._rows += sum(len(result.rows) for result in results)
         if time.monotonic() - self._written > self.held_s or self._rows > HELD_ROWS:
             self.flush()
 
@@ -201,14 +195,33 @@ class Writer:
     def flush(self) -> None:
         """Store what is held as one file."""
         if self._held:
-            self._known.note(self.store.write_blocks(self._held), self._held)
-        self._held, self._rows, self._written = [], 0, time.monotonic()
+            self._known.note(self.store.write_blocks(self._blocks, self._tables), self._held)
+        self._held, self._blocks, self._tables, self._rows, self._written = [], [], [], 0, time.monotonic()
         while self._after:
             self._after.pop()()
 
 
-def block_of(job: Job, result: Result) -> RowBlock:
-    """Return the runs of ``result`` as they are stored."""
+PACKED_ROWS = 100
+"""From so many rows on a task makes the table that is stored: the process that planned has enough to do. For fewer,
+making and joining tables costs more than their rows do."""
+
+
+Sent = tuple[Done, pa.Table | None]
+"""What came of a task; where there is a table of its rows, these have the seed and the status alone."""
+
+
+def sent(task: Task, commit: str, **how: Any) -> Sent:  # noqa: ANN401 - as `work` takes them
+    """Run a task as `work` does, and make the table of many rows."""
+    done = work(task, **how)
+    if sum(len(result.rows) for result in done.results) < PACKED_ROWS:
+        return done, None
+    table = table_of(list(map(partial(block_of, commit=commit), task.jobs, done.results)))
+    heads = [[{"seed": row["seed"], "status": row["status"]} for row in result.rows] for result in done.results]
+    return Done([own._replace(rows=rows) for own, rows in zip(done.results, heads, strict=True)], done.rest), table
+
+
+def block_of(job: Job, result: Result, commit: str | None = None) -> RowBlock:
+    """Return the runs of ``result`` as they are stored; ``commit`` is the plan's, by default that of this process."""
     about = {
         "labels": job.labels._asdict(),
         "spec": job.spec,
@@ -217,7 +230,7 @@ def block_of(job: Job, result: Result) -> RowBlock:
         "notes": result.notes,
         "code": code_digest(),
         "versions": versions(),
-        "commit": git_commit(),
+        "commit": git_commit() if commit is None else commit,
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "seconds": round(result.seconds + result.inputs_s, 3),
         "run_s": float(f"{result.seconds / len(result.rows):.4g}"),

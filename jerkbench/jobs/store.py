@@ -95,13 +95,18 @@ class Store:
             notify(set_aside(damaged))
         return damaged
 
-    def write_blocks(self, blocks: Sequence[RowBlock]) -> str:
+    def write_blocks(self, blocks: Sequence[RowBlock], tables: Sequence[pa.Table] = ()) -> str:
         """Store runs of some cells as one part; a reader sees the whole of it or nothing. Returns the part's name.
+
+        Args:
+            blocks: the runs.
+            tables: more of them, as `table_of` has made them.
 
         Raises:
             JerkbenchError: no reader would take them for rows.
         """
-        return self._put(table_of(blocks)).stem
+        made = [table_of(blocks)] if blocks else []
+        return self._put(concatenated([*made, *tables]) if tables else made[0]).stem
 
     def known(
         self, keys: Collection[str], *, failed: bool = False, seen: set[str] | None = None

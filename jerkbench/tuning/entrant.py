@@ -84,9 +84,7 @@ class Entrant:
     @property
     def name(self) -> str:
         """Its filter and its adaptation, or its attitude filter."""
-        if self.attitude:
-            return str(self.attitude["name"])
-        return f"{self.filter['name']} + {self.adaptation['name']}"
+        return str(self.attitude["name"]) if self.attitude else f"{self.filter['name']} + {self.adaptation['name']}"
 
     @cached_property
     def text(self) -> str:

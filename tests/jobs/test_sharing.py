@@ -86,7 +86,7 @@ def test_a_bundle_is_anybodys_when_its_rows_are_stored_whatever_else_waits(tmp_p
     def done(task, shared, writer):
         for job in task.jobs:
             (row,), notes = job_rows(job)
-            writer.add(job, Result([row], notes))
+            writer.add([job], [Result([row], notes)])
         shared.settle(task.bundle, task.runs)
 
     with Locks(tmp_path / ".locks", "plan") as locks, Writer(store, known) as writer:

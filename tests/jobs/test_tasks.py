@@ -12,13 +12,14 @@ from jerkbench.arrays import WIDE
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs import rows as rows_module
+from jerkbench.jobs import run as loop
 from jerkbench.jobs.cluster import Lent, Workers
 from jerkbench.jobs.dispatch import TRIES
 from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import Plan, grouped, planned
-from jerkbench.jobs.rows import job_rows, work
-from jerkbench.jobs.run import run_missing
+from jerkbench.jobs.rows import Task, job_rows, work
+from jerkbench.jobs.run import run_missing, sent
 from jerkbench.jobs.store import Store
 from made_jobs import with_method
 
@@ -60,7 +61,10 @@ def test_the_pieces_of_a_group_share_their_seeds(plan):
     ]
 
 
-def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
+@pytest.mark.parametrize("packed_rows", [1, KEPT_INPUTS, SEEDS])
+def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, packed_rows, tmp_path, monkeypatch):
+    """All its pieces come as tables, those with many rows do, or none."""
+    monkeypatch.setattr(loop, "PACKED_ROWS", packed_rows)
     store = Store(tmp_path)
     store.prepare()
 
@@ -71,6 +75,18 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, tmp_path):
         rows, notes = job_rows(one)
         pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(rows), check_exact=True)
         assert stored.metadata["notes"] == notes
+
+
+def test_many_rows_come_as_the_table_that_is_stored_and_few_as_rows(plan, monkeypatch):
+    task = Task((plan.jobs[0],), range(4, 6))
+    (few, _), none = sent(task, "abc")
+    monkeypatch.setattr(loop, "PACKED_ROWS", 2)
+    ((many,), _), table = sent(task, "abc")
+
+    assert none is None
+    assert table["position_rmse_m"].to_pylist() == [row["position_rmse_m"] for row in few[0].rows]
+    assert set(table["cell.commit"].to_pylist()) == {'"abc"'}
+    assert many.rows == [{"seed": 4, "status": "ok"}, {"seed": 5, "status": "ok"}]
 
 
 class Fragile(Executor):
