@@ -181,12 +181,7 @@ class _Dispatch(Generic[_Task, _Result]):
 
     def __init__(self, order: Order[_Task, _Result], lent: Lent) -> None:
         self.order, self.lent = order, lent
-        self.groups = [
-            deque(_Bundle(list(own)) for _, own in groupby(group, order.bundle))
-            if lent.elsewhere
-            else deque(_Bundle([task]) for task in group)
-            for group in order.groups
-        ]
+        self.groups = [deque(_Bundle(list(own)) for _, own in groupby(group, order.bundle)) for group in order.groups]
         self.lost: deque[_Bundle[_Task]] = deque()
         self.running: dict[Future[list[Any]], tuple[_Bundle[_Task], deque[_Bundle[_Task]]]] = {}
         self.freed: list[deque[_Bundle[_Task]]] = []

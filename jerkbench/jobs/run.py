@@ -23,7 +23,7 @@ from jerkbench.jobs.cluster import Workers
 from jerkbench.jobs.dispatch import Order, identity_of, outcomes
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.jobs.parts import RowBlock, table_of
+from jerkbench.jobs.parts import RowBlock, table_of, to_stream
 from jerkbench.jobs.plan import Plan, grouped, missing
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Done, Result, Row, Task, failed_rows, work
@@ -95,13 +95,13 @@ def run_missing(
             lent = workers.lent(sum(map(len, groups))) if workers and groups else None
             for task, outcome in outcomes(order, lent):
                 if not isinstance(outcome, Exception):
-                    (results, _), table = outcome
+                    (results, _), stream = outcome
                 elif strict:
                     raise outcome
                 else:  # its process could not say what became of it
                     reason = f"{type(outcome).__name__}: {outcome}"
-                    results, table = [Result(failed_rows(job, task.draws, reason), []) for job in task.jobs], None
-                writer.add(task.jobs, results, table)
+                    results, stream = [Result(failed_rows(job, task.draws, reason), []) for job in task.jobs], None
+                writer.add(task.jobs, results, stream)
                 for job, result in zip(task.jobs, results, strict=True):
                     to_do[job.key].difference_update(row["seed"] for row in result.rows)
                     bar.advance([row["status"] for row in result.rows], count=not to_do[job.key])
@@ -172,11 +172,11 @@ class Writer:
         """Store what is held."""
         self.flush()
 
-    def add(self, jobs: Sequence[Job], results: Sequence[Result], table: pa.Table | None = None) -> None:
-        """Take rows of some jobs; ``table`` has them as they are stored, if that is made already."""
+    def add(self, jobs: Sequence[Job], results: Sequence[Result], stream: pa.Buffer | None = None) -> None:
+        """Take rows of some jobs; ``stream`` has their table, if that is made already."""
         self._held += [(job.key, result.rows) for job, result in zip(jobs, results, strict=True)]
-        self._blocks += map(block_of, jobs, results) if table is None else ()
-        self._tables += () if table is None else [table]
+        self._blocks += map(block_of, jobs, results) if stream is None else ()
+        self._tables += () if stream is None else [pa.ipc.open_stream(stream).read_all()]
         self._rows += sum(len(result.rows) for result in results)
         if time.monotonic() - self._written > self.held_s or self._rows > HELD_ROWS:
             self.flush()
@@ -206,8 +206,8 @@ PACKED_ROWS = 100
 making and joining tables costs more than their rows do."""
 
 
-Sent = tuple[Done, pa.Table | None]
-"""What came of a task; where there is a table of its rows, these have the seed and the status alone."""
+Sent = tuple[Done, pa.Buffer | None]
+"""What came of a task; where there is a table of its rows, as `to_stream` has it, they have seed and status alone."""
 
 
 def sent(task: Task, commit: str, **how: Any) -> Sent:  # noqa: ANN401 - as `work` takes them
@@ -215,9 +215,9 @@ def sent(task: Task, commit: str, **how: Any) -> Sent:  # noqa: ANN401 - as `wor
     done = work(task, **how)
     if sum(len(result.rows) for result in done.results) < PACKED_ROWS:
         return done, None
-    table = table_of(list(map(partial(block_of, commit=commit), task.jobs, done.results)))
+    stream = to_stream(table_of(list(map(partial(block_of, commit=commit), task.jobs, done.results))))
     heads = [[{"seed": row["seed"], "status": row["status"]} for row in result.rows] for result in done.results]
-    return Done([own._replace(rows=rows) for own, rows in zip(done.results, heads, strict=True)], done.rest), table
+    return Done([own._replace(rows=rows) for own, rows in zip(done.results, heads, strict=True)], done.rest), stream
 
 
 def block_of(job: Job, result: Result, commit: str | None = None) -> RowBlock:

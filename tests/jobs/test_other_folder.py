@@ -24,8 +24,8 @@ def expected(tmp_path_factory):
 def interrupted_after(cells, monkeypatch):
     add = run.Writer.add
 
-    def adding(writer, jobs, results, table, seen=[0]):  # noqa: B006 - a count
-        add(writer, jobs, results, table)
+    def adding(writer, jobs, results, stream, seen=[0]):  # noqa: B006 - a count
+        add(writer, jobs, results, stream)
         seen[0] += 1
         if seen[0] > cells:
             raise KeyboardInterrupt

@@ -6,6 +6,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 from jerkbench.arrays import WIDE
@@ -81,7 +82,8 @@ def test_many_rows_come_as_the_table_that_is_stored_and_few_as_rows(plan, monkey
     task = Task((plan.jobs[0],), range(4, 6))
     (few, _), none = sent(task, "abc")
     monkeypatch.setattr(loop, "PACKED_ROWS", 2)
-    ((many,), _), table = sent(task, "abc")
+    ((many,), _), stream = sent(task, "abc")
+    table = pa.ipc.open_stream(stream).read_all()
 
     assert none is None
     assert table["position_rmse_m"].to_pylist() == [row["position_rmse_m"] for row in few[0].rows]
