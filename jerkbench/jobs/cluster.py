@@ -1,6 +1,6 @@
 """Where tasks run: in this process, in the own pool, or on a cluster; opened once, when the first task comes.
 
-The own pool are processes of this machine as a `concurrent.futures.Executor`; one that dies costs its task alone.
+The own pool are processes of this machine as a `concurrent.futures.Executor`; of one that dies the bundle runs again.
 """
 
 import multiprocessing
@@ -36,7 +36,7 @@ class Lent(NamedTuple):
         executor: takes work.
         slots: how much work may be on its way.
         trouble: says why no result will come any more; empty: one may.
-        elsewhere: whether they may have other code than this process; then sending costs, and tasks go in bundles.
+        elsewhere: whether they may have other code than this process.
     """
 
     executor: Executor

@@ -216,8 +216,7 @@ class _Dispatch(Generic[_Task, _Result]):
                 identity = self.order.identity() if self.lent.elsewhere else None
                 parcel = Parcel(identity, str(Path.cwd()), pickle.dumps((self.order.work, bundle.tasks)))
             except Exception as error:  # noqa: BLE001 - a plugin decides on what pickling raises
-                for task in bundle.tasks:
-                    yield from self._failed(task, error)
+                yield from self._failed(bundle.tasks, error)
                 continue
             near = {"group": id(group)} if isinstance(self.lent.executor, OwnPool) else {}
             try:
@@ -249,28 +248,28 @@ class _Dispatch(Generic[_Task, _Result]):
             trouble = self.lent.trouble() or "The cluster has cancelled what was on its way."
             raise ClusterError(trouble) from error
         except JerkbenchError as error:
-            for task in bundle.tasks:
-                yield from self._failed(task, error)
+            yield from self._failed(bundle.tasks, error)
             return
         except Exception as error:  # noqa: BLE001 - each engine has errors of its own for a worker that is lost
             yield from self._again(bundle, error)
             return
         rests = [self.order.rest(result) for result in results if not isinstance(result, Exception)]
-        if left := [*(rest for rest in rests if rest is not None), *bundle.tasks[len(results) :]]:
-            group.appendleft(_Bundle(left))
+        left = [*(rest for rest in rests if rest is not None), *bundle.tasks[len(results) :]]
+        for half in (left[len(left) // 2 :], left[: len(left) // 2]):  # two workers may go on with it
+            group.extendleft([_Bundle(half)] if half else ())
         for task, result in zip(bundle.tasks, results, strict=False):
             if isinstance(result, Exception):
-                yield from self._failed(task, result)
+                yield from self._failed([task], result)
             else:
                 yield task, result
 
-    def _failed(self, task: _Task, error: Exception) -> Iterator[tuple[_Task, Exception]]:
-        """Yield a task that raised something; one of several parts is sent again, each part by itself."""
-        parts = self.order.alone(task)
+    def _failed(self, tasks: Sequence[_Task], error: Exception) -> Iterator[tuple[_Task, Exception]]:
+        """Yield a task that raised something; each of several parts is sent again alone, which tells the culprit."""
+        parts = [part for task in tasks for part in self.order.alone(task)]
         if len(parts) > 1:
             self.lost.extend(_Bundle([part]) for part in parts)
         else:
-            yield task, error
+            yield tasks[0], error
 
     def _again(self, bundle: _Bundle[_Task], error: Exception) -> Iterator[tuple[_Task, _Result | Exception]]:
         """Let each part of each task wait for another worker, or give it up."""

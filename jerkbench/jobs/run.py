@@ -83,8 +83,9 @@ def run_missing(
             to_do = {job.key: set(missing(job, known.get(job.key, ()))) for job in left}
             groups = grouped(plan.jobs, to_do, least)
             shared = Shared(groups, known, locks, writer)
+            lent = workers.lent(sum(map(len, groups))) if workers and groups else None
             order = Order(
-                work=partial(sent, strict=strict, threads=threads, commit=git_commit()),
+                work=partial(sent, made_by=origin() if lent else None, strict=strict, threads=threads),
                 groups=groups,
                 bundle=attrgetter("bundle"),
                 admit=shared.admitted,
@@ -92,7 +93,6 @@ def run_missing(
                 alone=Task.alone,
                 identity=cache(partial(identity_of, left)),
             )
-            lent = workers.lent(sum(map(len, groups))) if workers and groups else None
             for task, outcome in outcomes(order, lent):
                 if not isinstance(outcome, Exception):
                     (results, _), stream = outcome
@@ -174,9 +174,9 @@ class Writer:
 
     def add(self, jobs: Sequence[Job], results: Sequence[Result], stream: pa.Buffer | None = None) -> None:
         """Take rows of some jobs; ``stream`` has their table, if that is made already."""
-        self._held += [(job.key, result.rows) for job, result in zip(jobs, results, strict=True)]
         self._blocks += map(block_of, jobs, results) if stream is None else ()
         self._tables += () if stream is None else [pa.ipc.open_stream(stream).read_all()]
+        self._held += [(job.key, result.rows) for job, result in zip(jobs, results, strict=True)]
         self._rows += sum(len(result.rows) for result in results)
         if time.monotonic() - self._written > self.held_s or self._rows > HELD_ROWS:
             self.flush()
@@ -202,35 +202,38 @@ class Writer:
 
 
 PACKED_ROWS = 100
-"""From so many rows on a task makes the table that is stored: the process that planned has enough to do. For fewer,
-making and joining tables costs more than their rows do."""
-
+"""From so many rows on a worker makes the table that is stored: the process that planned has enough to do. For fewer,
+making and joining tables costs more than their rows do. More than `KEPT_INPUTS`: a table that cannot be made is of
+several jobs, whose rows are sent apart then, and what is wrong is said where they are stored."""
 
 Sent = tuple[Done, pa.Buffer | None]
 """What came of a task; where there is a table of its rows, as `to_stream` has it, they have seed and status alone."""
 
 
-def sent(task: Task, commit: str, **how: Any) -> Sent:  # noqa: ANN401 - as `work` takes them
-    """Run a task as `work` does, and make the table of many rows."""
+def origin() -> dict[str, Any]:
+    """Return what is stored with each run on the code that made it."""
+    return {"code": code_digest(), "versions": versions(), "commit": git_commit()}
+
+
+def sent(task: Task, made_by: Mapping[str, Any] | None, **how: Any) -> Sent:  # noqa: ANN401 - as `work` takes them
+    """Run a task as `work` does, and make the table of many rows; ``made_by`` is its origin, or None: rows."""
     done = work(task, **how)
-    if sum(len(result.rows) for result in done.results) < PACKED_ROWS:
+    if made_by is None or sum(len(result.rows) for result in done.results) < PACKED_ROWS:
         return done, None
-    stream = to_stream(table_of(list(map(partial(block_of, commit=commit), task.jobs, done.results))))
+    stream = to_stream(table_of([block_of(*own, made_by) for own in zip(task.jobs, done.results, strict=True)]))
     heads = [[{"seed": row["seed"], "status": row["status"]} for row in result.rows] for result in done.results]
     return Done([own._replace(rows=rows) for own, rows in zip(done.results, heads, strict=True)], done.rest), stream
 
 
-def block_of(job: Job, result: Result, commit: str | None = None) -> RowBlock:
-    """Return the runs of ``result`` as they are stored; ``commit`` is the plan's, by default that of this process."""
+def block_of(job: Job, result: Result, made_by: Mapping[str, Any] | None = None) -> RowBlock:
+    """Return the runs of ``result`` as they are stored, with an `origin`; default: that of this process."""
     about = {
         "labels": job.labels._asdict(),
         "spec": job.spec,
         "protocol": job.evaluation.limits,
         "data": job.scenario.data,
         "notes": result.notes,
-        "code": code_digest(),
-        "versions": versions(),
-        "commit": git_commit() if commit is None else commit,
+        **(made_by or origin()),
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "seconds": round(result.seconds + result.inputs_s, 3),
         "run_s": float(f"{result.seconds / len(result.rows):.4g}"),

@@ -123,6 +123,27 @@ def test_what_a_worker_has_not_come_to_is_sent_again(monkeypatch):
     assert executor.sent == [[1, 2], [11], [2]]
 
 
+def test_two_workers_may_go_on_with_what_one_has_not_come_to(monkeypatch):
+    monkeypatch.setattr("jerkbench.jobs.dispatch.BUNDLE_S", 0.0)
+    executor = FakeExecutor(slots=1)
+    monkeypatch.setattr(executor, "submit", lambda run, pack: done_at_once(executor, run, pack))
+
+    assert [task for task, _ in outcomes(order([[1, 2, 3, 4, 5, 6]]), executor.lent())] == [1, 2, 3, 4, 5, 6]
+    assert executor.sent == [[1, 2, 3, 4, 5, 6], [2, 3], [3], [4, 5, 6], [5], [6]]
+
+
+class Unpackable(int):
+    def __reduce__(self):
+        raise TypeError("it holds a file")
+
+
+def test_what_cannot_be_packed_costs_the_others_of_its_bundle_nothing():
+    done = dict(outcomes(order([[1, Unpackable(2), 3]]), FakeExecutor().lent()))
+
+    assert str(done.pop(2)) == "it holds a file"
+    assert done == {1: 10, 3: 30}
+
+
 def test_the_rest_of_a_task_is_sent_again():
     executor = FakeExecutor()
     twice = Order(tenfold, [[1], [11]], rest=lambda result: 2 if result == 10 else None)

@@ -20,7 +20,7 @@ from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import Plan, grouped, planned
 from jerkbench.jobs.rows import Task, job_rows, work
-from jerkbench.jobs.run import run_missing, sent
+from jerkbench.jobs.run import origin, run_missing, sent
 from jerkbench.jobs.store import Store
 from made_jobs import with_method
 
@@ -69,7 +69,7 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, packed_rows, tmp_p
     store = Store(tmp_path)
     store.prepare()
 
-    run_missing(plan, store)
+    run_missing(plan, store, Workers(Fragile(lambda _: False)))
 
     for one in plan.jobs:
         (stored,), _ = store.read([one.key])
@@ -78,14 +78,33 @@ def test_a_cell_in_pieces_has_the_rows_of_the_whole_one(plan, packed_rows, tmp_p
         assert stored.metadata["notes"] == notes
 
 
+def test_settings_that_share_their_calls_come_as_tables_from_processes(tmp_path):
+    """Beside the few rows of another job."""
+    told = [{"accel_mps2": 1.0 + k} for k in range(6)]
+    jobs = [replace(cell("mtf").at({"filter": own}), draws=range(4, 28)) for own in told]
+    plan = Plan((*jobs, replace(cell("none"), draws=range(4, 6))))
+    store = Store(tmp_path)
+    store.prepare()
+    assert len(jobs) * 24 >= loop.PACKED_ROWS
+
+    with Workers(count=2) as workers:
+        run_missing(plan, store, workers, least=len(jobs))
+
+    for one in plan.jobs:
+        (stored,), _ = store.read([one.key])
+        pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(job_rows(one)[0]), check_exact=True)
+
+
 def test_many_rows_come_as_the_table_that_is_stored_and_few_as_rows(plan, monkeypatch):
     task = Task((plan.jobs[0],), range(4, 6))
-    (few, _), none = sent(task, "abc")
+    (few, _), none = sent(task, {"commit": "abc"})
     monkeypatch.setattr(loop, "PACKED_ROWS", 2)
-    ((many,), _), stream = sent(task, "abc")
+    ((many,), _), stream = sent(task, {**origin(), "commit": "abc"})
+    (rows, _), here = sent(task, None)
     table = pa.ipc.open_stream(stream).read_all()
 
-    assert none is None
+    assert none is here is None
+    assert len(rows[0].rows[0]) == len(few[0].rows[0]) > 10
     assert table["position_rmse_m"].to_pylist() == [row["position_rmse_m"] for row in few[0].rows]
     assert set(table["cell.commit"].to_pylist()) == {'"abc"'}
     assert many.rows == [{"seed": 4, "status": "ok"}, {"seed": 5, "status": "ok"}]
