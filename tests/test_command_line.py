@@ -429,8 +429,8 @@ PAUSING = """
 import signal
 from jerkbench.jobs import run
 
-def pausing(writer, job, result, add=run.Writer.add, count=[0]):
-    add(writer, job, result)
+def pausing(writer, *task, add=run.Writer.add, count=[0]):
+    add(writer, *task)
     count[0] += 1
     if count[0] > 3:
         signal.pause()  # until Ctrl-C, however slow its sender is

@@ -149,9 +149,7 @@ def loaded(dataset: Dataset, fingerprint: str, seed: int) -> Recording:
 
 def attitude_of(recording: Recording, attitude: AttitudeFilter) -> Attitude:
     """Return the attitude that ``attitude`` estimates over ``recording``; none without an IMU."""
-    if recording.imu is None:
-        return no_attitude(recording.clock_s)
-    return attitude.estimate(recording)
+    return no_attitude(recording.clock_s) if recording.imu is None else attitude.estimate(recording)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Reading, Remarking, SideBySide
 from jerkbench.errors import JerkbenchError, PluginError
@@ -32,6 +32,9 @@ from jerkbench.plugins.optional import has_methods, part_read
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Timeline, build_timeline, told_timeline
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
@@ -85,10 +88,12 @@ class Done(NamedTuple):
     Attributes:
         results: for each of its jobs.
         rest: what was left when its time was up.
+        stream: from a worker, the table of all rows as Arrow's stream; those of the results have seed and status alone.
     """
 
     results: list[Result]
     rest: Task | None = None
+    stream: "pa.Buffer | None" = None
 
 
 BUDGET_S = 2.0
@@ -119,7 +124,7 @@ def job_rows(job: Job, draws: Sequence[int] = (), *, strict: bool = False, input
     rest: Task | None = Task((job,), draws or job.draws)
     pieces = []
     while rest is not None:
-        ((result,), rest) = work(rest, strict=strict, inputs=inputs)
+        (result,), rest, _ = work(rest, strict=strict, inputs=inputs)
         pieces.append(([flat(row) for row in result.rows], result.notes))
     return joined_pieces(pieces)
 

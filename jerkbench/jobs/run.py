@@ -85,17 +85,17 @@ def run_missing(
             shared = Shared(groups, known, locks, writer)
             lent = workers.lent(sum(map(len, groups))) if workers and groups else None
             order = Order(
-                work=partial(sent, made_by=origin() if lent else None, strict=strict, threads=threads),
+                work=partial(partial(sent, made_by=origin()) if lent else work, strict=strict, threads=threads),
                 groups=groups,
                 bundle=attrgetter("bundle"),
                 admit=shared.admitted,
-                rest=lambda outcome: outcome[0].rest,
+                rest=attrgetter("rest"),
                 alone=Task.alone,
                 identity=cache(partial(identity_of, left)),
             )
             for task, outcome in outcomes(order, lent):
                 if not isinstance(outcome, Exception):
-                    (results, _), stream = outcome
+                    results, _, stream = outcome
                 elif strict:
                     raise outcome
                 else:  # its process could not say what became of it
@@ -206,23 +206,21 @@ PACKED_ROWS = 100
 making and joining tables costs more than their rows do. More than `KEPT_INPUTS`: a table that cannot be made is of
 several jobs, whose rows are sent apart then, and what is wrong is said where they are stored."""
 
-Sent = tuple[Done, pa.Buffer | None]
-"""What came of a task; where there is a table of its rows, as `to_stream` has it, they have seed and status alone."""
-
 
 def origin() -> dict[str, Any]:
     """Return what is stored with each run on the code that made it."""
     return {"code": code_digest(), "versions": versions(), "commit": git_commit()}
 
 
-def sent(task: Task, made_by: Mapping[str, Any] | None, **how: Any) -> Sent:  # noqa: ANN401 - as `work` takes them
-    """Run a task as `work` does, and make the table of many rows; ``made_by`` is its origin, or None: rows."""
+def sent(task: Task, made_by: Mapping[str, Any], **how: Any) -> Done:  # noqa: ANN401 - as `work` takes them
+    """Run a task as `work` does, in a worker, and make the table of many rows; ``made_by`` is the plan's `origin`."""
     done = work(task, **how)
-    if made_by is None or sum(len(result.rows) for result in done.results) < PACKED_ROWS:
-        return done, None
-    stream = to_stream(table_of([block_of(*own, made_by) for own in zip(task.jobs, done.results, strict=True)]))
+    if sum(len(result.rows) for result in done.results) < PACKED_ROWS:
+        return done
+    table = table_of([block_of(*own, made_by) for own in zip(task.jobs, done.results, strict=True)])
     heads = [[{"seed": row["seed"], "status": row["status"]} for row in result.rows] for result in done.results]
-    return Done([own._replace(rows=rows) for own, rows in zip(done.results, heads, strict=True)], done.rest), stream
+    results = [result._replace(rows=rows) for result, rows in zip(done.results, heads, strict=True)]
+    return Done(results, done.rest, to_stream(table))
 
 
 def block_of(job: Job, result: Result, made_by: Mapping[str, Any] | None = None) -> RowBlock:

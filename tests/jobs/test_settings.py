@@ -35,7 +35,7 @@ def alone(cell):
 def together(cells):
     inputs, rest, rows = Inputs(), Task(tuple(cells), DRAWS), [[] for _ in cells]
     while rest is not None:
-        results, rest = work(rest, inputs=inputs)
+        results, rest, _ = work(rest, inputs=inputs)
         for own, result in zip(rows, results, strict=True):
             own += [(row["status"], row["position_rmse_m"]) for row in result.rows]
     return rows
