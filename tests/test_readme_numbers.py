@@ -106,24 +106,12 @@ def test_a_claim_on_the_tilt_is_that_of_the_geometric_mean(paper):
     assert roll.words[place] == "does not hold"
 
 
-def leaves(told, path=""):
-    """What an answer says, flat, by its place."""
-    if not isinstance(told, dict | list):
-        return {path: told}
-    parts = told.items() if isinstance(told, dict) else enumerate(told)
-    return {at: value for name, own in parts for at, value in leaves(own, f"{path}/{name}").items()}
-
-
 @pytest.mark.slow
 @needs_audit
 def test_the_audits_page_is_that_of_its_rows():
     told = json.loads((AUDIT / "answer.json").read_text(encoding="utf-8"))
     answer = answered(read_rows(AUDIT))
 
-    said, there = leaves(json.loads(json.dumps(answer_summary(answer, told["commit"])))), leaves(told)
-    numbers = [at for at, value in there.items() if isinstance(value, float)]
-    # BLAS sums in another order on another processor.
-    assert [said.pop(at) for at in numbers] == pytest.approx([there.pop(at) for at in numbers], rel=1e-12, abs=0.0)
-    assert said == there
+    assert json.loads(json.dumps(answer_summary(answer, told["commit"]))) == told
     committed = (ROOT / "experiments/audit/README.md").read_text(encoding="utf-8")
     assert audit_page(answer, AUDIT, told["commit"]) == committed

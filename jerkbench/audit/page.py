@@ -155,9 +155,9 @@ def write_page(answer: AuditAnswer, folder: Path, commit: str) -> None:
 
 
 def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
-    """Return the answer for programs, as the front page of the repository is."""
+    """Return the answer for programs, to twelve decimals: what follows differs from processor to processor."""
     protocol, said = answer.rows.protocol, answer.said
-    return {
+    summary = {
         "protocol": protocol.digest,
         "commit": commit,
         "drives": protocol.judged_drives,
@@ -174,6 +174,7 @@ def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
         "error": answer.error._asdict(),
         "take": json.loads(answer.take.to_json(orient="records")),
     }
+    return dict(json.loads(pd.Series(summary).to_json(double_precision=12)))
 
 
 def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:

@@ -70,7 +70,7 @@ class _Jit:
             copy.__kwdefaults__ = function.__kwdefaults__
             # under its own name a linker would take one compilation for another
             copy.__module__ = scope["__name__"] = self.home
-            inlined = function.__name__ not in self.apart
+            copy.stands_apart = not (inlined := function.__name__ not in self.apart)  # type: ignore[attr-defined]
             self.done[id(function)] = (self.decorate_inlined if inlined else self.decorate)(copy)
             self.begun.append(id(function))
             scope.update(self._scope(function))
@@ -117,6 +117,8 @@ class InnerLowering(NativeLowering):  # type: ignore[misc]  # numba has no types
         state.flags.no_compile = True
         super().run_pass(state)
         state.flags = flags
+        if state.func_id.func.stands_apart:  # else LLVM puts what is short on this processor into each of its callers
+            state.library._final_module.get_function(state.cr.fndesc.llvm_func_name).add_function_attribute("noinline")  # noqa: SLF001 - our own library's
         key: Any = [].append  # numba asks for a built-in to know the function by; that of a new list is like no other
         state.cr = state.cr._replace(cfunc=key)
         state.targetctx.insert_user_function(key, state.cr.fndesc, [state.library])

@@ -218,8 +218,7 @@ def sent(task: Task, made_by: Mapping[str, Any], **how: Any) -> Done:  # noqa: A
     if sum(len(result.rows) for result in done.results) < PACKED_ROWS:
         return done
     table = table_of([block_of(*own, made_by) for own in zip(task.jobs, done.results, strict=True)])
-    heads = [[{"seed": row["seed"], "status": row["status"]} for row in result.rows] for result in done.results]
-    results = [result._replace(rows=rows) for result, rows in zip(done.results, heads, strict=True)]
+    results = [own._replace(rows=[{k: row[k] for k in ("seed", "status")} for row in own.rows]) for own in done.results]
     return Done(results, done.rest, to_stream(table))
 
 

@@ -105,8 +105,7 @@ class Store:
         Raises:
             JerkbenchError: no reader would take them for rows.
         """
-        made = [table_of(blocks)] if blocks else []
-        return self._put(concatenated([*made, *tables]) if tables else made[0]).stem
+        return self._put(concatenated([*tables, *map(table_of, [blocks] if blocks else ())])).stem
 
     def known(
         self, keys: Collection[str], *, failed: bool = False, seen: set[str] | None = None
