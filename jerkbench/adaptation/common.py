@@ -274,15 +274,12 @@ def weighed_prior(P: FloatArray, Up: FloatArray, inverses: FloatArray) -> FloatA
     """Return P~ = P + B_p (C_p^-1 - 1) B_p' with what a `Stack` has of it."""
     Pw = P.copy()
     for a in range(AXES):
-        for c in range(Up.shape[1]):
-            excess = inverses[a, c] - 1.0
-            for s in range(c, Up.shape[2]):
-                share = excess * Up[a, c, s]
-                for t in range(c, s + 1):
-                    Pw[a + AXES * s, a + AXES * t] += share * Up[a, c, t]
-    for s in range(len(P)):
-        for t in range(s % AXES, s, AXES):
-            Pw[t, s] = Pw[s, t]
+        for s in range(Up.shape[2]):
+            for t in range(s + 1):
+                total = P[a + AXES * s, a + AXES * t]
+                for c in range(min(t + 1, Up.shape[1])):
+                    total += (inverses[a, c] - 1.0) * Up[a, c, s] * Up[a, c, t]
+                Pw[a + AXES * s, a + AXES * t] = Pw[a + AXES * t, a + AXES * s] = total
     return Pw
 
 
@@ -335,6 +332,7 @@ class Measured(NamedTuple):
         M: (m, m) factors of S.
         v: (m,) S^-1 y.
         step: (m,) H (x - x-).
+        share: (m,) room.
         D: (m, m) H D_x H'.
         room: (m, m).
     """
@@ -346,6 +344,7 @@ class Measured(NamedTuple):
     M: FloatArray
     v: FloatArray
     step: FloatArray
+    share: FloatArray
     D: FloatArray
     room: FloatArray
 
@@ -353,11 +352,11 @@ class Measured(NamedTuple):
 def measured_of(P: FloatArray, R: FloatArray, rows: IntArray) -> Measured:
     """Return it before the first pass, x = x- and E = P-."""
     m = len(rows)
-    of, vectors = np.empty((5, m, m), P.dtype), np.zeros((2, m), P.dtype)
+    of, vectors = np.empty((5, m, m), P.dtype), np.zeros((3, m), P.dtype)
     for i in range(m):
         for j in range(m):
             of[0, i, j] = of[1, i, j] = P[rows[i], rows[j]]
-    return Measured(of[0], R, root_of(R, m), of[2], of[3], vectors[0], vectors[1], of[1], of[4])
+    return Measured(of[0], R, root_of(R, m), of[2], of[3], vectors[0], vectors[1], vectors[2], of[1], of[4])
 
 
 def innovate(part: Measured, innovation: FloatArray, xi: float, weight: float) -> None:
@@ -377,17 +376,13 @@ def fill_square(part: Measured, xi: float) -> None:
     for i in range(m):
         part.step[i] = dot(part.W[i], part.v) * by_xi
     for i in range(m):
+        for k in range(m):
+            part.share[k] = X[k, i] * (part.M[k, k] * by_xi * by_xi)
         for j in range(i + 1):
-            D[i, j] = part.W[i, j] * by_xi + part.step[i] * part.step[j]
-    for k in range(m):
-        scale = part.M[k, k] * by_xi * by_xi
-        for i in range(m):
-            share = X[k, i] * scale
-            for j in range(i + 1):
-                D[i, j] -= share * X[k, j]
-    for i in range(m):
-        for j in range(i):
-            D[j, i] = D[i, j]
+            left = part.W[i, j] * by_xi + part.step[i] * part.step[j]
+            for k in range(m):
+                left -= part.share[k] * X[k, j]
+            D[i, j] = D[j, i] = left
 
 
 def first_distance(part: Measured, innovation: FloatArray) -> float:

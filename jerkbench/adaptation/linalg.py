@@ -109,11 +109,10 @@ def forward_rows(M: FloatArray, B: FloatArray, X: FloatArray) -> None:
     """Fill X = L^-1 B of any number of columns from the factors; both may be the same array."""
     for r in range(len(X)):
         for c in range(X.shape[1]):
-            X[r, c] = B[r, c]
-        for k in range(r):
-            factor = M[r, k]
-            for c in range(X.shape[1]):
-                X[r, c] -= factor * X[k, c]
+            rest = B[r, c]
+            for k in range(r):
+                rest -= M[r, k] * X[k, c]
+            X[r, c] = rest
 
 
 def solve_rows(M: FloatArray, B: FloatArray, X: FloatArray) -> None:
@@ -121,11 +120,10 @@ def solve_rows(M: FloatArray, B: FloatArray, X: FloatArray) -> None:
     forward_rows(M, B, X)
     for r in range(len(X) - 1, -1, -1):
         for c in range(X.shape[1]):
-            X[r, c] *= M[r, r]
-        for k in range(r + 1, len(X)):
-            factor = M[k, r]
-            for c in range(X.shape[1]):
-                X[r, c] -= factor * X[k, c]
+            rest = X[r, c] * M[r, r]
+            for k in range(r + 1, len(X)):
+                rest -= M[k, r] * X[k, c]
+            X[r, c] = rest
 
 
 def whiten(U: FloatArray, b: FloatArray, x: FloatArray) -> None:
@@ -140,15 +138,12 @@ def whiten(U: FloatArray, b: FloatArray, x: FloatArray) -> None:
 def whiten_rows(U: FloatArray, B: FloatArray, X: FloatArray) -> None:
     """Fill X = U^-T B of any number of columns; both may be the same array."""
     for r in range(len(X)):
-        for c in range(X.shape[1]):
-            X[r, c] = B[r, c]
-        for k in range(r):
-            factor = U[k, r]
-            for c in range(X.shape[1]):
-                X[r, c] -= factor * X[k, c]
         scale = 1.0 / U[r, r]
         for c in range(X.shape[1]):
-            X[r, c] *= scale
+            rest = B[r, c]
+            for k in range(r):
+                rest -= U[k, r] * X[k, c]
+            X[r, c] = rest * scale
 
 
 def whiten_both(U: FloatArray, A: FloatArray, X: FloatArray) -> None:
@@ -171,15 +166,13 @@ def weighted(roots: FloatArray, weights: FloatArray) -> FloatArray:
     """Return U' diag(weights) U of the roots of blocks, (m, m), symmetric to the bit; ``weights`` (m,) by row."""
     m = len(weights)
     covariance = np.zeros((m, m), roots.dtype)
-    for a in range(AXES):
-        for c in range(a, m, AXES):
-            for i in range(c, m, AXES):
-                share = roots[a, c // AXES, i // AXES] * weights[c]
-                for j in range(c, i + 1, AXES):
-                    covariance[i, j] += share * roots[a, c // AXES, j // AXES]
     for i in range(m):
-        for j in range(i % AXES, i, AXES):
-            covariance[j, i] = covariance[i, j]
+        U = roots[i % AXES]
+        for j in range(i % AXES, i + 1, AXES):
+            total = 0.0
+            for c in range(i % AXES, j + 1, AXES):
+                total += U[c // AXES, i // AXES] * weights[c] * U[c // AXES, j // AXES]
+            covariance[i, j] = covariance[j, i] = total
     return covariance
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.adaptation._ranges import FORGETTING, SHRINKING, WITHIN_0_AND_1, check_order
-from jerkbench.adaptation.linalg import diagonal, factorise, forward_rows, solve, submatrix
+from jerkbench.adaptation.linalg import AXES, diagonal, factorise, forward_rows, solve
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -79,12 +79,12 @@ class SageHusaBoth(Limited):
     ) -> FloatArray:
         """Return P~; estimate R for `adapt`, and Q for the next update."""
         n, m = len(P), len(rows)
-        prior, root, r = np.empty(P.shape, P.dtype), np.empty(n, P.dtype), np.empty(m, P.dtype)
+        prior, root, r = np.zeros(P.shape, P.dtype), np.empty(n, P.dtype), np.empty(m, P.dtype)
         for s in range(n):
             memory[RATIOS + s] = chosen(memory[18], 0.0, memory[RATIOS + s], 1.0)
             root[s] = math.sqrt(memory[RATIOS + s])
         for s in range(n):
-            for t in range(n):
+            for t in range(s % AXES, n, AXES):
                 prior[s, t] = P[s, t] - Q[s, t] + Q[s, t] * (root[s] * root[t])
         for i in range(m):
             row, reported = rows[i], R[i, i]
@@ -121,21 +121,28 @@ def _share(memory: FloatArray, count: int, faded: int, forgetting: float) -> flo
 
 def _update_of(P: FloatArray, innovation: FloatArray, r: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return d (n,) and the variances (n,) of P - P H' (H P H' + R)^-1 H P, R = diag(``r``)."""
-    m, n = len(rows), len(P)
-    S, M, W, v = submatrix(P, rows), np.empty((m, m), P.dtype), np.empty((m, n), P.dtype), np.empty(m, P.dtype)
-    step, posterior = np.zeros(n, P.dtype), np.empty(n, P.dtype)
-    for i in range(m):
-        S[i, i] += r[i]
-        for s in range(n):
-            W[i, s] = P[rows[i], s]
-    factorise(S, M)
-    solve(M, innovation, v)
-    for i in range(m):
-        for s in range(n):
-            step[s] += W[i, s] * v[i]
-    forward_rows(M, W, W)  # P H' S^-1 H P = (L^-1 H P)' D^-1 L^-1 H P
-    for s in range(n):
-        posterior[s] = P[s, s]
+    m, n = len(rows) // AXES, len(P) // AXES
+    matrices, vectors, W = np.empty((2, m, m), P.dtype), np.empty((2, m), P.dtype), np.empty((m, n), P.dtype)
+    S, M, y, v = matrices[0], matrices[1], vectors[0], vectors[1]
+    step, posterior = np.zeros(len(P), P.dtype), np.empty(len(P), P.dtype)
+    for a in range(AXES):
         for i in range(m):
-            posterior[s] -= W[i, s] * M[i, i] * W[i, s]
+            row = a + AXES * i
+            for j in range(m):
+                S[i, j] = P[rows[row], rows[a + AXES * j]]
+            S[i, i] += r[row]
+            y[i] = innovation[row]
+            for s in range(n):
+                W[i, s] = P[rows[row], a + AXES * s]
+        factorise(S, M)
+        solve(M, y, v)
+        for s in range(n):
+            for i in range(m):
+                step[a + AXES * s] += W[i, s] * v[i]
+        forward_rows(M, W, W)  # P H' S^-1 H P = (L^-1 H P)' D^-1 L^-1 H P
+        for s in range(n):
+            left = P[a + AXES * s, a + AXES * s]
+            for i in range(m):
+                left -= W[i, s] * M[i, i] * W[i, s]
+            posterior[a + AXES * s] = left
     return step, posterior

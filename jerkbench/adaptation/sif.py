@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0
+from jerkbench.adaptation.linalg import AXES
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -57,6 +58,7 @@ class SlidingInnovation(Limited):
     ) -> FloatArray:
         """Return K."""
         gain = np.zeros((len(x), len(rows)), P.dtype)
-        for i, row in enumerate(rows):
-            gain[row, i] = min(1.0, abs(innovation[i]) / (self.width * math.sqrt(R[i, i])))
+        for a in range(AXES):
+            for i in range(a, len(rows), AXES):
+                gain[rows[i], i] = min(1.0, abs(innovation[i]) / (self.width * math.sqrt(R[i, i])))
         return gain

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, FORGETTING, ONE_OR_MORE, WITHIN_0_AND_1
+from jerkbench.adaptation.linalg import AXES
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import chosen
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
@@ -84,11 +85,11 @@ class StrongTracking(Limited):
             memory[row], memory[6 + row] = v, 1.0
             excess += v - self.softening * R[i, i] - Q[row, row]
             scale += (self.position if row < 3 else self.velocity) * (P[row, row] - Q[row, row])
-        root, faded = np.empty(n, P.dtype), np.empty((n, n), P.dtype)
+        root, faded = np.empty(n, P.dtype), np.zeros((n, n), P.dtype)
         for s in range(n):
             share = self.position if s < 3 else self.velocity if s < 6 else self.other
             root[s] = math.sqrt(max(1.0, share * (excess / scale)))
-            for t in range(s + 1):
+            for t in range(s % AXES, s + 1, AXES):
                 faded[s, t] = faded[t, s] = (P[s, t] - Q[s, t]) * (root[s] * root[t]) + Q[s, t]
         return faded
 

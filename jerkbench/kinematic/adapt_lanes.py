@@ -107,7 +107,7 @@ def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int, complete: bool
             R[m * i + j] = run.R[r, j if complete else rows[j]]
     well = True
     if DENSE == 1 and rules.prior[0] != 0:
-        well = _adapt_prior(run, y, R, rows, rules, m)
+        well = _adapt_prior(run, y, R, rows, rules, m, complete)
     for i in range(m):
         r = i if complete else rows[i]
         for j in range(m):
@@ -121,7 +121,7 @@ def _adapt_rows(run: Lanes, rows: IntArray, rules: Rules, m: int, complete: bool
         note_coupling(run, chosen(run.lost, 0.0, 0.0, run.asks), run.between)
 
 
-def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: int) -> bool:
+def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: int, complete: bool) -> bool:
     """Put the adapted prior covariance into its place; return whether it raised nothing."""
     x, P, F, Q, answer = room(run, "s"), room(run, "s s"), room(run, "s s"), room(run, "s s"), room(run, "s s")
     for s in range(run.s):
@@ -132,18 +132,20 @@ def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: 
             Q[s, t] = run.since_Q[s // 3, t // 3] if s % 3 == t % 3 else run.zero
     seen = rules.parameters, rules.whole, x, P, F, Q, y, R, rows, rules.memory, answer
     well: bool = try_fill_lanes_by(rules.prior[0], seen, (m, rules.sizes[0], run.s))
+    asks, between = asking(run, complete), run.between
     for s in range(run.s):
         for t in range(s + 1):
             entry = 0.5 * (answer[s, t] + answer[t, s])
             if (s - t) % STRIDE == 0:
-                run.P[s, t] = chosen(run.asks, 0.0, entry, run.P[s, t])
+                run.P[s, t] = chosen(asks, 0.0, entry, run.P[s, t])
             else:
-                run.between += entry * entry
+                between += entry * entry
+    run.between = between
     for a in range(run.n):
         for b in range(run.n):
             same = 1.0 if a == b else 0.0
-            run.since_A[a, b] = chosen(run.asks, 0.0, same, run.since_A[a, b])
-            run.since_Q[a, b] = chosen(run.asks, 0.0, 0.0, run.since_Q[a, b])
+            run.since_A[a, b] = chosen(asks, 0.0, same, run.since_A[a, b])
+            run.since_Q[a, b] = chosen(asks, 0.0, 0.0, run.since_Q[a, b])
     return well
 
 
@@ -168,17 +170,24 @@ def _find_gain(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
             run.Z[rows[i], s] = chosen(run.asks, 0.0, gain, run.Z[rows[i], s])
 
 
+def asking(run: Lanes, complete: bool) -> float:
+    """Return 1 in the runs that ask: of complete rows in all, for nothing counts any more in those that are lost.
+
+    As a constant, for to store in some runs alone takes many times as long on some processors.
+    """
+    return run.zero + 1.0 if complete else run.asks
+
+
 def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> None:
     """Take the adapted R in the runs that ask; a row without a finite variance is not used, and one of NaN is lost."""
-    asks, lost = run.asks, run.lost
+    asks, lost, between = asking(run, complete), run.lost, run.between
     for i in range(m):
         r, variance = i if complete else rows[i], adapted[(m + 1) * i]
         known = chosen(1.0, variance * 0.0, 1.0, 0.0)
         lost += asks * (1.0 - known) * chosen(variance, 0.0, 0.0, 1.0)
         run.variance[r] = chosen(asks, 0.0, variance, run.variance[r])
         run.used[r] = chosen(asks, 0.0, known, run.used[r])
-        run.y[r] = chosen(run.used[r], 0.0, run.y[r], 0.0)
-    run.lost = lost
+        run.y[r] *= run.used[r]
     for i in range(m):
         for j in range(m):
             r, c = i if complete else rows[i], j if complete else rows[j]
@@ -186,7 +195,8 @@ def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> 
             if (r - c) % STRIDE == 0:
                 run.R[r, c] = chosen(asks, 0.0, used, run.R[r, c])
             else:
-                run.between += used * used
+                between += used * used
+    run.lost, run.between = lost, between
 
 
 def note_coupling(run: Lanes, asked: float, squares: float) -> None:

@@ -352,7 +352,9 @@ def move(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> Non
 
 def all_lost(run: Lanes, step: int) -> bool:
     """Note ``step`` for the runs that are lost at its end; return whether none is left."""
-    run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(step), run.ended)
+    now = run.lost * (-0.5 - run.ended)
+    if anywhere(now):
+        run.ended = chosen(now, 0.0, float(step), run.ended)
     return not anywhere(chosen(run.lost, 0.0, 0.0, 1.0))
 
 
