@@ -170,5 +170,4 @@ def wrap_angle(angle_rad: FloatArray) -> FloatArray:
     >>> float(wrap_angle(np.array(-np.pi)))
     3.141592653589793
     """
-    wrapped: FloatArray = np.pi - np.mod(np.pi - angle_rad, 2 * np.pi)
-    return wrapped
+    return np.asarray(np.pi - np.mod(np.pi - angle_rad, 2 * np.pi))

@@ -61,6 +61,11 @@ class PreparedReference:
         return replace(self.scoring, marks=self.rows.outages.ravel(), consistency=False)
 
     @cached_property
+    def positions_alone(self) -> ErrorWeights:
+        """The same where none reads velocities either: no row counts for them."""
+        return replace(self.errors_alone, moving=np.zeros_like(self.scoring.moving))
+
+    @cached_property
     def numbers(self) -> Numbers:
         """The numbers of counted rows: the same for every run."""
         rows = self.rows
@@ -88,6 +93,8 @@ class Summed(ABC):
 
     reads_covariance: ClassVar[bool] = True
     """Whether it reads sums of e' P^-1 e, or any of the ``sampled`` errors: without it these are empty."""
+    reads_velocity: ClassVar[bool] = True
+    """Whether it reads sums of the velocity: without it they are zero."""
 
     @abstractmethod
     def summarise(self, sums: Sums) -> dict[str, float]:
@@ -250,8 +257,7 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     with np.errstate(over="ignore"):
         distance_m = np.sqrt(np.einsum("ka,ka->k", error_m, error_m))
     first = int(np.argmax(distance_m > limit_m))
-    far = distance_m[first] > limit_m
-    return _beyond(float(distance_m[first]), float(t_s[first]), limit_m) if far else ""
+    return _beyond(float(distance_m[first]), float(t_s[first]), limit_m) if distance_m[first] > limit_m else ""
 
 
 # A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.

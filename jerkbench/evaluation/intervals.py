@@ -178,8 +178,7 @@ def _mixed(outer: FloatArray, inner: FloatArray, weight: FloatArray | float) -> 
     """Return outer + weight (inner - outer); where either is infinite, the outer one."""
     kept = (outer == inner) | np.isinf(outer) | np.isinf(inner) | (weight == 0)
     with np.errstate(invalid="ignore", over="ignore"):
-        mixed: FloatArray = np.where(kept, outer, outer + weight * (inner - outer))
-    return mixed
+        return np.where(kept, outer, outer + weight * (inner - outer))
 
 
 # The interval of a share: of runs that were lost, of seeds that one method won; and what losses were not seen.

@@ -228,8 +228,8 @@ def align(
     P = _of_sensors(sigmas)
     P[:6, :6] = timeline.P0
     roll, pitch, _ = attitude.euler_rad[timeline.sample[0]]
-    v, bg, resting = timeline.x0[3:], np.zeros(3), _is_resting(recording, timeline)
-    if resting:
+    v, bg, still_s = timeline.x0[3:], np.zeros(3), recording.static_start_s
+    if resting := still_s >= LEVELLING_S and timeline.t_s[0] < still_s:
         roll, pitch = roll_pitch(recording.apparent_vertical(LEVELLING_S))
         v, P[V, :6], P[:6, V] = np.zeros(3), 0.0, 0.0
         P[V, V] = sigmas.still_mps**2 * np.eye(3)
@@ -269,10 +269,6 @@ def _of_sensors(sigmas: StartSigmas) -> FloatArray:
     for name, sigma in sigmas.extra.items():
         variances[layout.blocks[name]] = np.ravel(sigma, order="F") ** 2
     return np.diag(variances)
-
-
-def _is_resting(recording: Recording, timeline: Timeline) -> bool:
-    return recording.static_start_s >= LEVELLING_S and timeline.t_s[0] < recording.static_start_s
 
 
 def _mean_rate(recording: Recording) -> FloatArray:

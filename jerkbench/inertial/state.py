@@ -67,11 +67,7 @@ POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL = range(0, STATES, 3)
 
 P, V, PHI, BG, BA = (slice(first, first + 3) for first in (POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL))
 
-EXTRA_PARTS: dict[str, tuple[int, ...]] = {
-    "gyro_matrix": (3, 3),
-    "accel_matrix": (3, 3),
-    "wheel_scale": (),
-}
+EXTRA_PARTS: dict[str, tuple[int, ...]] = {"gyro_matrix": (3, 3), "accel_matrix": (3, 3), "wheel_scale": ()}
 """The parts of `NavigationState` that a run may have or not, with their shapes.
 
 Their errors follow the first fifteen in this order, a matrix column by column.

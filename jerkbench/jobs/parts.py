@@ -292,14 +292,12 @@ def ordered_runs(table: pa.Table) -> IntArray:
     order = np.lexsort((age, failed, seeds, cells))
     fresh = np.ones(len(order), bool)
     fresh[1:] = (np.diff(cells[order]) != 0) | (np.diff(seeds[order]) != 0)
-    kept: IntArray = order[fresh]
-    return kept
+    return np.asarray(order[fresh])
 
 
 def codes_of(column: pa.ChunkedArray) -> IntArray:
     """Return the codes of a column of texts."""
-    codes: IntArray = column.combine_chunks().dictionary_encode().indices.to_numpy().astype(np.int64)
-    return codes
+    return np.asarray(column.combine_chunks().dictionary_encode().indices, np.int64)
 
 
 def _edges(table: pa.Table) -> IntArray:

@@ -238,9 +238,8 @@ def shared_call(job: Job) -> object:
     """Return what jobs of one scenario that may share a call have in common; a job by itself where none may."""
     if not streams(job) or unfit(job):
         return job
-    method, evaluation = job.method, job.evaluation
-    limits = evaluation.burn_in_s, evaluation.divergence_limit_m
-    return type(method.filter), type(method.adaptation), method.engine, evaluation.metrics, limits
+    method, of = job.method, job.evaluation
+    return type(method.filter), type(method.adaptation), method.engine, of.metrics, of.burn_in_s, of.divergence_limit_m
 
 
 def streams(job: Job) -> bool:
@@ -321,13 +320,15 @@ def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Strea
     updates, attitude = "updates" in reads, "attitude" in reads
     models: list[Any] = [job.method.filter for job, _ in runs]
     rules = [job.method.adaptation for job, _ in runs]
-    whole = any(
-        getattr(metric, "reads_covariance", not isinstance(metric, Reading)) for metric in first.evaluation.metrics
+    whole, speeds = (
+        any(getattr(metric, part, not isinstance(metric, Reading)) for metric in first.evaluation.metrics)
+        for part in ("reads_covariance", "reads_velocity")
     )
+    scoring = "scoring" if whole else "errors_alone" if speeds else "positions_alone"
     bare = [
         Run(
             told_timeline(seed.timeline, seed.recording, seed.attitude, job.method.r_scale),
-            seed.reference.scoring if whole else seed.reference.errors_alone,
+            getattr(seed.reference, scoring),
         )
         for job, seed in runs
     ]

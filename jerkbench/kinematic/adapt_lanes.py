@@ -132,7 +132,7 @@ def _adapt_prior(run: Lanes, y: View, R: View, rows: IntArray, rules: Rules, m: 
             Q[s, t] = run.since_Q[s // 3, t // 3] if s % 3 == t % 3 else run.zero
     seen = rules.parameters, rules.whole, x, P, F, Q, y, R, rows, rules.memory, answer
     well: bool = try_fill_lanes_by(rules.prior[0], seen, (m, rules.sizes[0], run.s))
-    asks, between = asking(run, complete), run.between
+    asks, between = (run.zero + 1.0 if complete else run.asks), run.between  # as `_take`
     for s in range(run.s):
         for t in range(s + 1):
             entry = 0.5 * (answer[s, t] + answer[t, s])
@@ -170,17 +170,13 @@ def _find_gain(run: Lanes, rows: IntArray, rules: Rules, m: int) -> None:
             run.Z[rows[i], s] = chosen(run.asks, 0.0, gain, run.Z[rows[i], s])
 
 
-def asking(run: Lanes, complete: bool) -> float:
-    """Return 1 in the runs that ask: of complete rows in all, for nothing counts any more in those that are lost.
-
-    As a constant, for to store in some runs alone takes many times as long on some processors.
-    """
-    return run.zero + 1.0 if complete else run.asks
-
-
 def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> None:
-    """Take the adapted R in the runs that ask; a row without a finite variance is not used, and one of NaN is lost."""
-    asks, lost, between = asking(run, complete), run.lost, run.between
+    """Take the adapted R in the runs that ask; a row without a finite variance is not used, and one of NaN is lost.
+
+    Of ``complete`` rows all runs ask but those that are lost, in which nothing counts any more. To store in all of them
+    is many times as fast, on processors without AVX-512, as to store in some.
+    """
+    asks, lost, between = (run.zero + 1.0 if complete else run.asks), run.lost, run.between
     for i in range(m):
         r, variance = i if complete else rows[i], adapted[(m + 1) * i]
         known = chosen(1.0, variance * 0.0, 1.0, 0.0)

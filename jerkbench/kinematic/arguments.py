@@ -63,6 +63,7 @@ class TruthRows(NamedTuple):
         truth: (k, 6, W).
         weights: (k, 4) in the order of `WEIGHTS`.
         outage: (k, W) 1 where a row counts for the outages, else 0; or no row where there are none.
+        speeds: whether any row counts for the velocity.
         consistency: whether e' P^-1 e is summed up, and the covariance of a marked row kept.
         limit_m2: the square of a position error beyond which a run strays.
     """
@@ -72,6 +73,7 @@ class TruthRows(NamedTuple):
     truth: FloatCube
     weights: FloatMatrix
     outage: FloatMatrix
+    speeds: bool = False
     consistency: bool = False
     limit_m2: float = math.inf
 
@@ -328,8 +330,7 @@ def _square(blocks: Sequence[int], s: int) -> IntArray:
     (a, i), (b, j) = np.divmod(np.arange(s)[:, None], 3), np.divmod(np.arange(s), 3)
     swapped = (i > j) | ((i == j) & (a > b))
     a, b, i, j = np.where(swapped, b, a), np.where(swapped, a, b), np.minimum(i, j), np.maximum(i, j)
-    places: IntArray = np.asarray(blocks)[n * n * (i * (5 - i) // 2 + j) + n * a + b]
-    return places
+    return np.asarray(np.asarray(blocks)[n * n * (i * (5 - i) // 2 + j) + n * a + b])
 
 
 RUN = run_type(3, WIDE)

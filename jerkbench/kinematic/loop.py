@@ -352,9 +352,8 @@ def move(run: Lanes, steps: Steps, models: ModelArrays, how: int, k: int) -> Non
 
 def all_lost(run: Lanes, step: int) -> bool:
     """Note ``step`` for the runs that are lost at its end; return whether none is left."""
-    now = run.lost * (-0.5 - run.ended)
-    if anywhere(now):
-        run.ended = chosen(now, 0.0, float(step), run.ended)
+    if anywhere(run.lost * (-0.5 - run.ended)):
+        run.ended = chosen(run.lost * (-0.5 - run.ended), 0.0, float(step), run.ended)
     return not anywhere(chosen(run.lost, 0.0, 0.0, 1.0))
 
 

@@ -285,6 +285,7 @@ def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray, wei
         _stacked(lanes, lambda run: run.scoring.truth),
         weights,
         outage if outage.any() else outage[:0],
+        bool(first.moving.any()),
         first.consistency,
         first.limit_m * first.limit_m,
     )

@@ -55,7 +55,9 @@ def add_errors(run: Lanes, x: View, e: View, sums: View, scored: TruthRows, erro
         e[s] = x[s] - truth[s]
     for i in range(3):
         sums[POSITION_SQUARES + i] += counted * (e[i] * e[i])
-        sums[VELOCITY_SQUARES + i] += moving * (e[3 + i] * e[3 + i])
+    if scored.speeds:
+        for i in range(3):
+            sums[VELOCITY_SQUARES + i] += moving * (e[3 + i] * e[3 + i])
     square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
     sums[WHOLE] += whole * square
     if anywhere(square - scored.limit_m2):  # rows that are left, for a smoother's come the other way

@@ -23,7 +23,7 @@ AXES = 1
 """What reads it goes over each axis by itself (`jerkbench.adaptation.linalg`)."""
 
 RULES = ("none", "mtf", "chi2", "iae", "scalar_q", "huber_r", "cerkf_r", "variational_bayes")
-DENSE = ("huber", "maximum_correntropy", "ssmkf")
+DENSE = ("huber", "maximum_correntropy", "ssmkf", "strong_tracking", "sif", "sage_husa_qr")
 ERRORS = [plugins.create("metric", {"name": name}) for name in ("position_rmse", "velocity_rmse", "outage")]
 
 
@@ -225,6 +225,27 @@ def test_what_reads_covariances_has_all_axes_together(several, strides):
     for (recording, timeline), got in zip(several, side_by_side(several, model, adaptation), strict=True):
         assert got == pytest.approx(trajectory(recording, timeline, model, adaptation), rel=1e-9, nan_ok=True)
     assert strides == [1]
+
+
+@pytest.mark.parametrize("rule", ["none", "mtf", "huber"])
+def test_what_reads_no_velocity_has_the_same_positions_to_the_bit(several, rule):
+    model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": rule})
+    scores = [prepare_reference(recording, timeline, BURN_IN_S) for recording, timeline in several]
+    both, bare = (
+        CompiledEngine().run_settings(
+            [Run(timeline, getattr(score, of)) for (_, timeline), score in zip(several, scores, strict=True)],
+            [model] * len(several),
+            [adaptation] * len(several),
+            updates=False,
+            threads=1,
+        )
+        for of in ("errors_alone", "positions_alone")
+    )
+    for own, wanted in zip(bare, both, strict=True):
+        for part in ("position_m2", "whole_m2", "outage_m2", "largest_m2", "marked_m"):
+            np.testing.assert_array_equal(getattr(own, part), getattr(wanted, part), err_msg=part)
+        assert (wanted.velocity_m2ps2 > 0.0).all()
+        assert (own.velocity_m2ps2 == 0.0).all()
 
 
 def test_what_rounding_leaves_couples_nothing_and_what_is_absent_neither():

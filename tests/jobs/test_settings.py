@@ -23,9 +23,9 @@ FIELD = {"name": "field", "duration_s": 12.0}
 DRAWS = (3, 4, 5)
 
 
-def cell_of(model="jerk", adaptation="mtf", engine="compiled", disturbance="none"):
+def cell_of(model="jerk", adaptation="mtf", engine="compiled", disturbance="none", metrics=("position_rmse",)):
     single = {"dataset": FIELD, "attitude": None, "filter": model, "adaptation": adaptation, "engine": engine}
-    return job_of_parts(single, [disturbance], None, Protocol(seeds=3, first_seed=3), ["position_rmse"])
+    return job_of_parts(single, [disturbance], None, Protocol(seeds=3, first_seed=3), list(metrics))
 
 
 def alone(cell):
@@ -57,6 +57,17 @@ def test_each_setting_has_the_rows_that_it_has_alone(disturbance):
 
     for many, one in zip(together(cells), map(alone, cells), strict=True):
         assert many == one
+
+
+def test_a_metric_reads_the_same_whatever_else_is_asked_for():
+    """Velocities, and covariances, are summed up where a metric reads them alone."""
+    p, v, c = "position_rmse", "velocity_rmse", "consistency"
+    alone_p, alone_v, both, whole = (job_rows(cell_of(metrics=of), DRAWS)[0] for of in ([p], [v], [p, v], [p, c]))
+
+    assert both == [one | other for one, other in zip(alone_p, alone_v, strict=True)]
+    assert all(row["velocity_rmse_mps"] > 0.0 for row in both)
+    for own, row in zip(alone_p, whole, strict=True):
+        assert own["position_rmse_m"] == pytest.approx(row["position_rmse_m"], rel=1e-12)
 
 
 def test_a_base_that_is_told_something_is_not_told_it_twice():

@@ -51,6 +51,7 @@ class PositionRmse(Summed):
     }
 
     reads_covariance: ClassVar[bool] = False
+    reads_velocity: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the seven values by column name."""

@@ -180,6 +180,7 @@ class Outage(Summed):
     }
 
     reads_covariance: ClassVar[bool] = False
+    reads_velocity: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the five values by column name."""
@@ -237,6 +238,7 @@ class OutageDrift(Summed):
     }
 
     reads_covariance: ClassVar[bool] = False
+    reads_velocity: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the value by column name."""
