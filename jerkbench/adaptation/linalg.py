@@ -24,7 +24,7 @@ AXES = 1
 """Blocks of an update that have nothing to do with each other; row i is of block i % AXES, and so is state i.
 
 It is 3 in a compilation for six rows of which R and P- have nothing between two axes: then each axis is gone over by
-itself. So a weighting of rows may keep its matrices by blocks; a rule that mixes rows must not.
+itself. So a weighting of rows may keep its matrices by blocks; a rule that puts anything between two axes must not.
 """
 
 

@@ -94,7 +94,7 @@ class Summed(ABC):
     reads_covariance: ClassVar[bool] = True
     """Whether it reads sums of e' P^-1 e, or any of the ``sampled`` errors: without it these are empty."""
     reads_velocity: ClassVar[bool] = True
-    """Whether it reads sums of the velocity: without it they are zero."""
+    """Whether it reads sums of the velocity: without it they are NaN."""
 
     @abstractmethod
     def summarise(self, sums: Sums) -> dict[str, float]:

@@ -7,7 +7,17 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from jerkbench.contracts import Adaptation, Batched, Engine, Estimator, Filter, PerSeed, Reading, Remarking, SideBySide
+from jerkbench.contracts import (
+    Adaptation,
+    Batched,
+    Engine,
+    Estimator,
+    Filter,
+    PerSeed,
+    Remarking,
+    SideBySide,
+    Summarising,
+)
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
@@ -321,7 +331,7 @@ def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Strea
     models: list[Any] = [job.method.filter for job, _ in runs]
     rules = [job.method.adaptation for job, _ in runs]
     whole, speeds = (
-        any(getattr(metric, part, not isinstance(metric, Reading)) for metric in first.evaluation.metrics)
+        any(getattr(metric, part, has_methods(metric, Summarising)) for metric in first.evaluation.metrics)
         for part in ("reads_covariance", "reads_velocity")
     )
     scoring = "scoring" if whole else "errors_alone" if speeds else "positions_alone"

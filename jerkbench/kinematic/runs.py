@@ -19,7 +19,7 @@ from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Steps, TruthRows, 
 from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs, together
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.sums import NEES, NEES_POSITION, SUMS, Run, Streamed
+from jerkbench.sums import NEES, NEES_POSITION, SUMS, VELOCITY_SQUARES, WHOLE, Run, Streamed
 from jerkbench.timeline import Timeline
 
 NO_ROWS = np.empty((0, 6, 1))
@@ -147,6 +147,7 @@ Prepare = Callable[[Pack, Sequence[int]], tuple[Any, ...] | None]
 those behind the sixth; None where it is not to be run so."""
 
 _NOTHING = Updates.empty()
+OF_COVARIANCE, OF_VELOCITY = [NEES, NEES_POSITION], [*range(VELOCITY_SQUARES, WHOLE)]
 
 
 def run_batch(
@@ -240,13 +241,12 @@ def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
 
 
 def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Streamed | None]:
-    """The sums of each member of a pack; None where they are not finite, or the run is lost."""
-    w = kept.w.reshape(-1, WIDE)
-    first = of.fields["sums"].places[0] // WIDE
-    sums = w[first : first + SUMS].T.copy()
-    healthy = np.isfinite(sums).all(axis=1) & (w[of.fields["lost"].places[0] // WIDE] == 0.0)
-    if not pack.scored.consistency:
-        sums[:, [NEES, NEES_POSITION]] = math.nan
+    """The sums of each member of a pack, NaN where nobody reads them; None where it is lost, or no number."""
+    begins = (of.fields[name].places[0] for name in ("sums", "x", "lost"))
+    sums, x, lost = (kept.w[begin:].reshape(-1, WIDE) for begin in begins)
+    sums = sums[:SUMS].T.copy()
+    healthy = np.isfinite(sums).all(axis=1) & np.isfinite(x[: of.sizes["s"]]).all(axis=0) & (lost[0] == 0.0)
+    sums[:, OF_COVARIANCE * (not pack.scored.consistency) + OF_VELOCITY * (not pack.scored.speeds)] = math.nan
     return [
         _result(pack, kept, sums[lane], lane, updates=updates) if well else None
         for lane, well in enumerate(healthy[: len(pack.members)].tolist())
