@@ -3,6 +3,7 @@
 import dataclasses
 import gc
 import weakref
+from typing import ClassVar
 
 import pytest
 
@@ -16,6 +17,7 @@ from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.rows import Task, job_rows, unfit, work
+from jerkbench.parameters import Column
 from jerkbench.timeline import RScale
 from made_jobs import with_method
 
@@ -68,6 +70,27 @@ def test_a_metric_reads_the_same_whatever_else_is_asked_for():
     assert all(row["velocity_rmse_mps"] > 0.0 for row in both)
     for own, row in zip(alone_p, whole, strict=True):
         assert own["position_rmse_m"] == pytest.approx(row["position_rmse_m"], rel=1e-12)
+
+
+@dataclasses.dataclass(frozen=True)
+class Pace:
+    """A metric of a stranger, who does not know `Summed`: it says nothing of what it reads of the sums."""
+
+    columns: ClassVar = {"pace_m2ps2": Column("Squares of the velocity error")}
+    reads: ClassVar[str] = "updates"
+
+    def summarise(self, sums):
+        return {"pace_m2ps2": float(sums.velocity_m2ps2[0])}
+
+    def evaluate(self, estimate, recording, counted):
+        raise AssertionError("a run without a trajectory is enough")
+
+
+def test_a_metric_that_does_not_say_what_it_reads_gets_all_of_it():
+    cell = cell_of()
+    strange = dataclasses.replace(cell, evaluation=dataclasses.replace(cell.evaluation, metrics=(Pace(),)))
+
+    assert all(row["pace_m2ps2"] > 0.0 for row in job_rows(strange, DRAWS)[0])
 
 
 def test_a_base_that_is_told_something_is_not_told_it_twice():
