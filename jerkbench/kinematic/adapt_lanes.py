@@ -174,7 +174,7 @@ def _take(run: Lanes, adapted: View, rows: IntArray, m: int, complete: bool) -> 
     """Take the adapted R in the runs that ask; a row without a finite variance is not used, and one of NaN is lost.
 
     Of ``complete`` rows all runs ask but those that are lost, in which nothing counts any more. To store in all of them
-    is many times as fast, on processors without AVX-512, as to store in some.
+    is faster than to store in some, on processors without AVX-512.
     """
     asks, lost, between = (run.zero + 1.0 if complete else run.asks), run.lost, run.between
     for i in range(m):
