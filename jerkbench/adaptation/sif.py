@@ -58,7 +58,7 @@ class SlidingInnovation(Limited):
     ) -> FloatArray:
         """Return K."""
         gain = np.zeros((len(x), len(rows)), P.dtype)
-        for a in range(AXES):
+        for a in range(AXES):  # each axis by itself: K puts nothing between two
             for i in range(a, len(rows), AXES):
                 gain[rows[i], i] = min(1.0, abs(innovation[i]) / (self.width * math.sqrt(R[i, i])))
         return gain
