@@ -10,9 +10,8 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
 
-from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with
+from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with, let_interrupt_through
 from jerkbench.notices import plain_output
 from jerkbench.presets import take_folders
 from jerkbench.renamed import refuse_removed
@@ -68,10 +67,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
-        _collect_seldom()
-        signal.signal(signal.SIGTERM, _interrupt)
-    _open_closed()
-    with plain_output(), _errors_in_words():
+        gc.set_threshold(50_000, 20, 100)  # what libraries make in loading stays, 200 000 objects
+        atexit.register(gc.freeze)  # and need not be collected at the end
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
+    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # what the caller has closed
+    sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    with plain_output(), _errors_in_words(), _interrupt_first():
         _require_installed()
         _require_date()
         refuse_removed(words)
@@ -90,12 +91,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 chosen.answer(chosen)
 
 
-def _open_closed() -> None:
-    """Let what was closed by the caller swallow what is written to it."""
-    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
-    sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
-
-
 @contextmanager
 def _errors_in_words() -> Iterator[None]:
     """Turn what ends a command into a sentence and an exit code, and warnings into a line each."""
@@ -104,34 +99,26 @@ def _errors_in_words() -> Iterator[None]:
             warnings.showwarning = _one_line
             yield
     except JerkbenchError as error:
-        if _is_interrupted(error):
-            _end_interrupted()
         exit_with(error)
     except MemoryError as error:
         exit_with(JerkbenchError(f"There is not enough memory ({error or 'none is left'}); {SMALLER}"))
     except KeyboardInterrupt:
-        _end_interrupted()
+        print("jerkbench: interrupted.", file=sys.stderr)
+        raise SystemExit(INTERRUPTED) from None
     except BrokenPipeError:  # the reader, `head` for example, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:  # of standard output; those of files have their own sentences
         exit_with(JerkbenchError(f"What it says cannot be written: {error.strerror or error}."))
 
 
-def _is_interrupted(error: BaseException | None) -> bool:
-    """Whether an error was raised while an interrupt was on its way: a library tidied up what it had half made."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__context__
-    return error is not None
-
-
-def _end_interrupted() -> NoReturn:
-    print("jerkbench: interrupted.", file=sys.stderr)
-    raise SystemExit(INTERRUPTED) from None
-
-
-def _interrupt(*_: object) -> NoReturn:
-    """End as Ctrl-C does, with a sentence, wherever SIGTERM comes."""
-    raise KeyboardInterrupt
+@contextmanager
+def _interrupt_first() -> Iterator[None]:
+    """Let an interrupt through as one, whatever a library made of it."""
+    try:
+        yield
+    except Exception as error:
+        let_interrupt_through(error)
+        raise
 
 
 def _require_installed() -> None:
@@ -179,12 +166,6 @@ def _require_room() -> None:
             f"A process may have {limit // 2**20} MiB of memory here (ulimit -v); the libraries need"
             f" {ROOM_BYTES // 2**20} MiB: raise the limit."
         )
-
-
-def _collect_seldom() -> None:
-    """Look for cyclic garbage less often, and not at the end: what libraries make in loading stays, 200 000 objects."""
-    gc.set_threshold(50_000, 20, 100)
-    atexit.register(gc.freeze)
 
 
 @contextmanager

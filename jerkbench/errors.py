@@ -74,8 +74,25 @@ def article(noun: str) -> str:
     return "an" if noun[0] in "aeiou" else "a"
 
 
+def let_interrupt_through(error: BaseException | None) -> None:
+    """Raise the interrupt that was on its way when ``error`` was raised: a library tidied up what it had half made.
+
+    Raises:
+        KeyboardInterrupt: there was one.
+    """
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            raise error
+        error = error.__context__
+
+
 def exit_with(error: JerkbenchError) -> NoReturn:
-    """End the command line with the sentence of ``error``."""
+    """End the command line with the sentence of ``error``.
+
+    Raises:
+        KeyboardInterrupt: an interrupt is behind the error.
+    """
+    let_interrupt_through(error)
     print(f"jerkbench: {shortened(str(error))}", file=sys.stderr)
     raise SystemExit(error.exit_code) from None
 

@@ -14,6 +14,7 @@ from jerkbench.cli import main
 from jerkbench.jobs.store import Store
 from stored_cells import drop
 
+FIELDS = "run -m dataset=field,field_white"
 CELLS = ["filter=baseline,jerk,gnss_only", "adaptation=none,mtf"]
 
 
@@ -334,16 +335,21 @@ def test_sigterm_while_a_sweep_is_planned_ends_with_a_sentence(tmp_path):
     assert (process.returncode, err) == (130, "jerkbench: interrupted.\n")
 
 
-def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_same(monkeypatch, capsys):
-    def composing(_):
+@pytest.mark.parametrize("error", [ConfigAttributeError, AttributeError])  # OmegaConf raises both
+@pytest.mark.parametrize(("words", "place"), [("run", "app.prepared_app"), (FIELDS, "composition.choose")])
+def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_same(
+    words, place, error, tmp_path, monkeypatch, capsys
+):
+    def composing(*_):
         try:
             raise KeyboardInterrupt
         finally:
-            raise ConfigAttributeError("Missing key _flags_cache")  # as OmegaConf, tidying up what it had half made
+            raise error("Missing key _flags_cache")  # as OmegaConf, tidying up what it had half made
 
-    monkeypatch.setattr("jerkbench.hydra_app.app.prepared_app", composing)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(f"jerkbench.hydra_app.{place}", composing)
     with pytest.raises(SystemExit) as end:
-        main(["run"])
+        main(words.split())
     assert (end.value.code, capsys.readouterr().err) == (130, "jerkbench: interrupted.\n")
 
 

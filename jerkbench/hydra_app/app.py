@@ -291,13 +291,10 @@ def ended_by(error: KeyboardInterrupt | OSError | JerkbenchError) -> int:
 
 def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]]) -> tuple[Plan, Cluster]:
     """The cells of a sweep, and where they run; says what is left out, and what is to be known of the rest."""
-    try:
-        with pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
-            composed = compose_jobs(loader, config, jobs)
-            plan = planned(configured_job(job.plain, job.choices, job.overrides) for job in composed)
-        cluster = cluster_of(config)
-    except JerkbenchError as error:
-        exit_with(error)
+    with pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
+        composed = compose_jobs(loader, config, jobs)
+        plan = planned(configured_job(job.plain, job.choices, job.overrides) for job in composed)
+    cluster = cluster_of(config)
     for line in (*plan.refused, *first_complaints(plan.jobs), *first_remarks(plan.jobs, shared_inputs())):
         print(line, file=sys.stderr)
     if not plan.jobs:

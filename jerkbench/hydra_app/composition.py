@@ -17,7 +17,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench import plugins
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, let_interrupt_through
 from jerkbench.hydra_app.configuration import Schema
 from jerkbench.jobs.job import Noise
 from jerkbench.jobs.labels import GROUPS
@@ -103,7 +103,8 @@ class _Composer:
             about[owner(word)] = (*about.get(owner(word), ()), word)
         try:
             plain, choices = self._put_together(about)
-        except (HydraException, OmegaConfBaseException, PluginError):
+        except (HydraException, OmegaConfBaseException, PluginError) as error:
+            let_interrupt_through(error)
             whole = self._of_hydra(job)
             plain, choices = whole.plain, whole.choices
         if "${" in repr(plain):  # only then is OmegaConf needed, which takes longer than all the rest
@@ -147,7 +148,8 @@ class _Composer:
             return False
         try:
             alone = _alone(group, name)
-        except (PluginError, OmegaConfBaseException):
+        except (PluginError, OmegaConfBaseException) as error:
+            let_interrupt_through(error)
             return False
         return self._readable and self._of_user.isdisjoint((group, key) for key in (name, alone.get("name"), *alone))
 
