@@ -67,8 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
-        gc.set_threshold(50_000, 20, 100)  # what libraries make in loading stays, 200 000 objects
-        atexit.register(gc.freeze)  # and need not be collected at the end
+        _collect_seldom()
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # what the caller has closed
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
@@ -166,6 +165,12 @@ def _require_room() -> None:
             f"A process may have {limit // 2**20} MiB of memory here (ulimit -v); the libraries need"
             f" {ROOM_BYTES // 2**20} MiB: raise the limit."
         )
+
+
+def _collect_seldom() -> None:
+    """Look for cyclic garbage less often, and not at the end: what libraries make in loading stays, 200 000 objects."""
+    gc.set_threshold(50_000, 20, 100)
+    atexit.register(gc.freeze)
 
 
 @contextmanager
