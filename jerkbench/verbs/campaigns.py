@@ -76,8 +76,8 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     hash are written before anything runs. Every drive and every setting follows from the hash.
 
       jerkbench audit --scale small      minutes: shows that all of it runs, answers nothing
-      jerkbench audit --scale medium     two models, without what iterates
-      jerkbench audit                    the whole protocol: hours on two cores; --cluster and --workers for more
+      jerkbench audit --scale medium     two models, without what iterates: a minute, five if all must be compiled
+      jerkbench audit                    the whole protocol: 20 minutes on two cores; --cluster and --workers for more
       jerkbench audit --scale second     the same with other drives and other tunings
       jerkbench audit --reweight faulty=0.05             the answer where 5 % of drives have a fault, from stored rows
       jerkbench audit --against results/audit-second     which verdicts the second one does not share; for the page
