@@ -85,7 +85,7 @@ def test_after_ctrl_c_the_table_is_printed_and_the_same_command_goes_on(expected
     os.killpg(sweep.pid, signal.SIGINT)
     table, told = sweep.communicate(timeout=300)
 
-    assert sweep.returncode == 130
+    assert sweep.returncode == 130, told
     assert "Interrupted. What is done is stored" in told
     assert "Traceback" not in told
     assert "Position RMSE" in table
