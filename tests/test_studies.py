@@ -18,7 +18,7 @@ STUDIES = sorted(path.parent.name for path in (ROOT / "experiments").glob("*/REA
 RECORDINGS = {
     "drive": "rtklib_drive_0708",
     "replayed": "rtklib_drive_0708",
-    **dict.fromkeys(("real_drives", "attitude", "journeys", "vehicles"), ""),
+    **dict.fromkeys(("attitude", "journeys", "vehicles"), ""),
 }
 """Folder of a study's recording, where it is not called as the study is."""
 

@@ -12,10 +12,9 @@ from commands import environment
 from jerkbench.jobs.study import load_study
 from jerkbench.report.findings import sentence, varying_factors
 from jerkbench.report.study_verdicts import study_verdicts
-from jerkbench.report.summary import summarise
 
 ROOT = Path(__file__).parents[1]
-KEPT = {"paper": "paper20", "faithful": "faithful"}
+KEPT = {"paper": "paper20"}
 """Pages that quote, and the folders of their rows."""
 
 METRIC = "position_rmse_m"
@@ -47,31 +46,7 @@ def test_what_is_quoted_is_said_by_the_rows(study):
         assert re.sub(r"\s+", " ", words) in sentences(study), words
 
 
-def cell_text(cell):
-    trouble = cell.trouble.replace("median; ", "")
-    return f"{cell.number} {trouble}".strip() if cell is not None else "-"
-
-
-def lines(study, row_keys, column_keys):
-    """The main table of a study as its page has it: numbers without intervals, the lost runs beside them."""
-    table = summarise(rows(study), METRIC, row_keys, column_keys)
-    return [
-        "| " + " | ".join([*values, *map(cell_text, cells)]) + " |"
-        for values, cells in zip(table.rows, table.cells, strict=True)
-    ]
-
-
-def test_the_table_of_faithful_has_the_numbers_of_its_rows():
-    made = lines("faithful", ["adaptation"], ["disturbance"])
-    assert len(made) == 17
-    assert [line for line in made if line not in page("faithful").splitlines()] == []
-
-
-SCRIPTS = {
-    **dict.fromkeys(("broad", "comma2k19", "replayed"), "summary.py"),
-    "drive": "best.py",
-    "filters": "verdicts.py",
-}
+SCRIPTS = {"replayed": "summary.py", "drive": "best.py", "filters": "verdicts.py"}
 """Pages whose tables, and lists of sentences, a script of the study prints from the rows."""
 
 

@@ -28,7 +28,7 @@ class MaximumCorrentropy(Limited):
     It ends where x moves by less than 1e-6 |x|, or after 50 passes. Only the gain comes from the weights, the
     covariance from P- and R as they were: P = (I - K H) P- (I - K H)' + K R K'. A residual of several sigma loses its
     weight altogether. It can lock out, for weights at x- take a good measurement that is far from the prior for an
-    outlier: after an outage, where Q is large or sigma small, and without an IMU (5 of 10 runs of results/degraded).
+    outlier: after an outage, where Q is large or sigma small, and without an IMU (experiments/journeys).
     ``start=update`` has weights of 1 in the first pass, the Kalman update: it locks out less and keeps outliers.
     ``sides=measurement`` leaves C_p = I. Of the measurement alone, in a few passes, it is `maximum_correntropy_r`.
 

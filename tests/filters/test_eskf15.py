@@ -1,9 +1,8 @@
 """The inertial navigation as a whole: what it must find where the truth is known."""
 
-import importlib.util
 from dataclasses import asdict, replace
-from pathlib import Path
 
+import consistency_check as check
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -23,16 +22,6 @@ from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
 from jerkbench.simulation.imu import GRADES
 from synthetic import level_attitude, recording_at_rest
-
-CHECK = Path(__file__).parents[2] / "experiments" / "eskf15_consistency" / "check.py"
-
-
-@pytest.fixture(scope="module")
-def check():
-    spec = importlib.util.spec_from_file_location("eskf15_check", CHECK)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +138,7 @@ def test_the_lever_arm_carries_the_antenna_to_the_imu_and_back(field):
     assert np.abs(back.position_m - shown.reference.enu_m[-len(back.index) :]).max() < 1e-2
 
 
-def test_nees_lies_in_its_band_and_the_biases_within_three_sigma(check):
+def test_nees_lies_in_its_band_and_the_biases_within_three_sigma():
     outcomes = [check.check(seed, duration_s=30.0) for seed in range(6)]
     low, high = check.band(15, len(outcomes))
 
@@ -159,8 +148,8 @@ def test_nees_lies_in_its_band_and_the_biases_within_three_sigma(check):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("imu", ["tactical", "consumer"])
-def test_the_grades_of_imu_are_consistent_too(check, imu):
-    """With scale factors and misalignments, which the filter estimates; the study has more seeds, and longer drives."""
+def test_the_grades_of_imu_are_consistent_too(imu):
+    """With scale factors and misalignments, which the filter estimates."""
     outcomes = [check.check(seed, imu, duration_s=36.0) for seed in range(20)]
 
     assert sum(o.bias_ratio.max() < 3.0 for o in outcomes) >= 19
@@ -170,7 +159,7 @@ def test_the_grades_of_imu_are_consistent_too(check, imu):
 
 
 @pytest.mark.slow
-def test_the_invariant_filter_is_consistent_too(check, monkeypatch):
+def test_the_invariant_filter_is_consistent_too(monkeypatch):
     """With the tactical grade: where biases are large, what it leaves out of the second order shows in its NEES."""
     tuned = InvariantEkf(**asdict(check.tuned("tactical")))
     monkeypatch.setattr(check, "tuned", lambda imu: tuned)
@@ -183,7 +172,7 @@ def test_the_invariant_filter_is_consistent_too(check, monkeypatch):
 
 
 @pytest.mark.parametrize("imu", GRADES)
-def test_there_is_a_preset_for_each_grade_of_imu(check, imu):
+def test_there_is_a_preset_for_each_grade_of_imu(imu):
     made = plugins.create("filter", preset("filter", f"eskf15_{imu}"))
 
     wanted = asdict(check.tuned(imu))
@@ -200,7 +189,7 @@ def test_the_invariant_filter_has_the_same_presets(name):
     assert asdict(mine) == asdict(other)
 
 
-def test_a_misalignment_that_is_no_state_spoils_the_biases(check, monkeypatch):
+def test_a_misalignment_that_is_no_state_spoils_the_biases(monkeypatch):
     tuned = check.tuned("tactical")
     blind = replace(tuned, gyro_scale_ppm=0.0, accel_scale_ppm=0.0, misalignment_mrad=0.0)
     monkeypatch.setattr(check, "tuned", lambda imu: blind)

@@ -13,15 +13,14 @@ from jerkbench.report.summary import summarise
 from jerkbench.report.terminal import blocks, groups, terminal_table
 
 ROOT = Path(__file__).parents[3]
-STUDIES = ("paper20", "error_budget")
-BASELINES = {"paper20": {"adaptation": "none"}, "error_budget": {"dataset": "field(silent=[])"}}
-COLUMNS = {"paper20": ["adaptation"], "error_budget": ["dataset"]}
+COLUMNS = {"paper20": ["adaptation"], "drive": ["noise"]}
+"""Of studies: short labels, and long ones."""
 
 
-@pytest.fixture(scope="module", params=STUDIES)
+@pytest.fixture(scope="module", params=COLUMNS)
 def table(request):
     rows = load_study(ROOT / "results" / request.param).rows
-    return summarise(rows, "position_rmse_m", None, COLUMNS[request.param], baseline=BASELINES[request.param])
+    return summarise(rows, "position_rmse_m", None, COLUMNS[request.param], baseline={"adaptation": "none"})
 
 
 def printed(table, width, **options):

@@ -1,10 +1,5 @@
-"""The biases that eskf15 finds, and whether its errors are as large as it says.
+"""The errors of eskf15 at the end of simulated drives with IMU biases, compared with its covariance."""
 
-Usage: python experiments/eskf15_consistency/check.py [--seeds 100] [--duration-s 150]
-"""
-
-import argparse
-import os
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,37 +110,7 @@ def _squared(error: FloatArray, covariance: FloatArray) -> float:
     return float(error @ np.linalg.solve(covariance, error))
 
 
-def main() -> None:
-    """Print one line for each sensor."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=100)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--duration-s", type=float, default=150.0)
-    parser.add_argument("--imu", nargs="*", default=["per_sample", *GRADES])
-    args = parser.parse_args()
-    print("| IMU | biases within 3 sigma | NEES of 15 | band | NEES of p, v | band |\n|---|---|---|---|---|---|")
-    for imu in args.imu:
-        seeds = range(args.first_seed, args.first_seed + args.seeds)
-        outcomes = [check(seed, imu, args.duration_s) for seed in seeds]
-        print(line(imu, outcomes), flush=True)
-
-
-def line(imu: str, outcomes: list[Outcome]) -> str:
-    """One row of the table."""
-    within = np.mean([o.bias_ratio.max() < 3.0 for o in outcomes])
-    cells = [imu, f"{within:.0%}"]
-    for values, states in (([o.nees for o in outcomes], 15), ([o.nees_navigation for o in outcomes], 6)):
-        low, high = band(states, len(outcomes))
-        cells += [f"{np.mean(values):.2f}", f"{low:.2f} to {high:.2f}"]
-    return f"| {' | '.join(cells)} |"
-
-
 def band(states: int, runs: int) -> tuple[float, float]:
     """95 % band of the mean NEES of ``runs`` independent runs."""
     low, high = chi2.ppf([0.025, 0.975], states * runs) / runs
     return float(low), float(high)
-
-
-if __name__ == "__main__":
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    main()
