@@ -26,6 +26,7 @@ TYPED = [
     (("table", "results/a", "--format", "tex", "--fit"), "resizebox"),
     (("audit", "--attribution"), "what each step brings"),
     (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
+    (("audit", "attitude", "--settings", "3"), "filter=attitude_only"),
 ]
 
 

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from tables import Errors, tuned
+from trials import DEFAULTS, DOMAINS, all_trials
 
-from jerkbench.audit.tilt_study import TiltErrors, tuned
-from jerkbench.audit.tilt_trials import AS_THEY_COME, DOMAINS, all_trials
 from jerkbench.evaluation.counted_rows import angle_between
+from jerkbench.geometry import vertical_in_body
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -22,7 +23,7 @@ TICKS_DEG = {
 TRIAL = "21_undisturbed_fast_combined"
 
 
-def draw_dots(errors: TiltErrors, path: Path) -> None:
+def draw_dots(errors: Errors, path: Path) -> None:
     """Inclination error of each method on each trial, tuned without it, with the median."""
     figure, panels = plt.subplots(1, len(errors), figsize=(13, 4), sharey=True, squeeze=False, layout="constrained")
     for panel, (domain, own) in zip(panels[0], errors.items(), strict=True):
@@ -43,11 +44,12 @@ def draw_dots(errors: TiltErrors, path: Path) -> None:
 def draw_over_time(folder: Path, path: Path) -> None:
     """The error of a fast trial over time, and the specific force's norm below."""
     trial = next(trial for trial in all_trials(folder) if trial.name == TRIAL)
-    recording, truth, counted = trial.pieces()[0]
+    (recording,) = trial.recordings()
+    truth = vertical_in_body(np.nan_to_num(np.asarray(recording.reference.euler_rad)))
     figure, (above, below) = plt.subplots(2, 1, figsize=(9, 5), sharex=True, layout="constrained")
     for name in ("madgwick, default", "mtf, default", "vqf, default"):
-        x, _ = AS_THEY_COME[name].verticals(recording)
-        error = np.where(counted, np.degrees(angle_between(x, truth)), np.nan)
+        x, _ = DEFAULTS[name].verticals(recording)
+        error = np.where(recording.reference.scored, np.degrees(angle_between(x, truth)), np.nan)
         above.plot(recording.clock_s, error, lw=0.7, label=name)
     below.plot(recording.clock_s, np.linalg.norm(recording.inertial.accel_mps2, axis=1), lw=0.4, color="grey")
     above.set(ylabel="error of the inclination [deg]", title=f"BROAD, {TRIAL}")

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tables import VERDICT_HEADS, Errors, verdict_cells, verdicts_on
+from trials import METHODS, after_start, with_noise
 
 from jerkbench.api import disturb, estimate, evaluate
 from jerkbench.attitude.common import TiltAndYaw
 from jerkbench.attitude.reference import ReferenceAttitude
-from jerkbench.audit.tilt_study import VERDICT_HEADS, TiltErrors, tilt_verdicts, verdict_cells
-from jerkbench.audit.tilt_trials import TILT_METHODS, after_start, with_noise
 from jerkbench.estimate import Attitude
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 from jerkbench.report.writers import plain_table
@@ -68,7 +68,7 @@ def drive(path: Path) -> Recording:
     )
 
 
-def navigation_rows(folder: Path, errors: TiltErrors, drives: int | None, workers: int) -> pd.DataFrame:
+def navigation_rows(folder: Path, errors: Errors, drives: int | None, workers: int) -> pd.DataFrame:
     """Drive, trace, filter, attitude, RMSE of the position [m], of the first ``drives`` (None: all)."""
     paths = sorted(folder.glob("*drive*.parquet"))
     places = [(path, number) for number, path in enumerate(paths) if path.stem not in UNSOUND][:drives]
@@ -103,7 +103,7 @@ def _rows(path: Path, number: int, chosen: dict[tuple[str, str], int]) -> Iterat
     velocity = with_noise(reference.t_s, np.asarray(reference.velocity_mps), number)
     attitudes: dict[str, object] = {"reference": ReferenceAttitude(gap_s=1.0)}
     for (name, domain), setting in chosen.items():
-        plugin = TILT_METHODS[name].plugin(TILT_METHODS[name].settings()[setting], rate_hz)
+        plugin = METHODS[name].plugin(METHODS[name].settings()[setting], rate_hz)
         known = domain == "kitti_start"
         attitudes[f"{name}, start known" if known else name] = StartKnown(plugin, velocity) if known else plugin
     for trace in TRACES:
@@ -128,7 +128,7 @@ def navigation_table(rows: pd.DataFrame) -> str:
         gap = float((own["constant"] - inertial).mean())
         gains = {name: (own["constant"] - own[name]).mean() for name in own}
         closed = {name: f"{gain / gap:.2f}" if gap > 0 else "-" for name, gain in gains.items()}
-        found = tilt_verdicts(own, "constant")
+        found = verdicts_on(own, "constant")
         head = [f"{model} (n = {len(inertial)})", *VERDICT_HEADS, "closed"]
         parts.append(plain_table(head, [[name, *verdict_cells(of), closed[name]] for name, of in found.items()]))
         known = np.exp((mean.loc[(INERTIAL, "constant, start known")] - own["constant"][0]).mean())

@@ -15,18 +15,18 @@ import pandas as pd
 from figure import draw_dots, draw_over_time
 from navigation import navigation_rows, navigation_table
 from starts import start_rows, start_table
+from tables import TABLES, Errors, errors_of
+from trials import SETTINGS, all_rows, all_trials
 
 from jerkbench import files
-from jerkbench.audit.tilt_study import TILT_TABLES, TiltErrors, errors_of
-from jerkbench.audit.tilt_trials import TILT_SETTINGS, all_trials, audit_rows
 
 HERE = Path(__file__).parent
 KEPT, NAVIGATION, STARTS = "errors.parquet", "navigation.parquet", "starts.parquet"
 
 
-def filled(page: str, errors: TiltErrors, folder: Path = HERE) -> str:
+def filled(page: str, errors: Errors, folder: Path = HERE) -> str:
     """Return the page with each of its tables from the rows in ``folder``."""
-    tables = {name: make(errors) for name, make in TILT_TABLES.items()}
+    tables = {name: make(errors) for name, make in TABLES.items()}
     tables["starts"] = start_table(pd.read_parquet(folder / STARTS))
     tables["navigation"] = navigation_table(pd.read_parquet(folder / NAVIGATION))
     return files.filled(page, tables)
@@ -36,8 +36,8 @@ def run(folder: Path, out: Path, settings: int, drives: int | None) -> None:
     """Compute all rows, and draw; what is in ``out``/rows already is taken."""
     workers = os.cpu_count() or 1
     out.mkdir(parents=True, exist_ok=True)
-    rows = audit_rows(list(all_trials(folder)), out / "rows", workers, settings)
-    whole = settings == TILT_SETTINGS
+    rows = all_rows(list(all_trials(folder)), out / "rows", workers, settings)
+    whole = settings == SETTINGS
     errors = errors_of(rows if whole else pd.read_parquet(HERE / KEPT))
     rows.to_parquet(out / KEPT, index=False)
     start_rows(folder / "kitti").to_parquet(out / STARTS, index=False)
@@ -58,7 +58,7 @@ def main() -> None:
         print(filled(page, errors_of(pd.read_parquet(HERE / KEPT))))
         return
     folder, *more = sys.argv[1:]
-    out, settings, drives = (*more, *(str(HERE), TILT_SETTINGS, None)[len(more) :])
+    out, settings, drives = (*more, *(str(HERE), SETTINGS, None)[len(more) :])
     run(Path(folder), Path(out), int(settings), None if drives is None else int(drives))
 
 

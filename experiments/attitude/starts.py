@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from trials import kitti_pieces
 
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.common import tilt_start
-from jerkbench.audit.tilt_trials import kitti_pieces
 from jerkbench.evaluation.counted_rows import angle_between
+from jerkbench.geometry import vertical_in_body
 from jerkbench.recording import Position, Recording
 from jerkbench.report.writers import plain_table
 
@@ -25,7 +26,8 @@ def start_rows(folder: Path) -> pd.DataFrame:
 
 
 def _rows(path: Path, seed: int) -> Iterator[tuple[str, str, float]]:
-    recording, truth, _ = max(kitti_pieces(path, seed), key=lambda piece: len(piece[1]))
+    recording = max(kitti_pieces(path, seed), key=lambda piece: len(piece.reference.t_s))
+    truth = vertical_in_body(np.asarray(recording.reference.euler_rad))
     for alignment in ("rest", "gravity"):
         yield path.stem, alignment, _off(recording, alignment, truth)
     yield path.stem, "track (velocity, .1 m/s)", _off(recording, "track", truth)

@@ -55,9 +55,6 @@ def tune_verb(chosen: argparse.Namespace) -> None:
 
 
 @verb(
-    argument("what", nargs="?", choices=("attitude",), help="attitude filters, in place of navigation filters"),
-    argument("--data", type=Path, help="folder of broad, repoimu, kitti (default: where `data fetch` puts them)"),
-    argument("--settings", type=count, default=64, help="of each attitude filter; fewer than 64 give rows, no tables"),
     argument("--scale", default="full", help="name of the protocol (default: full)"),
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
@@ -81,11 +78,9 @@ def audit_verb(chosen: argparse.Namespace) -> None:
       jerkbench audit --scale second     the same with other drives and other tunings
       jerkbench audit --reweight faulty=0.05             the answer where 5 % of drives have a fault, from stored rows
       jerkbench audit --against results/audit-second     which verdicts the second one does not share; for the page
-      jerkbench audit attitude           of attitude filters, by the tilt: four minutes (needs the package vqf)
 
     The same command goes on where it was stopped. --stored judges what is stored, whatever version computed it, and
-    runs nothing. `attitude` has a protocol of its own: BROAD, RepoIMU's TStick, KITTI and the simulated field, apart;
-    what is not in --data is left out.
+    runs nothing.
 
     RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
     follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), manifest.json and protocol.json.
@@ -101,14 +96,6 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.jobs.cluster import processors
 
     workers = chosen.workers or processors()
-    if chosen.what:
-        from jerkbench.audit.tilt_study import run_attitude_audit
-        from jerkbench.io.files import fetched_folder
-
-        folder = chosen.results / f"{AUDIT_FOLDER}{chosen.what}"
-        print(run_attitude_audit(chosen.data or fetched_folder(""), folder, workers, chosen.settings))
-        print(f"Written to {folder}.")
-        return
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{AUDIT_FOLDER}{chosen.scale}"
     if chosen.reweight:
         print(reweighted_text(read_rows(folder), chosen.reweight))

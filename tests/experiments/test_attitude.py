@@ -5,10 +5,20 @@ import pandas as pd
 import pytest
 
 from experiment_scripts import EXPERIMENTS, experiment
-from jerkbench.audit.tilt_study import errors_of
-from jerkbench.audit.tilt_trials import TILT_METHODS, TILT_SETTINGS
+from jerkbench.attitude.mekf import Mekf
 
 page = experiment("attitude/page.py")
+from tables import (  # noqa: E402 - next to the page
+    TRIED_EACH,
+    TUNINGS,
+    errors_of,
+    holm,
+    losses_left_out,
+    settings_left_out,
+    tried,
+    verdicts_on,
+)
+from trials import METHODS, SETTINGS, all_trials, error_deg, kitti_pieces  # noqa: E402 - next to the page
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +33,108 @@ def test_the_tables_of_the_page_are_those_of_the_rows(errors):
 
 def test_every_method_has_every_setting_on_every_trial(errors):
     for domain, trials in (("broad", 20), ("tstick", 11), ("kitti", 28), ("kitti_start", 25), ("field", 16)):
-        for method in TILT_METHODS:
-            assert errors[domain][method].shape == (TILT_SETTINGS, trials)
+        for method in METHODS:
+            assert errors[domain][method].shape == (SETTINGS, trials)
         assert np.isfinite(np.concatenate(list(errors[domain].values()))).all()
+
+
+def test_a_trial_does_not_choose_its_own_setting():
+    """Setting 0 is the best on every trial but the last, where it is far worse: there it is taken all the same."""
+    loss = np.ones((SETTINGS, 5))
+    for subset in tried():
+        loss[subset[0], :4], loss[subset[0], 4] = 0.0, 9.0
+    taken = settings_left_out(loss)
+    for r, subset in enumerate(tried()):
+        assert taken[r, 4] in subset
+        assert loss[taken[r, 4], 4] == 9.0
+        assert loss[taken[r, 0], 4] == 1.0
+    np.testing.assert_array_equal(losses_left_out(loss, taken)[:, 4], 9.0)
+
+
+def test_every_method_is_tuned_with_the_same_numbers():
+    assert {len(method.settings()) for method in METHODS.values()} == {SETTINGS}
+    assert {len(subset) for subset in tried()} == {TRIED_EACH}
+    assert len(tried()) == TUNINGS
+    for method in METHODS.values():
+        for switch in (*method.switches, "gravity"):
+            assert sum(setting[switch] for setting in method.settings()) == SETTINGS / 2
+        for name, bounds in method.ranges.items():
+            shares = np.array([bounds.share(setting[name]) for setting in method.settings()])
+            assert np.ptp(shares) > 0.9
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_setting_makes_its_plugin(name):
+    """Each value of a setting changes the plugin."""
+    method = METHODS[name]
+    setting = dict(method.settings()[0])
+    setting |= dict.fromkeys((*method.switches, "gravity"), 1.0)
+    plugin = method.plugin(setting, 100.0)
+    for key in setting:
+        other = method.ranges[key].value(0.987) if key in method.ranges else 0.0
+        assert method.plugin(setting | {key: other}, 100.0) != plugin, key
+    assert method.plugin(setting, 100.0, "track").alignment == "track"
+
+
+def test_holm_is_what_the_paper_says():
+    np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
+    assert holm([0.6, 0.9]) == [1.0, 1.0]
+
+
+def test_a_method_that_is_always_better_is_found():
+    n = np.random.default_rng(0).normal(size=(TUNINGS, 20))
+    losses = {"constant": n, "vqf": n - 0.2, "mekf": n + 0.01 * n[::-1]}
+    found = verdicts_on(losses, "constant")
+    assert found["vqf"].mean[0] == pytest.approx(np.exp(-0.2))
+    assert (found["vqf"].wins, found["vqf"].n, found["vqf"].word) == (20, 20, "better")
+    assert found["vqf"].p == pytest.approx(2 * 2 * 0.5**20)
+    assert found["mekf"].word == "undecided"
+
+
+def test_a_piece_ends_where_samples_are_missing(tmp_path):
+    t = np.concatenate([np.arange(0, 8, 0.01), np.arange(9, 12, 0.01), np.arange(13, 20, 0.01)])
+    names = ["ax", "ay", "az", "gx", "gy", "gz", "e", "n", "u", "ve", "vn", "vu", "roll", "pitch", "yaw"]
+    drive = pd.DataFrame(0.0, index=range(len(t)), columns=names).assign(t=t, az=9.81)
+    drive.loc[t > 3.0, "ve"] = 5.0
+    drive.to_parquet(tmp_path / "a_drive.parquet")
+    pieces = kitti_pieces(tmp_path / "a_drive.parquet", 0)
+    assert [len(piece.reference.t_s) for piece in pieces] == [800, 700]
+    assert [piece.static_start_s for piece in pieces] == [pytest.approx(3.01), 0.0]
+    assert error_deg(Mekf(), pieces) < 1e-6
+
+
+def test_a_known_start_is_that_of_the_track_and_what_it_took_does_not_count(tmp_path):
+    """Twenty seconds of a steady acceleration from 3 m/s: level or gravity start 5.8 degrees off."""
+    t = np.arange(2000) / 100
+    names = ["gx", "gy", "gz", "e", "n", "u", "vn", "vu", "roll", "pitch", "yaw", "ay"]
+    drive = pd.DataFrame(0.0, index=range(2000), columns=names).assign(t=t, ax=1.0, az=9.81, ve=3.0 + t)
+    (tmp_path / "kitti").mkdir()
+    drive.to_parquet(tmp_path / "kitti" / "a_drive.parquet")
+    drive[:1400].to_parquet(tmp_path / "kitti" / "short_drive.parquet")
+    trials = [trial for trial in all_trials(tmp_path) if trial.domain.startswith("kitti")]
+    assert [(trial.domain, trial.name) for trial in trials] == [
+        ("kitti", "a_drive"),
+        ("kitti", "short_drive"),
+        ("kitti_start", "a_drive"),
+    ]
+    recordings = trials[-1].recordings()
+    setting = {"gain_per_s": 3e-4, "gravity": 1.0}
+    of_gravity, of_track = (
+        error_deg(METHODS["madgwick"].plugin(setting, 100.0, way), recordings, 10.0) for way in ("", "track")
+    )
+    assert of_gravity > 4.0
+    assert of_track < 1.0
+
+
+def test_a_set_that_is_not_there_is_left_out(tmp_path):
+    assert {trial.domain for trial in all_trials(tmp_path)} == {"field"}
+
+
+@pytest.mark.parametrize("name", ["broad", "tstick", "kitti_start", "field"])
+def test_the_error_of_a_filter_is_that_of_the_stored_rows(shared_folder, name):
+    stored = pd.read_parquet(page.HERE / page.KEPT).set_index(["domain", "trial", "method", "setting"])
+    trial = next(trial for trial in all_trials(shared_folder / "data") if trial.domain == name)
+    known = trial.start_is_known
+    plugin = METHODS["madgwick"].plugin(METHODS["madgwick"].settings()[5], 100.0, "track" if known else "")
+    error = error_deg(plugin, trial.recordings(), 10.0 if known else 0.0)
+    assert error == pytest.approx(stored.loc[(name, trial.name, "madgwick", 5), "inclination_rmse_deg"], rel=1e-5)

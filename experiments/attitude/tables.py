@@ -1,35 +1,20 @@
-"""The study of attitude filters: tuned alike, leaving out one trial, each against others; tables and page.
+"""The tables of the study: the filters tuned in the same way, each trial scored with a setting chosen on the others.
 
 Each method is tuned 16 times. A tuning sees 16 of the 64 settings, the same numbers for all methods, and for each trial
 takes the one with the lowest mean log error on the domain's other trials. The value of a trial is the median over the
 tunings; trials are what is counted.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from trials import DEFAULTS, DOMAINS, METHODS, SETTINGS
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.attitude.vqf import vqf_package
-from jerkbench.audit.tilt_trials import (
-    AS_THEY_COME,
-    COMPUTED_BY,
-    DOMAINS,
-    TILT_METHODS,
-    TILT_SETTINGS,
-    TiltTrial,
-    all_trials,
-    audit_rows,
-)
 from jerkbench.evaluation.families import sign_p
 from jerkbench.evaluation.intervals import quantiles_of_rows, student_interval
-from jerkbench.files import filled_template, write_atomically, write_text
-from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.report.writers import plain_table
 
 TUNINGS, TRIED_EACH = 16, 16
@@ -37,11 +22,11 @@ TUNINGS, TRIED_EACH = 16, 16
 DomainErrors = Mapping[str, FloatArray]
 """By method, log of the error [deg] of each setting on each trial: (64, n), or (1, n) as it comes."""
 
-TiltErrors = Mapping[str, DomainErrors]
+Errors = Mapping[str, DomainErrors]
 """By domain, those of its methods."""
 
 
-def errors_of(rows: pd.DataFrame) -> TiltErrors:
+def errors_of(rows: pd.DataFrame) -> Errors:
     """Return the rows as arrays, trials in the order of their names."""
     there = set(rows["domain"])
     found: dict[str, dict[str, FloatArray]] = {domain: {} for domain in DOMAINS if domain in there}
@@ -53,7 +38,7 @@ def errors_of(rows: pd.DataFrame) -> TiltErrors:
 
 def tried() -> list[IntArray]:
     """The settings that each tuning sees."""
-    return [np.sort(np.random.default_rng(r).choice(TILT_SETTINGS, TRIED_EACH, replace=False)) for r in range(TUNINGS)]
+    return [np.sort(np.random.default_rng(r).choice(SETTINGS, TRIED_EACH, replace=False)) for r in range(TUNINGS)]
 
 
 def settings_left_out(loss: FloatArray, others: FloatArray | float = 0.0) -> IntArray:
@@ -72,7 +57,7 @@ def losses_left_out(loss: FloatArray, setting: IntArray) -> FloatArray:
 
 def tuned(errors: DomainErrors) -> dict[str, FloatArray]:
     """Return (16, n) for each method that is tuned."""
-    return {method: losses_left_out(errors[method], settings_left_out(errors[method])) for method in TILT_METHODS}
+    return {method: losses_left_out(errors[method], settings_left_out(errors[method])) for method in METHODS}
 
 
 def holm(p: Sequence[float]) -> list[float]:
@@ -83,7 +68,7 @@ def holm(p: Sequence[float]) -> list[float]:
 
 
 @dataclass(frozen=True)
-class TiltVerdict:
+class Verdict:
     """A method against another one; ratios of errors, below 1 is better.
 
     Attributes:
@@ -103,7 +88,7 @@ class TiltVerdict:
     word: str
 
 
-def tilt_verdicts(losses: Mapping[str, FloatArray], comparator: str) -> dict[str, TiltVerdict]:
+def verdicts_on(losses: Mapping[str, FloatArray], comparator: str) -> dict[str, Verdict]:
     """Return the verdict on each other method, from (16, n) losses."""
     d = {name: np.median(loss - losses[comparator], axis=0) for name, loss in losses.items() if name != comparator}
     p = holm([sign_p(int((own < 0).sum()), int((own > 0).sum())) for own in d.values()])
@@ -113,7 +98,7 @@ def tilt_verdicts(losses: Mapping[str, FloatArray], comparator: str) -> dict[str
         word = "undecided" if adjusted >= 0.05 else "better" if median[0] < 0 else "worse"
         mean = float(own.mean()), *student_interval(own, 0.95)
         first, second = (tuple(np.exp(values).tolist()) for values in (mean, median))
-        verdicts[name] = TiltVerdict(first, second, int((own < 0).sum()), len(own), adjusted, word)
+        verdicts[name] = Verdict(first, second, int((own < 0).sum()), len(own), adjusted, word)
     return verdicts
 
 
@@ -131,41 +116,41 @@ TUNED_ELSEWHERE = {("broad", "vqf"): "vqf (its authors tuned its defaults on thi
 VERDICT_HEADS = ("mean ratio", "median ratio", "wins", "p (Holm)", "verdict")
 
 
-def of_errors(errors: TiltErrors) -> str:
+def of_errors(errors: Errors) -> str:
     """Median, mean and worst trial of each method and domain, tuned and as it comes."""
     losses, rows = [{**own, **tuned(own)} for own in errors.values()], []
-    for name in [*TILT_METHODS, *AS_THEY_COME]:
+    for name in [*METHODS, *DEFAULTS]:
         degs = [np.exp(np.median(own[name], axis=0)) for own in losses]
         rows.append([name, *(f"{np.median(deg):.2f} / {deg.mean():.2f} / {deg.max():.2f}" for deg in degs)])
     heads = (f"{DOMAINS[domain]} (n = {own['constant'].shape[1]})" for domain, own in errors.items())
     return plain_table(["method", *heads], rows)
 
 
-def of_verdicts(errors: TiltErrors) -> str:
+def of_verdicts(errors: Errors) -> str:
     """Each method against both comparators, domain by domain."""
     parts = []
     for domain, known in errors.items():
         losses = tuned(known)
         for comparator in COMPARATORS:
-            found = tilt_verdicts(losses, comparator)
+            found = verdicts_on(losses, comparator)
             head = [f"{DOMAINS[domain]}: against {comparator}", *VERDICT_HEADS]
             lines = [[TUNED_ELSEWHERE.get((domain, name), name), *verdict_cells(own)] for name, own in found.items()]
             parts.append(plain_table(head, lines))
     return "\n\n".join(parts)
 
 
-def verdict_cells(verdict: TiltVerdict) -> list[str]:
+def verdict_cells(verdict: Verdict) -> list[str]:
     """Return what stands below `VERDICT_HEADS`."""
     ratios = [f"{ratio:.2f} [{low:.2f}, {high:.2f}]" for ratio, low, high in (verdict.mean, verdict.median)]
     return [*ratios, f"{verdict.wins}/{verdict.n}", f"{verdict.p:.2g}", verdict.word]
 
 
-def of_transfer(errors: TiltErrors) -> str:
+def of_transfer(errors: Errors) -> str:
     """How many times larger the error is with one setting for all recorded domains, and with that of another one."""
     domains = [domain for domain in RECORDED if domain in errors]
     pairs = [(source, domain) for domain in domains for source in domains if source != domain]
     rows = []
-    for method in TILT_METHODS:
+    for method in METHODS:
         loss = {domain: errors[domain][method] for domain in domains}
         own = {domain: losses_left_out(loss[domain], settings_left_out(loss[domain])) for domain in domains}
         means = {domain: loss[domain].mean(axis=1) for domain in domains}
@@ -185,10 +170,10 @@ def _times(loss: FloatArray, own: FloatArray) -> str:
     return f"{np.exp(np.median(loss - own, axis=0).mean()):.2f}"
 
 
-def of_switches(errors: TiltErrors) -> str:
+def of_switches(errors: Errors) -> str:
     """In which share of tunings and folds a switch is on."""
     rows = []
-    for name, method in TILT_METHODS.items():
+    for name, method in METHODS.items():
         settings = method.settings()
         for switch in (*method.switches, "gravity"):
             on = np.array([setting[switch] for setting in settings])
@@ -196,14 +181,14 @@ def of_switches(errors: TiltErrors) -> str:
     return plain_table(["method", "switch", *errors], rows)
 
 
-def of_luck(errors: TiltErrors) -> str:
+def of_luck(errors: Errors) -> str:
     """Standard deviation over the tunings of the mean log error."""
     by_domain = [tuned(own) for own in errors.values()]
-    rows = [[name, *(f"{own[name].mean(axis=1).std(ddof=1):.2f}" for own in by_domain)] for name in TILT_METHODS]
+    rows = [[name, *(f"{own[name].mean(axis=1).std(ddof=1):.2f}" for own in by_domain)] for name in METHODS]
     return plain_table(["method", *errors], rows)
 
 
-TILT_TABLES: dict[str, Callable[[TiltErrors], str]] = {
+TABLES: dict[str, Callable[[Errors], str]] = {
     "errors": of_errors,
     "verdicts": of_verdicts,
     "transfer": of_transfer,
@@ -211,72 +196,3 @@ TILT_TABLES: dict[str, Callable[[TiltErrors], str]] = {
     "luck": of_luck,
 }
 """By their names on a page."""
-
-
-# The folder of the audit: its rows, its tables, and what it was made with.
-
-TILT_ERRORS = "errors.parquet"
-
-
-def run_attitude_audit(data: Path, folder: Path, workers: int, settings: int = TILT_SETTINGS) -> str:
-    """Compute what is not kept yet, write rows, tables and manifest to ``folder``, and return the answer.
-
-    Args:
-        data: holds broad, repoimu and kitti; a domain whose files are not there is left out.
-        folder: of the audit.
-        workers: processes.
-        settings: how many of each method are run; fewer than all give rows and no tables.
-
-    Raises:
-        JerkbenchError: the package vqf is not installed, or a recording is damaged.
-    """
-    vqf_package()
-    trials = list(all_trials(data))
-    rows = audit_rows(trials, folder / "rows", workers, settings)
-    write_atomically(folder / TILT_ERRORS, lambda path: rows.to_parquet(path, index=False))
-    write_text(folder / "manifest.json", json.dumps(_manifest(trials, settings), indent=1) + "\n")
-    if settings < TILT_SETTINGS:
-        return f"{len(rows)} rows of {len(trials)} trials."
-    answer, page = attitude_answer(rows), attitude_audit_page(rows)
-    write_text(folder / "README.md", page)
-    return answer
-
-
-def attitude_answer(rows: pd.DataFrame) -> str:
-    """Return who is better and who is worse than each comparator, a line for each domain."""
-    lines = []
-    for domain, own in errors_of(rows).items():
-        parts = []
-        for comparator in COMPARATORS:
-            found = tilt_verdicts(tuned(own), comparator)
-            words = {word: [name for name, of in found.items() if of.word == word] for word in ("better", "worse")}
-            said = [f"{', '.join(names)} {word}" for word, names in words.items() if names]
-            parts.append(f"Against {comparator} {'; '.join(said) or 'nobody is shown better or worse'}")
-        lines.append(f"- {DOMAINS[domain]} (n = {own['constant'].shape[1]}): {'. '.join(parts)}.")
-    return "\n".join(lines)
-
-
-def attitude_audit_page(rows: pd.DataFrame) -> str:
-    """Return the page with all tables."""
-    errors = errors_of(rows)
-    absent = [title for domain, title in DOMAINS.items() if domain not in errors]
-    return filled_template(
-        Path(__file__).with_name("tilt.md.jinja"),
-        answer=attitude_answer(rows),
-        methods=len(TILT_METHODS),
-        settings=TILT_SETTINGS,
-        tunings=TUNINGS,
-        each=TRIED_EACH,
-        absent=f"Not here, and left out: {'; '.join(absent)}." if absent else "",
-        **{name: table(errors) for name, table in TILT_TABLES.items()},
-    )
-
-
-def _manifest(trials: Sequence[TiltTrial], settings: int) -> dict[str, object]:
-    return {
-        "code": code_digest(*COMPUTED_BY),
-        "git_commit": git_commit(),
-        "versions": {**versions(), "vqf": version("vqf")},
-        "trials": {f"{trial.domain} {trial.name}": trial.fingerprint for trial in trials},
-        "settings": {name: method.settings()[:settings] for name, method in TILT_METHODS.items()},
-    }
