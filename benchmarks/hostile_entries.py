@@ -181,12 +181,12 @@ def hang(_signal: int, _frame: FrameType | None) -> None:
 def attack(damages: int, place: Path) -> None:
     """Do so many damages, and print what became of each verb."""
     os.chdir(place)
-    answered(["suite", "run", "filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "1"])
+    answered(["suite", "run", "filter=baseline", "adaptation=chi2", "--scale", "v2-tiny", "--workers", "1"])
     signal.signal(signal.SIGALRM, hang)
     counts: dict[str, Counter[str]] = {}
     longest, rng = 0.0, np.random.default_rng(1)
     for number in range(damages):
-        entry = surroundings(place / "results/suite-tiny/baseline-chi2", place / "entries")
+        entry = surroundings(place / "results/suite-v2-tiny/baseline-chi2", place / "entries")
         what = damage(entry, number, rng)
         for verb, words in words_for(entry).items():
             began = time.perf_counter()

@@ -42,8 +42,8 @@ def made(place: Path) -> tuple[Path, Path]:
     named = ["filter=command", f"filter.command='{program} {{recording}} {{out}}'"]
     answered(["run", *named, *SWEEP])
     answered(["run", "filter=baseline", *SWEEP])
-    answered(["suite", "run", *named, "--scale", "tiny", "--workers", "1"])
-    return place / "results/theirs", place / "results/suite-tiny/command-none"
+    answered(["suite", "run", *named, "--scale", "v2-tiny", "--workers", "1"])
+    return place / "results/theirs", place / "results/suite-v2-tiny/command-none"
 
 
 def program_part(study: Path) -> Path:

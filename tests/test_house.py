@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 193, 25
 """Modules, but for those of plugins, which may become more; and folders."""
-MOST_CODE = 24_997
+MOST_CODE = 24_725
 """Lines without docstrings, comments, blanks and imports, but for those of plugins."""
 MOST_LONE = 16
 """Modules that one other module imports; the aim is none."""

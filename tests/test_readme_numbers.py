@@ -85,7 +85,7 @@ def test_a_number_of_an_entry_is_that_of_its_manifest():
     marks = re.findall(r"<!-- (\S+) (\w+) -->([\d.]+\d)", text)
     assert marks
     for entry, key, text in marks:
-        score = json.loads((ROOT / "results" / "suite-v1" / entry / "manifest.json").read_text())["score"]
+        score = json.loads((ROOT / "results" / "suite-v2" / entry / "manifest.json").read_text())["score"]
         assert text == f"{score[key]:.2f}"
 
 

@@ -73,7 +73,7 @@ def scenarios(folder: Path, variant: str) -> dict[str, FaultScenario]:
             counted.pop("clock_shift_s", None)
             if variant != UNSHIFTED or group in known["clock_shift_s"]:
                 dataset = degraded if name in known["degraded"] else journey
-                found[name] = FaultScenario(population, dataset, name, name, "both", counted)
+                found[name] = FaultScenario(population, dataset, name, name, counted)
     return found
 
 

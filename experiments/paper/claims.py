@@ -96,7 +96,7 @@ def claims(rows: pd.DataFrame) -> list[Claim]:
 
 
 def _claim(name: str, against: str, values: pd.DataFrame, bound: float, unit: str = "") -> Claim:
-    scenarios = tuple(FaultScenario(field, {}, fault, fault, "both", {}) for field, fault in values.index)
+    scenarios = tuple(FaultScenario(field, {}, fault, fault, {}) for field, fault in values.index)
     return Claim(name, against or "-", unit, _intervals(values.to_numpy()), bound, scenarios)
 
 
@@ -117,7 +117,7 @@ def _of_audit(
 ) -> Claim:
     """A claim on random drives (1, R, D); the intervals count drives and tunings."""
     ends = [crossed_intervals(y[:, :, drives], LEVEL / len(kinds))[:3] for drives in kinds.values()]
-    scenarios = tuple(FaultScenario("random", {}, kind, kind, "both", {}) for kind in kinds)
+    scenarios = tuple(FaultScenario("random", {}, kind, kind, {}) for kind in kinds)
     return Claim(name, against, unit, np.exp(np.array(ends)[:, :, 0]), bound, scenarios)
 
 

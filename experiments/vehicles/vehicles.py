@@ -77,7 +77,7 @@ def scenarios(folder: Path, results: Path) -> dict[str, FaultScenario]:
         dataset = {"name": "kitti_drive", **EXPERIMENT["dataset"], **files, "folder": str(folder / "kitti")}
         replayed = {"trace": str(path), "start_s": start_s(trace, duration_s, k % 2)}
         disturbance = {"name": "mems_car", "replayed_gnss": replayed}
-        found[f"{ride}, {drive}"] = FaultScenario("V", dataset, ride, drive, "both", disturbance)
+        found[f"{ride}, {drive}"] = FaultScenario("V", dataset, ride, drive, disturbance)
     return found
 
 

@@ -106,7 +106,7 @@ class AuditProtocol:
     @cached_property
     def drives(self) -> FaultScenario:
         """What all methods navigate: drives that bring their own faults."""
-        return FaultScenario(self.dataset, dict(self.laws), "any", "any", "both", {"name": "none"})
+        return FaultScenario(self.dataset, dict(self.laws), "any", "any", {"name": "none"})
 
     @cached_property
     def spaces(self) -> dict[AuditMethod, Space]:

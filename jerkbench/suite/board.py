@@ -6,7 +6,7 @@ The board has every entry with its place, as a page that needs nothing else, and
 import math
 import random
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -25,12 +25,11 @@ from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.progress import Progress
 from jerkbench.notices import plain
 from jerkbench.report.writers import environment
-from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, half_settings, plugins_digest
+from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, plugins_digest
 from jerkbench.suite.entry import ENTRY_FILE, PAGE, Entry, file_hashes, frozen_part, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
-from jerkbench.suite.scores import BoardValue, EntryScoring, entry_scoring, score_as_json
-from jerkbench.tuning.entrant import Entrant, Site, Try, knobs_of, tried_settings
-from jerkbench.tuning.space import Setting
+from jerkbench.suite.scores import BoardValue, EntryScoring, score_as_json
+from jerkbench.tuning.entrant import NUMBERS, Entrant, Site, Try, knobs_of, tried_settings
 
 _TOLERANCE = 1e-9
 """Relative, of a number that was computed once more."""
@@ -64,15 +63,13 @@ def file_mistakes(entry: Entry) -> Iterator[str]:
 
 
 def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
-    """Return a sentence for each scenario whose rows are not all there, or more than once."""
+    """Return a sentence for each method whose rows are not all there, or more than once."""
     own = Counter(Key(*key) for key in entry.rows[list(Key._fields)].itertuples(index=False))
     wanted = Counter(_keys(entry, protocol))
-    wrong = Counter((key.scenario, key.method) for key in ((own - wanted) + (wanted - own)).elements())
-    names = dict(enumerate(scenario.name for scenario in protocol.scenarios))
+    wrong = Counter(key.method for key in ((own - wanted) + (wanted - own)).elements())
     return [
-        f"The rows of the {method} in {names.get(number, number)} are not those that {protocol.name} asks for: {count}"
-        " are missing or too many."
-        for (number, method), count in sorted(wrong.items())
+        f"The rows of the {method} are not those that {protocol.name} asks for: {count} are missing or too many."
+        for method, count in sorted(wrong.items())
     ]
 
 
@@ -83,7 +80,7 @@ def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
         if not same(own, stated.get(key)):
             yield f"The manifest says {key} = {stated.get(key)}, the rows show {own}."
     page = (entry.folder / PAGE).read_text(encoding="utf-8", errors="replace")
-    if page != entry_scoring(protocol).page(entry.name, entry.rows):
+    if page != EntryScoring(protocol).page(entry.name, entry.rows):
         yield "entry.md does not say what the rows show."
 
 
@@ -97,11 +94,8 @@ def same(value: object, other: object) -> bool:
 def _keys(entry: Entry, protocol: SuiteProtocol) -> Iterator[Key]:
     """Every row that there has to be."""
     for method in (ENTRY, PLAIN):
-        settings: dict[str, Setting] = dict.fromkeys([AS_GIVEN, *entry.settings.get(method, {})], ())
-        for number, scenario in enumerate(protocol.scenarios):
-            for tuned_on in half_settings(settings, scenario.half):
-                seeds = protocol.seeds_of(scenario, protocol.seeds_to_test_on)
-                yield from (Key(method, number, tuned_on, seed) for seed in seeds)
+        for tuned_on in dict.fromkeys([AS_GIVEN, *entry.settings.get(method, {})]):
+            yield from (Key(method, 0, tuned_on, seed) for seed in protocol.seeds_to_test_on)
 
 
 @dataclass(frozen=True)
@@ -170,15 +164,14 @@ def _require_data(entrant: Entrant, protocol: SuiteProtocol) -> None:
     Raises:
         JerkbenchError: a recording was not fetched, or a package is not installed.
     """
-    jobs = [entrant.job(scenario, protocol.limits) for scenario in protocol.scenarios]
-    for job in jobs:
-        data_fingerprint(job.scenario.dataset, job.scenario.disturbances)
-    require_inputs(jobs[0], set())
+    job = entrant.job(protocol.scenario, protocol.limits)
+    data_fingerprint(job.scenario.dataset, job.scenario.disturbances)
+    require_inputs(job, set())
 
 
 def _settings_mistakes(entry: Entry, method: str, entrant: Entrant, protocol: SuiteProtocol) -> Iterator[str]:
     """Yield a sentence for each setting that the search of the suite does not try."""
-    space = knobs_of(entrant.job(protocol.scenarios[0], protocol.limits))
+    space = knobs_of(entrant.job(protocol.scenario, protocol.limits))
     tried = tried_settings(protocol.trials, space)
     for tuned_on, values in entry.settings[method].items():
         allowed = tried[:1] if tuned_on == AS_GIVEN else tried
@@ -194,25 +187,24 @@ def _row_mistakes(
     """Compute rows once more, and yield a sentence for each that comes out differently."""
     if sample.empty:
         return
-    stored = sample.sort_values(["scenario", "tuned_on"]).to_dict("records")
-    scenarios = protocol.scenarios
+    stored = sample.sort_values("tuned_on").to_dict("records")
     settings = (entry.setting(method, own["tuned_on"]) for own in stored)
     tries = [
-        Try(own["scenario"], scenarios[own["scenario"]], entrant, setting, k, [own["seed"]])
+        Try(0, protocol.scenario, entrant, setting, k, [own["seed"]])
         for k, (own, setting) in enumerate(zip(stored, settings, strict=True))
     ]
     with TemporaryDirectory(prefix="jerkbench-") as folder:
         again = Site(Path(folder)).rows(tries, protocol.rules(), Progress(0)).to_dict("records")
     for before, own in zip(stored, again, strict=True):
-        differing = (key for key in ("status", *protocol.numbers) if not same(before[key], own[key]))
+        differing = (key for key in ("status", *NUMBERS) if not same(before[key], own[key]))
         if (key := next(differing, None)) is not None:
-            where = f"{scenarios[int(before['scenario'])].name}, seed {before['seed']}, {before['tuned_on']}"
-            yield f"The {method} in {where}: {key} is stored as {before[key]}, and comes out as {own[key]}."
+            where = f"on seed {before['seed']}, {before['tuned_on']}"
+            yield f"The {method} {where}: {key} is stored as {before[key]}, and comes out as {own[key]}."
 
 
 # The board: every entry with its place.
 
-Places = Sequence[tuple[int, int, int]]
+BoardRank = tuple[int, int, int]
 """A place, and the best and the worst within its range."""
 
 
@@ -269,21 +261,19 @@ def board_of(entries: Sequence[Entry], checks: Sequence[CheckedEntry], protocol:
     whole = [k for k, entry in enumerate(entries) if not missing_mistakes(entry, protocol)]
     said = ((entry, (*own.mistakes, *own.remarks)) for entry, own in zip(entries, checks, strict=True))
     remarks = [plain(f"{entry.name}: {text}") for entry, texts in said for text in texts]
-    scoring = entry_scoring(protocol)
-    places = _places([scoring.costs(entries[k].rows) for k in whole])
-    scored = sorted(zip(zip(*places.values(), strict=True), whole, strict=True))
+    scoring = EntryScoring(protocol)
+    scored = sorted(zip(_places([scoring.ratios(entries[k].rows) for k in whole]), whole, strict=True))
     lines = [_line(own, entries[k], scoring, checks[k]) for own, k in scored]
-    heads = (*places, "entry", *scoring.heads, "tuned", "verified")
+    heads = ("rank (95 %)", "entry", *scoring.heads, "tuned", "verified")
     return Board(protocol.name, scoring.about, heads, lines, remarks)
 
 
-def _places(costs: Sequence[Mapping[str, FloatArray]]) -> dict[str, Places]:
-    """The place of each entry in each ranking, with its range."""
-    places: dict[str, Places] = {}
-    for name in costs[0] if costs else ():
-        ranks = rank_range(np.stack([own[name] for own in costs], axis=-1))
-        places[name] = list(zip(*(each.tolist() for each in (ranks.place, ranks.low, ranks.high)), strict=True))
-    return places
+def _places(ratios: Sequence[FloatArray]) -> list[BoardRank]:
+    """The place of each entry, with its range, by the ratios of each drive."""
+    if not ratios:
+        return []
+    ranks = rank_range(np.stack(ratios, axis=-1)[:, None])
+    return list(zip(*(each.tolist() for each in (ranks.place, ranks.low, ranks.high)), strict=True))
 
 
 def board_markdown(board: Board) -> str:
@@ -310,11 +300,12 @@ def html(board: Board) -> str:
     )
 
 
-def _line(places: Places, entry: Entry, scoring: EntryScoring, own: CheckedEntry) -> list[BoardValue]:
-    ranks = [BoardValue(f"{place} ({low} to {high})", f"{place}") for place, low, high in places]
+def _line(place: BoardRank, entry: Entry, scoring: EntryScoring, own: CheckedEntry) -> list[BoardValue]:
+    first, low, high = place
+    rank = BoardValue(f"{first} ({low} to {high})", f"{first}")
     tuned = BoardValue("yes" if entry.manifest.get("tuned") else "no")
     verified = "no: see below" if own.mistakes else f"yes, {own.rerun} rows" if own.rerun else "its files only"
-    return [*ranks, BoardValue(entry.name), *scoring.fields(entry.rows), tuned, BoardValue(verified)]
+    return [rank, BoardValue(entry.name), *scoring.fields(entry.rows), tuned, BoardValue(verified)]
 
 
 def _escaped(text: str) -> str:

@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.files import cache_folder, read_yaml, write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.replay import program_of
 from jerkbench.notices import is_plain, plain
-from jerkbench.suite.campaign import ENTRY, PLAIN, SuiteCampaign, plugins_digest, scored_plain
-from jerkbench.suite.protocol import FROZEN, Frozen, SuiteProtocol, read_suite, require_recordings
-from jerkbench.suite.scores import entry_scoring, score_as_json
-from jerkbench.tuning.entrant import Entrant, Site
+from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, SUITE_ERROR, SuiteCampaign, plugins_digest, scored_plain
+from jerkbench.suite.protocol import FROZEN, TUNED_ON, SuiteProtocol, read_suite, require_recordings
+from jerkbench.suite.scores import EntryScoring, score_as_json
+from jerkbench.tuning.entrant import NUMBERS, Entrant, Site
 from jerkbench.tuning.space import Setting
 
 _ROWS, SETTINGS, PAGE, ENTRY_FILE = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
@@ -33,9 +33,8 @@ _TEXTS, COUNTS = ("method", "tuned_on", "status", "reason"), ("scenario", "seed"
 """Columns of the rows, by their types."""
 
 
-def row_columns(numbers: Sequence[str]) -> tuple[str, ...]:
-    """Return the columns of the rows: with what a suite keeps of a run, and the time that it took."""
-    return (*_TEXTS[:2], *COUNTS, *_TEXTS[2:], *numbers, "seconds")
+ROW_COLUMNS = (*_TEXTS[:2], *COUNTS, *_TEXTS[2:], *NUMBERS, "seconds")
+"""Of the rows: with the numbers of a run, and the time that it took."""
 
 
 Test = Callable[[Any], bool]
@@ -86,7 +85,7 @@ def write_entry(folder: Path, manifest: Mapping[str, Any], rows: pd.DataFrame, s
     Raises:
         OSError: it cannot be written.
     """
-    kept = rows[list(row_columns(_kind(manifest["suite"]).kind.numbers))]
+    kept = rows[list(ROW_COLUMNS)]
     write_atomically(folder / _ROWS, lambda path: kept.to_parquet(path, index=False))
     write_text(folder / SETTINGS, yaml.safe_dump(settings, sort_keys=False))
     write_text(folder / PAGE, page)
@@ -106,33 +105,31 @@ def read_entry(folder: Path) -> Entry:
     manifest = _read(folder / ENTRY_FILE, lambda path: json.loads(path.read_text(encoding="utf-8")))
     _require(folder / ENTRY_FILE, {"": isinstance(manifest, dict) or "a JSON object"})
     _require(folder / ENTRY_FILE, {f"'{key}'": test(manifest.get(key)) or what for key, (test, what) in FACTS.items()})
+    require_known("suite", manifest["suite"], FROZEN, JerkbenchError)
     settings = _read(folder / SETTINGS, read_yaml)
-    suite = _kind(manifest["suite"])
-    _require(folder / SETTINGS, {"": _are_settings(settings, suite.searches) or SETTINGS_SHAPE})
+    _require(folder / SETTINGS, {"": _are_settings(settings) or SETTINGS_SHAPE})
     _read(folder / PAGE, Path.read_bytes)
-    return Entry(folder, manifest, _rows(folder / _ROWS, suite.kind.numbers), settings)
+    return Entry(folder, manifest, _rows(folder / _ROWS), settings)
 
 
-def _kind(scale: str) -> Frozen:
-    """The suite of an entry; one that is not known here may be of any kind, and is refused later."""
-    return FROZEN.get(scale, Frozen("", ()))
-
-
-def _rows(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read the rows, and check the columns that an entry has; the first of the ``numbers`` is the error."""
+def _rows(path: Path) -> pd.DataFrame:
+    """Read the rows, and check the columns that an entry has."""
     table, names = _read(path, _table)
-    error, own = numbers[0], row_columns(numbers)
     is_kind = {"numbers": pa.types.is_float64, "text": _is_string, "whole numbers": pa.types.is_int64}
-    kinds = {**dict.fromkeys(own, "numbers"), **dict.fromkeys(_TEXTS, "text"), **dict.fromkeys(COUNTS, "whole numbers")}
+    kinds = {
+        **dict.fromkeys(ROW_COLUMNS, "numbers"),
+        **dict.fromkeys(_TEXTS, "text"),
+        **dict.fromkeys(COUNTS, "whole numbers"),
+    }
     for name, kind in kinds.items():
         fits = names.count(name) == 1 and is_kind[kind](table[name].type)
         fits = fits and (kind == "numbers" or table[name].null_count == 0)
         _require(path, {f"column '{name}'": fits or f"there once, with {kind} in every row"})
-    rows: pd.DataFrame = table.select(list(own)).to_pandas(ignore_metadata=True)
-    of_ok = rows.loc[rows["status"] == "ok", error]
+    rows: pd.DataFrame = table.select(list(ROW_COLUMNS)).to_pandas(ignore_metadata=True)
+    of_ok = rows.loc[rows["status"] == "ok", SUITE_ERROR]
     times = rows["seconds"]
     positive = ((of_ok > 0) & (of_ok < math.inf)).all()
-    _require(path, {f"column '{error}'": bool(positive) or "positive and finite where the status is ok"})
+    _require(path, {f"column '{SUITE_ERROR}'": bool(positive) or "positive and finite where the status is ok"})
     _require(path, {"column 'seconds'": bool(((times >= 0) & (times < math.inf)).all()) or "finite and not negative"})
     return rows
 
@@ -185,7 +182,7 @@ def _is_method(value: object) -> bool:
     """Whether it is what an `Entrant` is made of; an interpolation would be filled in where it is opened."""
     return (
         isinstance(value, dict)
-        and set(value) | {"attitude"} == {"filter", "adaptation", "r_scale", "attitude"}
+        and set(value) == {"filter", "adaptation", "r_scale"}
         and all(isinstance(own, dict) for own in value.values())
         and all(_is_text(value[kind].get("name")) for kind in value if kind != "r_scale")
         and _is_mapping_of(_is_number)(value["r_scale"])
@@ -202,7 +199,7 @@ FACTS: Mapping[str, tuple[Test, str]] = {
     "suite": (_is_text, "the name of its suite"),
     "protocol": (_is_text, "a digest"),
     "data": (lambda value: isinstance(value, list) and all(map(_is_text, value)), "a list of digests"),
-    "method": (_is_method, "filter, adaptation (attitude) with name and plain values, and r_scale with numbers"),
+    "method": (_is_method, "filter and adaptation with name and plain values, and r_scale with numbers"),
     "tuned": (lambda value: isinstance(value, bool), "true or false"),
     "score": (_is_mapping_of(_is_of_score), "numbers and words by their names"),
     "files": (_is_mapping_of(_is_text), "hashes by the names of the files"),
@@ -210,17 +207,17 @@ FACTS: Mapping[str, tuple[Test, str]] = {
 """What a check reads of the manifest, with a test of its value and what it has to be."""
 
 SETTINGS_SHAPE = (
-    "under 'entry' and 'plain' a number for each parameter of 'given'; if tuned, of each search of the suite too"
+    f"under 'entry' and 'plain' a number for each parameter of '{AS_GIVEN}'; if tuned, under '{TUNED_ON}' too"
 )
 
 
-def _are_settings(value: object, searches: Sequence[str]) -> bool:
-    """Whether both methods have the values of their knobs: as given, and where they were tuned of each search."""
+def _are_settings(value: object) -> bool:
+    """Whether both methods have the values of their knobs: as given, and tuned if they were tuned."""
     return (
         _is_mapping_of(_is_mapping_of(_is_mapping_of(_is_number)))(value)
         and isinstance(value, dict)
         and set(value) == {"entry", "plain"}
-        and all(set(own) in ({"given"}, {"given", *searches}) for own in value.values())
+        and all(set(own) in ({AS_GIVEN}, {AS_GIVEN, TUNED_ON}) for own in value.values())
     )
 
 
@@ -259,7 +256,7 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
     scored = campaign.scored(levels)
     both = {ENTRY: scored, PLAIN: plain}
     rows = pd.concat([own.rows.assign(method=method) for method, own in both.items()], ignore_index=True)
-    page = entry_scoring(protocol).page(name, rows)
+    page = EntryScoring(protocol).page(name, rows)
     manifest = {
         "entry": name,
         **frozen_part(scale, protocol),
@@ -278,4 +275,4 @@ def enter(scale: str, entrant: Entrant, name: str, place: Site, command: str) ->
 
 def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
     """Return what the manifest of each entry of a suite has to say."""
-    return {"suite": scale, "protocol": protocol.digest, "data": list(FROZEN[scale].data)}
+    return {"suite": scale, "protocol": protocol.digest, "data": [FROZEN[scale].data]}

@@ -38,7 +38,6 @@ class FaultScenario:
         dataset: the field with its parameters.
         family: of the fault.
         severity: of the fault.
-        half: "first", "second" or "both"; where domains are tuned apart, with the domain before it: "hand first".
         disturbance: with its parameters.
     """
 
@@ -46,7 +45,6 @@ class FaultScenario:
     dataset: dict[str, Any]
     family: str
     severity: str
-    half: str
     disturbance: dict[str, Any]
 
     @property
@@ -62,29 +60,27 @@ class FaultScenario:
 
 @dataclass(frozen=True)
 class Entrant:
-    """A filter with an adaptation, or an attitude filter, as it was given.
+    """A filter with an adaptation, as it was given.
 
     Attributes:
         filter: {"name": ..., parameters}.
         adaptation: likewise.
         r_scale: what it is told of the reported R.
-        attitude: the attitude filter, where it is the method; None: that of the data set.
     """
 
     filter: Mapping[str, Any]
     adaptation: Mapping[str, Any]
     r_scale: Mapping[str, float]
-    attitude: Mapping[str, Any] | None = None
 
     @classmethod
-    def named(cls, filter: str, adaptation: str, attitude: str = "") -> "Entrant":  # noqa: A002 - as the group is called
+    def named(cls, filter: str, adaptation: str) -> "Entrant":  # noqa: A002 - as the group is called
         """Return plugins at their defaults."""
-        return cls({"name": filter}, {"name": adaptation}, {}, {"name": attitude} if attitude else None)
+        return cls({"name": filter}, {"name": adaptation}, {})
 
     @property
     def name(self) -> str:
-        """Its filter and its adaptation, or its attitude filter."""
-        return str(self.attitude["name"]) if self.attitude else f"{self.filter['name']} + {self.adaptation['name']}"
+        """Its filter and its adaptation."""
+        return f"{self.filter['name']} + {self.adaptation['name']}"
 
     @cached_property
     def text(self) -> str:
@@ -94,17 +90,17 @@ class Entrant:
     @property
     def parts(self) -> dict[str, Any]:
         """What it was given, as plain data."""
-        return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
+        return dataclasses.asdict(self)
 
     def job(self, scenario: FaultScenario, limits: Protocol = LIMITS, metrics: Sequence[str] = (ERROR,)) -> Job:
-        """Return its job on a scenario; an attitude filter that it has not is that of the data set.
+        """Return its job on a scenario, with the attitude filter of the data set.
 
         Raises:
             PluginError: it cannot be made, or its parts do not fit together.
         """
         single = {
             "dataset": scenario.dataset,
-            "attitude": self.attitude,
+            "attitude": None,
             "filter": self.filter,
             "adaptation": self.adaptation,
             "engine": "compiled",

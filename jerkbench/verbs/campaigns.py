@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
 
 if TYPE_CHECKING:
-    from jerkbench.tuning.entrant import Entrant
+    pass
 
 
 @verb(
@@ -116,9 +116,6 @@ ENTRANT_GROUPS = ("filter", "adaptation", "noise", "r_scale")
 
 DEFAULT_SUITE = "v2"
 
-ATTITUDES = "attitude-"
-"""The names of suites of attitude filters begin so."""
-
 
 @verb(
     argument("words", nargs="+", metavar="KEY=VALUE", help="the method"),
@@ -134,10 +131,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 
       jerkbench suite run filter=jerk adaptation=mtf
       jerkbench suite run filter=baseline adaptation=my_rule --scale v2-tiny    seconds: does it run?
-      jerkbench suite run filter=jerk adaptation=mtf --scale v1                 an earlier suite
       jerkbench suite run filter=command filter.command="./mine {recording} {out}" --name mine
-      jerkbench suite run attitude=madgwick --scale attitude-v1             of attitude filters; attitude-tiny: seconds
-      jerkbench suite run filter=attitude_command filter.command="./mine {recording} {out}" --scale attitude-v1
 
     A method whose parameters have ranges is tuned on 60 random drives and scored on 240 others; one without, and a
     program, is scored as it is given. The plain filter is tuned alike. The same command goes on where it was stopped.
@@ -151,11 +145,8 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.suite.entry import enter
     from jerkbench.tuning.entrant import Entrant, Site
 
-    if chosen.scale.startswith(ATTITUDES):
-        entrant = _attitude_entrant(chosen.words)
-    else:
-        spec = _spec(chosen.words, ENTRANT_GROUPS, "filter=jerk adaptation=mtf adaptation.window=3")
-        entrant = Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
+    spec = _spec(chosen.words)
+    entrant = Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
     name = chosen.name or entrant.name
     stem = re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / stem
@@ -166,31 +157,16 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     print(f"Written to {folder}.")
 
 
-def _attitude_entrant(words: Sequence[str]) -> "Entrant":
-    """An attitude filter, or a program: of that the attitude of the data set is never asked."""
-    from jerkbench import plugins
-    from jerkbench.errors import PluginError
-    from jerkbench.plugins.optional import is_attitude_only
-    from jerkbench.tuning.entrant import Entrant
-
-    given = words if any(word.startswith("filter=") for word in words) else ["filter=attitude_only", *words]
-    spec = _spec(given, ("filter", "attitude"), "attitude=vqf attitude.tau_acc_s=5")
-    if not is_attitude_only(plugins.get("filter", spec["filter"]["name"])):
-        raise PluginError(f"The filter {spec['filter']['name']} is no attitude filter; give attitude=NAME.")
-    attitude = dict(spec["attitude"]) if any(word.startswith("attitude") for word in words) else None
-    return Entrant(dict(spec["filter"]), {"name": "none"}, {}, attitude)
-
-
-def _spec(words: Sequence[str], groups: Sequence[str], example: str) -> "Mapping[str, Any]":
+def _spec(words: Sequence[str]) -> "Mapping[str, Any]":
     from jerkbench.errors import PluginError
     from jerkbench.hydra_app.composition import owner
     from jerkbench.hydra_app.words import composed
 
     for word in words:
-        if owner(word) not in groups:
+        if owner(word) not in ENTRANT_GROUPS:
             raise PluginError(
-                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(groups)} and what is in"
-                f" them, for example {example}."
+                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(ENTRANT_GROUPS)} and"
+                " what is in them, for example filter=jerk adaptation=mtf adaptation.window=3."
             )
     return composed(words).job().spec
 
@@ -203,8 +179,8 @@ def _spec(words: Sequence[str], groups: Sequence[str], example: str) -> "Mapping
 def suite_verify_verb(chosen: argparse.Namespace) -> None:
     """Check digests, completeness, score and a sample of rows of an entry.
 
-      jerkbench suite verify results/suite-tiny/jerk-none
-      jerkbench suite verify results/suite-tiny/jerk-none --rows 2
+      jerkbench suite verify results/suite-v2-tiny/jerk-none
+      jerkbench suite verify results/suite-v2-tiny/jerk-none --rows 2
 
     Raises:
         JerkbenchError: there is no entry.
@@ -229,8 +205,8 @@ def suite_verify_verb(chosen: argparse.Namespace) -> None:
 def suite_board_verb(chosen: argparse.Namespace) -> None:
     """Write a sortable page of all entries of a folder, each verified.
 
-      jerkbench suite board results/suite-tiny
-      jerkbench suite board results/suite-tiny --rows 1
+      jerkbench suite board results/suite-v2-tiny
+      jerkbench suite board results/suite-v2-tiny --rows 1
 
     Raises:
         JerkbenchError: there is no entry, or they are of several suites.

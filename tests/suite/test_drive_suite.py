@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import shutil
 from itertools import product
 from pathlib import Path
 
@@ -10,18 +11,19 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from commands import verb
 from jerkbench import plugins
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.presets import preset
 from jerkbench.suite import protocol as protocols
 from jerkbench.suite.board import file_mistakes, frozen_mistakes, missing_mistakes, score_mistakes
 from jerkbench.suite.entry import ENTRY_FILE, read_entry
-from jerkbench.suite.protocol import FROZEN, data_digests, read_suite, require_recordings
-from jerkbench.suite.scores import ByDrives
+from jerkbench.suite.protocol import FROZEN, FROZEN_DRIVES, data_digest, read_suite, require_recordings
+from jerkbench.suite.scores import EntryScoring
 
 DIGESTS = {"v2": "a81d3228b547", "v2-tiny": "172079cf7a5a"}
 TINY = read_suite("v2-tiny")
-SCORING = ByDrives(TINY)
+SCORING = EntryScoring(TINY)
 DRAWN = plugins.create("dataset", preset("dataset", "mixture"))
 
 
@@ -29,19 +31,17 @@ DRAWN = plugins.create("dataset", preset("dataset", "mixture"))
 def test_the_protocols_are_those_that_were_frozen(scale):
     protocol = read_suite(scale)
     assert protocol.digest == FROZEN[scale].protocol == DIGESTS[scale]
-    assert len(protocol.scenarios) == len(FROZEN[scale].data) == 1
-    assert protocol.searches == FROZEN[scale].searches
     assert not set(protocol.seeds_to_tune_on) & set(protocol.seeds_to_test_on)
 
 
 @pytest.mark.parametrize("scale", ["v2-tiny", pytest.param("v2", marks=pytest.mark.slow)])
 def test_the_simulated_drives_are_those_that_were_frozen(scale):
-    assert tuple(data_digests(read_suite(scale))) == FROZEN[scale].data
+    assert data_digest(read_suite(scale)) == FROZEN[scale].data
 
 
 def test_every_kind_of_fault_is_among_the_frozen_drives():
     protocol = read_suite("v2")
-    seeds = protocol.recordings_of(protocol.scenarios[0])
+    seeds = protocol.seeds_to_test_on[:FROZEN_DRIVES]
     kinds = {kind for seed in seeds for kind in DRAWN.drawn(seed)[2]}
     assert kinds == {kind for kind, *_ in preset("dataset", "mixture")["faults"]}
 
@@ -57,7 +57,7 @@ def test_a_changed_protocol_or_law_is_refused(monkeypatch, kind, change):
 
 def test_other_drives_are_refused():
     laws = {**TINY.dataset, "drive": [*TINY.dataset["drive"][1:], "roughness ~ always 2"]}
-    with pytest.raises(RecordingError, match="The recordings of mixture, any are not those of jerkbench-v2-tiny"):
+    with pytest.raises(RecordingError, match="The recordings are not those of jerkbench-v2-tiny"):
         require_recordings("v2-tiny", dataclasses.replace(TINY, dataset=laws))
 
 
@@ -140,11 +140,24 @@ def test_a_committed_entry_is_whole_and_its_score_is_that_of_its_rows(folder):
     assert not entry.manifest["git_commit"].endswith("+changes")
 
 
+def test_rows_of_a_committed_entry_come_out_again_and_a_doctored_one_does_not(tmp_path):
+    copy = tmp_path / "jerk-none"
+    shutil.copytree(FOLDER / "jerk-none", copy)
+    honest = verb("suite", "verify", str(copy), "--rows", "3", cwd=tmp_path)
+    (copy / "entry.md").write_text((copy / "entry.md").read_text().replace("0.8", "0.4"))
+    doctored = verb("suite", "verify", str(copy), "--rows", "0", cwd=tmp_path)
+
+    assert honest.returncode == 0, honest.stdout
+    assert "2 of its own rows were computed again" in honest.stdout
+    assert doctored.returncode == 1
+    assert "entry.md was changed after it was made" in doctored.stdout
+
+
 def test_the_board_shows_every_entry_with_its_score():
     protocol, board = read_suite("v2"), (FOLDER / "board.md").read_text(encoding="utf-8")
     line = r"^\| \d+ \(\d+ to \d+\) \| (.*?) \| 240 \| ([\d.]+) \[([\d.]+), ([\d.]+)\] \| (.*?) \|"
     shown = {name: rest for name, *rest in re.findall(line, board, flags=re.MULTILINE)}
-    scores = {(entry := read_entry(folder)).name: ByDrives(protocol).score(entry.rows) for folder in ENTRIES}
+    scores = {(entry := read_entry(folder)).name: EntryScoring(protocol).score(entry.rows) for folder in ENTRIES}
     wanted = {
         name: [*(f"{value:.3f}" for value in (score["ratio"], score["low"], score["high"])), score["verdict"]]
         for name, score in scores.items()

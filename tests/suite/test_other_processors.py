@@ -19,8 +19,8 @@ OLDER = {
 }
 """Without instructions that fuse a product and a sum: in compiled code, in BLAS and in the C library."""
 
-TINY = ("suite", "run", "filter=jerk", "adaptation=mtf", "--scale", "tiny", "--workers", "1")
-ENTRY = "results/suite-tiny/jerk-mtf"
+TINY = ("suite", "run", "filter=jerk", "adaptation=mtf", "--scale", "v2-tiny", "--workers", "1")
+ENTRY = "results/suite-v2-tiny/jerk-mtf"
 
 
 def features():

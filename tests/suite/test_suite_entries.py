@@ -15,9 +15,9 @@ from jerkbench.files import cache_folder
 from jerkbench.plugins.new import class_name
 from jerkbench.suite.entry import HASHED
 from jerkbench.suite.protocol import read_suite
-from jerkbench.suite.scores import ByPosition
+from jerkbench.suite.scores import EntryScoring
 
-TINY = ["--scale", "tiny", "--workers", "1"]
+TINY = ["--scale", "v2-tiny", "--workers", "1"]
 ALL = ["--rows", "500"]
 ROW = "t_s,east_m,north_m,up_m"
 PROGRAM = f"""#!/bin/sh
@@ -32,7 +32,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("suite")
     done = verb("suite", "run", "filter=baseline", "adaptation=chi2", *TINY, cwd=folder)
     assert done.returncode == 0, done.stderr
-    return folder, done.stdout, folder / "results/suite-tiny/baseline-chi2"
+    return folder, done.stdout, folder / "results/suite-v2-tiny/baseline-chi2"
 
 
 @pytest.fixture
@@ -45,10 +45,10 @@ def doctored(made, tmp_path):
 
 def smoothed(entry, **changed):
     """What somebody does who knows how entries are checked."""
-    protocol, rows = read_suite("tiny"), pd.read_parquet(entry / "rows.parquet")
+    protocol, rows = read_suite("v2-tiny"), pd.read_parquet(entry / "rows.parquet")
     manifest = json.loads((entry / "manifest.json").read_text()) | changed
-    if len(rows.groupby("scenario")) == len(protocol.scenarios):
-        scoring = ByPosition(protocol)
+    if rows["seed"].nunique() == protocol.test_seeds:
+        scoring = EntryScoring(protocol)
         manifest["score"] = scoring.score(rows)
         (entry / "entry.md").write_text(scoring.page(manifest["entry"], rows))
     manifest["files"] = {name: hashlib.sha256((entry / name).read_bytes()).hexdigest() for name in HASHED}
@@ -59,12 +59,12 @@ def test_an_entry_has_a_line_a_table_and_both_settings(made):
     _, out, entry = made
     settings = yaml.safe_load((entry / "settings.yaml").read_text())
 
-    assert out.startswith("baseline + chi2 on jerkbench-tiny: ")
+    assert out.startswith("baseline + chi2 on jerkbench-v2-tiny (n = 12 drives): ")
     assert "tuned, 4 settings." in out
-    assert set(settings["entry"]) == set(settings["plain"]) == {"given", "first", "second"}
-    assert "adaptation.longest" in settings["entry"]["first"]
+    assert set(settings["entry"]) == set(settings["plain"]) == {"given", "drives"}
+    assert "adaptation.longest" in settings["entry"]["drives"]
     rows = pd.read_parquet(entry / "rows.parquet")
-    assert len(rows) == 2 * 3 * (2 * 3 + 4 * 2)  # `none` has two tuned settings, the rest one; all as given
+    assert len(rows) == 2 * 12 * 2  # both methods, as given and tuned
 
 
 def runs_in(paths):
@@ -115,11 +115,11 @@ def test_a_cluster_makes_the_same_entry(made, tmp_path, cluster):
     if cluster == "dask":
         pytest.importorskip("distributed")
     shutil.copytree(cache_folder(COMPILED), tmp_path / "cache" / COMPILED)  # its own simulations, our machine code
-    words = ["filter=baseline", "adaptation=chi2", "--scale", "tiny", "--workers", "2", "--cluster", cluster]
+    words = ["filter=baseline", "adaptation=chi2", "--scale", "v2-tiny", "--workers", "2", "--cluster", cluster]
     done = jerkbench("suite", "run", *words, cwd=tmp_path, JERKBENCH_CACHE=str(tmp_path / "cache"))
 
     assert done.returncode == 0, done.stderr
-    own, here = (folder / "results/suite-tiny/baseline-chi2" for folder in (tmp_path, made[0]))
+    own, here = (folder / "results/suite-v2-tiny/baseline-chi2" for folder in (tmp_path, made[0]))
     rows = [pd.read_parquet(folder / "rows.parquet").drop(columns="seconds") for folder in (own, here)]
     pd.testing.assert_frame_equal(*rows, rtol=1e-12)
     assert (own / "settings.yaml").read_bytes() == (here / "settings.yaml").read_bytes()
@@ -127,7 +127,7 @@ def test_a_cluster_makes_the_same_entry(made, tmp_path, cluster):
 
 def test_a_changed_error_is_found_by_computing_it_again(made, doctored):
     rows = pd.read_parquet(doctored / "rows.parquet")
-    best = (rows["method"] == "entry") & (rows["scenario"] == 1) & (rows["tuned_on"] == "second")
+    best = (rows["method"] == "entry") & (rows["tuned_on"] == "drives")
     rows.loc[best, "position_rmse_m"] *= 0.99
     rows.to_parquet(doctored / "rows.parquet", index=False)
 
@@ -138,18 +138,18 @@ def test_a_changed_error_is_found_by_computing_it_again(made, doctored):
     assert plain.returncode == hidden.returncode == 1
     assert "rows.parquet was changed after it was made" in plain.stdout
     assert "The manifest says ratio =" in plain.stdout
-    assert hidden.stdout.count("position_rmse_m is stored as") == 3
+    assert hidden.stdout.count("position_rmse_m is stored as") == 12
 
 
-def test_a_scenario_that_was_left_out_is_found(made, doctored):
+def test_a_drive_that_was_left_out_is_found(made, doctored):
     rows = pd.read_parquet(doctored / "rows.parquet")
-    rows[rows["scenario"] != 2].to_parquet(doctored / "rows.parquet", index=False)
+    rows[rows["seed"] != rows["seed"].max()].to_parquet(doctored / "rows.parquet", index=False)
     smoothed(doctored)
 
     done = verb("suite", "verify", str(doctored), cwd=made[0])
 
     assert done.returncode == 1
-    assert "The rows of the entry in white, wheel_slip are not those that jerkbench-tiny asks for: 6" in done.stdout
+    assert "The rows of the entry are not those that jerkbench-v2-tiny asks for: 2" in done.stdout
 
 
 def test_another_protocol_is_found(made, doctored):
@@ -158,19 +158,19 @@ def test_another_protocol_is_found(made, doctored):
     done = verb("suite", "verify", str(doctored), "--rows", "0", cwd=made[0])
 
     assert (done.returncode, done.stdout.count("\n")) == (1, 1)
-    assert "protocol is 0123456789ab, that of jerkbench-tiny" in done.stdout
+    assert "protocol is 0123456789ab, that of jerkbench-v2-tiny" in done.stdout
 
 
 def test_another_setting_is_found(made, doctored):
     settings = yaml.safe_load((doctored / "settings.yaml").read_text())
-    settings["entry"]["second"]["r_scale.position"] *= 1.01
+    settings["entry"]["drives"]["r_scale.position"] *= 1.01
     (doctored / "settings.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
     smoothed(doctored)
 
     done = verb("suite", "verify", str(doctored), "--rows", "0", cwd=made[0])
 
     assert done.returncode == 1
-    assert "The setting of the entry (second) is none that the search of jerkbench-tiny tries" in done.stdout
+    assert "The setting of the entry (drives) is none that the search of jerkbench-v2-tiny tries" in done.stdout
 
 
 @pytest.mark.slow
@@ -182,10 +182,10 @@ def test_a_program_is_scored_as_it_is_and_checked_where_it_is(made):
     command = f"filter.command='{program} {{recording}} {{out}}'"
 
     done = verb("suite", "run", "filter=command", command, "--name", "stands", *TINY, cwd=folder)
-    there = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
-    unasked = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", cwd=folder)
+    there = verb("suite", "verify", "results/suite-v2-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
+    unasked = verb("suite", "verify", "results/suite-v2-tiny/stands", "--rows", "3", cwd=folder)
     program.unlink()
-    gone = verb("suite", "verify", "results/suite-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
+    gone = verb("suite", "verify", "results/suite-v2-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
 
     assert "not tuned." in done.stdout, done.stderr
     assert unasked.returncode == 2
@@ -206,7 +206,7 @@ def test_a_plugin_made_by_new_gets_its_entry_by_two_commands(made, tmp_path):
     done = jerkbench("suite", "run", "adaptation=mine", *TINY, cwd=tmp_path, PYTHONPATH=str(tmp_path / "mine"))
 
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "results/suite-tiny/baseline-mine/manifest.json").is_file()
+    assert (tmp_path / "results/suite-v2-tiny/baseline-mine/manifest.json").is_file()
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ def folder(tmp_path_factory):
     for study in ("first", "second"):
         words = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,outliers", "seeds=2"]
         swept(*words, f"study={study}", cwd=folder)
-    done = verb("suite", "run", "filter=jerk", "--scale", "tiny", "--workers", "1", cwd=folder)
+    done = verb("suite", "run", "filter=jerk", "--scale", "v2-tiny", "--workers", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
     verb("data", "convert", "field", "whole_drive.bag", "--set", "duration_s=12", cwd=folder)
     verb("data", "convert", "field", "ride.gpx", "--set", "duration_s=60", cwd=folder)
