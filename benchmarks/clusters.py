@@ -1,8 +1,7 @@
-"""Sweeps on every engine, with workers that are killed, and from two processes at once: the same rows, to the byte.
+"""Sweeps on every cluster, and with workers that are killed: the same rows, to the byte.
 
     python benchmarks/clusters.py engines [CLUSTER ...]   experiment=paper, 20 seeds of 30 s, two workers: rows, CPU
     python benchmarks/clusters.py kills [COUNT]           SIGKILL of one of two Dask workers at random moments
-    python benchmarks/clusters.py two                     two processes, one folder, 200 cells
 
 The CPU is that of all processes of a sweep, wherever they hang; a sweep of two short cells, one for each worker, says
 what the start costs.
@@ -151,66 +150,13 @@ class dask_site:  # noqa: N801 - used as a function
         self.processes.append(subprocess.Popen(command, cwd=self.folder, **quiet))  # noqa: S603 - our own words
 
 
-def two(place: Path) -> None:
-    """Let two processes sweep into one folder; a wrapper of the seam counts what each runs."""
-    swept(place / "whole", *MANY, "cluster=local", "workers=2")
-    count = "cluster._target_=counting.Counting"
-    (place / "counting.py").write_text(COUNTING)
-    both = [start(place / "both", *MANY, "workers=1", count, PYTHONPATH=_path(place)) for _ in range(2)]
-    codes = [process.wait() for process in both]
-    ran = [file.read_text().split() for file in sorted((place / "both").glob("ran.*"))]
-    every = [key for keys in ran for key in keys]
-    same = digest(place / "both") == digest(place / "whole")
-    print(
-        f"exit codes {codes}; cells run by each: {[len(keys) for keys in ran]}; twice: {len(every) - len(set(every))}"
-    )
-    print(f"of {CELLS} cells {len(set(every))} were run; rows {'the same' if same else 'DIFFERENT'}")
-
-
-COUNTING = """
-import os
-import pickle
-from dataclasses import dataclass
-from concurrent.futures import Executor
-from contextlib import contextmanager
-from jerkbench.jobs.cluster import Local
-
-def counted(run, pack):
-    with open(f"ran.{os.getppid()}.{os.getpid()}", "a") as file:
-        for task in pickle.loads(pack.content)[1]:
-            for planned in task.cells:
-                file.write(planned.key + "\\n")
-    return run(pack)
-
-@dataclass(frozen=True)
-class Counted(Executor):
-    executor: Executor
-
-    def submit(self, run, pack):
-        return self.executor.submit(counted, run, pack)
-
-@dataclass(frozen=True)
-class Counting:
-    @contextmanager
-    def open(self, workers):
-        with Local().open(workers) as lent:
-            yield lent._replace(executor=Counted(lent.executor))
-"""
-
-
-def _path(place: Path) -> str:
-    return os.pathsep.join([str(place), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-
-
 def main(kind: str, *more: str) -> None:
-    """Run one of the three."""
+    """Run one of the two."""
     with tempfile.TemporaryDirectory() as place:
         if kind == "engines":
             engines(Path(place), list(more) or ["dask"])
-        elif kind == "kills":
-            kills(Path(place), int(more[0]) if more else 5)
         else:
-            two(Path(place))
+            kills(Path(place), int(more[0]) if more else 5)
 
 
 if __name__ == "__main__":

@@ -157,7 +157,7 @@ def sweep(
 
 def _run(jobs: Iterator[Job], folder: Path, workers: int) -> dict[str, Sequence[int]]:
     """Run those of the jobs that make sense and are not done; returns the seeds of all that make sense, by key."""
-    from jerkbench.jobs.cluster import Workers
+    from jerkbench.jobs.executors import Workers
     from jerkbench.jobs.plan import planned
     from jerkbench.jobs.run import run_missing
     from jerkbench.jobs.store import Store
@@ -233,7 +233,7 @@ def report(
     Raises:
         JerkbenchError: there are no results.
     """
-    from jerkbench.jobs.cluster import processors
+    from jerkbench.jobs.executors import processors
     from jerkbench.jobs.replay import tell_left_out
     from jerkbench.jobs.study_figures import REPORT, Request, write_report
     from jerkbench.report import figures_choice

@@ -55,7 +55,8 @@ def run(plan, folder):
     """Do what `jerkbench run -m` does once it knows its cells; each of them gets a part of its own."""
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("jerkbench.jobs.run.HELD_S", 0.0)
+        patched.setattr("jerkbench.jobs.run.MAX_FLUSH_S", 0.0)
+        patched.setattr("jerkbench.jobs.run.MAX_CHUNK_S", 0.0)
         code = 0
         try:
             run_missing(plan, store)

@@ -32,7 +32,7 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.evaluation.judgement import Verdict
 from jerkbench.files import write_text
-from jerkbench.jobs.cluster import Cluster, Workers
+from jerkbench.jobs.executors import Cluster, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.manifest import MANIFEST
 from jerkbench.notices import notify

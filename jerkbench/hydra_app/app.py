@@ -34,7 +34,7 @@ from jerkbench.hydra_app.looks import typed as typed_seeds
 from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
 from jerkbench.hydra_app.typed_words import arranged_words, refuse_mappings
 from jerkbench.hydra_app.words import Words, cluster_of
-from jerkbench.jobs.cluster import LOCAL, Cluster, ClusterError, Workers, processors
+from jerkbench.jobs.executors import LOCAL, Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import stretches

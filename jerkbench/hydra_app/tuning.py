@@ -19,7 +19,7 @@ from jerkbench.hydra_app.composition import owner
 from jerkbench.hydra_app.configuration import study_folder
 from jerkbench.hydra_app.typed_words import no_assignment
 from jerkbench.hydra_app.words import cluster_of, composed
-from jerkbench.jobs.cluster import LOCAL, Workers, processors
+from jerkbench.jobs.executors import LOCAL, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible

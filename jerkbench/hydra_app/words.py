@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 from jerkbench.errors import JerkbenchError, PluginError, unknown
 from jerkbench.hydra_app.configuration import check_options, configured_job, register_hydra_parts, register_schemas
 from jerkbench.hydra_app.typed_words import arranged_words, hydra_sentence
-from jerkbench.jobs.cluster import Cluster
+from jerkbench.jobs.executors import Cluster
 from jerkbench.jobs.job import Job
 from jerkbench.presets import config_folder, folder_words, preset
 from jerkbench.renamed import refuse_removed

@@ -1,23 +1,21 @@
 """The plan of what runs: which jobs, in which tasks, in an order in which what follows shares its input."""
 
-import itertools
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from jerkbench.arrays import WIDE
-from jerkbench.contracts import PerSeed
 from jerkbench.errors import PluginError
 from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Job, Scenario
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.preflight import require_inputs
-from jerkbench.jobs.rows import Task, shared_call
+from jerkbench.jobs.rows import Task, shared_call, streams
 
-BUNDLES = 128
-"""Bundles of a plan, as long as none has more than `MOST_TASKS`."""
-MOST_TASKS = 64
-"""Tasks of a bundle: a cluster needs some milliseconds for each bundle, and loses as much with a worker."""
+MIN_CHUNKS = 4
+"""Chunks for each worker, so that all workers finish at about the same time."""
+MAX_TASKS = 64
+"""Tasks of a chunk, and jobs of a call."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,68 +104,66 @@ def _require_names(jobs: Sequence[Job]) -> None:
             )
 
 
-# Tasks: cut from the whole plan, so that their bundles have the same numbers in every process that has it.
-
-
-def grouped(
-    jobs: Sequence[Job], remaining: Mapping[str, Collection[int]] | None = None, least: int = 1
+def chunks_of(
+    jobs: Sequence[Job], remaining: Mapping[str, Collection[int]] | None = None, workers: int = 1
 ) -> list[list[Task]]:
-    """Tasks that share their recordings and attitudes, together; groups that share the data set follow each other.
+    """Cut a plan into chunks. The tasks of a chunk share their scenario and seeds, so a worker prepares them once.
 
-    Those of a bundle that can share their calls are one. A task has no more seeds than a process keeps recordings. The
-    numbers of the bundles depend on ``jobs`` alone.
+    A chunk has at most as many seeds as a process caches recordings, and fewer if there are not enough chunks for all
+    workers; then its methods are divided, too.
 
     Args:
         jobs: those of the plan.
-        remaining: by key, the seeds that are to run; default: all of all jobs.
-        least: so many jobs make a bundle at least.
+        remaining: seeds to run, by key; default: all of all jobs.
+        workers: number of processes.
     """
-    groups: dict[object, dict[object, list[Task]]] = {}
+    wanted = {job.key: set(job.draws if remaining is None else remaining.get(job.key, ())) for job in jobs}
+    scenarios: dict[object, dict[object, list[Job]]] = {}  # those of one data set follow each other
     for job in jobs:
-        scenario = job.scenario
-        each_alone = isinstance(job.method.filter, PerSeed)  # a program of the user's
-        wanted = job.draws if remaining is None else remaining.get(job.key, ())
-        wanted, size = set(wanted), 1 if each_alone else KEPT_INPUTS
-        for begin in range(0, len(job.draws), size):
-            block = job.draws[begin : begin + size]
-            draws = block if wanted.issuperset(block) else [draw for draw in block if draw in wanted]
-            near = groups.setdefault((scenario.dataset, scenario.data, block[0]), {})
-            near.setdefault((scenario.disturbances, scenario.attitude), []).append(Task((job,), draws))
-    several = [_calls(group) for near in groups.values() for group in near.values()]
-    # Bundles are few enough to go round and long enough to share; one of each group is shorter.
-    count = sum(len(call) for calls in several for call in calls)
-    size = min(max(math.ceil(count / BUNDLES), least), MOST_TASKS)
-    size = size - size % WIDE or size
-    number, cut = itertools.count(), list[list[Task]]()
-    for calls in several:
-        tasks = []
-        for bundle in _bundles(calls, size):
-            n = next(number)
-            for call in bundle:
-                for draws, own in itertools.groupby((task for task in call if task.draws), lambda task: task.draws):
-                    tasks.append(Task(tuple(task.jobs[0] for task in own), draws, n))
-        if tasks:
-            cut.append(tasks)
-    return cut
+        if wanted[job.key]:
+            scenario = job.scenario
+            same_data = scenarios.setdefault((scenario.dataset, scenario.data), {})
+            same_data.setdefault((scenario.disturbances, scenario.attitude), []).append(job)
+    seeds = {
+        name: [sorted(set[int]().union(*(wanted[job.key] for job in own))) for own in of.values()]
+        for name, of in scenarios.items()
+    }
+    recordings = sum(len(own) for of in seeds.values() for own in of)
+    size = _seeds_of_chunk(recordings, workers)
+    blocks = [
+        (own, block)
+        for name, of in scenarios.items()
+        for start in range(0, max(map(len, seeds[name])), size)
+        for own, every in zip(of.values(), seeds[name], strict=True)
+        if (block := every[start : start + size])
+    ]
+    pieces = math.ceil(MIN_CHUNKS * workers / max(len(blocks), 1)) if workers > 1 else 1
+    chunks = []
+    for own, block in blocks:
+        tasks = _tasks_of(own, block, wanted)
+        length = min(math.ceil(len(tasks) / pieces), MAX_TASKS)
+        chunks += [tasks[start : start + length] for start in range(0, len(tasks), length)]
+    return chunks
 
 
-def _calls(group: Sequence[Task]) -> list[list[Task]]:
-    """The tasks of a group by what may share a call, wherever in the plan they stand."""
-    calls: dict[object, list[Task]] = {}
-    for task in group:
-        calls.setdefault(shared_call(task.jobs[0]), []).append(task)
-    return list(calls.values())
+def _seeds_of_chunk(recordings: int, workers: int) -> int:
+    """As many as are cached; for several workers fewer, but full vectors of runs if there are enough."""
+    if workers == 1:
+        return KEPT_INPUTS
+    size = min(max(recordings // (MIN_CHUNKS * workers), min(WIDE, math.ceil(recordings / workers))), KEPT_INPUTS)
+    return size - size % WIDE or size
 
 
-def _bundles(calls: Sequence[Sequence[Task]], size: int) -> Iterator[list[Sequence[Task]]]:
-    """Fill bundles of ``size`` tasks; a call is cut where it alone is longer."""
-    bundle: list[Sequence[Task]] = []
-    for call in calls:
-        for begin in range(0, len(call), size):
-            part = call[begin : begin + size]
-            if bundle and sum(map(len, bundle)) + len(part) > size:
-                yield bundle
-                bundle = []
-            bundle.append(part)
-    if bundle:
-        yield bundle
+def _tasks_of(jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, Collection[int]]) -> list[Task]:
+    """The tasks of one scenario and some of its seeds. Jobs that can share a call are one task."""
+    calls: dict[tuple[object, tuple[int, ...]], list[Job]] = {}
+    tasks = []
+    for job in jobs:
+        draws = tuple(draw for draw in block if draw in wanted[job.key])
+        if draws and streams(job):
+            calls.setdefault((shared_call(job), draws), []).append(job)
+        else:
+            tasks += [Task((job,), (draw,)) for draw in draws]
+    for (_, draws), own in calls.items():
+        tasks += [Task(tuple(own[start : start + MAX_TASKS]), draws) for start in range(0, len(own), MAX_TASKS)]
+    return tasks

@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from jerkbench.contracts import (
@@ -44,7 +43,7 @@ from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Timeline, build_timeline, told_timeline
 
 if TYPE_CHECKING:
-    import pyarrow as pa
+    pass
 
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
@@ -52,26 +51,19 @@ NotedRows = tuple[list[Row], list[str]]
 
 
 class Task(NamedTuple):
-    """Some seeds of a job, or of several that share their calls.
+    """Some seeds of a job, or of several that share a call.
 
     Attributes:
-        jobs: of one scenario and one lane; most tasks of small sweeps have one.
-        draws: which of their seeds.
-        bundle: number of the stretch of the plan that it belongs to.
+        jobs: of one scenario.
+        draws: the seeds.
     """
 
     jobs: tuple[Job, ...]
     draws: Sequence[int]
-    bundle: int = 0
 
-    @property
-    def runs(self) -> int:
-        """How many runs it is."""
-        return len(self.jobs) * len(self.draws)
-
-    def alone(self) -> "list[Task]":
+    def parts(self) -> "list[Task]":
         """Return the task of each job by itself."""
-        return [self._replace(jobs=(job,)) for job in self.jobs]
+        return [Task((job,), self.draws) for job in self.jobs]
 
 
 class Result(NamedTuple):
@@ -90,24 +82,6 @@ class Result(NamedTuple):
     seconds: float = 0.0
     inputs_s: float = 0.0
     processor: str = ""
-
-
-class Done(NamedTuple):
-    """What came of a task.
-
-    Attributes:
-        results: for each of its jobs.
-        rest: what was left when its time was up.
-        stream: from a worker, the table of all rows as Arrow's stream; those of the results have seed and status alone.
-    """
-
-    results: list[Result]
-    rest: Task | None = None
-    stream: "pa.Buffer | None" = None
-
-
-BUDGET_S = 2.0
-"""So long a task takes at most, or one call longer; the rest of it is another, so that little is lost with a worker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,46 +105,33 @@ def job_rows(job: Job, draws: Sequence[int] = (), *, strict: bool = False, input
     Raises:
         JerkbenchError: what is wrong, where it is ``strict``.
     """
-    rest: Task | None = Task((job,), draws or job.draws)
-    pieces = []
-    while rest is not None:
-        (result,), rest, _ = work(rest, strict=strict, inputs=inputs)
-        pieces.append(([flat(row) for row in result.rows], result.notes))
-    return joined_pieces(pieces)
+    draws, size = draws or job.draws, KEPT_INPUTS if streams(job) else 1
+    tasks = [Task((job,), draws[start : start + size]) for start in range(0, len(draws), size)]
+    results = [work(task, strict=strict, inputs=inputs)[0] for task in tasks]
+    return joined_pieces(([flat(row) for row in result.rows], result.notes) for result in results)
 
 
-def work(task: Task, *, strict: bool = False, threads: int = 1, inputs: Inputs | None = None) -> Done:
-    """Run some seeds of some jobs until the time is up; those that can go side by side, the others one by one.
+def work(task: Task, *, strict: bool = False, threads: int = 1, inputs: Inputs | None = None) -> list[Result]:
+    """Run a task; returns the result of each of its jobs.
 
     Raises:
-        JerkbenchError: what is wrong, where it is ``strict``.
+        JerkbenchError: an error of the input or of a plugin, if it is ``strict``.
     """
     how, first = How(strict, threads, inputs or shared_inputs()), task.jobs[0]
     if sentence := unfit(first):
-        return Done([Result(*failed_piece(job, task.draws, PluginError(sentence), how)) for job in task.jobs])
-    begun = time.perf_counter()
-    for draw in task.draws[:KEPT_INPUTS]:  # beforehand: the time of a run is that of the filter
-        with suppress(Exception):  # its run says what is wrong
+        return [Result(*failed_piece(job, task.draws, PluginError(sentence), how)) for job in task.jobs]
+    started = time.perf_counter()
+    for draw in task.draws:  # beforehand: the time of a run is that of the filter
+        with suppress(Exception):  # the run raises it again
             how.inputs.attitude(how.inputs.recording(first.scenario, draw), first.scenario.attitude)
-    began = time.perf_counter()
-    together = streams(first)
-    size = KEPT_INPUTS if together else 1
-    done: list[list[NotedRows]] = []
-    for begin in range(0, len(task.draws), size):
-        block = task.draws[begin : begin + size]
-        if together:
-            done.append(_together(task.jobs, block, how))
-        else:
-            done.append(list(map(partial(alone, draw=block[0], how=how), task.jobs)))
-        if time.perf_counter() - began > BUDGET_S:
-            break
-    share = 1.0 / len(task.jobs)
-    seconds, inputs_s = share * (time.perf_counter() - began), share * (began - begun)
-    results = [
-        Result(*joined_pieces(of_job), seconds, inputs_s, processor_kind()) for of_job in zip(*done, strict=True)
-    ]
-    rest = task.draws[len(results[0].rows) :]
-    return Done(results, task._replace(draws=rest) if rest else None)
+    prepared = time.perf_counter()
+    if streams(first):
+        pieces = _together(task.jobs, task.draws, how)
+    else:
+        pieces = [joined_pieces(alone(job, draw, how) for draw in task.draws) for job in task.jobs]
+    fraction = 1.0 / len(task.jobs)
+    seconds, inputs_s = fraction * (time.perf_counter() - prepared), fraction * (prepared - started)
+    return [Result(*piece, seconds, inputs_s, processor_kind()) for piece in pieces]
 
 
 def run_seed(job: Job, draw: int, inputs: Inputs | None = None) -> tuple[Recording, Estimate]:

@@ -19,8 +19,8 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.cluster import Workers
-from jerkbench.jobs.dispatch import each_result
+from jerkbench.jobs.dispatch import outcomes
+from jerkbench.jobs.executors import Workers
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.labels import bare
@@ -163,7 +163,10 @@ def draw_study(study: Study, request: Request, workers: int) -> DrawnStudy:
     done: dict[str, DrawnStudy] = {}
     slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
     with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as processes:
-        for job, result in each_result(draw, slowest_first, processes):
+        chunks = [[job] for job in slowest_first]
+        for (job,), result in outcomes(_draw_first, chunks, processes.pool(len(chunks))):
+            if isinstance(result, Exception):
+                raise result
             done[job.scenario] = result
             progress.advance()
     pictures, stretches = zip(*(done[job.scenario] for job in jobs), strict=True)
@@ -203,6 +206,10 @@ def _requested(study: Study, request: Request) -> Study:
     if request.seed is not None and request.seed not in seeds:
         raise JerkbenchError(f"There is no seed {request.seed}; the smallest is {seeds[0]}, the largest {seeds[-1]}.")
     return study
+
+
+def _draw_first(jobs: Sequence[Picturing]) -> tuple[int, DrawnStudy]:
+    return 1, draw(jobs[0])
 
 
 def draw(job: Picturing) -> DrawnStudy:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import PluginError
-from jerkbench.jobs.cluster import Workers
+from jerkbench.jobs.executors import Workers
 from jerkbench.jobs.job import Job, Protocol
 from jerkbench.jobs.names import job_of_parts, refusal
 from jerkbench.jobs.plan import Plan, joined_jobs, sharing_scenarios

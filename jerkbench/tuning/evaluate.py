@@ -14,7 +14,6 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.plan import MOST_TASKS
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
 from jerkbench.plugins.optional import is_attitude_only
@@ -169,7 +168,7 @@ class Evaluator:
     def rows(self, settings: Sequence[Setting], cases: Sequence[Job]) -> list[list[list[Row]]]:
         """Return for each case the rows of each setting, and last those of the plain filter."""
         jobs = [job for case in cases for job in self._jobs(settings, case)]
-        how = {"strict": True, "progress": Progress(0), "threads": self.threads, "least": MOST_TASKS}
+        how = {"strict": True, "progress": Progress(0), "threads": self.threads}
         rows = self.runs.rows_of(jobs, [self.objective.column], **how)
         each: Iterator[Any] = (own.to_dict("records") for _, own in rows.groupby("place", sort=False))
         return [[next(each) for _ in range(len(settings) + 1)] for _ in cases]

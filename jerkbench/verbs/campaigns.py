@@ -93,7 +93,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.runs import read_rows
     from jerkbench.hydra_app.words import cluster_named
-    from jerkbench.jobs.cluster import processors
+    from jerkbench.jobs.executors import processors
 
     workers = chosen.workers or processors()
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{AUDIT_FOLDER}{chosen.scale}"
@@ -141,7 +141,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
     from jerkbench.hydra_app.words import cluster_named
-    from jerkbench.jobs.cluster import Workers, processors
+    from jerkbench.jobs.executors import Workers, processors
     from jerkbench.suite.entry import enter
     from jerkbench.tuning.entrant import Entrant, Site
 

@@ -149,7 +149,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such method, scenario or seed.
     """
-    from jerkbench.jobs.cluster import processors
+    from jerkbench.jobs.executors import processors
     from jerkbench.jobs.replay import tell_left_out
     from jerkbench.jobs.study import load_study
     from jerkbench.jobs.study_figures import FIGURES, LIMIT, Request, draw_study
@@ -198,7 +198,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or the file cannot be one.
     """
-    from jerkbench.jobs.cluster import processors
+    from jerkbench.jobs.executors import processors
     from jerkbench.jobs.replay import tell_left_out
     from jerkbench.jobs.study import load_study
     from jerkbench.jobs.study_figures import REPORT, Request, write_report

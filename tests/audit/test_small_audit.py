@@ -16,7 +16,7 @@ from jerkbench.audit.page import run_audit
 from jerkbench.audit.protocol import read_protocol
 from jerkbench.audit.runs import read_rows
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.cluster import LOCAL
+from jerkbench.jobs.executors import LOCAL
 
 COMMAND = [sys.executable, "-m", "jerkbench", "audit", "--scale", "small", "--workers"]
 

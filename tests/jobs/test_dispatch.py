@@ -1,4 +1,4 @@
-"""Tasks on their way: those of a group to one worker, a few at a time, and again where a worker is lost."""
+"""Chunks of tasks come back complete, whatever happens to the workers."""
 
 import pickle
 from collections import deque
@@ -6,29 +6,24 @@ from concurrent.futures import CancelledError, Executor, Future
 
 import pytest
 
-from jerkbench.jobs.cluster import ClusterError, Lent
-from jerkbench.jobs.dispatch import TRIES, Order, RefusedError, outcomes
+from jerkbench.jobs.dispatch import MAX_DEATHS, outcomes, run_chunk
+from jerkbench.jobs.executors import ClusterError, Pool
 
 
 class FakeExecutor(Executor):
-    """An engine without processes: whoever waits makes it run the oldest bundle.
+    """An executor without processes. Waiting makes it run the oldest chunk.
 
     Attributes:
-        deaths: for each task, how many workers it ends.
-        sent: the tasks of each bundle that was run.
+        deaths: how many workers each task ends.
+        sent: the tasks of each chunk that was run.
     """
 
-    def __init__(self, deaths=(), *, error=None, slots=2):
-        self.deaths, self.error = dict(deaths), error
-        self.sent, self.waiting, self._slots = [], deque(), slots
+    def __init__(self, deaths=(), *, error=None):
+        self.deaths, self.error, self.sent, self.waiting = dict(deaths), error, [], deque()
 
-    def lent(self, *, elsewhere=True):
-        return Lent(self, lambda: self._slots, elsewhere=elsewhere)
-
-    def submit(self, run, pack):
-        assert len(self.waiting) < self._slots
+    def submit(self, run, content, *rest):
         future = Immediate(self)
-        self.waiting.append((future, *pickle.loads(pack.content)))  # noqa: S301 - packed by this test
+        self.waiting.append((future, *pickle.loads(content)))  # noqa: S301 - packed by this test
         return future
 
     def run_oldest(self):
@@ -40,13 +35,13 @@ class FakeExecutor(Executor):
             self.deaths[culprit] -= 1
             future.set_exception(RuntimeError("killed"))
         else:
-            future.set_result([work(task) for task in tasks])
+            future.set_result(work(tasks))
 
 
 class Immediate(Future):
     def __init__(self, executor):
         super().__init__()
-        self._executor = executor
+        self.executor = executor
 
     def __hash__(self):
         return id(self)
@@ -54,82 +49,72 @@ class Immediate(Future):
 
 @pytest.fixture(autouse=True)
 def waiting(monkeypatch):
-    """Waiting is what makes the engine run."""
-
     def wait(running, timeout, return_when):
-        executor = next(iter(running))._executor
-        if not any(future.done() for future in running):
-            executor.run_oldest()
+        next(iter(running)).executor.run_oldest()
         return {future for future in running if future.done()}, None
 
     monkeypatch.setattr("jerkbench.jobs.dispatch.wait", wait)
 
 
-def tenfold(task):
-    return task * 10
+def tenfold(tasks):
+    return len(tasks), [task * 10 for task in tasks]
 
 
-def order(groups, work=tenfold, admit=list):
-    return Order(work, groups, lambda task: task // 10, admit)
+def only_two(tasks):
+    return tenfold(tasks[:2])
 
 
-def test_a_bundle_is_a_stretch_of_its_group_and_goes_as_a_whole():
+def done(chunks, executor, work=tenfold, slots=2):
+    found = {}
+    for tasks, result in outcomes(work, chunks, Pool(executor, lambda: slots)):
+        found |= (
+            dict.fromkeys(tasks, result) if isinstance(result, Exception) else dict(zip(tasks, result, strict=True))
+        )
+    return found
+
+
+def test_every_task_is_done_once():
     executor = FakeExecutor()
-    done = list(outcomes(order([[1, 2, 11, 12], [13, 21]]), executor.lent()))
 
-    assert executor.sent == [[1, 2], [13], [11, 12], [21]]
-    assert done == [(task, task * 10) for task in (1, 2, 13, 11, 12, 21)]
+    assert done([[1, 2], [3], [4, 5]], executor) == {task: task * 10 for task in range(1, 6)}
+    assert executor.sent == [[1, 2], [3], [4, 5]]
 
 
-def test_what_is_not_admitted_is_left_out():
+@pytest.mark.parametrize("pool", [None, Pool(FakeExecutor(), lambda: 1)])
+def test_the_rest_of_a_chunk_is_run_again(pool):
+    found = [(tuple(tasks), result) for tasks, result in outcomes(only_two, [[1, 2, 3, 4, 5], [6]], pool)]
+
+    assert sorted(task for tasks, _ in found for task in tasks) == [1, 2, 3, 4, 5, 6]
+    assert all(result == [10 * task for task in tasks] for tasks, result in found)
+
+
+def test_two_workers_share_the_rest_of_the_last_chunk():
     executor = FakeExecutor()
-    done = dict(
-        outcomes(order([[1, 2, 11]], admit=lambda tasks: [task for task in tasks if task > 1]), executor.lent())
-    )
 
-    assert done == {2: 20, 11: 110}
+    assert done([[1, 2, 3, 4, 5, 6]], executor, only_two) == {task: task * 10 for task in range(1, 7)}
+    assert executor.sent == [[1, 2, 3, 4, 5, 6], [3, 4], [5, 6]]
 
 
-def test_a_lost_bundle_is_sent_again_task_by_task():
+def test_a_chunk_that_loses_its_worker_is_run_again_task_by_task():
     executor = FakeExecutor({2: 1})
-    done = dict(outcomes(order([[1, 2, 3], [11]]), executor.lent()))
 
-    assert done == {task: task * 10 for task in (1, 2, 3, 11)}
+    assert done([[1, 2, 3], [11]], executor) == {task: task * 10 for task in (1, 2, 3, 11)}
     assert executor.sent == [[1, 2, 3], [11], [1], [2], [3]]
 
 
 def test_a_task_that_ends_each_worker_is_given_up_and_the_others_are_done():
     executor = FakeExecutor({2: 99})
-    done = dict(outcomes(order([[1, 2, 3], [11]]), executor.lent()))
+    found = done([[1, 2, 3], [11]], executor)
 
-    assert "died (killed)" in str(done.pop(2))
-    assert done == {task: task * 10 for task in (1, 3, 11)}
-    assert sum(2 in bundle for bundle in executor.sent) == TRIES
-
-
-@pytest.mark.parametrize("error", [RefusedError("other code"), CancelledError()])
-def test_a_worker_that_refuses_and_a_cluster_that_is_gone_end_the_sweep_in_a_sentence(error):
-    executor = FakeExecutor(error=error)
-    with pytest.raises(ClusterError, match=r"other code|has cancelled"):
-        list(outcomes(order([[1], [11]]), executor.lent()))
+    assert str(found.pop(2)) == "its worker process died (killed)"
+    assert found == {task: task * 10 for task in (1, 3, 11)}
+    assert sum(2 in chunk for chunk in executor.sent) == MAX_DEATHS
 
 
-def test_what_a_worker_has_not_come_to_is_sent_again(monkeypatch):
-    monkeypatch.setattr("jerkbench.jobs.dispatch.BUNDLE_S", 0.0)
-    executor = FakeExecutor()
-    monkeypatch.setattr(executor, "submit", lambda run, pack: done_at_once(executor, run, pack))
-
-    assert list(outcomes(order([[1, 2], [11]]), executor.lent())) == [(1, 10), (11, 110), (2, 20)]
-    assert executor.sent == [[1, 2], [11], [2]]
-
-
-def test_two_workers_may_go_on_with_what_one_has_not_come_to(monkeypatch):
-    monkeypatch.setattr("jerkbench.jobs.dispatch.BUNDLE_S", 0.0)
-    executor = FakeExecutor(slots=1)
-    monkeypatch.setattr(executor, "submit", lambda run, pack: done_at_once(executor, run, pack))
-
-    assert [task for task, _ in outcomes(order([[1, 2, 3, 4, 5, 6]]), executor.lent())] == [1, 2, 3, 4, 5, 6]
-    assert executor.sent == [[1, 2, 3, 4, 5, 6], [2, 3], [3], [4, 5, 6], [5], [6]]
+@pytest.mark.parametrize("error", [ClusterError("different code"), CancelledError()])
+def test_a_worker_that_refuses_and_a_cluster_that_is_gone_end_the_sweep(error):
+    with pytest.raises(ClusterError, match=r"different code|has cancelled"):
+        done([[1], [11]], FakeExecutor(error=error))
 
 
 class Unpackable(int):
@@ -137,39 +122,26 @@ class Unpackable(int):
         raise TypeError("it holds a file")
 
 
-def test_what_cannot_be_packed_costs_the_others_of_its_bundle_nothing():
-    done = dict(outcomes(order([[1, Unpackable(2), 3]]), FakeExecutor().lent()))
+def test_a_task_that_cannot_be_pickled_costs_the_others_of_its_chunk_nothing():
+    found = done([[1, Unpackable(2), 3]], FakeExecutor())
 
-    assert str(done.pop(2)) == "it holds a file"
-    assert done == {1: 10, 3: 30}
+    assert str(found.pop(2)) == "it holds a file"
+    assert found == {1: 10, 3: 30}
 
 
-def test_the_rest_of_a_task_is_sent_again():
+def test_work_that_cannot_be_pickled_is_an_error_of_each_task():
+    found = done([[1, 2]], FakeExecutor(), lambda tasks: tasks)
+
+    assert {type(error).__name__ for error in found.values()} <= {"PicklingError", "AttributeError"}
+    assert set(found) == {1, 2}
+
+
+def test_the_next_chunk_is_submitted_before_a_result_is_handed_on():
     executor = FakeExecutor()
-    twice = Order(tenfold, [[1], [11]], rest=lambda result: 2 if result == 10 else None)
-
-    assert sorted(outcomes(twice, executor.lent())) == [(1, 10), (2, 20), (11, 110)]
-    assert executor.sent == [[1], [11], [2]]
-
-
-def test_what_is_next_is_sent_before_a_result_is_handed_on():
-    """A worker does not wait until somebody has stored what it has found."""
-    executor = FakeExecutor(slots=1)
-    for task, _ in outcomes(order([[1, 11, 21]]), executor.lent()):
+    for (task,), _ in outcomes(tenfold, [[1], [11], [21]], Pool(executor, lambda: 1)):
         assert len(executor.waiting) == (task != 21)
 
 
-def done_at_once(executor, run, pack):
-    future = Immediate(executor)
-    executor.sent.append(pickle.loads(pack.content)[1])  # noqa: S301 - packed by this test
-    future.set_result(run(pack))
-    return future
-
-
-def test_what_cannot_be_sent_is_told_of_each_task():
-    executor = FakeExecutor()
-    done = dict(outcomes(order([[1, 2]], lambda task: task), executor.lent()))
-
-    assert executor.sent == []
-    assert {type(error).__name__ for error in done.values()} <= {"PicklingError", "AttributeError"}
-    assert set(done) == {1, 2}
+def test_a_worker_with_different_code_does_not_read_its_tasks():
+    with pytest.raises(ClusterError, match="another version of jerkbench"):
+        run_chunk(b"no pickle", "", [], ("0" * 64, ()))

@@ -9,7 +9,7 @@ import pages
 from commands import swept
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.typed_words import arranged_words
-from jerkbench.jobs.cluster import ClusterError, required
+from jerkbench.jobs.executors import ClusterError, required
 from jerkbench.presets import config_folder, preset_names
 
 PAGE = pages.text("cluster")

@@ -49,7 +49,7 @@ def test_settings_that_run_side_by_side_have_the_notes_that_each_has_alone():
     job = with_scenario(cell_of(), dataset=Telling(duration_s=8.0))
     for model in (Jerk, Talking):
         cells = tuple(with_method(job, filter=model(accel_mps2=sigma)) for sigma in (0.2, 0.4))
-        notes = [result.notes for result in work(Task(cells, (0, 1))).results]
+        notes = [result.notes for result in work(Task(cells, (0, 1)))]
         for own, cell in zip(notes, cells, strict=True):
             each = [note for seed in (0, 1) for note in notes_of(cell, cell.scenario.dataset.load(seed))]
             assert own == list(dict.fromkeys(each))

@@ -24,14 +24,15 @@ def expected(tmp_path_factory):
 def interrupted_after(cells, monkeypatch):
     add = run.Writer.add
 
-    def adding(writer, jobs, results, stream, seen=[0]):  # noqa: B006 - a count
-        add(writer, jobs, results, stream)
+    def adding(writer, table, seen=[0]):  # noqa: B006 - a count
+        add(writer, table)
         seen[0] += 1
         if seen[0] > cells:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(run.Writer, "add", adding)
-    monkeypatch.setattr(run, "HELD_S", 0.0)
+    monkeypatch.setattr(run, "MAX_FLUSH_S", 0.0)
+    monkeypatch.setattr(run, "MAX_CHUNK_S", 0.0)
 
 
 @pytest.mark.slow

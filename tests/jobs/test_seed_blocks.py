@@ -3,7 +3,6 @@
 import pandas as pd
 import pytest
 
-from jerkbench.jobs import rows as rows_module
 from jerkbench.jobs import run as loop
 from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Protocol, build
@@ -47,9 +46,9 @@ def spied(monkeypatch, stop_after=None):
     def work(task, **how):
         if stop_after is not None and len(seen) == stop_after:
             raise KeyboardInterrupt
-        done = original(task, **how)
-        seen.append([row["seed"] for row in done.results[0].rows])
-        return done
+        results = original(task, **how)
+        seen.append([row["seed"] for row in results[0].rows])
+        return results
 
     monkeypatch.setattr(loop, "work", work)
     return seen
@@ -80,7 +79,7 @@ def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
 
 def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
     plan = plan_of(seeds=KEPT_INPUTS + 2)
-    monkeypatch.setattr(rows_module, "BUDGET_S", 0.0)
+    monkeypatch.setattr(loop, "MAX_CHUNK_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=1)
         with pytest.raises(KeyboardInterrupt):
@@ -95,7 +94,7 @@ def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
 
 def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(store, monkeypatch):
     plan = plan_of(seeds=4, filter={"name": "gnss_only"})
-    monkeypatch.setattr(rows_module, "BUDGET_S", 0.0)
+    monkeypatch.setattr(loop, "MAX_CHUNK_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=3)
         with pytest.raises(KeyboardInterrupt):
@@ -113,7 +112,7 @@ def test_a_damaged_block_and_a_failed_run_are_run_again(store):
     first, second = (list(job.draws)[k : k + KEPT_INPUTS] for k in (0, KEPT_INPUTS))
     paths = []
     for draws in (first, second):
-        (result,) = work(Task((job,), draws)).results
+        (result,) = work(Task((job,), draws))
         store.write_blocks([block_of(job, result)])
         paths += [path for path in store.folder.iterdir() if path not in paths]
     paths[1].write_bytes(paths[1].read_bytes()[:-40])

@@ -35,12 +35,8 @@ def alone(cell):
 
 
 def together(cells):
-    inputs, rest, rows = Inputs(), Task(tuple(cells), DRAWS), [[] for _ in cells]
-    while rest is not None:
-        results, rest, _ = work(rest, inputs=inputs)
-        for own, result in zip(rows, results, strict=True):
-            own += [(row["status"], row["position_rmse_m"]) for row in result.rows]
-    return rows
+    results = work(Task(tuple(cells), DRAWS), inputs=Inputs())
+    return [[(row["status"], row["position_rmse_m"]) for row in result.rows] for result in results]
 
 
 def settings_of(cell):

@@ -70,7 +70,7 @@ def test_a_job_that_is_cancelled_costs_nothing(site, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "options", "more"),
-    [("head.sh", [], ["cluster.jobs=1", *HERE]), ("array.sh", ["--array=0-1"], [])],
+    [("head.sh", [], ["cluster.jobs=1", *HERE])],
 )
 def test_the_scripts_of_the_page_go_well(site, name, options, more, tmp_path):
     """In small: fewer cells, jobs and memory."""
