@@ -115,7 +115,7 @@ def whole_numbers(plugin: object) -> list[int]:
 
 
 def _varying(plugin: object) -> tuple[str, ...]:
-    """Whole numbers of which each of several runs may have its own (`jerkbench.contracts.Varying`)."""
+    """Whole numbers of which each of several runs may have its own (`jerkbench.contracts.Adaptation`)."""
     return getattr(type(plugin), "varying", ())
 
 

@@ -16,7 +16,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from jerkbench.contracts import Estimator, Preparing
+from jerkbench.contracts import Estimator
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.files import write_text
 from jerkbench.filters.command import Command
@@ -114,7 +114,7 @@ def one(config: DictConfig) -> None:
             return
         drawing = figures_choice(config.figures) is not Choice.NONE
         engine, model = job.method.engine, job.method.filter
-        if drawing and isinstance(engine, Preparing) and not isinstance(model, Estimator):
+        if drawing and hasattr(engine, "prepare") and not isinstance(model, Estimator):
             engine.prepare(model)  # what a trajectory needs and sums do not: to compile it takes as long as all else
         with pulse(lambda seconds: f"Running for {duration(seconds)}."):
             run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)

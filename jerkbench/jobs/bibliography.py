@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench import plugins
-from jerkbench.contracts import Cited
 from jerkbench.jobs.store import Store
 
 DOI = re.compile(r"doi:(10\.\d{4,}/[^\s,;]*[^\s,;.:)])")
@@ -34,7 +33,7 @@ def entries_of(folder: Path) -> list[str]:
         for kind, name in _plugins(cell.metadata["spec"]):
             if name in plugins.names(kind):
                 used.setdefault(plugins.get(kind, name), f"{kind} {name}")
-    silent = [title for cls, title in used.items() if not (isinstance(cls, Cited) or list(_sources(cls)))]
+    silent = [title for cls, title in used.items() if not (hasattr(cls, "citations") or list(_sources(cls)))]
     lacking = [f"% Nothing to cite is named by: {', '.join(silent)}."] if silent else []
     return [own_entry(), *dict.fromkeys(merged(used)), *lacking]
 
@@ -43,7 +42,7 @@ def merged(used: Mapping[type, str]) -> Iterator[str]:
     """Yield the entries of plugins; a source of several is one entry, which names them all."""
     sources: dict[str, tuple[str, list[str]]] = {}
     for cls, title in used.items():
-        if isinstance(cls, Cited):
+        if hasattr(cls, "citations"):
             yield from cls.citations
         for doi, before in _sources(cls):
             sources.setdefault(doi, (before, []))[1].append(title)

@@ -16,7 +16,6 @@ from jerkbench.contracts import (
     Engine,
     Estimator,
     Filter,
-    Labelled,
     Metric,
     ReadingFile,
 )
@@ -297,8 +296,8 @@ def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job
     metrics = tuple(_part("metric", {"name": name}).plugin for name in names)
     evaluation = Evaluation(metrics, names, protocol.burn_in_s, protocol.divergence_limit_m)
     labels = labels or default_labels({**driven, **navigates})
-    if isinstance(method.filter, Labelled):
-        labels = labels._replace(filter=method.filter.table_label)
+    if label := getattr(method.filter, "table_label", ""):
+        labels = labels._replace(filter=label)
     return Job(Labels(*map(plain_text, labels)), scenario, method, evaluation, scenario.draws(protocol))
 
 

@@ -16,8 +16,6 @@ from jerkbench.contracts import (
     Estimator,
     Fading,
     Filter,
-    Remembering,
-    RememberingStates,
 )
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Attitude, Estimate
@@ -254,11 +252,11 @@ def check_adaptation(plugin: Plugin) -> None:
 
 def _memory_size(subject: str, plugin: Plugin) -> int:
     name, size = "memory_size()", 0
-    if isinstance(plugin, RememberingStates):
+    if hasattr(plugin, "memory_size_of"):
         name, size = f"memory_size_of({TRIED_STATES})", plugin.memory_size_of(TRIED_STATES)
-    elif isinstance(plugin, Remembering):
+    elif hasattr(plugin, "memory_size"):
         size = plugin.memory_size()
-    require_that(isinstance(size, int), f"{subject}.{name} is {size!r}; it must be a whole number.")
+    require_that(isinstance(size, int), f"{subject}.{name} is {size!r}; it must be an integer.")
     require_that(size >= 0, f"{subject}.{name} is {size}; it must not be negative.")
     return size
 

@@ -1,53 +1,24 @@
-"""The optional parts of a plugin: what holds for one that lacks them, and the refusal of one whose part is misspelt."""
+"""Optional members of plugins: their defaults, and the refusal of a plugin with a misspelt one."""
 
 import difflib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, fields
 from functools import cache
-from typing import Literal, TypeGuard, TypeVar, cast, get_args, get_type_hints
+from typing import Any, Literal, TypeGuard, TypeVar, cast, get_type_hints
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import (
     Adaptation,
-    AdaptingGain,
-    AdaptingPrior,
     AttitudeFilter,
-    AttitudeOnly,
-    Batched,
-    ChangingNothing,
-    Cited,
-    Classified,
-    Clocked,
     Dataset,
-    Declaring,
-    Depending,
     Disturbance,
     Engine,
     Estimator,
     Fading,
     Filter,
-    InLanes,
-    Labelled,
-    ManyLengths,
     Metric,
-    OnRequest,
-    PerSeed,
-    PreferringAttitude,
-    Preparing,
-    Reading,
-    ReadingFile,
-    Remarking,
-    Remembering,
-    RememberingStates,
-    Requiring,
-    SideBySide,
-    Summarising,
-    TrueCovariance,
-    UsingImu,
-    Varying,
-    WithoutImu,
 )
 from jerkbench.errors import unknown
 from jerkbench.parameters import Column
@@ -55,21 +26,6 @@ from jerkbench.timeline import Timeline
 
 A = TypeVar("A")
 _P = TypeVar("_P")
-
-OF_ALL = (Cited, Depending)
-OF_FILTERS = (Classified, ManyLengths, Batched, UsingImu, AttitudeOnly, Requiring, PerSeed, Labelled, ReadingFile)
-OF_MEMORY = (Classified, Remembering, RememberingStates, Clocked, TrueCovariance, InLanes, Varying, ChangingNothing)
-
-OPTIONAL: Mapping[str, tuple[type, ...]] = {
-    "dataset": (PreferringAttitude, AttitudeOnly, WithoutImu, *OF_ALL),
-    "disturbance": (ReadingFile, *OF_ALL),
-    "attitude": (Requiring, Remarking, *OF_ALL),
-    "filter": (*OF_FILTERS, Remarking, *OF_ALL),
-    "adaptation": (*OF_MEMORY, Fading, AdaptingPrior, AdaptingGain, *OF_ALL),
-    "engine": (SideBySide, Preparing, *OF_ALL),
-    "metric": (Declaring, Summarising, Reading, OnRequest, *OF_ALL),
-}
-"""The optional parts of each kind; a new one is a Protocol beside its contract, and a word here."""
 
 REQUIRED: Mapping[str, tuple[type, ...]] = {
     "dataset": (Dataset,),
@@ -80,14 +36,36 @@ REQUIRED: Mapping[str, tuple[type, ...]] = {
     "engine": (Engine,),
     "metric": (Metric,),
 }
-"""The contract of each kind; a filter has one of two."""
+"""The protocol of each kind. A filter has one of two."""
 
+OPTIONAL_METHODS: Mapping[str, tuple[str, ...]] = {
+    "dataset": (),
+    "disturbance": ("fingerprint",),
+    "attitude": ("require", "remarks"),
+    "filter": ("axis_models", "require", "remarks", "fingerprint", "estimate_compiled", "run_settings", "of_seed"),
+    "adaptation": ("memory_size", "memory_size_of", "at_updates", "fade", "adapt_prior", "adapt_gain"),
+    "engine": ("run_settings", "prepare"),
+    "metric": ("summarise",),
+}
+OPTIONAL_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
+    "dataset": ("default_attitude", "attitude_only", "without_imu"),
+    "disturbance": (),
+    "attitude": (),
+    "filter": ("uses_imu", "attitude_only", "table_label", "provenance", "for_each_seed"),
+    "adaptation": ("wants_true_covariance", "lanes", "varying", "changes_nothing", "provenance"),
+    "engine": (),
+    "metric": ("columns", "reads", "default"),
+}
+"""The optional members of each kind. `jerkbench.contracts` describes them."""
+
+OF_ALL = ("citations", "depends_on")
+"""Optional attributes of every kind."""
 
 NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
 """Modules of bases that no author has written."""
 
-READABLE = get_args(Reading.__annotations__["reads"].__args__[0])
-"""Parts of an estimate that a metric may read alone."""
+READABLE = ("attitude", "updates")
+"""Parts of an estimate that a metric may declare to read."""
 
 PARAMETERS = (bool, int, float, str, tuple)
 """Types of the values that parameters have."""
@@ -113,29 +91,28 @@ def _has_methods(kind: type, protocol: type) -> bool:
 
 def preferred_attitude(dataset: object) -> str | None:
     """The attitude filter that a data set, or its class, names."""
-    return dataset.default_attitude if isinstance(dataset, PreferringAttitude) else None
+    return getattr(dataset, "default_attitude", None)
 
 
 def is_attitude_only(plugin: object) -> bool:
-    """Whether a data set has nothing to navigate by, or a filter navigates by nothing."""
-    return isinstance(plugin, AttitudeOnly) and plugin.attitude_only is True
+    """Whether a data set has no positions, or a filter estimates none."""
+    return getattr(plugin, "attitude_only", False) is True
 
 
 def lacks_imu(dataset: object) -> bool:
     """Whether the recordings of a data set have no IMU."""
-    return isinstance(dataset, WithoutImu) and dataset.without_imu
+    return bool(getattr(dataset, "without_imu", False))
 
 
 def uses_imu(model: object) -> bool:
-    """Whether a filter, or its class, uses the IMU; a class whose parameters decide does."""
-    return not isinstance(model, UsingImu) or model.uses_imu is not False
+    """Whether a filter, or its class, uses the IMU. A class whose parameters decide this does."""
+    return getattr(model, "uses_imu", True) is not False
 
 
 def clocked(adaptation: A, timeline: Timeline) -> A:
-    """Return ``adaptation`` for the run over ``timeline``: one that is `Clocked` hears when its updates are."""
-    if not has_methods(adaptation, Clocked):
-        return adaptation
-    return cast("A", adaptation.at_updates(timeline.update_times_s))
+    """Return ``adaptation`` for the run over ``timeline``: its `at_updates` receives the update times."""
+    at_updates = getattr(adaptation, "at_updates", None)
+    return cast("A", at_updates(timeline.update_times_s)) if at_updates else adaptation
 
 
 MEASURED_STATES = 6
@@ -151,15 +128,16 @@ def empty_memory(adaptation: object, states: int = MEASURED_STATES) -> FloatArra
 
 
 def memory_size(adaptation: object, states: int) -> int:
-    """Return how many numbers ``adaptation`` remembers over a filter of ``states`` states."""
-    if has_methods(adaptation, RememberingStates):
-        return adaptation.memory_size_of(states)
-    return adaptation.memory_size() if has_methods(adaptation, Remembering) else 0
+    """Return the length of the memory of ``adaptation`` with a filter of ``states`` states."""
+    plugin = cast("Any", adaptation)
+    if hasattr(plugin, "memory_size_of"):
+        return int(plugin.memory_size_of(states))
+    return int(plugin.memory_size()) if hasattr(plugin, "memory_size") else 0
 
 
 def wants_truth(adaptation: object) -> bool:
     """Whether an adaptation gets the true covariance as R."""
-    return bool(getattr(adaptation, "wants_true_covariance", False))  # `isinstance` takes ten microseconds
+    return bool(getattr(adaptation, "wants_true_covariance", False))
 
 
 def asked_in_lanes(adaptation: object) -> bool:
@@ -173,19 +151,13 @@ def changes_nothing(adaptation: object) -> bool:
 
 
 def on_request(metric: object) -> bool:
-    """Whether a metric, or its class, is only computed where it is asked for."""
-    return isinstance(metric, OnRequest) and not metric.default
+    """Whether a metric, or its class, is computed only on request."""
+    return not getattr(metric, "default", True)
 
 
 def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
-    """The part of an estimate that a metric looks at."""
-    kind: type = type(metric)
-    return _part_read(kind)
-
-
-@cache
-def _part_read(metric: type) -> Literal["attitude", "updates", "everything"]:
-    return metric.reads if isinstance(metric, Reading) else "everything"
+    """The part of an estimate that a metric reads."""
+    return getattr(metric, "reads", "everything")
 
 
 def misfit(kind: str, cls: type) -> str:
@@ -193,7 +165,8 @@ def misfit(kind: str, cls: type) -> str:
 
     Of a name that is all but one of an optional part it is taken that this was meant. Parameters may have such names.
     """
-    parameters, optional = {field.name for field in fields(cls)}, _members(OPTIONAL[kind])
+    parameters = {field.name for field in fields(cls)}
+    optional = {*OPTIONAL_METHODS[kind], *OPTIONAL_ATTRIBUTES[kind], *OF_ALL}
     known = optional | _members(REQUIRED[kind]) | parameters
     for name in (name for base in _authored(cls) for name in _public(vars(base))):
         if name not in known and (meant := difflib.get_close_matches(name, optional, 1, MISSPELT)):
@@ -201,11 +174,12 @@ def misfit(kind: str, cls: type) -> str:
                 f"nothing asks for {cls.__name__}.{name}, but for {meant[0]}; give it that name, or one that is less"
                 " like it."
             )
-    for name in sorted(_methods(OPTIONAL[kind])):
+    for name in OPTIONAL_METHODS[kind]:
         if name in parameters or (hasattr(cls, name) and not callable(getattr(cls, name))):
             return f"{cls.__name__}.{name} must be a method (see jerkbench.contracts), or have another name."
-    if isinstance(cls, Reading) and cls.reads not in READABLE:
-        return f"reads: {unknown('part of an estimate', str(cls.reads), READABLE)}"
+    reads = getattr(cls, "reads", None) if kind == "metric" else None
+    if reads is not None and reads not in READABLE:
+        return f"reads: {unknown('part of an estimate', str(reads), READABLE)}"
     return _wrong_columns(kind, cls) or _wrong_varying(cls) or _untyped(cls, known) or _wrong_default(cls)
 
 
@@ -261,25 +235,18 @@ def _members(protocols: tuple[type, ...]) -> frozenset[str]:
     return frozenset(name for p in protocols for name in _public([*vars(p), *vars(p).get("__annotations__", ())]))
 
 
-@cache
-def _methods(protocols: tuple[type, ...]) -> frozenset[str]:
-    return frozenset(name for p in protocols for name in _public(vars(p)) if callable(vars(p)[name]))
-
-
 def _public(names: Iterable[str]) -> list[str]:
     return [name for name in names if not name.startswith("_")]
 
 
 def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return A (k, n, n), b (k, n), Q (k, n, n) of ``lengths_s`` (k,); a length that is not positive changes nothing.
-
-    A filter with `ManyLengths` is asked once, any other for one length after the other.
-    """
+    """Return A (k, n, n), b (k, n), Q (k, n, n) of ``lengths_s`` (k,). Steps that are not positive change nothing."""
     n, k = 2 + len(model.initial_variances()), len(lengths_s)
     A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
     passing = np.flatnonzero(lengths_s > 0)
-    if has_methods(model, ManyLengths) and len(passing):
-        A[passing], b[passing], Q[passing] = model.axis_models(lengths_s[passing], dt0_s)
+    axis_models_of = getattr(model, "axis_models", None)
+    if axis_models_of and len(passing):
+        A[passing], b[passing], Q[passing] = axis_models_of(lengths_s[passing], dt0_s)
         return A, b, Q
     for row in passing.tolist():
         A[row], b[row], Q[row] = model.axis_model(float(lengths_s[row]), dt0_s)

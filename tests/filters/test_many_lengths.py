@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from jerkbench.contracts import ManyLengths
 from jerkbench.plugins import create
 from jerkbench.plugins.optional import axis_models
 
@@ -40,7 +39,7 @@ def test_one_length_is_one_of_many_and_asked_for_once(name, monkeypatch):
     many = axis_models(model, np.array(LENGTHS), DT0)
     one_by_one = [model.axis_model(h, DT0) for h in LENGTHS]
 
-    assert isinstance(model, ManyLengths)
+    assert hasattr(model, "axis_models")
     for k in range(3):
         np.testing.assert_array_equal(many[k], np.stack([one[k] for one in one_by_one]))
     monkeypatch.setattr(type(model), "axis_model", lambda *_: pytest.fail("asked one by one"))
