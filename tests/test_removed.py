@@ -27,6 +27,8 @@ TYPED = [
     (("audit", "--attribution"), "what each step brings"),
     (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
     (("audit", "attitude", "--settings", "3"), "filter=attitude_only"),
+    (("run", "-m", "filter=eskf15,fgo"), "examples/fgo"),
+    (("run", "filter=eskf15", "filter.misalignment_mrad=1"), "turn-on biases"),
     (("suite", "run", "filter=jerk", "--scale", "v1"), "--scale v2"),
     (("suite", "run", "attitude=vqf", "--scale=attitude-v1"), "filter=attitude_only"),
 ]

@@ -75,10 +75,6 @@ class Eskf15(InertialFilter):
     holds the body up as the linear filter says (`jerkbench.inertial.state.corrected`): levelling hides an accelerometer
     bias in the tilt, and the turn that tells them apart would else leave g phi^2/2 in the vertical.
 
-    Scale factors and misalignments are 18 more states, for an IMU that has them: a sensor shows (I + M) y + b, so
-    column j of dM is a bias db times y_j in the equations above. They are no noise: half a circle with a gyro that is
-    1 mrad out of line leaves 3 mrad of tilt, and the next half circle, to the other side, takes them away.
-
     Measurements, at their own times, l a lever arm::
 
         position (antenna)      p + C l
@@ -95,9 +91,11 @@ class Eskf15(InertialFilter):
 
     Neglected: the Earth's rotation and curvature unless switched on (in a fixed tangent plane there is no transport
     rate; what is left is that gravity turns, .16 mrad a km), the change of gravity with latitude (a bias takes it),
-    coning and sculling within a sample, the latency of a receiver. The error k of a wheel's scale is zero, or with
-    ``wheel_scale`` one more state, constant. Good where the vehicle turns and accelerates, which makes yaw and biases
-    observable, and in outages of up to a minute; it needs an IMU whose data sheet is known.
+    coning and sculling within a sample, and the latency of a receiver. It has no states for scale factors and
+    misalignments of the IMU. With such an IMU it is overconfident; raise its noise or its turn-on biases. The error k
+    of a wheel's scale is zero, or with ``wheel_scale`` one more state, constant. Good where the vehicle turns and
+    accelerates, which makes yaw and biases observable, and in outages of up to a minute; it needs an IMU whose data
+    sheet is known.
 
     Rows that an adaptation sees are those of position and velocity (in the velocity's own frame); headings and
     constraints are not adapted, and not among the recorded updates. It takes every adaptation that changes R alone.

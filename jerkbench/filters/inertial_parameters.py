@@ -43,7 +43,6 @@ POSITIVE_SIGMA = Limit(lambda value: 0 < value < math.inf, "it must be positive.
 MORE_THAN_0 = Limit(lambda value: value > 0, "it must be positive.")
 MAY_BE_OFF = Limit(lambda value: 0 <= value < math.inf, "it must be 0 (constant) or more.")
 OF_THREE = Limit(lambda arm: len(arm) == 3, "give three: forward, left, up.")
-DEFORMATION = ("gyro_scale_ppm", "accel_scale_ppm", "misalignment_mrad")
 
 
 @dataclass(frozen=True)
@@ -59,9 +58,6 @@ class Eskf15Parameters(Limited):
         accel_correlation_s: tau of it [s].
         gyro_turn_on_deg_per_h: one sigma of the gyro's bias at the start [deg/h].
         accel_turn_on_mg: one sigma of the accelerometer's bias at the start [mg].
-        gyro_scale_ppm: one sigma of each scale factor of the gyro; 0, and so the next two: no such states [1e-6].
-        accel_scale_ppm: one sigma of each scale factor of the accelerometer [1e-6].
-        misalignment_mrad: one sigma of the tilt of each axis towards each other, in both sensors [mrad].
         gyro_bias_from_rest: whether the gyro's mean over the rest at the start is its first bias.
         yaw_source: first yaw, attitude (of the attitude filter) or track (of the fixes, whatever else there is).
         initial_yaw_sigma_rad: one sigma of the first yaw, where its source is no less sure itself [rad].
@@ -116,9 +112,6 @@ class Eskf15Parameters(Limited):
     accel_correlation_s: Annotated[float, MORE_THAN_0, DefaultOrigin("ours: long against an outage")] = 1000.0
     gyro_turn_on_deg_per_h: Annotated[float, POSITIVE_SIGMA, INDUSTRIAL] = 500.0
     accel_turn_on_mg: Annotated[float, POSITIVE_SIGMA, INDUSTRIAL] = 10.0
-    gyro_scale_ppm: Annotated[float, MAY_BE_OFF, DefaultOrigin("off: 18 states fewer")] = 0.0
-    accel_scale_ppm: Annotated[float, MAY_BE_OFF, DefaultOrigin("off")] = 0.0
-    misalignment_mrad: Annotated[float, MAY_BE_OFF, DefaultOrigin("off")] = 0.0
     gyro_bias_from_rest: bool = True
     yaw_source: str = "attitude"
     initial_yaw_sigma_rad: Annotated[float, POSITIVE_SIGMA, DefaultOrigin("ours: 3 degrees")] = 0.05
@@ -149,11 +142,9 @@ class Eskf15Parameters(Limited):
     earth_curvature: bool = False
 
     def __post_init__(self) -> None:
-        """Check the limits and the source of the yaw, and that the sigmas of a deformation are given together."""
+        """Check the limits and the source of the yaw, and that no parameter is given that the filter has no use for."""
         super().__post_init__()
         require_known(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES)
-        if len({getattr(self, name) > 0 for name in DEFORMATION}) == 2:
-            raise PluginError(f"{self.title}: {', '.join(DEFORMATION)} belong together; give all three, or 0 for all.")
         for name in self.not_taken:
             if value := getattr(self, name):
                 raise PluginError(
@@ -236,9 +227,6 @@ def _start(
         accel_bias_mps2=parameters.accel_turn_on_mg * _MG,
         yaw_rad=max(parameters.initial_yaw_sigma_rad, yaw_sigma_rad),
         still_mps=parameters.zero_velocity_sigma_mps,
-        gyro_scale=parameters.gyro_scale_ppm * 1e-6,
-        accel_scale=parameters.accel_scale_ppm * 1e-6,
-        misalignment_rad=parameters.misalignment_mrad * 1e-3,
         wheel_scale=parameters.wheel_scale_sigma if parameters.wheel_scale else 0.0,
     )
     noise, from_rest = parameters.sensor_noise(), parameters.gyro_bias_from_rest

@@ -11,7 +11,6 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.eskf15 import InertialFilter
-from jerkbench.filters.inertial_parameters import DEFORMATION
 from jerkbench.geometry import wrap_angle
 from jerkbench.inertial.run import InertialRun, InertialSolution
 from jerkbench.inertial.run_inputs import Events, Journey
@@ -64,7 +63,7 @@ class Ukf(InertialFilter):
     provenance = Provenance("simplified", "doi:10.1109/ASSPCC.2000.882463", "Over the error state of `eskf15`.")
 
     title: ClassVar[str] = "ukf"
-    not_taken: ClassVar[tuple[str, ...]] = (*DEFORMATION, "wheel_scale", "earth_rotation", "earth_curvature")
+    not_taken: ClassVar[tuple[str, ...]] = ("wheel_scale", "earth_rotation", "earth_curvature")
 
     alpha: Annotated[
         float,

@@ -10,5 +10,5 @@ with phi in ENU. All units are SI.
     run                    the definition, a step at a time, of state, mechanisation and update; run_inputs
     compiled_runs          the same compiled, from Python: one run with its trajectory, or many side by side
     kernel                 its loop, over strapdown and aiding (what is measured, and what a correction leaves)
-    smoother, factor_graph other estimators of the same parts, the latter by GTSAM
+    smoother               the smoother of the same parts
 """

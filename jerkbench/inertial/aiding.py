@@ -117,9 +117,6 @@ def _fill_others(other: View, c: View, run: Lanes) -> None:
     B, D, g = run.of_attitude, run.of_gyro, room(run, "3")
     for i in range(3):
         g[i] = c[GYRO + i]
-        if run.at_gyro_matrix > 0:
-            for j in range(3):
-                g[i] += run.rate[j] * c[run.at_gyro_matrix + 3 * j + i]
     for i in range(3):
         by_attitude = B[i, 0] * c[ATTITUDE] + B[i, 1] * c[ATTITUDE + 1] + B[i, 2] * c[ATTITUDE + 2]
         other[i] = by_attitude + (D[i, 0] * g[0] + D[i, 1] * g[1] + D[i, 2] * g[2])
@@ -242,13 +239,10 @@ def _turn(run: Lanes) -> None:
 
 def _add_accel_bias(run: Lanes) -> None:
     """The accelerometer's bias keeps the force that holds the body up: `jerkbench.inertial.state.corrected`."""
-    g, B, phi, M = GRAVITY_MPS2, run.before, ATTITUDE, run.at_accel_matrix
+    g, B, phi = GRAVITY_MPS2, run.before, ATTITUDE
     up, change, force = room(run, "3"), room(run, "3"), room(run, "3")
     for i in range(3):
         up[i], change[i] = g * B[2, i], run.x[ACCEL + i]
-    if M > 0:
-        for i in range(3):
-            change[i] += run.x[M + i] * up[0] + run.x[M + 3 + i] * up[1] + run.x[M + 6 + i] * up[2]
     force[0], force[1], force[2] = g * run.x[phi + 1], 0.0 - g * run.x[phi], run.zero + g
     for i in range(3):
         force[i] -= B[i, 0] * change[0] + B[i, 1] * change[1] + B[i, 2] * change[2]
@@ -256,9 +250,6 @@ def _add_accel_bias(run: Lanes) -> None:
     for i in range(3):
         shown[i] = run.C[0, i] * force[0] + run.C[1, i] * force[1] + run.C[2, i] * force[2]
         run.accel_bias[i] += up[i] - shown[i]
-    if M > 0:
-        for i in range(3):
-            run.accel_bias[i] -= run.x[M + i] * shown[0] + run.x[M + 3 + i] * shown[1] + run.x[M + 6 + i] * shown[2]
 
 
 def _carry_error(c: View, run: Lanes, _dt: float) -> None:
@@ -267,16 +258,13 @@ def _carry_error(c: View, run: Lanes, _dt: float) -> None:
     With phi+ - phi = [turn]/2 phi = d, C of before, C+ of after and the force a = g e3 that holds the body up::
 
         phi+ = phi + d
-        db_a+ = C+' C (db_a + dM_a C' a) + C+' (d x a) - dM_a C+' a
+        db_a+ = C+' C db_a + C+' (d x a)
     """
-    g, turn, back, M = GRAVITY_MPS2, room(run, "3"), run.back, run.at_accel_matrix
+    g, turn, back = GRAVITY_MPS2, room(run, "3"), run.back
     d, error = room(run, "3"), room(run, "3")
     for i in range(3):
         turn[i] = 0.5 * run.x[ATTITUDE + i]
         error[i] = c[ACCEL + i]
-        if M > 0:
-            for j in range(3):
-                error[i] += g * run.before[2, j] * c[M + 3 * j + i]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         d[i] = turn[j] * c[ATTITUDE + k] - turn[k] * c[ATTITUDE + j]
@@ -284,9 +272,6 @@ def _carry_error(c: View, run: Lanes, _dt: float) -> None:
         c[ATTITUDE + i] += d[i]
         turned = back[i, 0] * error[0] + back[i, 1] * error[1] + back[i, 2] * error[2]
         c[ACCEL + i] = turned + (g * run.C[0, i]) * d[1] - (g * run.C[1, i]) * d[0]
-        if M > 0:
-            for j in range(3):
-                c[ACCEL + i] -= (g * run.C[2, j]) * c[M + 3 * j + i]
 
 
 carry = congruence(_carry_error, ATTITUDE, STATES)

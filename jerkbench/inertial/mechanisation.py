@@ -8,8 +8,6 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inertial.state import (
     BA,
     BG,
-    MA,
-    MG,
     PHI,
     STATES,
     NavigationState,
@@ -94,14 +92,8 @@ class Passage(NamedTuple):
 
 
 def calibrated(state: NavigationState, accel_mps2: FloatArray, gyro_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return specific force f and rate w (k, 3) without what is known of the sensors' errors.
-
-    Of a sensor that shows y = (I + M) true + b: true = (I - M)(y - b), M to the first order.
-    """
-    force, rate = accel_mps2 - state.accel_bias_mps2, gyro_radps - state.gyro_bias_radps
-    if state.gyro_matrix is None or state.accel_matrix is None:
-        return force, rate
-    return force - force @ state.accel_matrix.T, rate - rate @ state.gyro_matrix.T
+    """Return specific force f and rate w (k, 3) without the biases of the sensors."""
+    return accel_mps2 - state.accel_bias_mps2, gyro_radps - state.gyro_bias_radps
 
 
 def advance_navigation(
@@ -182,13 +174,7 @@ class SensorNoise(NamedTuple):
     accel_bias: float
 
 
-def transition(
-    dt_s: FloatArray,
-    dcm: FloatArray,
-    force_enu_mps2: FloatArray,
-    states: int = STATES,
-    sensed: tuple[FloatArray, FloatArray] | None = None,
-) -> FloatArray:
+def transition(dt_s: FloatArray, dcm: FloatArray, force_enu_mps2: FloatArray, states: int = STATES) -> FloatArray:
     """Return Phi (k, n, n) of k steps, with C in the middle of each and the mean specific force a = C f.
 
     Of dp' = dv, dv' = -[a] phi - C db_a, phi' = -C db_g, db' = 0, with a and C as constants::
@@ -204,8 +190,6 @@ def transition(
         dcm: (k, 3, 3) C.
         force_enu_mps2: (k, 3) a.
         states: n; what is not named above is constant.
-        sensed: f and w (k, 3) in the body where the sensors are deformed, else None: dM y acts as a bias, so column j
-            of dM_g as db_g times w_j, and column j of dM_a as db_a times f_j.
     """
     dt, a = dt_s[:, None, None], skew(force_enu_mps2)
     aC = a @ dcm
@@ -215,14 +199,7 @@ def transition(
     Phi[:, V, PHI], Phi[:, V, BG], Phi[:, V, BA] = -dt * a, (dt**2 / 2.0) * aC, -dt * dcm
     Phi[:, P, PHI], Phi[:, P, BG], Phi[:, P, BA] = (-(dt**2) / 2.0) * a, (dt**3 / 6.0) * aC, (-(dt**2) / 2.0) * dcm
     Phi[:, PHI, BG] = -dt * dcm
-    if sensed is not None:
-        Phi[:, :9, MG], Phi[:, :9, MA] = by_column(Phi[:, :9, BG], sensed[1]), by_column(Phi[:, :9, BA], sensed[0])
     return Phi
-
-
-def by_column(block: FloatArray, seen: FloatArray) -> FloatArray:
-    """Return (..., m, 9) what a deformation does, column by column of dM, where a bias does ``block`` (..., m, 3)."""
-    return np.asarray((block[..., :, None, :] * seen[..., None, :, None]).reshape(*block.shape[:-1], 9))
 
 
 def step_noise(noise: SensorNoise, dt_s: float, states: int = STATES) -> FloatArray:

@@ -91,8 +91,7 @@ class InertialRun:
         start = self.state
         sensed = calibrated(start, self.imu.accel_mps2[samples], self.imu.gyro_radps[samples])
         passage = advance_navigation(start, *sensed, dt_s, self.settings.earth)
-        deforming = None if start.gyro_matrix is None else sensed
-        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P), deforming)
+        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P))
         references = events.reference[steps].tolist()
         for k, dt in enumerate(dt_s.tolist()):
             self._grow(Phi[k], self._noise(dt))

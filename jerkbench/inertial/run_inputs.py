@@ -7,8 +7,8 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler, roll_pitch
-from jerkbench.inertial.mechanisation import Earth, SensorNoise, by_column
-from jerkbench.inertial.state import BA, BG, MA, PHI, ErrorLayout, NavigationState, V
+from jerkbench.inertial.mechanisation import Earth, SensorNoise
+from jerkbench.inertial.state import BA, BG, PHI, ErrorLayout, NavigationState, V
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, merged_times, nanoseconds
 
@@ -183,9 +183,6 @@ class StartSigmas(NamedTuple):
         accel_bias_mps2: of each axis.
         yaw_rad: of the yaw that is given.
         still_mps: of the velocity at rest, each axis.
-        gyro_scale: of a scale factor of the gyro; 0, and so the next two: it has none.
-        accel_scale: of a scale factor of the accelerometer.
-        misalignment_rad: of each axis towards each other, in both.
         wheel_scale: of the wheel's scale; 0: it has none.
     """
 
@@ -193,20 +190,12 @@ class StartSigmas(NamedTuple):
     accel_bias_mps2: float
     yaw_rad: float
     still_mps: float
-    gyro_scale: float = 0.0
-    accel_scale: float = 0.0
-    misalignment_rad: float = 0.0
     wheel_scale: float = 0.0
 
     @property
     def extra(self) -> dict[str, Any]:
         """One sigma of every number of `EXTRA_PARTS`; what is zero is not estimated."""
-        sigmas = {
-            "gyro_matrix": np.where(np.eye(3), self.gyro_scale, self.misalignment_rad),
-            "accel_matrix": np.where(np.eye(3), self.accel_scale, self.misalignment_rad),
-            "wheel_scale": np.array(self.wheel_scale),
-        }
-        return {name: sigma for name, sigma in sigmas.items() if sigma.any()}
+        return {"wheel_scale": np.array(self.wheel_scale)} if self.wheel_scale else {}
 
 
 def align(
@@ -280,14 +269,9 @@ def _mean_rate(recording: Recording) -> FloatArray:
 def _couple_tilt(P: FloatArray, state: NavigationState) -> None:
     """Put the tilt that errors of the accelerometer make of levelling into P, in place.
 
-    At rest 0 = -[g e3] phi - C (db_a + dM_a f), so that phi = J (db_a + dM_a f) with f = g C' e3 and
-    J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g.
+    At rest 0 = -[g e3] phi - C db_a, so that phi = J db_a with J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g.
     """
     J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ state.dcm / GRAVITY_MPS2
-    of_errors = [(BA, J)]
-    if state.accel_matrix is not None:
-        of_errors.append((MA, by_column(J, GRAVITY_MPS2 * state.dcm[2])))
-    for at, block in of_errors:
-        P[PHI, at] = block @ P[at, at]
-        P[at, PHI] = P[PHI, at].T
-        P[PHI, PHI] += block @ P[at, at] @ block.T
+    P[PHI, BA] = J @ P[BA, BA]
+    P[BA, PHI] = P[PHI, BA].T
+    P[PHI, PHI] += J @ P[BA, BA] @ J.T

@@ -18,7 +18,6 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
-from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
 from jerkbench.inertial.run import InertialRun, InertialSolution, given_out
@@ -137,19 +136,3 @@ def gain(P: FloatArray, Phi: FloatArray, P_prior: FloatArray) -> FloatArray:
     sigma = np.sqrt(np.diag(P_prior))
     solved = np.linalg.solve(P_prior / np.outer(sigma, sigma), (Phi @ P) / sigma[:, None])
     return np.asarray((solved / sigma[:, None]).T)
-
-
-def forward_states(journey: Journey, adaptation: Adaptation, steps: Sequence[int]) -> list[NavigationState]:
-    """Return the filter's states after ``steps``, at each of which something is taken; the start's for step 0.
-
-    Raises:
-        RecordingError: the filter is lost before the end.
-    """
-    sparse = journey.events._replace(reference=np.full_like(journey.events.reference, -1))
-    run = ForwardRun(journey, adaptation)
-    failure = run.over(sparse).estimate.failure
-    if failure:
-        raise RecordingError(f"eskf15, from whose states the graph begins, is lost: {failure}; take lag_s above 0.")
-    taken = [node.posterior for node in run.nodes]
-    first = journey.events.update[steps[0]], journey.events.heading[steps[0]]
-    return taken if max(first) >= 0 else [journey.start[0], *taken]

@@ -67,7 +67,7 @@ POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL = range(0, STATES, 3)
 
 P, V, PHI, BG, BA = (slice(first, first + 3) for first in (POSITION, VELOCITY, ATTITUDE, GYRO, ACCEL))
 
-EXTRA_PARTS: dict[str, tuple[int, ...]] = {"gyro_matrix": (3, 3), "accel_matrix": (3, 3), "wheel_scale": ()}
+EXTRA_PARTS: dict[str, tuple[int, ...]] = {"wheel_scale": ()}
 """The parts of `NavigationState` that a run may have or not, with their shapes.
 
 Their errors follow the first fifteen in this order, a matrix column by column.
@@ -101,14 +101,8 @@ class ErrorLayout(NamedTuple):
         return {name: dx[blocks[name]].reshape(EXTRA_PARTS[name], order="F")[()] for name in self.extra}
 
 
-MG, MA = (ErrorLayout(("gyro_matrix", "accel_matrix")).blocks[name] for name in ("gyro_matrix", "accel_matrix"))
-"""Where the deformations stand if they are estimated: both, or none, first of all."""
-
-
 class NavigationState(NamedTuple):
     """Nominal state of the inertial navigation; what is None in it has no errors in the error state either.
-
-    A sensor shows (I + M) times what is true, with scale factors on the diagonal of M, misalignments beside it.
 
     Attributes:
         position_m: (3,) p of the IMU, ENU.
@@ -116,9 +110,7 @@ class NavigationState(NamedTuple):
         dcm: (3, 3) C, body FLU -> ENU.
         gyro_bias_radps: (3,) b_g, body.
         accel_bias_mps2: (3,) b_a, body.
-        gyro_matrix: (3, 3) M of the gyro; None: it is not estimated, like the next ones.
-        accel_matrix: (3, 3) M of the accelerometer.
-        wheel_scale: k, a wheel shows 1 + k times the speed.
+        wheel_scale: k, a wheel shows 1 + k times the speed; None: it is not estimated.
     """
 
     position_m: FloatArray
@@ -126,8 +118,6 @@ class NavigationState(NamedTuple):
     dcm: FloatArray
     gyro_bias_radps: FloatArray
     accel_bias_mps2: FloatArray
-    gyro_matrix: FloatArray | None = None
-    accel_matrix: FloatArray | None = None
     wheel_scale: float | None = None
 
     @property
@@ -158,35 +148,31 @@ def corrected(state: NavigationState, dx: FloatArray) -> NavigationState:
     """Return ``state`` with the estimated error dx (n,) put into it.
 
     Tilt and accelerometer bias are found together, because levelling has hidden the one in the other. With a the force
-    that holds the body up, C+ = Exp(phi) C and c = db_a + dM_a C' a, the bias becomes the one with which that force
-    changes as the linear filter says, and by nothing of the second order::
+    that holds the body up and C+ = Exp(phi) C, the bias becomes the one with which that force changes as the linear
+    filter says, and by nothing of the second order::
 
-        C+ (I - dM_a) (C' a - db) = a + phi x a - C c
+        C+ (C' a - db) = a + phi x a - C db_a
 
     Else g phi^2/2 of a correction would be left in the vertical, 4 mm/s2 for 28 mrad, and not in P.
     """
-    moved, of_accel = added(state, dx), state.layout.extra_errors(dx).get("accel_matrix", _ZERO)  # dM_a
+    moved = added(state, dx)
     up = GRAVITY_MPS2 * state.dcm[2]  # C' a
     east, north, _ = dx[PHI].tolist()
-    force = GRAVITY_MPS2 * np.array([north, -east, 1.0]) - state.dcm @ (dx[BA] + of_accel @ up)
-    shown = moved.dcm.T @ force
-    return moved._replace(accel_bias_mps2=state.accel_bias_mps2 + up - shown - of_accel @ shown)
+    force = GRAVITY_MPS2 * np.array([north, -east, 1.0]) - state.dcm @ dx[BA]
+    return moved._replace(accel_bias_mps2=state.accel_bias_mps2 + up - moved.dcm.T @ force)
 
 
 def error_between(after: NavigationState, before: NavigationState) -> FloatArray:
     """Return dx (n,) with which `corrected` takes ``before`` to ``after``.
 
-    With dM_a = 0 for an IMU without deformation::
-
-        phi = Log(C+ C');  f = (I + dM_a)^-1 (C' a - (b+ - b));  db_a = C' (a + phi x a - C+ f) - dM_a C' a
+    phi = Log(C+ C');  f = C' a - (b+ - b);  db_a = C' (a + phi x a - C+ f).
     """
     from scipy.spatial.transform import Rotation
 
     dcm, up = before.dcm, GRAVITY_MPS2 * before.dcm[2]
     phi = Rotation.from_matrix(after.dcm @ dcm.T).as_rotvec()
     extra = {name: getattr(after, name) - getattr(before, name) for name in before.layout.extra}
-    of_accel = extra.get("accel_matrix", _ZERO)  # dM_a
-    shown = np.linalg.solve(_I3 + of_accel, up - (after.accel_bias_mps2 - before.accel_bias_mps2))
+    shown = up - (after.accel_bias_mps2 - before.accel_bias_mps2)
     force = GRAVITY_MPS2 * np.array([phi[1], -phi[0], 1.0])
     return np.concatenate(
         [
@@ -194,7 +180,7 @@ def error_between(after: NavigationState, before: NavigationState) -> FloatArray
             after.velocity_mps - before.velocity_mps,
             phi,
             after.gyro_bias_radps - before.gyro_bias_radps,
-            dcm.T @ (force - after.dcm @ shown) - of_accel @ up,
+            dcm.T @ (force - after.dcm @ shown),
             *(np.ravel(error, order="F") for error in extra.values()),
         ]
     )

@@ -62,20 +62,10 @@ def multiply_transposed(left: View, right: View, into: View) -> None:
 
 
 def sense(run: Lanes, accel: View, gyro: View) -> None:
-    """Make specific force and rate of a sample, without what is known of the sensors' errors."""
+    """Make specific force and rate of a sample, without the biases of the sensors."""
     for i in range(3):
         run.force[i] = accel[i] - run.accel_bias[i]
         run.rate[i] = gyro[i] - run.gyro_bias[i]
-    if run.at_gyro_matrix > 0:
-        _straighten(run.force, run.accel_matrix)
-        _straighten(run.rate, run.gyro_matrix)
-
-
-def _straighten(seen: View, M: View) -> None:
-    """Make y - M y of y."""
-    a, b, c = seen[0], seen[1], seen[2]
-    for i in range(3):
-        seen[i] -= M[i, 0] * a + M[i, 1] * b + M[i, 2] * c
 
 
 def mechanise(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
@@ -162,22 +152,17 @@ def _load_column(c: View, run: Lanes, t: int) -> None:
 def _grow_error(c: View, run: Lanes, dt: float) -> None:
     """Apply Phi to an error of the state, by its blocks that are not zero.
 
-    With D = -dt C and [E] = -dt [a], a = C f, g the error of the gyro and h that of the accelerometer (biases, and
-    deformations times what was sensed)::
+    With D = -dt C and [E] = -dt [a], a = C f, g the error of the gyro's bias and h that of the accelerometer's::
 
         d = D g,  q = E x phi + D h,  r = E x d
         phi+ = phi + d
         dv+ = dv + q + r/2
         dp+ = dp + dt dv + dt/2 q + dt/6 r
     """
-    D, E, of_gyro, of_accel = run.lever, run.twist, run.at_gyro_matrix, run.at_accel_matrix
+    D, E = run.lever, run.twist
     g, h, d, q, r = room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3")
     for i in range(3):
         g[i], h[i] = c[GYRO + i], c[ACCEL + i]
-        if of_gyro > 0:
-            for j in range(3):
-                g[i] += run.rate[j] * c[of_gyro + 3 * j + i]
-                h[i] += run.force[j] * c[of_accel + 3 * j + i]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         d[i] = D[i, 0] * g[0] + D[i, 1] * g[1] + D[i, 2] * g[2]

@@ -5,12 +5,9 @@ import math
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.inertial.mechanisation import by_column
 from jerkbench.inertial.state import (
     BA,
     BG,
-    MA,
-    MG,
     PHI,
     NavigationState,
     P,
@@ -21,13 +18,6 @@ from jerkbench.inertial.state import (
     skew,
 )
 from jerkbench.recording import GRAVITY_MPS2
-
-
-def _with_gyro_matrix(H: FloatArray, state: NavigationState, rate_radps: FloatArray) -> FloatArray:
-    """Return H (m, n) with the gyro's deformation, a wrong rate as its bias is; the accelerometer's is in no H."""
-    if state.gyro_matrix is not None:
-        H[:, MG] = by_column(H[:, BG], rate_radps)
-    return H
 
 
 def point_in_enu(
@@ -48,7 +38,7 @@ def point_in_enu(
     arm, swing = C @ lever_arm_m, C @ cross(rate_radps, lever_arm_m)
     H[P, PHI], H[V, PHI] = -skew(arm), -skew(swing)
     H[V, BG] = C @ skew(lever_arm_m)
-    return np.concatenate([state.position_m + arm, state.velocity_mps + swing]), _with_gyro_matrix(H, state, rate_radps)
+    return np.concatenate([state.position_m + arm, state.velocity_mps + swing]), H
 
 
 def velocity_in_body(
@@ -61,8 +51,7 @@ def velocity_in_body(
     H = np.zeros((3, state.layout.size))
     turn = state.dcm.T
     H[:, V], H[:, PHI], H[:, BG] = turn, turn @ skew(state.velocity_mps), skew(lever_arm_m)
-    h = turn @ state.velocity_mps + cross(rate_radps, lever_arm_m)
-    return h, _with_gyro_matrix(H, state, rate_radps)
+    return turn @ state.velocity_mps + cross(rate_radps, lever_arm_m), H
 
 
 def wheel_speed(
@@ -77,7 +66,7 @@ def wheel_speed(
     H[0] *= shown
     H[0, state.layout.blocks["wheel_scale"]] = h[0]
     h[0] *= shown
-    return h, _with_gyro_matrix(H, state, rate_radps)
+    return h, H
 
 
 def heading(state: NavigationState) -> tuple[float, FloatArray]:
@@ -115,19 +104,16 @@ def reset(before: NavigationState, after: NavigationState, turn_rad: FloatArray)
 
     The same error has other numbers there. With a the force that holds the body up::
 
-        phi+ = (I + [turn]/2) phi;  db_a+ = C+' C (db_a + dM_a C' a) - dM_a C+' a + C+' ((phi+ - phi) x a)
+        phi+ = (I + [turn]/2) phi;  db_a+ = C+' C db_a + C+' ((phi+ - phi) x a)
 
-    so that the error of that force in ENU, phi x a - C (db_a + dM_a C' a), stays what it is: levelling has made it
-    known well, while tilt and bias are not. That a correction changes the force itself is left out.
+    so that the error of that force in ENU, phi x a - C db_a, stays what it is: levelling has made it known well, while
+    tilt and bias are not. That a correction changes the force itself is left out.
     """
     G = np.eye(before.layout.size)
     half = 0.5 * skew(turn_rad)
-    back = after.dcm.T @ before.dcm
     G[PHI, PHI] += half
-    G[BA, BA] = back
+    G[BA, BA] = after.dcm.T @ before.dcm
     G[BA, PHI] = -after.dcm.T @ skew(UP_MPS2) @ half
-    if before.accel_matrix is not None:
-        G[BA, MA] = by_column(back, before.dcm.T @ UP_MPS2) - by_column(np.eye(3), after.dcm.T @ UP_MPS2)
     return G
 
 

@@ -22,10 +22,7 @@ FROM_ELSEWHERE = ("trajectory", "command", "attitude_command")
 WITH_LOOPS = ("eskf15", "iekf", "imm", "rts")
 """Estimators that compile a loop of their own, or two."""
 
-OF_PACKAGES = {"gtsam": ("fgo",), "vqf": ("vqf", "offline_vqf")}
-NOT_HERE = tuple(
-    name for package, names in OF_PACKAGES.items() if not importlib.util.find_spec(package) for name in names
-)
+NOT_HERE = () if importlib.util.find_spec("vqf") else ("vqf", "offline_vqf")
 
 
 def own(kind):

@@ -8,7 +8,6 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.filters.inertial_parameters import DEFORMATION
 
 NO_NOISES = ("first_stays", "second_stays", "first_probability", "correlation")
 KINEMATIC = ("acceleration", "baseline", "bias", "constant_turn", "constant_velocity", "imm", "jerk", "okf", "rts")
@@ -27,7 +26,7 @@ SIGMAS = (
     *("initial_yaw_sigma_rad", "zero_velocity_sigma_mps", "nonholonomic_sigma_mps", "wheel_scale_sigma"),
 )
 EVERY = [(name, field) for name in KINEMATIC for field in noises(name)]
-EVERY += [("eskf15", field) for field in (*SIGMAS, *DEFORMATION, "position_sigma_m")]
+EVERY += [("eskf15", field) for field in (*SIGMAS, "position_sigma_m")]
 
 
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])

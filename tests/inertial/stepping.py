@@ -14,7 +14,6 @@ def mechanise(state, accel_mps2, gyro_radps, dt_s, earth):
     return after, to.mean_dcm[0], to.force_enu_mps2[0]
 
 
-def transition(dt_s, dcm, force, states=15, sensed=None):
+def transition(dt_s, dcm, force, states=15):
     """Phi of one step."""
-    seen = None if sensed is None else tuple(part[None] for part in sensed)
-    return mechanisation.transition(np.array([dt_s]), dcm[None], force[None], states, seen)[0]
+    return mechanisation.transition(np.array([dt_s]), dcm[None], force[None], states)[0]

