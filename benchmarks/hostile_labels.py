@@ -153,14 +153,14 @@ FORMATS: Mapping[str, tuple[list[str], Callable[[str, str], list[str]]]] = {
 
 
 def injected(study: Path, text: str, place: int) -> None:
-    """Put the text into one label of the first cell, into its notes and into the manifest's notes and tags."""
+    """Put the text into one label of the first cell, into its notes and into those of the manifest."""
     path = min((study / "cells").glob("*.parquet"))
     table = with_text(pq.read_table(path), Labels._fields[place], text)
     key = table["cell.key"][0].as_py()
     sign(path, with_text(table, "cell.notes", json.dumps([text])))
     manifest = study / "manifest.json"
     content = json.loads(manifest.read_text(encoding="utf-8"))
-    manifest.write_text(json.dumps(content | {"notes": {key: [text]}, "tags": {key: [text]}}), encoding="utf-8")
+    manifest.write_text(json.dumps(content | {"notes": {key: [text]}}), encoding="utf-8")
 
 
 class Files:

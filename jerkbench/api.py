@@ -118,7 +118,6 @@ def sweep(
     burn_in_s: float = Protocol.burn_in_s,
     metrics: Sequence[str] = (),
     notes: Sequence[str] = (),
-    tags: Sequence[str] = (),
     workers: int = 1,
 ) -> "Study":
     """Run every combination of the parts into ``folder``, as `jerkbench run -m` does; what is done is not run again.
@@ -140,7 +139,6 @@ def sweep(
         burn_in_s: as in `run`.
         metrics: as in `run`.
         notes: sentences to print under the tables.
-        tags: words of your own for these cells; the rows have them.
         workers: number of processes.
 
     Raises:
@@ -151,7 +149,7 @@ def sweep(
     axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
     protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
     ran = _run(_jobs({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics), Path(folder), workers)
-    study, _ = concluded(Path(folder), ran, list(notes), sys.argv, tags=tags)
+    study, _ = concluded(Path(folder), ran, list(notes), sys.argv)
     return study
 
 

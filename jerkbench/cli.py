@@ -41,7 +41,7 @@ several:
 r_scale.position=2 r_scale.velocity=0.5 scale the reported R that the filter gets; the data stay as they are.
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
-figures_pdf, report, notes, tags. --dry prints what would run, what is left out and how long it takes, and runs nothing.
+figures_pdf, report, notes. --dry prints what would run, what is left out and how long it takes, and runs nothing.
 --config-dir DIR, with any verb, adds a folder with presets of your own (DIR/dataset/mine.yaml); several may be given.
 Results are in results/STUDY. A combination that is done is not run again. If you stop a sweep, the same command
 continues it.

@@ -62,7 +62,7 @@ def run(plan, folder):
             run_missing(plan, store)
         except (OSError, JerkbenchError) as error:
             code = ended_by(error)
-    conclude_study(store, plan.draws, SimpleNamespace(notes=["a note"], tags=[]))
+    conclude_study(store, plan.draws, SimpleNamespace(notes=["a note"]))
     return code
 
 

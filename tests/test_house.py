@@ -21,7 +21,7 @@ LONGEST = 500
 
 MOST_FILES, MOST_FOLDERS = 192, 25
 """Modules, but for those of plugins, which may become more; and folders."""
-MOST_CODE = 24_439
+MOST_CODE = 24_417
 """Lines without docstrings, comments, blanks and imports, but for those of plugins."""
 MOST_LONE = 16
 """Modules that one other module imports; the aim is none."""

@@ -66,7 +66,7 @@ def test_a_page_runs_its_own_scripts_alone():
 
 def test_the_environment_is_read_on_request_only(tmp_path, monkeypatch):
     monkeypatch.setenv("A_SECRET", "xyzzy")
-    words = ("run", *SHORT, "engine=filterpy", "notes=['${oc.env:A_SECRET}']", "tags=['${oc.env:A_SECRET}']", "--dry")
+    words = ("run", *SHORT, "engine=filterpy", "notes=['${oc.env:A_SECRET}']", "--dry")
     done = verb(*words, cwd=tmp_path)
     assert done.returncode == 2
     assert "A_SECRET" in done.stderr

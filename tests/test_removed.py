@@ -27,6 +27,8 @@ TYPED = [
     (("audit", "--attribution"), "what each step brings"),
     (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
     (("audit", "attitude", "--settings", "3"), "filter=attitude_only"),
+    (("run", "-m", "tags=[thesis]"), "study=NAME"),
+    (("table", "results/a", "--tag", "thesis"), "study=NAME"),
     (("run", "-m", "filter=eskf15,fgo"), "examples/fgo"),
     (("run", "filter=eskf15", "filter.misalignment_mrad=1"), "turn-on biases"),
     (("suite", "run", "filter=jerk", "--scale", "v1"), "--scale v2"),
@@ -67,7 +69,7 @@ def test_a_configuration_hears_the_same():
     [
         ("run", "cluster=local", "study=ray", "notes=[cluster=ray on Monday]"),
         ("table", "results/s3", "--filter", "ray"),
-        ("table", "results/array", "--tag", "portable"),
+        ("table", "results/array", "--metric", "portable"),
         ("run", "dataset=table", "dataset.file=https://host/a.csv", "results=/tmp/s3"),
     ],
 )

@@ -159,7 +159,7 @@ def _show(plan: Plan, store: Store, config: DictConfig) -> None:
     print_run(stored.rows)
     for note in stored.metadata["notes"]:
         print(note, flush=True)
-    concluded(folder, plan.draws, list(config.notes), sys.argv, tags=list(config.tags))
+    concluded(folder, plan.draws, list(config.notes), sys.argv)
 
 
 # The end of a sweep: manifest, tables, figures, report, and the exit code that they come to.
@@ -180,7 +180,7 @@ def conclude_study(
         return None
     store.compact()
     there = {key: () if key in gone else own for key, own in seeds.items()}
-    study, table = concluded(folder, there, list(config.notes), sys.argv, level, list(config.tags))
+    study, table = concluded(folder, there, list(config.notes), sys.argv, level)
     shown = study.only(seeds)
     if len(shown.rows) == len(study.rows):
         print_beginning(table)

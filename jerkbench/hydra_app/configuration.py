@@ -51,7 +51,6 @@ class Schema:
         report: whether a sweep ends with its figures and its report (``jerkbench report`` makes it at any time).
         r_scale: factors on the reported R that the filter is told (``position``, ``velocity``); the data stay.
         notes: sentences to print under the tables (what was tuned, on what, with which budget).
-        tags: words of your own for the cells; rows have them, and `jerkbench table --tag` takes some.
         dry: say what would run, what is left out and about how long it takes; run nothing (``--dry``).
     """
 
@@ -68,7 +67,6 @@ class Schema:
     figures_pdf: bool = False
     report: bool = False
     notes: list[str] = field(default_factory=list)
-    tags: list[str] = field(default_factory=list)
     dry: bool = False
     dataset: Any = None
     disturbance: Any = None
@@ -250,8 +248,3 @@ def check_options(config: DictConfig) -> None:
         raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")
     if config.workers < 0:
         raise PluginError(f"workers is {config.workers}; give 0 (one for each processor) or more.")
-    for tag in config.tags:
-        if not re.fullmatch(r"[\w.:-]+", str(tag)):
-            raise PluginError(
-                f"'{tag}' cannot be a tag; write letters, digits, _, ., : and -, for example tags=[thesis]."
-            )

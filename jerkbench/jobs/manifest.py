@@ -21,27 +21,25 @@ def write_manifest(
     notes: Sequence[str],
     command: Sequence[str],
     level: float | None = None,
-    tags: Sequence[str] = (),
 ) -> None:
     """Write what was run, by which code, on which machine; the order and the notes of earlier cells are kept.
 
     Of two processes in one folder each adds to what the other has written. ``seeds`` of each cell are shown from now
     on; those of a cell that is not whole are empty. Where seeds were added in blocks, ``level`` is what the last look
-    may spend. ``tags`` are added to those that the cells have.
+    may spend.
     """
     from filelock import FileLock
 
     keys = list(seeds)
     with FileLock(folder / ".manifest.lock"):
         before = read_manifest(folder)
-        shown, notes_of, levels, tags_of = (before.get(name, {}) for name in ("seeds", "notes", "levels", "tags"))
+        shown, notes_of, levels = (before.get(name, {}) for name in ("seeds", "notes", "levels"))
         manifest = {
             "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
             "last": keys,
             "seeds": {**shown, **{key: _with(shown.get(key, ()), stretches(own)) for key, own in seeds.items() if own}},
             "notes": {**notes_of, **{key: list(notes) for key in keys}},
             "levels": {**levels, **(dict.fromkeys(keys, level) if level is not None else {})},
-            "tags": {**tags_of, **{key: list(dict.fromkeys([*tags_of.get(key, []), *tags])) for key in keys if tags}},
             "command": list(command),
             "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             "versions": versions(),
@@ -106,7 +104,6 @@ LISTS = ("cells", "last", "command")
 MAPPINGS: Mapping[str, Callable[[object], bool]] = {
     "seeds": _are_stretches,
     "notes": _are_texts,
-    "tags": _are_texts,
     "levels": lambda value: isinstance(value, int | float),
     "versions": lambda value: isinstance(value, str),
 }

@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow as pa
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError, unknown
+from jerkbench.errors import JerkbenchError
 from jerkbench.files import write_atomically
 from jerkbench.jobs.conditions import Conditions, conditions, current, told_apart, with_one_name
 from jerkbench.jobs.labels import Labels, contradiction
@@ -26,9 +26,6 @@ from jerkbench.report.writers import inert
 
 if TYPE_CHECKING:
     from jerkbench.report.table_model import Table
-
-TAGS = "tags"
-"""Column of rows, where any cell has tags: separated by blanks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +127,6 @@ def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -
     ]
     by_key = dict(zip(keys, known, strict=True))
     of_rows = pd.Series(np.repeat(np.array(keys, dtype=object), counts))
-    if tags := manifest.get("tags"):
-        rows[TAGS] = [" ".join(tags.get(key, [])) for key in of_rows]
     return Study(folder, rows, tuple(notes), of_rows, code_of(cells), by_key, tuple(broken), tuple(unlike))
 
 
@@ -146,32 +141,18 @@ def _rows(cells: Sequence[Stored], labels: Sequence[Mapping[str, str]]) -> tuple
     return rows, counts
 
 
-def tagged(study: Study, tag: str) -> Study:
-    """Return the study with those of its cells that have the ``tag``.
-
-    Raises:
-        JerkbenchError: none has.
-    """
-    words = study.rows[TAGS].str.split() if TAGS in study.rows else pd.Series([[]] * len(study.rows))
-    keys = study.keys[[tag in own for own in words]].unique()
-    if not len(keys):
-        raise JerkbenchError(unknown("tag", tag, {word for own in words for word in own}))
-    return study.only(keys)
-
-
 def concluded(
     folder: Path,
     seeds: Mapping[str, Sequence[int]],
     notes: Sequence[str],
     command: Sequence[str],
     level: float | None = None,
-    tags: Sequence[str] = (),
 ) -> tuple[Study, "Table"]:
     """Write manifest, rows and tables of a study after a command; returns it, and the first of the tables.
 
     The arguments are those of `write_manifest`.
     """
-    write_manifest(folder, seeds, notes, command, level, tags)
+    write_manifest(folder, seeds, notes, command, level)
     study = load_study(folder)
     return study, write_study(study)
 

@@ -32,7 +32,7 @@ CHOSEN_GROUPS = (
 """The groups of which a name is chosen: GROUP=NAME."""
 
 _OTHERS = (
-    *("seeds", "first_seed", "study", "results", "metrics", "workers", "figures", "figures_pdf", "report", "tags"),
+    *("seeds", "first_seed", "study", "results", "metrics", "workers", "figures", "figures_pdf", "report"),
     *("burn_in_s", "divergence_limit_m", "notes", "r_scale.position", "r_scale.velocity"),
 )
 """The other words of `jerkbench run` that take a value."""

@@ -46,7 +46,6 @@ FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separ
     argument("--columns", help="factors that make the columns (default: adaptation)"),
     argument("--baseline", metavar="FACTOR=NAME", help="add ratios to it, with tests: adaptation=none"),
     *JUDGING,
-    argument("--tag", help="only the cells that were run with tags=[TAG]"),
     argument(
         "--findings",
         action="store_true",
@@ -67,13 +66,12 @@ def table_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there are no results, or no such metric, factor or baseline.
     """
-    from jerkbench.jobs.study import load_study, tagged
+    from jerkbench.jobs.study import load_study
     from jerkbench.report.comparisons import parse_baseline
     from jerkbench.report.study_verdicts import study_verdicts
     from jerkbench.report.summary import main_metric, summarise
 
     study = load_study(chosen.folder)
-    study = tagged(study, chosen.tag) if chosen.tag else study
     metric = chosen.metric or main_metric(study.rows)
     baseline = parse_baseline(chosen.baseline) if chosen.baseline else None
     rows, columns = _factors(chosen.rows), _factors(chosen.columns)

@@ -1,9 +1,6 @@
-"""A plan that is told and not run, and words of one's own for cells."""
+"""A plan that is printed and not run."""
 
-import pandas as pd
-import pytest
-
-from commands import SHORT, swept, verb
+from commands import SHORT, verb
 from jerkbench import api
 from jerkbench.hydra_app.looks import forecast
 from jerkbench.jobs.job import Protocol
@@ -67,23 +64,3 @@ def test_what_is_done_is_not_counted(tmp_path):
 
     assert told[1].endswith("jerk, none, default: is done")
     assert told[-1] == "1 combination, 1 done; 0 runs to do."
-
-
-@pytest.mark.slow
-def test_tags_stand_in_rows_and_choose_cells(tmp_path):
-    swept("filter=baseline,jerk", "tags=[thesis,chapter-2]", cwd=tmp_path)
-    swept("filter=jerk,bias", "tags=[later]", cwd=tmp_path)
-    rows = pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv").set_index("filter")["tags"]
-    table = verb("table", "results/adhoc", "--tag", "later", "--format", "md", cwd=tmp_path).stdout
-
-    assert dict(rows) == {"baseline": "thesis chapter-2", "jerk": "thesis chapter-2 later", "bias": "later"}
-    assert "bias" in table
-    assert "baseline" not in table
-    assert "Did you mean 'later'" in verb("table", "results/adhoc", "--tag", "latr", cwd=tmp_path).stderr
-
-
-def test_a_tag_is_one_word(tmp_path):
-    done = verb("run", *SHORT, "tags=['two words']", cwd=tmp_path)
-
-    assert done.returncode == 2
-    assert "'two words' cannot be a tag" in done.stderr
