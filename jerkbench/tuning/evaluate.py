@@ -53,8 +53,8 @@ class Objective:
 
         With c the column: log(c/plain), or c - plain; of a run that is lost log 100, and never more than that.
         """
-        values = map(self._value, rows)
-        losses = [math.log(value / plain) if self.relative else value - plain for value in values]
+        values = self.values(rows)
+        losses = np.log(values / plain) if self.relative else values - plain
         return np.asarray(np.fmin(losses, LOST_RUN))  # of NaN and a number the number
 
     def level(self, rows: Sequence[Row], limit_m: float) -> float:
@@ -62,21 +62,23 @@ class Objective:
 
         Where all are lost it is the error at which a run is lost, ``limit_m``, or a score of 0.
         """
-        values = np.array([self._value(row) for row in rows])
+        values = self.values(rows)
         values = values[np.isfinite(values)]
         if not len(values):
             return limit_m if self.relative else 0.0
         return float(np.exp(np.log(values).mean()) if self.relative else values.mean())
 
-    def _value(self, row: Row) -> float:
-        """The column of a run that came to its end, else NaN."""
-        value = float(row.get(self.column, math.nan)) if row["status"] == "ok" else math.nan
-        return value if math.isfinite(value) and (value > 0 or not self.relative) else math.nan
+    def values(self, rows: Sequence[Row]) -> FloatArray:
+        """Return (len(rows),) the column of each run; NaN if the run was lost."""
+        values = np.array(
+            [row.get(self.column, math.nan) if row["status"] == "ok" else math.nan for row in rows], float
+        )
+        return np.where(np.isfinite(values) & ((values > 0) | (not self.relative)), values, math.nan)
 
 
-RATIO = "position RMSE as a ratio to the plain filter at its defaults, geometric mean; a lost run counts 100"
+RATIO = "position RMSE as a ratio to the plain filter of the same model, geometric mean; a lost run counts 100"
 TILT = "inclination RMSE as a ratio to mekf at its defaults, geometric mean; a lost run counts 100"
-LESS_LIKELY = "nats an update by which the measurements are less likely than under the plain filter at its defaults"
+LESS_LIKELY = "nats an update by which the measurements are less likely than under the plain filter of the same model"
 
 OBJECTIVES = {
     "rmse": Objective("rmse", "position_rmse", "position_rmse_m", True, "enu_m", RATIO),  # noqa: FBT003 - relative
@@ -104,12 +106,14 @@ class Trials:
         runs: (n, r) loss of each of its runs.
         case: (r,) which case each of them is of.
         lost: (n, r) whether the run was lost.
+        values: (n, r) the column of the objective, as `Objective.values` returns it.
     """
 
     settings: tuple[Setting, ...]
     runs: FloatArray
     case: IntArray
     lost: BoolArray
+    values: FloatArray
 
     @property
     def losses(self) -> FloatArray:
@@ -134,8 +138,10 @@ class Trials:
 def joined_trials(parts: Sequence[Trials]) -> Trials:
     """Return several as one."""
     settings = tuple(setting for part in parts for setting in part.settings)
-    runs, lost = np.concatenate([part.runs for part in parts]), np.concatenate([part.lost for part in parts])
-    return Trials(settings, runs, parts[0].case, lost)
+    runs, lost, values = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("runs", "lost", "values")
+    )
+    return Trials(settings, runs, parts[0].case, lost, values)
 
 
 @dataclass(frozen=True)
@@ -162,8 +168,8 @@ class Evaluator:
         """
         worths = [self._worth(rows, case) for rows, case in zip(self.rows(settings, cases), cases, strict=True)]
         numbers = np.repeat(np.arange(len(cases)), [len(case.draws) for case in cases])
-        losses, lost = zip(*worths, strict=True)
-        return Trials(tuple(settings), np.hstack(losses), numbers, np.hstack(lost))
+        losses, lost, values = map(np.hstack, zip(*worths, strict=True))
+        return Trials(tuple(settings), losses, numbers, lost, values)
 
     def rows(self, settings: Sequence[Setting], cases: Sequence[Job]) -> list[list[list[Row]]]:
         """Return for each case the rows of each setting, and last those of the plain filter."""
@@ -180,8 +186,8 @@ class Evaluator:
         for job in (*(self.space.applied(case, setting) for setting in settings), plain_job(case)):
             yield dataclasses.replace(job, evaluation=evaluation)
 
-    def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, BoolArray]:
-        """Return (n, draws) the loss of each run, and whether it was lost."""
+    def _worth(self, rows: Sequence[list[Row]], case: Job) -> tuple[FloatArray, BoolArray, FloatArray]:
+        """Return (n, draws) the loss of each run, whether it was lost, and its value."""
         *tried, plain = rows
         column = self.objective.column
         if any(row["status"] == "ok" and np.isnan(row.get(column, np.nan)) for row in plain):  # all would count as lost
@@ -191,7 +197,8 @@ class Evaluator:
             )
         level = self.objective.level(plain, case.evaluation.divergence_limit_m)
         losses = np.array([self.objective.losses(own, level) for own in tried])
-        return losses, np.array([[row["status"] != "ok" for row in own] for own in tried])
+        lost = np.array([[row["status"] != "ok" for row in own] for own in tried])
+        return losses, lost, np.array([self.objective.values(own) for own in tried])
 
 
 def plain_job(job: Job) -> Job:

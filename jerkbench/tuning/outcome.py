@@ -51,22 +51,27 @@ def tunings_table(tunings: Sequence[Tuning]) -> str:
         f" {tuning.score.lost:>4} of {tuning.score.runs}"
         for tuning in tunings
     ]
-    head = f"{'on runs that were not seen':<32} {'before':>10} {'tuned':>10} {'lost':>4}"
+    head = f"{'method':<32} {'before':>10} {'tuned':>10} {'lost':>4}"
     equal = equal_budgets({tuning.name: tuning.outcome for tuning in tunings})
-    return "\n".join([head, *lines, "", *_against_the_first(tunings), equal])
+    title = f"Runs that were not used for tuning: {tunings[0].effort.objective.meaning}."
+    return "\n".join([title, head, *lines, "", *_against_the_first(tunings), equal])
 
 
 def _against_the_first(tunings: Sequence[Tuning]) -> list[str]:
     """Compare each tuned method with the first one, seed by seed over all scenarios, as one family of comparisons."""
     first, *others = tunings
-    if not (others and first.effort.objective.relative and len(first.score.of_seeds)):
+    if not others or not len(first.score.errors):
         return []
-    said = judged([log_ratios(other.score.of_seeds, first.score.of_seeds) for other in others])
+    said = judged([log_ratios(other.score.errors, first.score.errors) for other in others])
     lines = [
         f"{other.name:<32} {own.ratio:>10.3f} [{own.low:.3f}, {own.high:.3f}] {own.verdict}; {own.losses}"
         for other, own in zip(others, said, strict=True)
     ]
-    return [f"as a ratio to {first.name}, both tuned; 95 %, all at once; a seed is lost if a scenario is:", *lines, ""]
+    heading = (
+        f"Error as a ratio to the error of {first.name}, both tuned, on the same seeds, with simultaneous 95 %"
+        " intervals (a seed counts as lost if a run of any scenario is lost):"
+    )
+    return [heading, *lines, ""]
 
 
 def record(tuning: Tuning) -> Mapping[str, Any]:

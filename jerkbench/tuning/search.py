@@ -69,8 +69,8 @@ class TuningScore(NamedTuple):
         lost_before: lost runs of the first.
         lost: lost runs of the second.
         runs: of either.
-        of_seeds: (n,) the second, for each seed that all cases share: the exponential of its mean loss, infinite where
-            it lost a run; empty where they share none.
+        errors: (n,) the geometric mean over the cases of the errors of the chosen setting, for each seed that all cases
+            share; infinite where a run was lost, empty where the cases share no seed or the objective is no error.
     """
 
     before: FloatArray
@@ -78,7 +78,7 @@ class TuningScore(NamedTuple):
     lost_before: int
     lost: int
     runs: int
-    of_seeds: FloatArray
+    errors: FloatArray
 
 
 def search(evaluator: Evaluator, cases: Cases, budget: Budget, advance: Callable[[int], object] = int) -> SearchOutcome:
@@ -106,9 +106,11 @@ def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Job]) -> Tunin
     both = evaluator.trials([evaluator.space.start, setting], cases)
     lost_before, lost = (int(count) for count in both.lost.sum(axis=1))
     shared = all(case.scenario.seeded and case.draws == cases[0].draws for case in cases)
-    losses, gone = (runs[1].reshape(len(cases), -1) if shared else np.empty((1, 0)) for runs in (both.runs, both.lost))
-    of_seeds = np.where(gone.any(axis=0), np.inf, np.exp(losses.mean(axis=0)))
-    return TuningScore(both.losses[0], both.losses[1], lost_before, lost, both.lost.shape[1], of_seeds)
+    errors = np.empty(0)
+    if shared and evaluator.objective.relative:
+        errors = np.exp(np.log(both.values[1]).reshape(len(cases), -1).mean(axis=0))
+        errors[np.isnan(errors)] = np.inf
+    return TuningScore(both.losses[0], both.losses[1], lost_before, lost, both.lost.shape[1], errors)
 
 
 def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:

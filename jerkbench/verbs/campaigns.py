@@ -34,7 +34,7 @@ def tune_verb(chosen: argparse.Namespace) -> None:
 
       trials=64            how many settings are tried, the default setting among them
       sampler=sobol        sobol (for comparisons), tpe, cma_es (the extra `tune`); sampler_seed=1: other settings
-      objective=rmse       rmse: log of the ratio to the plain filter at its defaults, a lost run counts log 100;
+      objective=rmse       rmse: log of the ratio to the plain filter of the same model, a lost run counts log 100;
                            likelihood: of the innovations, without a reference; inclination: of an attitude filter alone
       split=auto           seeds; time (share=0.5: tuned on the first half, tested on the second);
                            recordings, families (held_out=[NAME,...]: tested on these, tuned without them)

@@ -194,25 +194,26 @@ def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path, cluster):
     pd.testing.assert_frame_equal(pd.read_csv(own), pd.read_csv(here), rtol=1e-12)
 
 
-def test_the_tuned_methods_are_compared_seed_by_seed(tmp_path):
-    """The ratio is that of ordinary runs of the two presets, over both scenarios and all seeds to test on."""
-    scenarios = ["disturbance=none,outliers", "dataset.duration_s=12"]
-    words = ["filter=baseline", "adaptation=none,chi2", *scenarios, "tune_seeds=1", "choose_seeds=1", "test_seeds=6"]
-    out = verb("tune", "-m", *words, "finalists=2", "trials=4", "figures=false", "workers=1", cwd=tmp_path).stdout
-    presets = [f"results/adhoc/tune/baseline-{name}/conf" for name in ("none", "chi2")]
+def test_the_tuned_methods_are_compared_by_their_own_errors_seed_by_seed(tmp_path):
+    """Ratio and interval follow from ordinary runs of the presets; two models, whose plain filters differ."""
+    scenarios = ["disturbance=none,imu_bias", "dataset.duration_s=30"]
+    words = ["filter=baseline,jerk", *scenarios, "tune_seeds=1", "choose_seeds=1", "test_seeds=6", "trials=2"]
+    out = verb("tune", "-m", *words, "finalists=2", "figures=false", "workers=1", cwd=tmp_path).stdout
+    presets = [f"results/adhoc/tune/{name}-none/conf" for name in ("baseline", "jerk")]
     folders = [word for preset in presets for word in ("--config-dir", preset)]
-    experiments = "experiment=baseline_none_tuned,baseline_chi2_tuned"
+    experiments = "experiment=baseline_none_tuned,jerk_none_tuned"
     verb("run", "-m", *folders, experiments, *scenarios, "first_seed=2", "seeds=6", "study=both", cwd=tmp_path)
 
     rows = pd.read_csv(tmp_path / "results/both/rows.csv").assign(log=lambda own: np.log(own["position_rmse_m"]))
-    means = rows.pivot_table(index="seed", columns="adaptation", values="log")
-    d = means["baseline_chi2_tuned"] - means["none"]
-    (line,) = (line for line in out.splitlines() if line.startswith("baseline-chi2") and "[" in line)
+    means = rows.assign(model=rows["filter"].str.partition("_")[0]).pivot_table("log", "seed", "model")
+    d = means["jerk"] - means["baseline"]
+    assert abs(d.mean()) > 0.1  # else the two cannot be told apart
+    (line,) = (line for line in out.splitlines() if line.startswith("jerk-none") and "[" in line)
     ratio, low, high = (float(number) for number in re.findall(r"\d+\.\d+", line)[:3])
     assert ratio == pytest.approx(np.exp(d.mean()), abs=6e-4)
-    half = stats.t.ppf(0.975, 5) * d.std(ddof=1) / np.sqrt(6)
-    assert low <= np.exp(d.mean() - half) + 1e-3  # Student's, which is too narrow where errors are skewed
-    assert high >= np.exp(d.mean() + half) - 1e-3
+    assert np.sqrt(low * high) == pytest.approx(ratio, abs=2e-3)
+    half = stats.t.ppf(0.975, 5) * d.std(ddof=1) / np.sqrt(6)  # Student's is too narrow where errors are skewed
+    assert 0.99 * half <= np.log(high / low) / 2 <= 1.5 * half
     assert line.endswith("; 0 of 6 lost (up to 39 %)")
 
 
