@@ -249,8 +249,8 @@ def _named(names: Sequence[str]) -> str:
 def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
     """Return a sentence for each comparison with ``baseline``, the largest certain difference first.
 
-    Without one, with ``adaptation=none`` and ``filter=baseline``, where these are there. Of a metric whose lowest is
-    not the best there is none.
+    Without a baseline, the comparisons with ``adaptation=none`` and ``filter=baseline`` are used; if there are none,
+    the pairs of `strongest`. There is none for a metric whose lowest value is not the best.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
@@ -274,7 +274,9 @@ def compared(
     if not verdicts.standings:
         return []
     baselines = [baseline] if baseline else study_baselines(rows)
-    return [comparison for values in baselines for comparison in verdicts.against(values)]
+    found = [comparison for values in baselines for comparison in verdicts.against(values)]
+    references = _references(verdicts.standings)
+    return found or [pair for one in verdicts.standings for pair in _told(one, references).comparisons]
 
 
 def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
@@ -376,6 +378,7 @@ def strongest(standings: Sequence[Standing]) -> list[str]:
     """Return a sentence for every two methods that differ in one factor, over all scenarios, strongest first.
 
     Of a factor that has its reference (`REFERENCES`) in the study the others are held against that, else every two.
+    Methods that no chain of such comparisons connects (tuned ones differ in several factors) are compared, too.
     The order is that of `Duel.certain_size`: the mean over the scenarios of what is certain of the difference.
     """
     references = _references(standings)
@@ -402,11 +405,18 @@ def _references(standings: Iterable[Standing]) -> dict[str, str]:
 
 
 def _told(standing: Standing, references: Mapping[str, str]) -> Standing:
-    """Return the standing with those comparisons alone that say something about one factor."""
-    telling = []
-    for pair in standing.comparisons:
+    """Return the standing with the comparisons about one factor, and those of methods that these do not connect."""
+
+    def of_one_factor(pair: Comparison) -> bool:
         values = zip(FACTORS, pair.subject, pair.baseline, strict=True)
         differ = [(factor, both) for factor, *both in values if both[0] != both[1]]
-        if len(differ) == 1 and all(references.get(factor, both[0]) in both for factor, both in differ):
-            telling.append(pair)
-    return standing._replace(comparisons=tuple(telling))
+        return len(differ) == 1 and all(references.get(factor, both[0]) in both for factor, both in differ)
+
+    telling = {pair[:2] for pair in standing.comparisons if of_one_factor(pair)}
+    connected = {rival: {rival} for rival in standing.rivals}
+    for first, second in telling:
+        joined = connected[first] | connected[second]
+        connected.update(dict.fromkeys(joined, joined))
+    pairs = standing.comparisons
+    kept = (pair for pair in pairs if pair[:2] in telling or pair.baseline not in connected[pair.subject])
+    return standing._replace(comparisons=tuple(kept))

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from jerkbench.report.table_model import Table
 
 NOTHING_COMPARED = (
-    "Nothing can be compared: no cell without adaptation, or with the baseline filter (--baseline FACTOR=NAME takes "
-    "another), or a metric of which the lowest is not the best."
+    "Nothing can be compared: there is only one method in each scenario, or the lowest value of the metric is not the "
+    "best."
 )
 
 FIRST_TOLD = 10

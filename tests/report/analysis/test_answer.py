@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.judgement import Verdict
-from jerkbench.report.findings import answer, certain_size, duels, strongest
+from jerkbench.report.findings import answer, certain_size, duels, findings, strongest
 from jerkbench.report.study_verdicts import study_verdicts
 
 SCENES = ("none", "bias", "gnss_outage")
@@ -103,6 +103,30 @@ def test_the_largest_finding_comes_first_and_only_one_factor_differs(study):
     assert not any("jerk" in pair and "bias" in pair for pair in pairs)
     assert len(told) == 7  # two filters against the baseline with two adaptations, three filters with mtf against none
     assert "better in 3 of 3 scenarios (most on none: " in told[0]
+
+
+@pytest.mark.parametrize(
+    ("methods", "pairs"),
+    [
+        (("a+none", "b+mtf", "c+chi2"), 3),
+        (("a+none", "b+mtf", "c+none", "c+mtf"), 6),
+        (("c+none", "c+mtf", "d+none", "d+mtf"), 6),
+    ],
+)
+def test_methods_that_differ_in_several_factors_are_compared(cell_rows, methods, pairs):
+    """As tuned methods do: their presets have names of their own, and each has its own noise."""
+    rng, made = np.random.default_rng(3), []
+    for name in methods:
+        model, rule = name.split("+")
+        made += cell_rows(model, rule, np.exp(rng.standard_normal(20)), noise=f"r_scale.position={ord(model)}")
+    rows = pd.DataFrame(made)
+    verdicts = study_verdicts(rows, "position_rmse_m")
+
+    told = strongest(verdicts.standings)
+    assert len(told) == pairs
+    assert all(any(name.split("+")[0] in line for line in told) for name in methods)
+    if not any(name.startswith("c+none") for name in methods):  # no comparison with adaptation=none alone
+        assert sorted(findings(rows, verdicts)) == sorted(told)
 
 
 def test_a_lost_run_weighs_and_the_other_side_sees_the_reverse(judgement):
