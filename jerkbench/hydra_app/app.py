@@ -293,6 +293,7 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
     """The cells of a sweep, and where they run; says what is left out, and what is to be known of the rest."""
     with pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
         composed = compose_jobs(loader, config, jobs)
+        config.notes = list(dict.fromkeys(note for job in composed for note in job.plain["notes"]))
         plan = planned(configured_job(job.plain, job.choices, job.overrides) for job in composed)
     cluster = cluster_of(config)
     for line in (*plan.refused, *first_complaints(plan.jobs), *first_remarks(plan.jobs, shared_inputs())):

@@ -27,6 +27,7 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.presets import user_folders
 from jerkbench.report import Choice, figures_choice
+from jerkbench.report.review import TUNED
 from jerkbench.report.writers import passive
 from jerkbench.tuning.entrant import Site
 from jerkbench.tuning.evaluate import objective_of, trial_table
@@ -211,8 +212,9 @@ def _command(tuning: Tuning, presets: Path, typed: Sequence[str], method: Sequen
 
 def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:
     """Write the page, the numbers, the trials, the presets, the files for other programs, and the figures."""
-    outcome, objective = tuning.outcome, tuning.effort.objective.name
-    remarks = f"Tuned by jerkbench: {objective}, {len(outcome.trials)} settings, {tuning.cases.split}."
+    outcome, effort = tuning.outcome, tuning.effort
+    budget = f"trials={len(outcome.trials)}, finalists={effort.budget.finalists}, sampler={effort.budget.sampler}"
+    remarks = f"{TUNED}objective={effort.objective.name}, {budget}; {tuning.cases.split}."
     write_presets(tuning, folder / "conf", remarks)
     page = f"{passive(tuning_page(tuning))}\nTake it with: {command}\n"
     write_text(folder / "tuning.md", page)

@@ -31,7 +31,7 @@ from jerkbench.jobs.replay import StoredRow, row_of, runnable
 from jerkbench.jobs.rows import run_seed
 from jerkbench.jobs.selection import named_part
 from jerkbench.jobs.store import Store
-from jerkbench.jobs.study import Study
+from jerkbench.jobs.study import Study, study_notes
 from jerkbench.recording import Recording
 from jerkbench.report import Choice
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
@@ -481,12 +481,12 @@ def write_report(
 
     pictures, stretches = draw_study(study, request, workers)
     stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
-    manifest, labels = read_manifest(study.folder), study.labels
+    manifest, labels, about = read_manifest(study.folder), study.labels, [(cell.key, cell.metadata) for cell in stored]
     results = Results(
         name=study.folder.resolve().name,
         rows=study.rows,
         keys=list(study.keys),
-        about={cell.key: {**cell.metadata, "labels": labels[cell.key]} for cell in stored},
+        about={key: {**own, "labels": labels[key], "notes": study_notes([key], [own], manifest)} for key, own in about},
         notes=study.notes,
         provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
         rule=rule,

@@ -38,6 +38,9 @@ REPORTED = ("sigma", "variance", "covariance")
 _STREAMS = ("position", "velocity", "course", "wheel")
 """Measurements that have an accuracy of their own."""
 
+TUNED = "Tuned by jerkbench tune: "
+"""The note that the presets of a tuning give to their runs starts with this; the budget follows."""
+
 ReviewedCells = Sequence[Mapping[str, Any]]
 
 
@@ -107,15 +110,21 @@ def _replaced(part: Mapping[str, Any]) -> list[str]:
 
 
 def _budget(evidence: Evidence) -> tuple[bool | None, str]:
-    """Whether each method was tried with as many settings, of all its parts, in every scenario."""
+    """Whether each method was tuned before with the same budget, or has as many settings here in each scenario."""
     settings: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    notes: dict[str, set[str]] = defaultdict(set)
     for cell in evidence.cells:
         parts = [cell["spec"][kind] for kind in ("attitude", "filter", "adaptation")]
         if competes(cell["labels"]) and max(map(len, parts[1:])) > 1:
             settings[_method(cell)][_scenario(cell)].add(json.dumps(parts, sort_keys=True))
+            label = " + ".join(cell["labels"][kind] for kind in ("filter", "adaptation"))
+            notes[label].update(note for note in cell["notes"] if note.startswith(TUNED))
     counts = {method: sorted({len(of) for of in tried.values()}) for method, tried in sorted(settings.items())}
     if not counts:
         return None, "No method has a parameter."
+    if budgets := sorted(set[str]().union(*notes.values())):
+        untuned = ", ".join(method for method, of in notes.items() if not of)
+        return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= LEAST_SETTINGS
     told = ", ".join(
         f"{method} {' to '.join(map(str, dict.fromkeys((of[0], of[-1]))))}" for method, of in counts.items()

@@ -229,7 +229,7 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
     Args:
         tuning: the tuned method.
         folder: below which the groups are.
-        remarks: what stands at the top of each file, one line.
+        remarks: the first line of each file, and the note on its runs.
     """
     spec, chosen = tuning.job.spec, {}
     for part in TUNED_PARTS:
@@ -243,7 +243,7 @@ def write_presets(tuning: Tuning, folder: Path, remarks: str) -> None:
             write_text(folder / part / f"{_name(tuning)}.yaml", text)
     told = tuning.space.of_part("r_scale", tuning.setting)
     defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]
-    whole = {"defaults": [*defaults, "_self_"], **({"r_scale": told} if told else {})}
+    whole = {"defaults": [*defaults, "_self_"], **({"r_scale": told} if told else {}), "notes": [remarks]}
     write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(remarks, whole)}")
 
 

@@ -92,6 +92,27 @@ def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tune
         assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
 
 
+def test_the_report_of_a_study_of_tuned_methods_is_true(tuned):
+    folder, _ = tuned
+    presets = [f"results/adhoc/tune/baseline-{name}/conf" for name in ("none", "chi2")]
+    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    words = ["experiment=baseline_none_tuned,baseline_chi2_tuned", "disturbance=none,outliers", "dataset.duration_s=12"]
+    done = verb("run", "-m", *folders, *words, "first_seed=4", "seeds=6", "study=fair", "figures=false", cwd=folder)
+    assert done.returncode == 0, done.stderr
+
+    found = verb("table", "results/fair", "--findings", cwd=folder).stdout
+    assert verb("report", "results/fair", "--scenarios", "0", cwd=folder).returncode == 0
+
+    budget = "Tuned by jerkbench tune: objective=rmse, trials=4, finalists=2, sampler=sobol; seeds 0 to 0 to tune"
+    assert budget in done.stdout
+    assert any("baseline_none_tuned" in line and "baseline_chi2_tuned" in line for line in found.splitlines()[4:])
+    text = (folder / "results/fair/report.html").read_text(encoding="utf-8")
+    review = re.sub(r"<[^>]*>", "", text)
+    assert re.search(rf"Were the baselines tuned with the same budget\?\s*passed\s*{budget}", review)
+    assert "best noise of the sweep" not in text
+    assert "Nothing can be compared" not in text
+
+
 def test_the_command_keeps_what_was_given_and_not_tuned(tmp_path):
     given = ["filter=bias", "adaptation=mtf", "adaptation.window=3", "r_scale.position=2"]
     words = [*given, "dataset=field_white", "attitude=real", *FAST, "knobs=[filter.accel_mps2]"]

@@ -18,7 +18,7 @@ from jerkbench.jobs.store import Store
 from jerkbench.report.drawings import Picture
 from jerkbench.report.page import Results, page
 from jerkbench.report.page_content import Stretch, nees_verdict
-from jerkbench.report.review import Evidence, review
+from jerkbench.report.review import TUNED, Evidence, review
 
 SWEEP = ["filter=baseline,jerk", "adaptation=none,mtf", "disturbance=none,multipath_single_axis", "seeds=2"]
 
@@ -235,6 +235,18 @@ TOLD = {**cell()["spec"], "filter": {"name": "eskf15", "position_sigma_m": 1.0}}
 GOOD = [cell(k, dataset, window=k) for k in (1, 2, 3) for dataset in ("field", "field_ruts")]
 
 
+def tuned(one, trials=64):
+    """The cell, with the note of a preset that was tuned."""
+    return {**one, "notes": [*one["notes"], f"{TUNED}trials={trials}."]}
+
+
+ALIKE = [tuned(cell(1)), tuned(other(1, 1))]
+
+
+def test_methods_that_were_tuned_elsewhere_with_the_same_budget_pass_the_review():
+    assert answers(ALIKE)["budget"] is True
+
+
 def test_a_good_study_passes_the_review():
     assert answers(GOOD) == {**dict.fromkeys(answers(GOOD), True), "covariance": None}
     real = [{**one, "data": "hash"} for one in GOOD]
@@ -256,6 +268,8 @@ def test_a_good_study_passes_the_review():
         ("windows", [cell(k, window=4) for k in (1, 2, 3)], {}),
         ("budget", [*GOOD, *(other(w, w) for w in (1, 2, 3, 4))], {}),
         ("budget", [*GOOD, cell(4, "field_ruts", window=4)], {}),
+        ("budget", [tuned(cell(1)), tuned(other(1, 1), trials=16)], {}),
+        ("budget", [tuned(cell(1)), *(other(w, w) for w in (1, 2, 3))], {}),
         ("covariance", [{**cell(1, data="hash"), "spec": TOLD}], {}),
         ("recordings", [cell(k, f"field(duration_s={k})", plugin="field") for k in (30, 60)], {}),
         ("recordings", [cell(k, name, data="same") for k in (1, 2) for name in ("drive", "ride")], {}),
