@@ -31,7 +31,7 @@ from jerkbench.hydra_app.configuration import (
 )
 from jerkbench.hydra_app.looks import Look, forecast, looks_left, planned_looks, undecided
 from jerkbench.hydra_app.looks import typed as typed_seeds
-from jerkbench.hydra_app.sweep_words import swept_addresses, without_addresses
+from jerkbench.hydra_app.sweep_words import ignored_combinations, swept_addresses, without_addresses
 from jerkbench.hydra_app.typed_words import arranged_words, refuse_mappings
 from jerkbench.hydra_app.words import Words, cluster_of
 from jerkbench.jobs.executors import LOCAL, Cluster, ClusterError, Workers, processors
@@ -98,6 +98,9 @@ def one(config: DictConfig) -> None:
         plain: Any = OmegaConf.to_container(config, resolve=True)
         job = configured_job(plain, task.runtime.choices, list(task.overrides.task))
         sweeping, store = task.mode == RunMode.MULTIRUN, Store(study_folder(config))
+        if not sweeping and (ignored := ignored_combinations(task.sweeper.get("params"), task.overrides.task)):
+            swept = f"1 of the {ignored + 1} combinations of values that the experiment sweeps, and ignores {ignored}"
+            print(f"This command runs {swept}; add -m to run all of them.", file=sys.stderr)
         if (reason := refusal(job)) and sweeping:
             print(f"Left out: {reason}.", file=sys.stderr)
             return

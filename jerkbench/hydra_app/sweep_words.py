@@ -5,7 +5,7 @@ where that plugin is chosen.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from typing import Any, NamedTuple
@@ -42,6 +42,18 @@ def ranges_listed(overrides: Sequence[Override]) -> list[Override]:
             " values, or split it."
         )
     return [_listed(override) for override in overrides]
+
+
+def ignored_combinations(params: Mapping[str, Any] | None, words: Sequence[str]) -> int:
+    """Return how many combinations of a sweep that an experiment defines a single run leaves out.
+
+    Args:
+        params: the parameters of the sweeper: values by key.
+        words: the overrides of the run, which replace them.
+    """
+    given = {word.partition("=")[0] for word in words}
+    swept = [f"{key}={value}" for key, value in (params or {}).items() if key not in given]
+    return math.prod(map(_count, OverridesParser.create().parse_overrides(swept))) - 1
 
 
 def _count(override: Override) -> int:

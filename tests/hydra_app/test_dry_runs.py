@@ -41,6 +41,15 @@ def test_a_dry_single_run_does_nothing_either(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_single_run_says_how_much_of_the_sweep_of_its_experiment_it_ignores(tmp_path):
+    given = ["experiment=paper", "dataset=field", "filter=jerk", "adaptation=mtf", "--dry"]
+    ignoring = "This command runs 1 of the 5 combinations of values that the experiment sweeps, and ignores 4; add -m"
+
+    for words, said in ((given, ignoring), (["-m", *given], ""), ([*given, "disturbance=none"], "")):
+        assert said in (err := verb("run", *words, cwd=tmp_path).stderr)
+        assert err.count("\n") == bool(said)
+
+
 def test_the_time_is_that_of_what_is_most_alike(tmp_path, monkeypatch):
     api.sweep(tmp_path / "first", dataset=FIELD, filter=["baseline", "jerk"], seeds=2)
     original = Store.read
