@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench import plugins
+from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.store import Store
 
 DOI = re.compile(r"doi:(10\.\d{4,}/[^\s,;]*[^\s,;.:)])")
@@ -25,9 +26,11 @@ def entries_of(folder: Path) -> list[str]:
     """Return the entries of a study: of this package, and of all plugins of its cells that name a source.
 
     Raises:
-        JerkbenchError: the store cannot be read.
+        JerkbenchError: the store cannot be read, or the folder has no results.
     """
     cells, _ = Store(folder).read()
+    if not cells:
+        raise JerkbenchError(f"{folder} holds no results; give the folder of a study, for example results/adhoc.")
     used: dict[type, str] = {}
     for cell in cells:
         for kind, name in _plugins(cell.metadata["spec"]):

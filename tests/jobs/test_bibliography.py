@@ -35,6 +35,14 @@ def test_every_source_of_a_study_is_there_once_and_no_other(study, tmp_path):
     assert "% Nothing to cite is named by: dataset field," in done.stdout
 
 
+def test_a_folder_without_results_is_refused(tmp_path):
+    done = verb("cite", "results/none", cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("jerkbench: results/none holds no results; ")
+
+
 def test_without_a_study_it_is_the_citation_of_the_package(tmp_path):
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     text = verb("cite", cwd=tmp_path).stdout
