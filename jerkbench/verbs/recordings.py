@@ -181,7 +181,7 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
     KEY=VALUE are those of `jerkbench run`: dataset, disturbance, attitude, their parameters, seeds, first_seed.
 
       jerkbench data export drive dataset=field disturbance=gnss_outage seeds=5
-      jerkbench data export drive dataset=field seeds=1 --format csv kf_gins pyins mcap
+      jerkbench data export tools dataset=field seeds=1 --format csv kf_gins pyins mcap
 
     FOLDER/SEED/recording.csv has a row for each stamp of any stream; recording.json says what its columns are. What a
     method does not get, the reference, is FOLDER/SEED/reference.csv.
