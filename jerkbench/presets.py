@@ -87,6 +87,33 @@ def default_names() -> Mapping[str, str]:
     return {group: name for group, name in chosen if " " not in group and name}  # no overrides, no experiment
 
 
+_HYDRA = re.compile(r"hydra(?!\w)")
+"""Hydra's part of the configuration in a key, a path or a package; other names may begin with these letters."""
+
+
+def require_harmless(path: Path, content: object, *names: str | None) -> None:
+    """Refuse a preset that sets options of Hydra other than the values of a sweep: they write files and create objects.
+
+    Args:
+        path: the file.
+        content: the content of the file; interpolations are not resolved.
+        names: the group of the preset and its package.
+
+    Raises:
+        PluginError: the preset sets one of these options, or chooses from one of Hydra's groups.
+    """
+    values = dict(content) if isinstance(content, dict) else {}
+    swept = values.pop("hydra", {})
+    for part in ("sweeper", "params"):
+        swept = swept.get(part, {}) if isinstance(swept, dict) and set(swept) <= {part} else None
+    keys = [*names, values.pop("defaults", ""), *values, *(swept if isinstance(swept, dict) else ["hydra"])]
+    if any(_HYDRA.search(str(key)) for key in keys):
+        raise PluginError(
+            f"{path} sets options of Hydra. A preset in --config-dir may only set hydra.sweeper.params; give all other"
+            " options of Hydra on the command line."
+        )
+
+
 def preset_names(kind: str) -> list[str]:
     """Names of the presets of a group, sorted."""
     return list(preset_files(kind))

@@ -21,7 +21,7 @@ from jerkbench.files import require_small
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import GROUPS, labels_of
 from jerkbench.plugins.optional import preferred_attitude
-from jerkbench.presets import environment_variable
+from jerkbench.presets import config_folder, environment_variable, require_harmless
 from jerkbench.renamed import RENAMED, new_name, refuse_removed
 from jerkbench.report import Choice, figures_choice
 from jerkbench.timeline import RScale
@@ -205,9 +205,12 @@ def _measure_files() -> None:
         try:
             if path.is_file():
                 require_small(path.read_text(encoding="utf-8"), path)
-            return load(self, config_path)
+            result: ConfigResult = load(self, config_path)
         except (OSError, UnicodeDecodeError, YAMLError) as error:
             raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
+        if not Path(os.path.normpath(path)).is_relative_to(config_folder()):
+            require_harmless(path, OmegaConf.to_container(result.config), config_path, result.header["package"])
+        return result
 
     if load.__name__ != measured.__name__:
         setattr(source, "load_config", measured)  # noqa: B010 - mypy lets no method be replaced

@@ -109,7 +109,7 @@ NAMED_GROUPS = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 COMMANDS = ("run", "multirun", "cfg", "info")
 """Options of Hydra that say what is to be done; one of them at a time."""
 FLAGS = ("help", "hydra_help", "resolve", "run", "multirun")
-VALUED = ("cfg", "package", "config_path", "config_name", "config_dir", "experimental_rerun", "info")
+VALUED = ("cfg", "package", "config_dir", "experimental_rerun", "info")
 
 
 def arranged_words(words: Sequence[str]) -> list[str]:
@@ -145,6 +145,12 @@ def _require_sensible(known: argparse.Namespace) -> None:
     commands = [_option(name) for name in COMMANDS if getattr(known, name)]
     if len(commands) > 1:
         raise PluginError(f"{' and '.join(commands)} ask for different things; give one of them.")
+    for name in ("config_path", "config_name"):
+        if getattr(known, name) is not None:
+            raise PluginError(
+                f"{_option(name)} is not supported, because every run starts from conf/config.yaml; write a preset"
+                " DIR/experiment/NAME.yaml and give --config-dir DIR experiment=NAME."
+            )
     if known.resolve and not (known.cfg or known.help):
         raise PluginError("--resolve belongs to --cfg: jerkbench run --cfg job --resolve.")
     if known.experimental_rerun is not None:

@@ -1,18 +1,17 @@
 """What the words of `jerkbench run` describe where another verb takes them: the cell, the options, the cluster."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import signature
 from pydoc import locate
 from typing import Any, cast
 
 from hydra import compose, initialize_config_dir
-from hydra.errors import HydraException, InstantiationException
-from hydra.utils import instantiate
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from jerkbench.errors import JerkbenchError, PluginError, unknown
+from jerkbench.errors import JerkbenchError, PluginError, require_known
 from jerkbench.hydra_app.configuration import check_options, configured_job, register_hydra_parts, register_schemas
 from jerkbench.hydra_app.typed_words import arranged_words, hydra_sentence
 from jerkbench.jobs.executors import Cluster
@@ -71,28 +70,28 @@ def composed(words: Sequence[str]) -> Words:
     return Words(config, choices, overrides)
 
 
+CLUSTERS = ("jerkbench.jobs.cluster.Local", "jerkbench.jobs.dask_cluster.Dask", "jerkbench.jobs.dask_cluster.JobQueue")
+"""The classes that a preset of the group `cluster` may name."""
+
+
 def cluster_of(config: DictConfig) -> Cluster:
-    """Make the cluster of a sweep.
+    """Create the cluster of a sweep.
 
     Raises:
-        PluginError: the group has no class of a cluster, or the class does not have the options.
+        PluginError: no cluster is chosen, its class is not one of `CLUSTERS`, or the class does not have the options.
     """
-    chosen = config.cluster
-    if not (isinstance(chosen, Mapping) and chosen.get("_target_")):
+    if not (isinstance(config.cluster, Mapping) and config.cluster.get("_target_")):
         raise PluginError("No cluster is chosen; give cluster=NAME, for example cluster=local.")
-    if cls := locate(str(chosen["_target_"])):
-        options = [f"cluster.{name}" for name in signature(cast("type", cls)).parameters]
-        for key in chosen:
-            if not key.startswith("_") and f"cluster.{key}" not in options:
-                raise PluginError(unknown("option", f"cluster.{key}", options))
+    chosen = cast("dict[str, Any]", OmegaConf.to_container(config.cluster, resolve=True))
+    name = chosen.pop("_target_")
+    require_known("class of the cluster", str(name), CLUSTERS)
+    cls = cast("Callable[..., Cluster]", locate(name))
+    for key in chosen:
+        require_known("option", f"cluster.{key}", [f"cluster.{name}" for name in signature(cls).parameters])
     try:
-        cluster = instantiate(chosen, _convert_="all")
-    except InstantiationException as error:
-        reason = " ".join(str(error).splitlines()[0].split()).rstrip(".")
-        raise PluginError(f"The cluster {chosen['_target_']} cannot be made: {reason}.") from error
-    if not callable(getattr(cluster, "open", None)):
-        raise PluginError(f"{chosen['_target_']} is no cluster: it has no open(workers).")
-    return cast("Cluster", cluster)
+        return cls(**chosen)
+    except TypeError as error:
+        raise PluginError(f"The cluster {name} cannot be created: {error}.") from error
 
 
 def cluster_named(name: str) -> Cluster:
