@@ -2,15 +2,16 @@
 
 import http.client
 import shutil
+import time
 import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Any, NamedTuple
 from urllib.parse import quote
 
-from jerkbench.errors import RecordingError, require_known
+from jerkbench.errors import NO_ROOM, RecordingError, require_known
 
 # The download of a file over HTTP into a part that survives: an interrupted one goes on where it
 # stopped.
@@ -21,15 +22,42 @@ ATTEMPTS = 4
 TIMEOUT_S = 30.0
 BLOCK_BYTES = 1 << 16
 
-_OK, PARTIAL, BEYOND = 200, 206, 416
+MAX_BYTES = 2 * 10**9
+"""The limit for a file whose size the registry does not have."""
+
+MIN_BYTES_PER_S, PERIOD_S = 2000.0, 30.0
+"""A download ends if its rate is lower over such a period."""
+
+PROGRESS_S = 5.0
+"""The time between two lines of progress."""
+
+
+class HttpsRedirects(urllib.request.HTTPRedirectHandler):
+    """Follows redirects to https addresses only."""
+
+    def redirect_request(self, req: urllib.request.Request, *others: Any) -> urllib.request.Request | None:  # noqa: ANN401 - urllib's signature
+        """Return the request for the new address.
+
+        Raises:
+            RecordingError: the address is not one of https.
+        """
+        if not others[-1].startswith("https://"):
+            raise RecordingError(f"{req.full_url} redirects to {others[-1]}, which is not https; nothing was fetched.")
+        return super().redirect_request(req, *others)
 
 
 class ResumingDownloader:
-    """A downloader for `pooch`: keeps ``part`` until the file is whole, and asks for the rest of it only."""
+    """A downloader for `pooch`: it keeps ``part`` until the file is complete, and requests only the rest of it.
 
-    def __init__(self, part: Path) -> None:
-        """Keep what was received in ``part``."""
-        self.part = part
+    Attributes:
+        part: the file with the bytes received so far.
+        size: number of bytes of the complete file; 0: not known.
+        say: prints a line of progress.
+    """
+
+    def __init__(self, part: Path, size: int = 0, say: Callable[[str], None] = print) -> None:
+        """Store the parameters."""
+        self.part, self.size, self.say = part, size, say
 
     def __call__(self, url: str, output_file: str | IO[bytes], pooch: object) -> None:
         """Download ``url`` to ``output_file``.
@@ -58,11 +86,14 @@ class ResumingDownloader:
         have = self.part.stat().st_size if self.part.exists() else 0
         request = urllib.request.Request(url, headers={"Range": f"bytes={have}-"} if have else {})  # noqa: S310 - from the registry
         try:
-            with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:  # noqa: S310 - as above
-                self._append(answer, resumed=answer.status == PARTIAL)
+            with urllib.request.build_opener(HttpsRedirects).open(request, timeout=TIMEOUT_S) as answer:
+                self._append(url, answer, resumed=answer.status == http.HTTPStatus.PARTIAL_CONTENT)
         except urllib.error.HTTPError as error:
-            if error.code == BEYOND:  # the part is whole already, or of another file: the hash decides
-                return ""
+            if error.code == http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE and have:
+                if have == (self.size or have):  # complete, unless the hash says otherwise
+                    return ""
+                self.part.unlink()
+                return f"the server does not continue the file after {have} bytes"
             refused = f"{url}: the server answers {error.code} {error.reason}; try again later."
             if error.code == http.HTTPStatus.NOT_FOUND:
                 refused = f"There is nothing at {url} (404); the repository may have moved: fetch the file by hand."
@@ -70,14 +101,38 @@ class ResumingDownloader:
         except urllib.error.URLError as error:
             return f"the server cannot be reached ({error.reason})"
         except (OSError, http.client.HTTPException) as error:
+            if isinstance(error, OSError) and error.errno in NO_ROOM:
+                raise
             return f"the connection was cut ({type(error).__name__})"
+        except ValueError as error:
+            raise RecordingError(f"{url} redirects to an invalid address ({error}); nothing was fetched.") from error
         return ""
 
-    def _append(self, answer: http.client.HTTPResponse, *, resumed: bool) -> None:
+    def _append(self, url: str, answer: http.client.HTTPResponse, *, resumed: bool) -> None:
+        """Write the answer to the part; refuse one that is too large or too slow."""
+        limit = self.size or MAX_BYTES
+        begun = shown = time.monotonic()
         with self.part.open("ab" if resumed else "wb") as file:
-            while block := answer.read(BLOCK_BYTES):
+            before = file.tell()
+            while block := answer.read1(BLOCK_BYTES):
                 file.write(block)
-        if answer.length:  # a plain read() stops at a cut without a word
+                have, now = file.tell(), time.monotonic()
+                if have > limit:
+                    file.truncate(0)
+                    raise RecordingError(f"{url} sends more than the expected {limit} bytes; nothing of it is kept.")
+                if now - begun >= PERIOD_S:
+                    rate = (have - before) / (now - begun)
+                    if rate < MIN_BYTES_PER_S:
+                        raise RecordingError(
+                            f"{url} sends {rate:.0f} bytes per second, and at least {MIN_BYTES_PER_S:.0f} are needed;"
+                            f" {have} bytes are kept, and the same command continues from there."
+                        )
+                    begun, before = now, have
+                if now - shown >= PROGRESS_S:
+                    of_all = f" of {self.size / 1e6:.1f}" if self.size else ""
+                    self.say(f"{have / 1e6:.1f}{of_all} MB")
+                    shown = now
+        if answer.length:  # a plain read1() ends at a cut without an exception
             raise http.client.IncompleteRead(b"", answer.length)
 
 
@@ -93,11 +148,13 @@ class PublicFile(NamedTuple):
         name: relative to the recording's folder.
         url: where it is published, at a fixed commit.
         sha256: of its bytes.
+        size: number of its bytes; 0: not known.
     """
 
     name: str
     url: str
     sha256: str
+    size: int = 0
 
 
 class PublicRecording(NamedTuple):
@@ -136,7 +193,7 @@ def public_recording(name: str, registry: Path = REGISTRY) -> PublicRecording:
 def _recording(name: str, entry: dict[str, object]) -> PublicRecording:
     address, listed = str(entry["address"]), entry["files"]
     assert isinstance(listed, dict)  # noqa: S101 - the registry is our own
-    files = (PublicFile(local, address + quote(path), sha256) for local, (path, sha256) in listed.items())
+    files = (PublicFile(local, address + quote(path), *checks) for local, (path, *checks) in listed.items())
     return PublicRecording(name, str(entry["title"]), str(entry["licence"]), tuple(files))
 
 
@@ -177,7 +234,7 @@ def _fetch_file(file: PublicFile, folder: Path, say: Callable[[str], None]) -> N
     target.unlink(missing_ok=True)
     pooch.get_logger().setLevel("WARNING")  # what is downloaded was said above
     try:
-        downloader = ResumingDownloader(folder / PARTS_FOLDER / file.sha256)
+        downloader = ResumingDownloader(folder / PARTS_FOLDER / file.sha256, file.size, say)
         pooch.retrieve(file.url, file.sha256, fname=target.name, path=target.parent, downloader=downloader)
     except ValueError as error:  # pooch's word for a wrong hash
         raise RecordingError(

@@ -1,8 +1,10 @@
 """Fetching from a server on this machine that can be told to misbehave."""
 
+import contextlib
 import hashlib
 import json
 import threading
+import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
@@ -34,8 +36,21 @@ class Misbehaving(BaseHTTPRequestHandler):
         if self.path == "/gone":
             self.send_error(404)
             return
-        if self.path == "/busy":
-            self.send_error(503)
+        if self.path in ("/busy", "/beyond"):
+            self.send_error(503 if self.path == "/busy" else 416)
+            return
+        if self.path.startswith("/redirect:"):
+            self.send_response(302)
+            self.send_header("Location", self.path.removeprefix("/redirect:"))
+            self.end_headers()
+            return
+        if self.path in ("/endless", "/slow"):
+            self.send_response(200)
+            self.end_headers()
+            with contextlib.suppress(OSError):
+                while True:
+                    self.wfile.write(b"x" * (50_000 if self.path == "/endless" else 1))
+                    time.sleep(0.0 if self.path == "/endless" else 0.05)
             return
         start = int(begin.removeprefix("bytes=").rstrip("-") or 0) if cls.ranges else 0
         if start >= len(CONTENT):
@@ -66,8 +81,8 @@ def server():
         thread.join()
 
 
-def recording(server, path, sha256=SHA256, name="deep/a.bin"):
-    return PublicRecording("some", "a test", "MIT", (PublicFile(name, f"{server.address}{path}", sha256),))
+def recording(server, path, sha256=SHA256, name="deep/a.bin", size=0):
+    return PublicRecording("some", "a test", "MIT", (PublicFile(name, f"{server.address}{path}", sha256, size),))
 
 
 def said():
@@ -135,6 +150,58 @@ def test_a_refusal_is_a_sentence(server, tmp_path, path, message):
     assert len(server.asked) == 1
 
 
+@pytest.mark.parametrize("size", [0, 300_000])
+def test_an_endless_answer_stops_at_the_size(server, tmp_path, monkeypatch, size):
+    monkeypatch.setattr(fetching, "MAX_BYTES", 1_000_000)
+    with pytest.raises(RecordingError, match=f"more than the expected {size or 1_000_000} bytes"):
+        fetch(recording(server, "/endless", size=size), tmp_path / "some", print)
+    assert sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file()) == 0
+
+
+def test_a_slow_answer_ends(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(fetching, "PERIOD_S", 0.5)
+    began = time.monotonic()
+    with pytest.raises(RecordingError, match="bytes per second, and at least 2000 are needed"):
+        fetch(recording(server, "/slow"), tmp_path / "some", print)
+    assert time.monotonic() - began < 10
+
+
+def test_progress_is_printed(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(fetching, "PROGRESS_S", 0.0)
+    lines, say = said()
+    fetch(recording(server, "/whole", size=len(CONTENT)), tmp_path / "some", say)
+    assert lines[-1] == "0.5 of 0.5 MB"
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [("http://127.0.0.1:9/a", "is not https"), ("file:///etc/passwd", "is not https|302"), ("https://[", "invalid")],
+)
+def test_a_redirect_leads_to_https_only(server, tmp_path, address, message):
+    with pytest.raises(RecordingError, match=message):
+        fetch(recording(server, f"/redirect:{address}"), tmp_path / "some", print)
+
+
+@pytest.mark.parametrize("size", [0, len(CONTENT)])
+def test_a_resume_that_is_refused_starts_again_or_is_a_sentence(server, tmp_path, size):
+    """The stored part is longer than the file: the server answers 416."""
+    part = tmp_path / "some.incomplete" / fetching.PARTS_FOLDER / SHA256
+    part.parent.mkdir(parents=True)
+    part.write_bytes(CONTENT + b"more")
+    if size:
+        fetch(recording(server, "/whole", size=size), tmp_path / "some", print)
+    else:
+        with pytest.raises(RecordingError, match="is not the file that was recorded"):
+            fetch(recording(server, "/whole"), tmp_path / "some", print)
+        fetch(recording(server, "/whole"), tmp_path / "some", print)
+    assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
+
+
+def test_a_server_that_refuses_every_range_is_a_sentence(server, tmp_path):
+    with pytest.raises(RecordingError, match="answers 416"):
+        fetch(recording(server, "/beyond"), tmp_path / "some", print)
+
+
 def test_a_server_that_is_not_there_is_a_sentence(server, tmp_path):
     one = PublicRecording("some", "a test", "MIT", (PublicFile("a", "http://127.0.0.1:9/a", "0" * 64),))
     with pytest.raises(RecordingError, match="the server cannot be reached"):
@@ -171,6 +238,7 @@ def test_the_registry_has_the_hashes_of_the_files_beside(shared_folder):
             folder = shared_folder / "data" / one.name
             path = (folder if folder.is_dir() else folder.parent / "degraded" / one.name) / file.name
             assert hashlib.sha256(path.read_bytes()).hexdigest() == file.sha256, path
+            assert file.size == path.stat().st_size, path
 
 
 def test_the_registry_has_the_files_that_the_tables_beside_were_made_of(shared_folder):
