@@ -108,6 +108,20 @@ def require_times(owner: object, t_s: FloatArray) -> None:
     require(steps, owner, "t_s", "the time does not increase")
 
 
+MIN_VARIANCE = 1e-20
+"""The smallest variance of a measurement; a smaller one is a placeholder, and sums of squares overflow with it."""
+
+MIN_EIGENVALUE = 1e-14
+"""The smallest eigenvalue of a covariance relative to its largest; below, the matrix is singular but for rounding."""
+
+
+def positive_definite(matrices: FloatArray) -> BoolArray:
+    """Return for each of (n, m, m) whether it is finite and positive definite beyond rounding."""
+    finite: BoolArray = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+    values = np.linalg.eigvalsh(np.where(finite[:, None, None], matrices, 0.0))
+    return np.asarray(finite & (values[:, 0] > np.maximum(MIN_VARIANCE, MIN_EIGENVALUE * values[:, -1])))
+
+
 def require_covariances(owner: object, name: str, covariance: FloatArray, present: BoolArray) -> None:
     """Check that each 3 x 3 covariance is finite, symmetric and positive definite on the axes that are present."""
     unused = ~present[:, :, None] | ~present[:, None, :]
@@ -119,8 +133,8 @@ def require_covariances(owner: object, name: str, covariance: FloatArray, presen
     require(symmetric, owner, name, "the covariance is not symmetric")
     variances = np.diagonal(block, axis1=1, axis2=2)
     uncorrelated = np.count_nonzero(block) == np.count_nonzero(variances)  # so are most, and eigenvalues take long
-    lowest = variances.min(axis=1, initial=np.inf) if uncorrelated else np.linalg.eigvalsh(block)[:, 0]
-    require(lowest > 0, owner, name, "the covariance is not positive definite")
+    definite = (variances > MIN_VARIANCE).all(axis=1) if uncorrelated else positive_definite(block)
+    require(definite, owner, name, "the covariance is not positive definite")
 
 
 # Checks of parameters, each with one sentence as its error.

@@ -213,5 +213,6 @@ def _chosen(words: list[str]) -> argparse.Namespace:
     return chosen
 
 
-def _one_line(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"jerkbench: {message}", file=sys.stderr)
+def _one_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+    if not issubclass(category, RuntimeWarning):  # NumPy's, about a number; a result that is not finite has a status
+        print(f"jerkbench: {message}", file=sys.stderr)

@@ -251,3 +251,6 @@ def check_options(config: DictConfig) -> None:
         raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")
     if config.workers < 0:
         raise PluginError(f"workers is {config.workers}; give 0 (one for each processor) or more.")
+    for note in config.notes:
+        if not isinstance(note, str):
+            raise PluginError(f"notes has the entry {note}; each note must be text: notes=['tuned on seeds 0 to 9'].")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray, require_lengths
+from jerkbench.arrays import FloatArray, IntArray, positive_definite, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
@@ -75,7 +75,7 @@ def covariances_of(
     empty = ~columns.rows_of(mapping.covariance or mapping.sigma)
     matrices = np.where(empty[:, None, None], otherwise, matrices)
     diagonal = np.abs(matrices * np.eye(3))
-    sound = _positive_definite(matrices) | ~_positive_definite(diagonal)
+    sound = positive_definite(matrices) | ~positive_definite(diagonal)
     turned = _in_enu(columns.where, np.where(sound[:, None, None], matrices, diagonal), mapping.frame, origin)
     count = int((~sound).sum())
     name, notes = Path(columns.where).name, []
@@ -98,12 +98,6 @@ def _matrices(columns: Columns, mapping: CovarianceMap) -> FloatArray:
     if values.shape[1] in (1, 3):
         return np.asarray(np.broadcast_to(values, (len(values), 3))[:, :, None] * np.eye(3))
     return np.asarray(values[:, six if values.shape[1] == 6 else list(range(9))].reshape(-1, 3, 3))
-
-
-def _positive_definite(matrices: FloatArray) -> BoolArray:
-    finite: BoolArray = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    lowest = np.linalg.eigvalsh(np.where(finite[:, None, None], matrices, 0.0))[:, 0]
-    return np.asarray(finite & (lowest > 0))
 
 
 def _in_enu(where: str, matrices: FloatArray, frame: str, origin: Origin | None) -> FloatArray:

@@ -45,6 +45,11 @@ TRACEBACK = "JERKBENCH_TRACEBACK"
 
 def reason_of(error: Exception) -> str:
     """Return the exception, and where it was raised."""
+    if isinstance(error, np.linalg.LinAlgError):
+        return (
+            f"a matrix is singular, or not positive definite, to working precision ({error}); check the covariances of"
+            " the measurements (`jerkbench data inspect`) and the parameters of filter and adaptation"
+        )
     at = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {error} ({at.name}, line {at.lineno})"
 

@@ -73,3 +73,12 @@ def test_what_is_done_is_not_counted(tmp_path):
 
     assert told[1].endswith("jerk, none, default: is done")
     assert told[-1] == "1 combination, 1 done; 0 runs to do."
+
+
+@pytest.mark.parametrize("note", ["[5,6]", "{a:1}"])
+@pytest.mark.parametrize("multirun", [[], ["-m"]])
+def test_a_note_that_is_not_text_is_refused_before_the_run(tmp_path, note, multirun):
+    done = verb("run", *multirun, *SHORT, f"notes=[{note}]", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "each note must be text" in done.stderr
+    assert not (tmp_path / "results").exists()
