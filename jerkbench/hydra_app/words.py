@@ -70,7 +70,7 @@ def composed(words: Sequence[str]) -> Words:
     return Words(config, choices, overrides)
 
 
-CLUSTERS = ("jerkbench.jobs.cluster.Local", "jerkbench.jobs.dask_cluster.Dask", "jerkbench.jobs.dask_cluster.JobQueue")
+CLUSTERS = tuple(f"jerkbench.jobs.executors.{name}" for name in ("Local", "Dask", "JobQueue"))
 """The classes that a preset of the group `cluster` may name."""
 
 

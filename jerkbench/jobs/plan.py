@@ -1,11 +1,12 @@
 """The plan of what runs: which jobs, in which tasks, in an order in which what follows shares its input."""
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from jerkbench.arrays import WIDE
-from jerkbench.errors import PluginError
+from jerkbench.errors import PluginError, RecordingError
 from jerkbench.jobs.inputs import KEPT_INPUTS
 from jerkbench.jobs.job import Job, Scenario
 from jerkbench.jobs.names import refusal
@@ -37,23 +38,34 @@ class Plan:
 
 
 def planned(jobs: Iterable[Job]) -> Plan:
-    """Leave out what is refused, and join the seeds of what is there twice.
+    """Leave out combinations that are refused or whose recording cannot be used, and join the seeds of equal jobs.
 
     Raises:
-        RecordingError: the data of a job are not there, or lack what its filters were asked to use.
+        RecordingError: none of the recordings can be used.
         PluginError: two jobs would have the same name in the table.
     """
-    refused: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     checked: set[tuple[object, object]] = set()
-    sensible = []
+    sensible, usable = list[Job](), list[Job]()
     for job in jobs:
         if reason := refusal(job):
-            refused[reason] = refused.get(reason, 0) + 1
-            continue
-        require_inputs(job, checked)
-        sensible.append(job)
-    lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}." for reason, count in refused.items())
-    plan = Plan(joined_jobs(sharing_scenarios(sensible)), lines)
+            left_out[f"{reason}."] += 1
+        else:
+            sensible.append(job)
+    unusable: RecordingError | None = None
+    for job in sharing_scenarios(sensible):
+        try:
+            require_inputs(job, checked)
+            job.key  # noqa: B018 - which reads the files of the recording
+        except RecordingError as error:
+            left_out[f"the recording {job.labels.dataset} cannot be used: {error}"] += 1
+            unusable = unusable or error
+        else:
+            usable.append(job)
+    if unusable and not usable:
+        raise unusable
+    lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}" for reason, count in left_out.items())
+    plan = Plan(joined_jobs(usable), lines)
     _require_names(plan.jobs)
     return plan
 

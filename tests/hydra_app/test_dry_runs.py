@@ -1,5 +1,7 @@
 """A plan that is printed and not run."""
 
+import pytest
+
 from commands import SHORT, verb
 from jerkbench import api
 from jerkbench.hydra_app.looks import forecast
