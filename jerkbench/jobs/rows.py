@@ -1,10 +1,12 @@
 """Runs become rows: the seeds and the settings of a job side by side where its plugins can, else one at a time."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
 
 from jerkbench.contracts import (
     Adaptation,
@@ -156,9 +158,20 @@ def alone(job: Job, draw: int, how: How) -> NotedRows:
             require_begin(estimate, recording, evaluation.burn_in_s)
         status, reason = run_status(estimate, recording, evaluation.divergence_limit_m)
         values = evaluate_run(estimate, recording, evaluation.burn_in_s, evaluation.metrics, how.inputs.columns)
-        return [{**_head(job, draw, status, reason), **values, DRAWN: recording.parameters}], notes_of(job, recording)
+        notes = [*notes_of(job, recording), *_covariance_notes(job, values, estimate)]
+        return [{**_head(job, draw, status, reason), **values, DRAWN: recording.parameters}], notes
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row, or a sentence
         return failed_piece(job, [draw], error, how)
+
+
+def _covariance_notes(job: Job, values: Mapping[str, float], estimate: Estimate | None = None) -> list[str]:
+    """Note a finite error whose ANEES is not finite, unless the filter estimates no covariance."""
+    anees = values.get("anees_position", 0.0)
+    estimated = estimate is None or bool(np.isfinite(estimate.covariance[:, :3, :3]).any())
+    if np.isfinite(anees) or not estimated or not np.isfinite(values.get("position_rmse_m", np.nan)):
+        return []
+    cause = "Its covariance is not positive definite everywhere, for example after a long gap."
+    return [f"The ANEES of {job.labels.filter} is not finite. {cause}"]
 
 
 def failed_piece(job: Job, draws: Sequence[int], error: Exception, how: How) -> NotedRows:
@@ -249,7 +262,7 @@ def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, how: How,
     key = draw, job if has_methods(job.method.filter, Remarking) else job.labels.dataset
     own = notes.get(key) or notes.setdefault(key, notes_of(job, seed.recording))
     head = _head(job, draw, "diverged" if reason else "ok", reason)
-    return [{**head, **values, DRAWN: seed.recording.parameters}], own
+    return [{**head, **values, DRAWN: seed.recording.parameters}], [*own, *_covariance_notes(job, values)]
 
 
 def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], NotedRows]:

@@ -1,11 +1,16 @@
 """What stands under the table about a recording."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
 
 from jerkbench.datasets.field import Field
+from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.rows import Task, notes_of, work
+from jerkbench.jobs.rows import Task, job_rows, notes_of, work
 from jerkbench.recording import Imu
 from made_jobs import with_method, with_scenario
 
@@ -55,3 +60,29 @@ def test_settings_that_run_side_by_side_have_the_notes_that_each_has_alone():
             assert own == list(dict.fromkeys(each))
             assert {f"field: seed {seed}" for seed in (0, 1)} <= {*own}
     assert [[note for note in own if "sigma" in note] for own in notes] == [["sigma is 0.2"], ["sigma is 0.4"]]
+
+
+@dataclass(frozen=True)
+class Indefinite:
+    """An estimator whose error is finite, with a covariance of one's choice.
+
+    Attributes:
+        variance: on the diagonal.
+    """
+
+    variance: float = -1.0
+    adaptations: ClassVar[tuple[str, ...]] = ("none",)
+
+    def estimate(self, recording, attitude, adaptation):
+        estimate = GnssOnly().estimate(recording, attitude, adaptation)
+        return replace(estimate, covariance=np.tile(self.variance * np.eye(6), (len(estimate.index), 1, 1)))
+
+
+@pytest.mark.parametrize(("variance", "noted"), [(-1.0, True), (0.0, True), (np.nan, False), (1.0, False)])
+def test_a_covariance_that_is_not_positive_definite_is_noted(variance, noted):
+    job = with_method(cell_of(), filter=Indefinite(variance))
+    (row,), notes = job_rows(replace(job, draws=[0]))
+
+    assert row["status"] == "ok"
+    assert any("not positive definite" in note for note in notes) == noted
+    assert np.isfinite(row["position_rmse_m"])
