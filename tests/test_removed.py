@@ -24,6 +24,7 @@ TYPED = [
     (("run", "-m", "portable=true"), "suite verify"),
     (("score", "portable=false"), "suite verify"),
     (("table", "results/a", "--format", "tex", "--fit"), "resizebox"),
+    (("compare", "results/a", "results/b", "--tolerances", "rules.yaml"), "--fail-above PERCENT"),
     (("audit", "--attribution"), "what each step brings"),
     (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
     (("audit", "attitude", "--settings", "3"), "filter=attitude_only"),

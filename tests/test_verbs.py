@@ -96,12 +96,12 @@ def test_exported_quaternions_are_the_attitude(study, tmp_path):
 def test_compare_tells_a_machine(study, tmp_path):
     same = verb("compare", str(study), str(study), "--fail-above", "0", cwd=tmp_path)
     assert same.returncode == 0
-    assert "0 of 8 combinations are worse by more than 0 %." in same.stdout
+    assert "0 of 8 combinations fail (allowed: 0 %)." in same.stdout
     higher = changed_copy(study, tmp_path, 1.1)
     for percent, code, count in (("9", 3, 8), ("11", 0, 0)):
         done = verb("compare", str(study), str(higher), "--fail-above", percent, cwd=tmp_path)
         assert done.returncode == code
-        assert f"{count} of 8 combinations are worse by more than {percent} %." in done.stdout
+        assert f"{count} of 8 combinations fail (allowed: {percent} %)." in done.stdout
         assert "×1.10" in done.stdout  # noqa: RUF001
 
 
@@ -119,7 +119,7 @@ def test_a_gate_does_not_pass_what_it_cannot_judge(study, tmp_path):
     one = changed_copy(study, tmp_path, 1.0, count=1)
     done = verb("compare", str(study), str(one), "--fail-above", "50", cwd=tmp_path)
     assert done.returncode == 4
-    assert "7 of the 8 combinations of A cannot be judged" in done.stdout
+    assert "7 of the 8 combinations of A cannot be judged: 7 because they are missing in B." in done.stdout
     assert verb("compare", str(study), str(one), cwd=tmp_path).returncode == 0
     (one / "damaged.parquet").write_bytes(b"PAR1")
     done = verb("compare", str(one), str(study), "--fail-above", "50", cwd=tmp_path)
@@ -177,8 +177,8 @@ def test_a_comparison_is_written_for_pages_and_machines(study, tmp_path):
     assert {change["worse"] for change in answer["changes"]} == {True}
     assert (cases.attrib["tests"], cases.attrib["failures"]) == ("8", "8")
     assert cases.find("testcase").attrib["name"] == "none, baseline, none"
-    assert "worse by more than 9 %" in cases.find("testcase/failure").attrib["message"]
-    assert "8 of 8 combinations are worse by more than 9 %." in record.stderr
+    assert "10 % larger than in A (allowed: 9 %" in cases.find("testcase/failure").attrib["message"]
+    assert "8 of 8 combinations fail (allowed: 9 %)." in record.stderr
 
 
 def test_findings_are_of_the_baseline_that_was_asked_for(study):

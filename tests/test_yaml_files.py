@@ -11,7 +11,6 @@ from commands import verb
 from jerkbench import files
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import DEEPEST, MOST_VALUES, read_yaml
-from jerkbench.report.changes import read_tolerances
 from jerkbench.suite.entry import SETTINGS, read_entry
 
 ENTRIES = Path(__file__).parents[1] / "results"
@@ -76,9 +75,6 @@ def test_a_bomb_beside_stored_results_is_refused_at_once(tmp_path):
     (entry / SETTINGS).write_text(BOMB)
     with pytest.raises(JerkbenchError, match="stands for more than"):
         read_entry(entry)
-    (tmp_path / "tolerances.yaml").write_text(BOMB)
-    with pytest.raises(JerkbenchError, match="stands for more than"):
-        read_tolerances(tmp_path / "tolerances.yaml", 3.0)
 
 
 @pytest.mark.parametrize("extra", [0, 1])

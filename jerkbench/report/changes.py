@@ -1,25 +1,21 @@
-"""Two sets of results: what became better or worse, how far one may fall behind, and the text of it for all readers."""
+"""Comparison of two sets of results: what became better or worse, the gate for CI, and the output formats."""
 
 import json
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from fnmatch import fnmatchcase
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray
-from jerkbench.errors import JerkbenchError, NotComparableError, unknown
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.families import Correction
 from jerkbench.evaluation.intervals import loss_bound
 from jerkbench.evaluation.judgement import Judgement, Verdict, judged_on_other_seeds
 from jerkbench.evaluation.over_seeds import two_samples
-from jerkbench.files import read_yaml
 from jerkbench.plugins.requirements import JunitCase, junit
-from jerkbench.report.columns import METHOD, checked, quantity
+from jerkbench.report.columns import checked, quantity
 from jerkbench.report.comparisons import (
     RULE,
     MethodRuns,
@@ -41,61 +37,125 @@ BeforeAfter = tuple[MethodRuns, MethodRuns]
 """The runs of a combination in the first set, and in the second."""
 
 
+SINGLE_RUN_LIMIT = 10.0
+"""The gate fails if the error of any run increases by more than this factor."""
+
+
 class Change(NamedTuple):
     """One combination in two sets of results.
 
     Attributes:
-        combination: values of the six factors (in the first set).
-        means: geometric (arithmetic where a value is 0), of the runs that went well, in both sets.
+        first: runs of the first set; where the two sets have common seeds, the runs of these seeds.
+        second: the same for the second set.
         judgement: second over first, at the level of all combinations on the same seeds, or of all on others.
         rule: how it was judged.
-        paired: whether the seeds match.
-        phases: whether they are phases of one recording, which are no test.
-        same: whether every value is the same to the bit.
-        runs: in both sets.
-        lost: runs that diverged or failed, in both sets.
-        valued: runs that went well and have the metric, in both sets.
-        common: runs of both that went well, where the seeds match; on others of that which has fewer.
-        absent: runs of the first set that the second does not have, where the seeds match.
-        risen: on the same seeds, how many went up from a value of which there is no ratio (0, or below).
+        paired: whether the two sets have common seeds.
+        absent: runs of the first set that the second does not have, where they have common seeds.
     """
 
-    combination: Combination
-    means: tuple[float, float]
+    first: MethodRuns
+    second: MethodRuns
     judgement: Judgement
     rule: VerdictRule
     paired: bool
-    phases: bool
-    same: bool
-    runs: tuple[int, int]
-    lost: tuple[int, int]
-    valued: tuple[int, int]
-    common: int
-    absent: int = 0
-    risen: int = 0
-
-    def worse(self, percent: float) -> bool:
-        """Whether the second is worse by more than ``percent``, or has the metric of a smaller share of its runs.
-
-        On the same seeds any change is one; on others only what the whole interval says, where there is one.
-        """
-        limit = 1 + percent / 100
-        ratio, low = self.judgement.ratio, self.judgement.low
-        least = ratio if self.paired or math.isnan(low) else low
-        fewer = self.valued[1] * self.runs[0] < self.valued[0] * self.runs[1]
-        return bool((self.common and least > limit) or self.risen or fewer)
+    absent: int
 
     @property
-    def unjudged(self) -> bool:
-        """Whether the second cannot be said to be as good: it lacks runs, or no run of both has a value."""
-        return bool(self.absent or (not self.same and not self.common))
+    def combination(self) -> Combination:
+        """Values of the six factors in the first set."""
+        return self.first.combination
+
+    @property
+    def phases(self) -> bool:
+        """Whether the seeds are phases of one recording. Phases are not independent, so they are not tested."""
+        return self.first.phases
+
+    @property
+    def values(self) -> tuple[FloatArray, FloatArray]:
+        """The metric of each run in both sets, NaN where the run diverged or failed."""
+        first, second = (np.where(runs.lost, np.nan, runs.errors) for runs in (self.first, self.second))
+        return first, second
+
+    @property
+    def runs(self) -> tuple[int, int]:
+        """The number of runs in both sets."""
+        return len(self.first.seeds), len(self.second.seeds)
+
+    @property
+    def lost(self) -> tuple[int, int]:
+        """The number of runs that diverged or failed in both sets."""
+        return int(self.first.lost.sum()), int(self.second.lost.sum())
+
+    @property
+    def same(self) -> bool:
+        """Whether all values are identical."""
+        lost = self.first.lost, self.second.lost
+        return self.paired and np.array_equal(*self.values, equal_nan=True) and np.array_equal(*lost)
+
+    @property
+    def common(self) -> int:
+        """The number of seeds for which both sets have a value; without common seeds, of values in the smaller set."""
+        first, second = map(np.isfinite, self.values)
+        return int(sum(first & second)) if self.paired else min(int(first.sum()), int(second.sum()))
+
+    @property
+    def risen(self) -> BoolArray:
+        """Which runs increased from 0 or less, so that they have no ratio."""
+        first, second = self.values
+        return (second > first) & (first <= 0) if self.paired else np.zeros(0, dtype=bool)
+
+    def failures(self, percent: float) -> list[str]:
+        """Return why the second set fails a gate that allows an increase by ``percent``.
+
+        The same seeds are compared, so any difference is an effect of the change, and no statistics are needed.
+        """
+        if not self.paired:
+            return []
+        first, second = self.values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = np.where((first > 0) & (second > 0), second / first, np.nan)
+        n, valued, found = (~np.isnan(ratios)).sum(), [np.isfinite(values) for values in (first, second)], []
+        if n and (mean := float(np.exp(np.nanmean(np.log(ratios))))) > 1 + percent / 100:
+            found.append(
+                f"the geometric mean of {n} runs is {100 * (mean - 1):.3g} % larger than in A (allowed: {percent:g} %;"
+                f" largest increase: {np.nanmax(ratios):.4g} times, seed {self.first.seeds[np.nanargmax(ratios)]})"
+            )
+        if self.lost[1] > self.lost[0]:
+            where = self._seeds(self.second.lost & ~self.first.lost)
+            found.append(f"{self.lost[1]} of {self.runs[1]} runs diverged or failed in B, {self.lost[0]} in A {where}")
+        elif valued[1].sum() < valued[0].sum():
+            where = self._seeds(valued[0] & ~valued[1])
+            found.append(f"{valued[1].sum()} of {self.runs[1]} runs have a value in B, {valued[0].sum()} in A {where}")
+        if (ruined := ratios > SINGLE_RUN_LIMIT).any():
+            found.append(
+                f"{ruined.sum()} of {self.runs[1]} runs increased by more than {SINGLE_RUN_LIMIT:g} times, at most by"
+                f" {np.nanmax(ratios):.4g} times {self._seeds(ruined)}"
+            )
+        if self.risen.any():
+            found.append(f"{self.risen.sum()} of {self.runs[1]} runs increased from 0 {self._seeds(self.risen)}")
+        return found
+
+    def _seeds(self, where: BoolArray) -> str:
+        """Name the first seeds of some runs."""
+        seeds, shown = self.first.seeds[where].tolist(), 5
+        more = f" and {len(seeds) - shown} more" if len(seeds) > shown else ""
+        return f"(seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds[:shown]))}{more})"
+
+    @property
+    def unjudged(self) -> str:
+        """Why a gate cannot judge the second set; empty if it can."""
+        if not self.paired:
+            return "A and B have no seed in common"
+        if self.absent:
+            return "runs of A are missing in B"
+        return "" if self.same or self.common else "no seed has a value in both"
 
     @property
     def verdict(self) -> str:
         """In a few words."""
         if self.same:
             return "the same to the bit"
-        if self.risen and not self.judgement.n:
+        if self.risen.any() and not self.judgement.n:
             return "worse (it was 0)"
         if not self.common:
             return "no run of both to compare"
@@ -144,26 +204,9 @@ def _match(first: MethodRuns, second: MethodRuns) -> bool:
 
 
 def _change(two: BeforeAfter, judgement: Judgement, rule: VerdictRule) -> Change:
-    seeds_match = _match(*two)
-    first, second = on_common_seeds(*two) if seeds_match else two
-    well = [np.where(runs.lost, np.nan, runs.errors) for runs in (first, second)]
-    valued = [np.isfinite(values) for values in well]
-    return Change(
-        combination=first.combination,
-        means=(_average(well[0]), _average(well[1])),
-        judgement=judgement,
-        rule=rule,
-        paired=seeds_match,
-        phases=first.phases,
-        same=seeds_match
-        and bool(np.array_equal(well[0], well[1], equal_nan=True) and (first.lost == second.lost).all()),
-        runs=(len(well[0]), len(well[1])),
-        lost=(int(first.lost.sum()), int(second.lost.sum())),
-        valued=(int(valued[0].sum()), int(valued[1].sum())),
-        common=int((valued[0] & valued[1]).sum()) if seeds_match else min(int(of.sum()) for of in valued),
-        absent=len(two[0].seeds) - len(first.seeds),
-        risen=int(np.sum((well[1] > well[0]) & (well[0] <= 0))) if seeds_match else 0,
-    )
+    paired = _match(*two)
+    first, second = on_common_seeds(*two) if paired else two
+    return Change(first, second, judgement, rule, paired, absent=len(two[0].seeds) - len(first.seeds) if paired else 0)
 
 
 def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
@@ -171,7 +214,8 @@ def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[
     rows = []
     for change in changed:
         judgement, texts = change.judgement, [getattr(change.combination, key) for key in varying]
-        for mean, runs, lost in zip(change.means, change.runs, change.lost, strict=True):
+        for values, runs, lost in zip(change.values, change.runs, change.lost, strict=True):
+            mean = _average(values)
             text = number(mean) if math.isfinite(mean) else "n/a"
             texts.append(f"{text} ({lost}/{runs} lost)" if lost else text)
         known = change.common and 0 < judgement.ratio < math.inf
@@ -225,226 +269,100 @@ def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list
     return notes
 
 
-# Two sets of results: how far one may fall behind, and the comparison as text, Markdown, JSON and JUnit.
+# The comparison as text, Markdown, JSON and JUnit.
 
 
-_KEY = "tolerances"
-"""The list in the file."""
-
-_ANY = "*"
-LINE = "{metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.05}"
-"""An example of a rule."""
-
-
-class Tolerance(NamedTuple):
-    """One rule.
-
-    Attributes:
-        ratio: B/A up to which a combination passes.
-        metric: pattern (``*``, ``?``, ``[...]``) of a column of rows.csv.
-        method: pattern of a filter, an adaptation or a noise, or of these joined by ``+``.
-        scenario: pattern of a data set, a disturbance or an attitude, or of these joined by ``+``.
-    """
-
-    ratio: float
-    metric: str = _ANY
-    method: str = _ANY
-    scenario: str = _ANY
-
-    def fits(self, metric: str, combination: Combination) -> bool:
-        """Whether the rule is about this metric of this combination."""
-        values = combination._asdict()
-        scenario = [value for factor, value in values.items() if factor not in METHOD]
-        method = [values[factor] for factor in METHOD]
-        return (
-            fnmatchcase(metric, self.metric) and _any_fits(method, self.method) and _any_fits(scenario, self.scenario)
-        )
-
-    @property
-    def percent(self) -> float:
-        """By how many percent a combination may be worse."""
-        return 100 * (self.ratio - 1)
-
-
-def _any_fits(values: Sequence[str], pattern: str) -> bool:
-    return any(fnmatchcase(text, pattern) for text in (*values, "+".join(values)))
-
-
-class Tolerances(NamedTuple):
-    """All rules of a file, and what holds where none fits; the first that fits counts.
-
-    Attributes:
-        rules: in the order of the file.
-        otherwise: percent where no rule fits; None: nobody asked.
-    """
-
-    rules: tuple[Tolerance, ...] = ()
-    otherwise: float | None = None
-
-    def percent(self, metric: str, combination: Combination) -> float | None:
-        """Return by how many percent a combination may be worse; None: it cannot fail."""
-        fitting = (rule.percent for rule in self.rules if rule.fits(metric, combination))
-        return next(fitting, self.otherwise)
-
-    def metrics(self, main: str, columns: Iterable[str]) -> list[str]:
-        """Return what is to be compared: the main metric, if a rule leaves it open, and the columns that rules name."""
-        named = [rule.metric for rule in self.rules if rule.metric != _ANY]
-        chosen = [column for column in columns if any(fnmatchcase(column, pattern) for pattern in named)]
-        return chosen if named and len(named) == len(self.rules) else list(dict.fromkeys([main, *chosen]))
-
-    def idle(self, compared: Iterable[tuple[str, Combination]]) -> list[str]:
-        """Return a sentence for each rule that fits nothing that was compared."""
-        pairs = list(compared)
-        return [
-            f"Tolerance {number} fits no combination (metric {rule.metric}, method {rule.method}, scenario "
-            f"{rule.scenario})."
-            for number, rule in enumerate(self.rules, start=1)
-            if not any(rule.fits(*pair) for pair in pairs)
-        ]
-
-
-def read_tolerances(path: Path, otherwise: float | None = None) -> Tolerances:
-    """Read a file of tolerances: YAML, or TOML if its name ends so.
-
-    Raises:
-        JerkbenchError: it cannot be read, or a rule is none.
-    """
-    import yaml
-
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else read_yaml(path)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, yaml.YAMLError) as error:
-        raise JerkbenchError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
-    rules = content.get(_KEY) if isinstance(content, Mapping) and set(content) == {_KEY} else None
-    if not isinstance(rules, list) or not rules:
-        raise JerkbenchError(f"{path} has no list of tolerances: write {_KEY}:, and below it lines as - {LINE}.")
-    return Tolerances(tuple(_rule(path, number, rule) for number, rule in enumerate(rules, start=1)), otherwise)
-
-
-def _rule(path: Path, number: int, rule: object) -> Tolerance:
-    where = f"{path}, tolerance {number}"
-    if not isinstance(rule, Mapping):
-        raise JerkbenchError(f"{where} is {rule!r}; write it as {LINE}.")
-    known = ("metric", "method", "scenario", "ratio")
-    for key in rule:
-        if key not in known:
-            raise JerkbenchError(f"{where}: {unknown('key', str(key), known)}")
-    ratio = rule.get("ratio")
-    if isinstance(ratio, bool) or not isinstance(ratio, int | float) or not 0 < ratio < math.inf:
-        raise JerkbenchError(f"{where}: ratio is {ratio!r}; it must be a number above 0, 1.05 for 5 % worse at most.")
-    return Tolerance(float(ratio), **{key: str(value) for key, value in rule.items() if key != "ratio"})
-
-
-# A comparison of two sets of results, for a terminal, for a page, and for machines.
-
-
-class MetricChanges(NamedTuple):
-    """A comparison by one metric.
+class StudyComparison(NamedTuple):
+    """A comparison of two studies by one metric.
 
     Attributes:
         metric: column that was compared.
-        changes: of each combination.
-        varying: the factors that tell the combinations apart.
-        allowed: of each change, percent by which it may be worse; None: nobody asked.
+        changes: one for each combination.
+        varying: the factors in which the combinations differ.
+        notes: sentences below the numbers.
+        allowed: percent by which a combination may be worse; None without a limit.
+        failed: whether a combination is worse than allowed, or cannot be judged.
     """
 
     metric: str
     changes: Sequence[Change]
     varying: Sequence[str]
-    allowed: Sequence[float | None]
+    notes: Sequence[str]
+    allowed: float | None
+    failed: bool
 
     @property
-    def worse(self) -> list[bool]:
-        """Whether each change is worse than it may be."""
-        pairs = zip(self.changes, self.allowed, strict=True)
-        return [percent is not None and change.worse(percent) for change, percent in pairs]
+    def failures(self) -> list[list[str]]:
+        """Why each combination fails; empty if it passes."""
+        return [[] if self.allowed is None else change.failures(self.allowed) for change in self.changes]
 
-
-class StudyComparison(NamedTuple):
-    """A comparison by one metric or several.
-
-    Attributes:
-        parts: by each metric.
-        notes: sentences below the numbers.
-        failed: whether a combination is worse than it may be, or cannot be judged.
-    """
-
-    parts: Sequence[MetricChanges]
-    notes: Sequence[str]
-    failed: bool
+    @property
+    def names(self) -> list[str]:
+        """A name for each combination, of the factors that differ."""
+        factors = ([getattr(change.combination, key) for key in self.varying] for change in self.changes)
+        return [", ".join(values) or "all" for values in factors]
 
 
 def print_comparison(comparison: StudyComparison) -> None:
     """Print the comparison in the terminal."""
-    for grid in _grids(comparison):
-        print_grid(*grid)
+    print_grid(*_grid(comparison))
 
 
 def comparison_json(comparison: StudyComparison) -> str:
-    """Return the comparison as JSON; what is no number is null."""
+    """Return the comparison as JSON, with null for numbers that are not finite."""
     content = {
-        "metrics": [part.metric for part in comparison.parts],
+        "metrics": [comparison.metric],
         "ok": not comparison.failed,
-        "changes": [record for part in comparison.parts for record in _records(part)],
+        "changes": list(_records(comparison)),
         "notes": list(comparison.notes),
     }
     return json.dumps(content, indent=2) + "\n"
 
 
 COMPARISON_WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
-    "md": lambda comparison: "\n".join(markdown_grid(*grid) for grid in _grids(comparison)),
+    "md": lambda comparison: markdown_grid(*_grid(comparison)),
     "json": comparison_json,
-    "junit": lambda comparison: junit(
-        f"jerkbench compare {', '.join(part.metric for part in comparison.parts)}",
-        [case for part in comparison.parts for case in _cases(part)],  # one for each combination and metric
-    ),
+    "junit": lambda comparison: junit(f"jerkbench compare {comparison.metric}", list(_cases(comparison))),
 }
 """Formats that are text."""
 
 
-def _grids(comparison: StudyComparison) -> Iterator[tuple[str, list[str], list[list[str]], Sequence[str]]]:
-    """The table of each metric; the notes stand below the last."""
-    for part in comparison.parts:
-        notes = comparison.notes if part is comparison.parts[-1] else ()
-        yield quantity(part.metric).heading, *_grid(part), notes
+def _grid(comparison: StudyComparison) -> tuple[str, list[str], list[list[str]], Sequence[str]]:
+    header = [*comparison.varying, "A", "B", "B/A", "95 %", "losses", ""]
+    rows = change_rows(comparison.changes, comparison.varying)
+    for row, failures in zip(rows, comparison.failures, strict=True):
+        row[-1] += ", fails" if failures else ""
+    return quantity(comparison.metric).heading, header, rows, comparison.notes
 
 
-def _grid(part: MetricChanges) -> tuple[list[str], list[list[str]]]:
-    """A column says what is allowed, where it is not the same for all."""
-    header, rows = [*part.varying, "A", "B", "B/A", "95 %", "losses", ""], change_rows(part.changes, part.varying)
-    for row, worse in zip(rows, part.worse, strict=True):
-        row[-1] += ", too much" if worse else ""
-    if len(set(part.allowed)) <= 1:
-        return header, rows
-    allowed = ["" if percent is None else f"×{1 + percent / 100:g}" for percent in part.allowed]  # noqa: RUF001
-    return [*header[:-1], "allowed", ""], [[*row[:-1], may, row[-1]] for row, may in zip(rows, allowed, strict=True)]
-
-
-def _records(part: MetricChanges) -> Iterator[dict[str, Any]]:
-    for change, percent, worse in zip(part.changes, part.allowed, part.worse, strict=True):
-        judgement = change.judgement
-        numbers = {"a": change.means[0], "b": change.means[1], "ratio": judgement.ratio}
-        numbers |= {"low": judgement.low, "high": judgement.high}
+def _records(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
+    for change, failures in zip(comparison.changes, comparison.failures, strict=True):
+        judgement, means = change.judgement, map(_average, change.values)
+        numbers = dict(zip(("a", "b"), means, strict=True))
+        numbers |= {"ratio": judgement.ratio, "low": judgement.low, "high": judgement.high}
         yield {
-            "metric": part.metric,
+            "metric": comparison.metric,
             "combination": change.combination._asdict(),
             **{name: float(value) if math.isfinite(value) else None for name, value in numbers.items()},
-            "runs": list(map(int, change.runs)),
-            "lost": list(map(int, change.lost)),
+            "runs": list(change.runs),
+            "lost": list(change.lost),
             "lost_up_to": list(map(loss_bound, change.lost, change.runs)),
             "verdict": change.verdict,
-            "allowed_percent": percent,
-            "worse": None if percent is None else worse,
+            "allowed_percent": comparison.allowed,
+            "worse": None if comparison.allowed is None else bool(failures),
+            "failures": failures,
             "judged": not change.unjudged,
         }
 
 
-def _cases(part: MetricChanges) -> Iterator[JunitCase]:
-    rows = change_rows(part.changes, part.varying)
-    for change, row, percent, worse in zip(part.changes, rows, part.allowed, part.worse, strict=True):
-        names, (a, b, ratio, interval, lost, verdict) = row[:-6], row[-6:]
+def _cases(comparison: StudyComparison) -> Iterator[JunitCase]:
+    rows = change_rows(comparison.changes, comparison.varying)
+    for change, row, name, failures in zip(
+        comparison.changes, rows, comparison.names, comparison.failures, strict=True
+    ):
+        a, b, ratio, interval, lost, verdict = row[-6:]
         sentence = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}{f'; {lost}' if lost else ''}."
-        failures = [f"{sentence} That is worse by more than {percent:g} %."] if worse else []
-        if percent is not None and change.unjudged:
-            failures.append(f"{sentence} B lacks runs of A, so that it cannot be judged.")
-        yield JunitCase(part.metric, ", ".join(names) or "all", tuple(failures), () if failures else (sentence,))
+        said = [f"{sentence} It fails: {failure}." for failure in failures]
+        if comparison.allowed is not None and change.unjudged:
+            said.append(f"{sentence} It cannot be judged: {change.unjudged}.")
+        yield JunitCase(comparison.metric, name, tuple(said), () if said else (sentence,))

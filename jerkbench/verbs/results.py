@@ -2,7 +2,8 @@
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,7 @@ from jerkbench.verbs.arguments import (
 
 if TYPE_CHECKING:
     from jerkbench.jobs.study import Study
-    from jerkbench.report.changes import MetricChanges, Tolerances
+    from jerkbench.report.changes import StudyComparison
     from jerkbench.report.study_verdicts import StudyVerdicts
     from jerkbench.report.table_model import Table
 
@@ -248,7 +249,7 @@ def cite_verb(chosen: argparse.Namespace) -> None:
 COMPARISON_FORMATS = ("terminal", "md", "json", "junit")
 
 WORSE_CODE = 3
-"""Exit code where the second set is worse than it may be."""
+"""Exit code if a combination fails the gate."""
 
 
 READING_NOTE = (
@@ -268,9 +269,8 @@ READING_NOTE = (
         "--fail-above",
         type=percentage,
         metavar="PCT",
-        help="exit with 3 where B is worse than A by more than PCT percent, with 4 where it lacks what A has",
+        help="compare the same seeds, and exit with 3 if B is worse than A; see below",
     ),
-    argument("--tolerances", type=Path, metavar="FILE", help="what may become worse by how much; see below"),
     argument("--format", choices=COMPARISON_FORMATS, default="terminal", help="default: terminal"),
     *JUDGING,
 )
@@ -283,37 +283,28 @@ def compare_verb(chosen: argparse.Namespace) -> None:
       jerkbench compare results/first results/second --fail-above 3
       jerkbench compare results/first:jerk+none results/second:jerk+mtf --format md
 
-    --tolerances FILE says how much worse a result may become (YAML, or TOML with a list of [[tolerances]]). The first
-    line that fits a combination counts; if none fits, --fail-above counts. Patterns work as in file names:
+    --fail-above PCT makes it a gate for two versions of the same methods. A combination fails if
 
-      tolerances:
-        - {metric: position_rmse_m, method: mtf, scenario: gnss_outage, ratio: 1.10}
-        - {metric: outage_end_m, ratio: 1.2}
-        - {ratio: 1.02}
+      - its geometric mean over the runs of both is larger by more than PCT percent,
+      - more runs diverge or fail, or fewer runs have a value, or
+      - any single run increased by more than 10 times, or from 0.
 
     Exit codes:
 
-      0  done; with --fail-above or --tolerances: nothing is worse than it may be
-      1  a mistake of jerkbench itself
-      2  the input is wrong: a folder, a name, an option, a file of tolerances
-      3  with --fail-above or --tolerances: something is worse than it may be
-      4  A and B cannot be compared; with --fail-above or --tolerances also: B lacks results of A, or a file is damaged
+      0  done; with --fail-above: no combination fails
+      1  an internal error of jerkbench
+      2  the input is wrong: a folder, a name, an option
+      3  with --fail-above: a combination fails
+      4  A and B cannot be compared; with --fail-above also: B lacks results of A, A and B have no seed in common, or a
+         file is damaged
 
     Raises:
-        JerkbenchError: there are no results, nothing is in both, or they were not measured alike.
-        SystemExit: 3, where B is worse than it may be; 4, where nothing is, but B lacks results that A has.
+        JerkbenchError: there are no results, nothing is in both, or they were not measured in the same way.
+        SystemExit: 3 if a combination fails, otherwise 4 if something cannot be judged.
     """
     from jerkbench.jobs.selection import in_the_place_of, named_study, require_alike, selected
     from jerkbench.jobs.study import load_study
-    from jerkbench.report.changes import (
-        COMPARISON_WRITERS,
-        MetricChanges,
-        StudyComparison,
-        Tolerances,
-        changes,
-        print_comparison,
-        read_tolerances,
-    )
+    from jerkbench.report.changes import COMPARISON_WRITERS, StudyComparison, changes, print_comparison
     from jerkbench.report.findings import varying_factors
     from jerkbench.report.summary import main_metric
 
@@ -321,19 +312,12 @@ def compare_verb(chosen: argparse.Namespace) -> None:
     first, second = selected(load_study(a), of_a), selected(load_study(b), of_b)
     second, chosen_of = in_the_place_of(first, second, {**of_a, **of_b})
     require_alike(first, second)
-    tolerances = Tolerances(otherwise=chosen.fail_above)
-    if chosen.tolerances is not None:
-        tolerances = read_tolerances(chosen.tolerances, chosen.fail_above)
-    rule, varying = chosen_rule(chosen), varying_factors(first.rows)
-    metrics = [chosen.metric] if chosen.metric else tolerances.metrics(main_metric(first.rows), first.rows.columns)
-    parts = []
-    for metric in metrics:
-        changed = changes(first.rows, second.rows, metric, rule)
-        allowed = [tolerances.percent(metric, change.combination) for change in changed]
-        parts.append(MetricChanges(metric, changed, varying, allowed))
-    has_tolerances = tolerances.otherwise is not None or bool(tolerances.rules)
-    sentences, code = _failures(parts, first, second, chosen.tolerances) if has_tolerances else ([], 0)
-    comparison = StudyComparison(parts, [*chosen_of, *_notes(chosen, first, second, parts, tolerances)], bool(code))
+    metric, varying = chosen.metric or main_metric(first.rows), varying_factors(first.rows)
+    changed = changes(first.rows, second.rows, metric, chosen_rule(chosen))
+    comparison = StudyComparison(metric, changed, varying, (), chosen.fail_above, failed=False)
+    sentences, code = ([], 0) if chosen.fail_above is None else _failures(comparison, first, second)
+    notes = [*chosen_of, *_notes(chosen, first, second, comparison)]
+    comparison = comparison._replace(notes=notes, failed=bool(code))
     if chosen.format in COMPARISON_WRITERS:
         print(COMPARISON_WRITERS[chosen.format](comparison), end="")
     else:
@@ -344,18 +328,12 @@ def compare_verb(chosen: argparse.Namespace) -> None:
         raise SystemExit(code)
 
 
-def _notes(
-    chosen: argparse.Namespace,
-    first: "Study",
-    second: "Study",
-    parts: "Sequence[MetricChanges]",
-    tolerances: "Tolerances",
-) -> list[str]:
+def _notes(chosen: argparse.Namespace, first: "Study", second: "Study", comparison: "StudyComparison") -> list[str]:
     from jerkbench.jobs.selection import other_methods
     from jerkbench.report.changes import notes_of_tests, other_leaders
     from jerkbench.report.study_verdicts import study_verdicts
 
-    rule, method, changed = chosen_rule(chosen), chosen_method(chosen), parts[0].changes
+    rule, method, changed = chosen_rule(chosen), chosen_method(chosen), comparison.changes
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
     notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
     notes += [READING_NOTE, *notes_of_tests(changed)]
@@ -365,31 +343,24 @@ def _notes(
     notes += [f"Damaged in {name}, and left out: {', '.join(files)}." for name, files in damaged if files]
     if absent := sum(change.absent for change in changed):
         notes.append(f"{absent} runs of A have no run of the same seed in B.")
-    notes += tolerances.idle((part.metric, change.combination) for part in parts for change in part.changes)
-    verdicts = (study_verdicts(study.rows, parts[0].metric, method, rule) for study in (first, second))
+    found = zip(comparison.names, comparison.failures, strict=True)
+    notes += [f"{name} fails: {failure}." for name, failures in found for failure in failures]
+    verdicts = (study_verdicts(study.rows, comparison.metric, method, rule) for study in (first, second))
     return [*notes, *other_leaders(*(of.standings for of in verdicts))]
 
 
-def _failures(
-    parts: "Sequence[MetricChanges]", first: "Study", second: "Study", file: Path | None
-) -> tuple[list[str], int]:
-    """Return what is worse and what cannot be judged, in sentences, and the exit code."""
-    sentences = [_counted(part, file) for part in parts]
-    changed = parts[0].changes
-    lacking = first.combinations - len(changed) + sum(change.unjudged for change in changed)
-    if lacking:
+def _failures(comparison: "StudyComparison", first: "Study", second: "Study") -> tuple[list[str], int]:
+    """Return how many combinations fail or cannot be judged, in sentences, and the exit code."""
+    changed, worse = comparison.changes, sum(map(bool, comparison.failures))
+    sentences = [f"{worse} of {len(changed)} combinations fail (allowed: {comparison.allowed:g} %)."]
+    reasons = Counter(change.unjudged for change in changed if change.unjudged)
+    if missing := first.combinations - len(changed):
+        reasons["they are missing in B"] = missing
+    if reasons:
+        because = "; ".join(f"{count} because {reason}" for reason, count in reasons.items())
         sentences.append(
-            f"{lacking} of the {first.combinations} combinations of A cannot be judged: B lacks them, or runs of them."
+            f"{reasons.total()} of the {first.combinations} combinations of A cannot be judged: {because}."
         )
-    damaged = len(first.damaged) + len(second.damaged)
-    if damaged:
+    if damaged := len(first.damaged) + len(second.damaged):
         sentences.append(f"{damaged} damaged file{'s' * (damaged > 1)} cannot be judged.")
-    unjudged = NOT_COMPARABLE if lacking or damaged else 0
-    return sentences, WORSE_CODE if any(any(part.worse) for part in parts) else unjudged
-
-
-def _counted(part: "MetricChanges", file: Path | None) -> str:
-    limits = {percent for percent in part.allowed if percent is not None}
-    by = f"{limits.pop():g} %" if len(limits) == 1 and file is None else f"{file} allows"
-    subject = "combinations" if file is None else f"combinations, by {part.metric},"
-    return f"{sum(part.worse)} of {len(part.changes)} {subject} are worse by more than {by}."
+    return sentences, WORSE_CODE if worse else NOT_COMPARABLE if reasons or damaged else 0

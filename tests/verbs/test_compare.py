@@ -1,31 +1,14 @@
-"""`jerkbench compare` with a file of tolerances, and of one method with another."""
+"""`jerkbench compare`: the gate for CI, and one method against another."""
 
 import hashlib
 import json
+from xml.etree import ElementTree as ET
 
 import pytest
 
 from commands import verb
 from jerkbench.jobs.store import Store
-from stored_cells import LABELS, about, row, store_cell
-
-YAML = """\
-tolerances:
-  - {method: mtf, scenario: "*outage", ratio: 1.5}
-  - {metric: velocity_rmse_mps, ratio: 1.02}
-  - {ratio: 1.10}
-"""
-TOML = """\
-[[tolerances]]
-method = "mtf"
-scenario = "*outage"
-ratio = 1.5
-[[tolerances]]
-metric = "velocity_rmse_mps"
-ratio = 1.02
-[[tolerances]]
-ratio = 1.10
-"""
+from stored_cells import LABELS, about, drop, row, store_cell
 
 
 def put(folder, rmse_m, rmse_mps=1.0, **labels):
@@ -48,70 +31,62 @@ def before(tmp_path):
     return study(tmp_path / "before")
 
 
-@pytest.mark.parametrize(("name", "rules"), [("rules.yaml", YAML), ("rules.toml", TOML)])
-def test_each_combination_has_its_own_tolerance(before, tmp_path, name, rules):
-    (tmp_path / name).write_text(rules)
-    study(tmp_path / "near", outage=1.4, nothing=1.09, velocity=1.01)
-    study(tmp_path / "after", outage=1.6, nothing=1.09, velocity=1.03)
-    passed = verb("compare", "before", "near", "--tolerances", name, cwd=tmp_path)
-    assert passed.returncode == 0, passed.stderr
+@pytest.fixture
+def ruined(before, tmp_path):
+    """A later version in which seed 2 of one combination is 50 times as wrong, and seed 1 of another diverged."""
+    study(tmp_path / "after")
+    for disturbance, change in (
+        ("none", {"position_rmse_m": 2.0 * 1.2 * 50}),
+        ("gnss_outage", {"status": "diverged", "reason": "x"}),
+    ):
+        labels = {"adaptation": "mtf", "disturbance": disturbance}
+        rows = [row(2.0 * (1 + seed / 10), seed, **labels) | {"velocity_rmse_mps": 1.0} for seed in range(3)]
+        rows[2 if disturbance == "none" else 1].update(change)
+        key = hashlib.sha256(str(labels).encode()).hexdigest()[:16]
+        drop(Store(tmp_path / "after"), [key])
+        store_cell(Store(tmp_path / "after"), key, rows, about(labels={**LABELS, **labels}))
+    return ["compare", "before", "after", "--fail-above", "1000", "--format"]
 
-    done = verb("compare", "before", "after", "--tolerances", name, "--format", "json", cwd=tmp_path)
-    answer = json.loads(done.stdout)
-    worse = {
-        (change["metric"], change["combination"]["adaptation"], change["combination"]["disturbance"])
+
+REASONS = {
+    "gnss_outage, mtf": ["1 of 3 runs diverged or failed in B, 0 in A (seed 1)"],
+    "none, mtf": ["1 of 3 runs increased by more than 10 times, at most by 50 times (seed 2)"],
+}
+
+
+@pytest.mark.parametrize("name", ["terminal", "md"])
+def test_the_gate_prints_which_combination_and_which_seed_failed(ruined, tmp_path, name):
+    done = verb(*ruined, name, cwd=tmp_path)
+    text = " ".join((done.stdout + done.stderr).split())
+
+    assert done.returncode == 3
+    assert all(f"{combination} fails: {reason}." in text for combination, (reason,) in REASONS.items())
+    assert text.count(" fails: ") == 2
+    assert "2 of 4 combinations fail (allowed: 1000 %)." in text
+
+
+def test_the_gate_gives_its_reasons_to_programs(ruined, tmp_path):
+    answer = json.loads(verb(*ruined, "json", cwd=tmp_path).stdout)
+    suite = ET.fromstring(verb(*ruined, "junit", cwd=tmp_path).stdout)  # noqa: S314 - our own
+
+    found = {
+        ", ".join(change["combination"][key] for key in ("disturbance", "adaptation")): change["failures"]
         for change in answer["changes"]
         if change["worse"]
     }
-    velocities = {
-        ("velocity_rmse_mps", *method) for method in (("none", "gnss_outage"), ("none", "none"), ("mtf", "none"))
-    }
-    assert done.returncode == 3
-    assert answer["metrics"] == ["position_rmse_m", "velocity_rmse_mps"]
-    assert worse == {("position_rmse_m", "mtf", "gnss_outage"), *velocities}
-    assert "3 of 4 combinations, by velocity_rmse_mps, are worse by more than" in done.stderr
+    assert (answer["ok"], found) == (False, REASONS)
+    messages = {case.attrib["name"]: [one.attrib["message"] for one in case.findall("failure")] for case in suite}
+    assert {name: len(texts) for name, texts in messages.items() if texts} == dict.fromkeys(REASONS, 1)
+    assert all(messages[name][0].endswith(f"It fails: {reason}.") for name, (reason,) in REASONS.items())
 
 
-def test_the_table_says_what_was_allowed_and_what_failed(before, tmp_path):
-    (tmp_path / "rules.yaml").write_text(YAML)
-    study(tmp_path / "after", outage=1.6, nothing=1.05)
-    page = verb("compare", "before", "after", "--tolerances", "rules.yaml", "--format", "md", cwd=tmp_path).stdout
-    outage = next(line for line in page.splitlines() if line.startswith("| gnss_outage | mtf"))
+def test_the_gate_fails_for_studies_without_a_common_seed(before, tmp_path):
+    store_cell(Store(tmp_path / "one"), "a" * 16, [row(2.0, 9, adaptation="mtf")], about())
+    store_cell(Store(tmp_path / "two"), "b" * 16, [row(2.0, 8, adaptation="mtf")], about())
+    done = verb("compare", "one", "two", "--fail-above", "3", cwd=tmp_path)
 
-    assert "×1.60 |      | 0 of 3 lost (up to 63 %) | ×1.5 " in outage  # noqa: RUF001
-    assert outage.endswith(", too much |")
-    assert page.count("too much") == 1
-    assert page.count("## ") == 2
-
-
-def test_where_no_line_fits_the_option_counts_and_a_line_that_fits_nothing_is_told(before, tmp_path):
-    (tmp_path / "rules.yaml").write_text("tolerances:\n  - {method: huber, ratio: 2}\n")
-    study(tmp_path / "after", nothing=1.2)
-    words = ["compare", "before", "after", "--tolerances", "rules.yaml"]
-
-    free = verb(*words, cwd=tmp_path)
-    assert free.returncode == 0
-    assert "Tolerance 1 fits no combination (metric *, method huber, scenario *)." in free.stdout
-    assert verb(*words, "--fail-above", "10", cwd=tmp_path).returncode == 3
-
-
-@pytest.mark.parametrize(
-    ("rules", "sentence"),
-    [
-        ("tolerance: []", "has no list of tolerances"),
-        ("tolerances: [1.05]", "tolerance 1 is 1.05; write it as"),
-        ("tolerances: [{ratio: 5 %}]", "ratio is '5 %'; it must be a number above 0"),
-        ("tolerances: [{metric: a}]", "ratio is None"),
-        ("tolerances: [{ratio: 1.1, filter: jerk}]", "There is no key 'filter'"),
-        ("tolerances: [", "rules.yaml cannot be read: "),
-    ],
-)
-def test_a_file_that_says_nothing_clear_is_refused(before, tmp_path, rules, sentence):
-    (tmp_path / "rules.yaml").write_text(rules)
-    done = verb("compare", "before", "before", "--tolerances", "rules.yaml", cwd=tmp_path)
-
-    assert done.returncode == 2
-    assert sentence in done.stderr
+    assert done.returncode == 4
+    assert "1 of the 1 combinations of A cannot be judged: 1 because A and B have no seed in common." in done.stdout
 
 
 def test_one_method_is_compared_with_another_on_the_scenarios_of_both(before, tmp_path):

@@ -1,7 +1,5 @@
 """Two sets of results: what is the same, what is better, what fails a build."""
 
-import math
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -33,7 +31,7 @@ def scaled(rows, factor, scatter=0.0):
 def test_the_same_is_the_same_to_the_bit(before):
     found = changes(before, before.copy(), METRIC)
     assert [one.verdict for one in found] == ["the same to the bit"] * 2
-    assert not any(one.worse(0.0) for one in found)
+    assert not any(one.failures(0.0) for one in found)
 
 
 @pytest.mark.parametrize(("factor", "verdict", "fails"), [(1.1, "worse", True), (0.9, "better", False)])
@@ -41,8 +39,49 @@ def test_a_small_change_is_seen_on_the_same_seeds(before, factor, verdict, fails
     for one in changes(before, scaled(before, factor, 0.02), METRIC):
         assert one.verdict == verdict
         assert one.judgement.ratio == pytest.approx(factor, rel=0.02)
-        assert one.worse(5.0) is fails
-        assert not one.worse(12.0)
+        assert bool(one.failures(5.0)) is fails
+        assert not one.failures(12.0)
+
+
+@pytest.mark.parametrize("count", [10, 20])
+@pytest.mark.parametrize("ruined", range(1, 11))
+def test_the_gate_fails_for_every_number_of_ruined_runs(cell_rows, count, ruined):
+    """1 to 10 runs of 10, and of 20, become 50 times as wrong; the others do not change."""
+    rng = np.random.default_rng([count, ruined])
+    errors = np.exp(rng.normal(scale=0.5, size=count))
+    factors = np.where(rng.permutation(count) < ruined, 50.0, 1.0)
+    sets = [pd.DataFrame(cell_rows("jerk", "none", list(values))) for values in (errors, errors * factors)]
+
+    (one,) = changes(*sets, METRIC)
+    mean, single = one.failures(3.0)
+    assert f"{100 * (50.0 ** (ruined / count) - 1):.3g} % larger" in mean
+    assert f"{ruined} of {count} runs" in single
+    assert f"(seed{'s' * (ruined > 1)} {factors.argmax()}" in single
+    assert one.failures(1e6) == [single]  # no tolerance allows a ruined run
+
+
+@pytest.mark.parametrize("count", [10, 20])
+@pytest.mark.parametrize("seed", range(10))
+def test_the_gate_passes_an_unchanged_version(cell_rows, count, seed):
+    """It may have diverged runs and runs without a value, and another processor rounds differently."""
+    rng = np.random.default_rng([count, seed])
+    errors = np.where(rng.random(count) < 0.1, np.nan, np.exp(rng.normal(scale=1.5, size=count)))
+    status = np.where(rng.random(count) < 0.2, "diverged", "ok")
+    rounded = errors * (1 + 1e-9 * rng.normal(size=count))
+    sets = [pd.DataFrame(cell_rows("jerk", "none", list(of))).assign(status=status) for of in (errors, errors, rounded)]
+
+    for later in sets[1:]:
+        (one,) = changes(sets[0], later, METRIC)
+        assert (one.failures(3.0), one.unjudged) == ([], "")
+
+
+@pytest.mark.parametrize(("factor", "fails"), [(9.9, False), (10.1, True)])
+def test_a_single_run_may_not_be_ten_times_as_wrong_even_where_the_mean_improves(before, factor, fails):
+    factors = np.where(before["seed"] == 7, factor, 0.5)
+    for one in changes(before, before.assign(position_rmse_m=before[METRIC] * factors), METRIC):
+        found = one.failures(3.0)
+        assert len(found) == fails
+        assert all("seed 7" in sentence and "10.1 times" in sentence for sentence in found)
 
 
 def test_on_other_seeds_little_can_be_shown(before):
@@ -50,16 +89,22 @@ def test_on_other_seeds_little_can_be_shown(before):
     for one in changes(before, later, METRIC):
         assert not one.paired
         assert one.verdict == "undecided (other seeds)"
-        assert not one.worse(5.0)
     much = scaled(before, 10.0, 0.02).assign(seed=lambda rows: rows["seed"] + 100)
-    assert all(one.worse(5.0) and one.verdict == "worse (other seeds)" for one in changes(before, much, METRIC))
+    assert all(one.verdict == "worse (other seeds)" for one in changes(before, much, METRIC))
+
+
+def test_the_gate_cannot_judge_runs_without_a_common_seed(before):
+    for one in changes(before, scaled(before, 100.0).assign(seed=before["seed"] + 100), METRIC):
+        assert (one.failures(5.0), one.unjudged) == ([], "A and B have no seed in common")
 
 
 def test_more_lost_runs_are_worse(before):
     later = before.copy()
     later.loc[later["seed"] == 3, "status"] = "diverged"
-    assert all(one.worse(50.0) and one.lost == (0, 1) for one in changes(before, later, METRIC))
-    assert not any(one.worse(50.0) for one in changes(later, before, METRIC))
+    for one in changes(before, later, METRIC):
+        assert one.lost == (0, 1)
+        assert one.failures(50.0) == ["1 of 20 runs diverged or failed in B, 0 in A (seed 3)"]
+    assert not any(one.failures(50.0) for one in changes(later, before, METRIC))
 
 
 def test_only_what_both_have_is_compared(before):
@@ -86,27 +131,23 @@ def test_a_line_has_both_means_and_the_ratio(before):
 def test_what_the_second_lacks_is_not_judged(before):
     fewer = before[(before["adaptation"] == "none") | (before["seed"] < 4)]
     none, mtf = changes(before, fewer, METRIC)
-    assert (none.unjudged, none.absent, mtf.unjudged, mtf.absent) == (False, 0, True, 16)
+    assert (none.unjudged, none.absent, mtf.unjudged, mtf.absent) == ("", 0, "runs of A are missing in B", 16)
     halves = [before.assign(status=np.where((before["seed"] % 2 == k), "ok", "diverged")) for k in (0, 1)]
     assert all(one.unjudged and not one.same for one in changes(*halves, METRIC))  # as many lost, but never a pair
 
 
 def test_a_value_that_is_gone_is_worse(before):
     later = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3))
-    assert all(one.worse(50.0) for one in changes(before, later, METRIC))
-    assert not any(one.worse(50.0) for one in changes(later, before, METRIC))
+    for one in changes(before, later, METRIC):
+        assert one.failures(50.0) == ["19 of 20 runs have a value in B, 20 in A (seed 3)"]
+    assert not any(one.failures(50.0) for one in changes(later, before, METRIC))
 
 
 def test_what_rises_from_nothing_is_worse_although_it_has_no_ratio(before):
     none = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3, 0.0))
-    assert all(one.worse(50.0) for one in changes(none, before, METRIC))
-    assert not any(one.worse(50.0) or one.unjudged for one in changes(before, none, METRIC))
-
-
-def test_two_single_runs_of_other_seeds_are_judged_by_their_ratio(before):
-    one = before[before["seed"] == 0]
-    later = scaled(one, 100.0).assign(seed=1)
-    assert all(change.worse(5.0) and math.isnan(change.judgement.low) for change in changes(one, later, METRIC))
+    for one in changes(none, before, METRIC):
+        assert one.failures(50.0) == ["1 of 20 runs increased from 0 (seed 3)"]
+    assert not any(one.failures(50.0) or one.unjudged for one in changes(before, none, METRIC))
 
 
 def test_who_loses_more_runs_is_not_better_on_the_same_seeds(before):
