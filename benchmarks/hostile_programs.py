@@ -21,7 +21,8 @@ import pyarrow.parquet as pq
 from hostile_entries import HangError, hang
 from hostile_results import answered, sign
 
-from jerkbench.suite.entry import ENTRY_FILE, HASHED, file_hashes
+from jerkbench.suite.entry import ENTRY_FILE, HASHED
+from jerkbench.tuning.stored_files import file_hashes
 
 PATIENCE_S = 120
 """An answer that takes longer hangs."""
@@ -151,7 +152,7 @@ def other_program(entry: Path) -> None:
     path = entry / ENTRY_FILE
     content = json.loads(path.read_text(encoding="utf-8"))
     content["method"]["filter"]["command"] = "./stands x y"
-    path.write_text(json.dumps(content | {"files": file_hashes(entry)}), encoding="utf-8")
+    path.write_text(json.dumps(content | {"files": file_hashes(entry, HASHED)}), encoding="utf-8")
 
 
 def other_hashes(entry: Path) -> None:

@@ -24,7 +24,7 @@ def made_rows(protocol=SMALL, seed=0, ratio=None):
     uses += [(seed, JUDGED) for seed in protocol.seeds_to_judge_on]
     level = dict(zip([seed for seed, _ in uses], rng.normal(-3.0, 0.8, len(uses)), strict=True))
     drives = pd.DataFrame([{"seed": s, "tuning": r, "level": level[s], **dataset.columns(s)} for s, r in uses])
-    tuned, judged = [], []
+    tuned, judged, settings = [], [], []
     for method in [*protocol.competing, *protocol.beside]:
         mean, luck = ratio.get(tuple(method), 0.0), dict(zip(level, rng.normal(0.0, 0.3, len(level)), strict=True))
         for tuning in protocol.tunings_of(method):
@@ -33,6 +33,10 @@ def made_rows(protocol=SMALL, seed=0, ratio=None):
                 head = {"filter": method.filter, "adaptation": method.adaptation, "tuning": tuning, "trial": trial}
                 tuned.append({**head, "drives": protocol.tune_drives, "lost": 0, "loss": loss})
             own = [(tried, mean + rng.normal(0.0, 0.05)) for tried in protocol.searches(method)]
+            settings += [
+                {**method._asdict(), "tuning": tuning, "tried": tried, "knob": "adaptation.window", "value": value}
+                for tried, value in own
+            ]
             for tried, value in [(1, mean + 0.4), *own] if tuning == 0 else own:
                 best = min((row["loss"], row["trial"]) for row in tuned[-max(protocol.searches(method)) :][:tried])
                 for drive in protocol.judges(method):
@@ -50,4 +54,4 @@ def made_rows(protocol=SMALL, seed=0, ratio=None):
                             "log_error": np.nan if lost else error,
                         }
                     )
-    return AuditRows(protocol, drives, pd.DataFrame(tuned), pd.DataFrame(judged), pd.DataFrame())
+    return AuditRows(protocol, drives, pd.DataFrame(tuned), pd.DataFrame(judged), pd.DataFrame(settings))

@@ -27,14 +27,13 @@ from jerkbench.audit.answer import (
     worded,
 )
 from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.runs import collected, losses_of, read_rows, write_protocol
+from jerkbench.audit.runs import collected, losses_of, read_manifest, read_rows, write_manifest, write_protocol
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.evaluation.judgement import Verdict
 from jerkbench.files import write_text
 from jerkbench.jobs.executors import Cluster, Workers
 from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.jobs.manifest import MANIFEST
 from jerkbench.notices import notify
 from jerkbench.parameters import provenance_of
 from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, save_figure
@@ -248,7 +247,7 @@ def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: 
     write_protocol(protocol, folder)
     with Workers(cluster, workers) as own:
         collected(protocol, Site(folder / "runs", own)).write(folder)
-    write_text(folder / MANIFEST, json.dumps(made, indent=1) + "\n")
+    write_manifest(folder, made)
     return judged_audit(folder)
 
 
@@ -259,7 +258,7 @@ def judged_audit(folder: Path) -> AuditAnswer:
         JerkbenchError: there are none.
     """
     answer = answered(read_rows(folder))
-    write_page(answer, folder, json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["git_commit"])
+    write_page(answer, folder, read_manifest(folder)["git_commit"])
     return answer
 
 

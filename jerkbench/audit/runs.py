@@ -1,8 +1,10 @@
 """The runs of an audit; what they leave, rows from which every number of its page follows; and these as arrays."""
 
 import dataclasses
+import hashlib
 import json
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,8 +20,22 @@ from jerkbench.audit.protocol import PUBLISHED, AuditMethod, AuditProtocol, audi
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.drives_and_tunings import Losses, log_losses
 from jerkbench.files import write_atomically, write_text
+from jerkbench.jobs.manifest import MANIFEST
 from jerkbench.jobs.progress import Progress
 from jerkbench.tuning.entrant import RunRules, Site, Try
+from jerkbench.tuning.stored_files import (
+    Test,
+    changed_files,
+    file_hashes,
+    is_mapping_of,
+    is_string,
+    is_text,
+    read_file,
+    read_table,
+    require_columns,
+    require_parts,
+    require_regular,
+)
 
 _STATED = "protocol.json"
 _METHOD = ["filter", "adaptation"]
@@ -62,7 +78,17 @@ class AuditRows:
             write_rows(table, folder / f"{name}.parquet")
 
 
-TABLES = tuple(known.name for known in dataclasses.fields(AuditRows) if known.name != "protocol")
+COLUMNS = {
+    "drives": ("tuning", "seed", "level"),
+    "tuned": (*_METHOD, "tuning", "trial", "drives", "lost", "loss"),
+    "judged": (*_METHOD, "tuning", "tried", "trial", "seed", "status", "log_error"),
+    "settings": (*_METHOD, "tuning", "tried", "knob", "value"),
+}
+"""Columns that each table must have, by the names of the tables. The last one is a number."""
+
+TABLES = tuple(COLUMNS)
+_FILES = (_STATED, *(f"{name}.parquet" for name in TABLES))
+_TEXTS, _KEYS = (*_METHOD, "status"), (*_METHOD, "tuning", "tried", "trial", "seed")
 
 
 # The runs of an audit: every setting on the drives to tune on, then the best of each tuning on unseen drives.
@@ -181,6 +207,8 @@ def _knobs(protocol: AuditProtocol, picked: pd.DataFrame) -> pd.DataFrame:
 
 # Reading and writing.
 
+_ORIGIN = "Run `jerkbench audit` to its end; runs that are stored are not repeated."
+
 
 def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
     """Write the protocol and its hash, before anything runs.
@@ -189,33 +217,134 @@ def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
         JerkbenchError: the folder has another protocol's results.
     """
     path = folder / _STATED
-    if path.exists() and (there := json.loads(path.read_text(encoding="utf-8")))["digest"] != protocol.digest:
+    if path.exists() and (there := _stated(path)["digest"]) != protocol.digest:
         raise JerkbenchError(
-            f"{folder} has an audit of another protocol ({there['digest']}; this one is {protocol.digest}); give"
-            " another folder (--results), or delete it."
+            f"{folder} has an audit of another protocol ({there}; this one is {protocol.digest}); give another folder"
+            " (--results), or delete it."
         )
     write_text(path, json.dumps({"digest": protocol.digest, **dataclasses.asdict(protocol)}, indent=1))
+
+
+def _stated(path: Path) -> dict[str, Any]:
+    require_regular([path], _ORIGIN)
+    stated = read_file(path, lambda own: json.loads(own.read_text(encoding="utf-8")), _ORIGIN)
+    fits = isinstance(stated, dict) and is_text(stated.get("digest"))
+    require_parts(path, {"": fits or "a JSON object with a digest"}, _ORIGIN)
+    return dict(stated)
+
+
+def write_manifest(folder: Path, made: Mapping[str, object]) -> None:
+    """Write what the rows were made with, the hashes of the other files, and the hash of all of this."""
+    write_text(folder / MANIFEST, _manifest_text({**made, "files": file_hashes(folder, _FILES)}))
+
+
+def _manifest_text(content: Mapping[str, object]) -> str:
+    digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    return json.dumps({**content, "digest": digest}, indent=1) + "\n"
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    text = path.read_text(encoding="utf-8")
+    content = json.loads(text)
+    content = {key: value for key, value in content.items() if key != "digest"} if isinstance(content, dict) else {}
+    if _manifest_text(content) != text:
+        raise ValueError("it was changed after it was made, or an earlier version made it")
+    return content
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of an audit.
+
+    Raises:
+        JerkbenchError: a file is missing, or was changed after it was made.
+    """
+    require_regular((folder / name for name in (MANIFEST, *_FILES)), _ORIGIN)
+    manifest = read_file(folder / MANIFEST, _manifest, _ORIGIN)
+    hashes, commit = manifest.get("files"), manifest.get("git_commit")
+    parts: dict[str, bool | str] = {
+        "'files'": is_mapping_of(is_text)(hashes) or "hashes by the names of the files",
+        "'git_commit'": is_text(commit) or "a commit",
+    }
+    require_parts(folder / MANIFEST, parts, _ORIGIN)
+    for name in _FILES:
+        for sentence in read_file(folder / name, lambda path: changed_files(folder, hashes, [path.name]), _ORIGIN):
+            raise JerkbenchError(f"{folder}: {sentence} {_ORIGIN}")
+    return dict(manifest)
 
 
 def read_rows(folder: Path) -> AuditRows:
     """Return the rows of the audit in ``folder``.
 
     Raises:
-        JerkbenchError: there is none, or its protocol is not what its hash says.
+        JerkbenchError: there is none, a file was changed after it was made, or rows are missing.
     """
-    try:
-        stated = json.loads((folder / _STATED).read_text(encoding="utf-8"))
-        tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
-    except FileNotFoundError as error:
-        raise JerkbenchError(f"{error.filename} is not there; run the audit to its end first.") from error
+    read_manifest(folder)
+    stated = _stated(folder / _STATED)
     digest = stated.pop("digest")
     protocol = audit_protocol(stated, folder / _STATED)
     if protocol.digest != digest:
         raise JerkbenchError(f"{folder / _STATED} says digest {digest}, but has {protocol.digest}; it was changed.")
-    return AuditRows(protocol, **tables)
+    rows = AuditRows(protocol, **{name: _table(folder / f"{name}.parquet", COLUMNS[name]) for name in TABLES})
+    _require_complete(rows, folder)
+    return rows
 
 
-_TEXTS = ("filter", "adaptation", "status")
+def _table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
+    table = read_file(path, read_table, _ORIGIN)
+    kinds = {name: "text" if name in (*_TEXTS, "knob") else "whole numbers" for name in columns[:-1]}
+    require_columns(path, table, {**kinds, columns[-1]: "numbers"}, _IS_KIND, _ORIGIN)
+    rows: pd.DataFrame = table.to_pandas(ignore_metadata=True)
+    return rows
+
+
+_IS_KIND: Mapping[str, Test] = {
+    "text": lambda kind: is_string(kind.value_type if pa.types.is_dictionary(kind) else kind),
+    "whole numbers": pa.types.is_integer,
+    "numbers": pa.types.is_floating,
+}
+
+
+def _require_complete(rows: AuditRows, folder: Path) -> None:
+    """Check that each row is there once, and that its number is finite unless the run diverged or failed.
+
+    Raises:
+        JerkbenchError: a row or a number is missing, or there too often.
+    """
+    protocol, methods = rows.protocol, [*rows.protocol.competing, *rows.protocol.beside]
+    for name, table in rows.tables.items():
+        number, has_value = COLUMNS[name][-1], table["status"] == "ok" if name == "judged" else True
+        fits = (np.isfinite(table[number]) == has_value).all()
+        said = "finite, except in runs that diverged or failed"
+        require_parts(folder / f"{name}.parquet", {f"column '{number}'": bool(fits) or said}, _ORIGIN)
+    seeds = {(r,): protocol.seeds_to_tune_on(r) for r in range(protocol.tunings)}
+    tunings = [(method, r) for method in methods for r in protocol.tunings_of(method)]
+    trials = {(*method, r): range(max(protocol.searches(method))) for method, r in tunings}
+    _require_once(folder, "drives", rows.drives, "seed", {**seeds, (JUDGED,): protocol.seeds_to_judge_on})
+    _require_once(folder, "tuned", rows.tuned, "trial", trials)
+    found = picks(protocol, rows.tuned).drop(columns="loss").itertuples(index=False, name=None)
+    judges = {own: protocol.judges(AuditMethod(*own[:2])) for own in found}
+    judges |= {(*method, 0, 1, 0): protocol.judges(method) for method in methods}
+    _require_once(folder, "judged", rows.judged, "seed", judges)
+    searches = Counter(method for method, _ in tunings for _ in protocol.searches(method))
+    for key, own in rows.settings.groupby([*_METHOD, "knob"], observed=True):
+        *names, knob = map(str, key)
+        fits = len(own) == len(own.drop_duplicates(["tuning", "tried"])) == searches[AuditMethod(*names)]
+        part = {f"the value of {knob} of {', '.join(names)}": fits or "there once for each search"}
+        require_parts(folder / "settings.parquet", part, _ORIGIN)
+
+
+def _require_once(
+    folder: Path, name: str, table: pd.DataFrame, each: str, wanted: Mapping[tuple[Any, ...], range]
+) -> None:
+    """Check that for each wanted group of rows, and no other, the column ``each`` has each value once."""
+    by = [column for column in COLUMNS[name] if column in _KEYS and column != each]
+    found = table.groupby(by, observed=True)[each].agg(["size", "nunique", "min", "max"]).reset_index()
+    groups = {tuple(own[: len(by)]): own[len(by) :] for own in found.itertuples(index=False, name=None)}
+    for key in {**wanted, **groups}:
+        own = wanted.get(key, range(0))
+        fits = bool(own) and groups.get(key) == (len(own), len(own), own[0], own[-1])
+        part = {f"the rows of {', '.join(map(str, key))}": fits or f"there once for each {each}, and no others"}
+        require_parts(folder / f"{name}.parquet", part, _ORIGIN)
 
 
 def write_rows(rows: pd.DataFrame, path: Path) -> None:

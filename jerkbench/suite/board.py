@@ -26,10 +26,11 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.notices import plain
 from jerkbench.report.writers import environment
 from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, plugins_digest
-from jerkbench.suite.entry import ENTRY_FILE, PAGE, Entry, file_hashes, frozen_part, read_entry
+from jerkbench.suite.entry import ENTRY_FILE, HASHED, PAGE, Entry, frozen_part, read_entry
 from jerkbench.suite.protocol import SuiteProtocol, read_suite
 from jerkbench.suite.scores import BoardValue, EntryScoring, score_as_json
 from jerkbench.tuning.entrant import NUMBERS, Entrant, Site, Try, knobs_of, tried_settings
+from jerkbench.tuning.stored_files import changed_files
 
 _TOLERANCE = 1e-9
 """Relative, of a number that was computed once more."""
@@ -54,12 +55,9 @@ def frozen_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
             )
 
 
-def file_mistakes(entry: Entry) -> Iterator[str]:
-    """Yield a sentence for each file that was changed after it was made."""
-    stated = entry.manifest["files"]
-    for name, own in file_hashes(entry.folder).items():
-        if stated.get(name) != own:
-            yield f"{name} was changed after it was made: its hash is not that of the manifest."
+def file_mistakes(entry: Entry) -> list[str]:
+    """Return a sentence for each file that was changed after it was made."""
+    return changed_files(entry.folder, entry.manifest["files"], HASHED)
 
 
 def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
@@ -123,7 +121,11 @@ def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> Chec
     """
     protocol = read_suite(str(entry.manifest.get("suite")))
     missing = missing_mistakes(entry, protocol)
-    mistakes = [*frozen_mistakes(entry, protocol), *file_mistakes(entry), *missing]
+    mistakes = [
+        *frozen_mistakes(entry, protocol),
+        *file_mistakes(entry),
+        *missing,
+    ]
     if missing:
         return CheckedEntry(tuple(mistakes), (), 0)
     if mistakes:

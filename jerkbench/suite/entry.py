@@ -1,6 +1,5 @@
 """An entry: its folder with rows, settings, what it was made with and its score; and the way of a method into it."""
 
-import hashlib
 import json
 import math
 import sys
@@ -11,23 +10,35 @@ from typing import Any
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 import yaml
 
 from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.files import cache_folder, read_yaml, write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.replay import program_of
-from jerkbench.notices import is_plain, plain
 from jerkbench.suite.campaign import AS_GIVEN, ENTRY, PLAIN, SUITE_ERROR, SuiteCampaign, plugins_digest, scored_plain
 from jerkbench.suite.protocol import FROZEN, TUNED_ON, SuiteProtocol, read_suite, require_recordings
 from jerkbench.suite.scores import EntryScoring, score_as_json
 from jerkbench.tuning.entrant import NUMBERS, Entrant, Site
 from jerkbench.tuning.space import Setting
+from jerkbench.tuning.stored_files import (
+    Test,
+    file_hashes,
+    is_mapping_of,
+    is_string,
+    is_text,
+    read_file,
+    read_table,
+    require_columns,
+    require_parts,
+    require_regular,
+)
 
 _ROWS, SETTINGS, PAGE, ENTRY_FILE = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
 HASHED = (_ROWS, SETTINGS, PAGE)
 """Files whose hashes stand in the manifest."""
+
+_ORIGIN = "An entry is made by `jerkbench suite run`."
 
 _TEXTS, COUNTS = ("method", "tuned_on", "status", "reason"), ("scenario", "seed")
 """Columns of the rows, by their types."""
@@ -36,8 +47,6 @@ _TEXTS, COUNTS = ("method", "tuned_on", "status", "reason"), ("scenario", "seed"
 ROW_COLUMNS = (*_TEXTS[:2], *COUNTS, *_TEXTS[2:], *NUMBERS, "seconds")
 """Of the rows: with the numbers of a run, and the time that it took."""
 
-
-Test = Callable[[Any], bool]
 
 Settings = Mapping[str, Mapping[str, Mapping[str, float]]]
 """The values by "entry" or "plain", what they were tuned on, and knob."""
@@ -89,7 +98,7 @@ def write_entry(folder: Path, manifest: Mapping[str, Any], rows: pd.DataFrame, s
     write_atomically(folder / _ROWS, lambda path: kept.to_parquet(path, index=False))
     write_text(folder / SETTINGS, yaml.safe_dump(settings, sort_keys=False))
     write_text(folder / PAGE, page)
-    whole = {**manifest, "files": file_hashes(folder)}
+    whole = {**manifest, "files": file_hashes(folder, HASHED)}
     write_text(folder / ENTRY_FILE, json.dumps(whole, indent=1) + "\n")
 
 
@@ -99,9 +108,7 @@ def read_entry(folder: Path) -> Entry:
     Raises:
         JerkbenchError: a part of it is missing or damaged; says which.
     """
-    for name in (ENTRY_FILE, *HASHED):  # a pipe would be waited for
-        if (folder / name).exists() and not (folder / name).is_file():
-            raise JerkbenchError(f"{folder / name} is no file. An entry is made by `jerkbench suite run`.")
+    require_regular((folder / name for name in (ENTRY_FILE, *HASHED)), _ORIGIN)
     manifest = _read(folder / ENTRY_FILE, lambda path: json.loads(path.read_text(encoding="utf-8")))
     _require(folder / ENTRY_FILE, {"": isinstance(manifest, dict) or "a JSON object"})
     _require(folder / ENTRY_FILE, {f"'{key}'": test(manifest.get(key)) or what for key, (test, what) in FACTS.items()})
@@ -114,17 +121,14 @@ def read_entry(folder: Path) -> Entry:
 
 def _rows(path: Path) -> pd.DataFrame:
     """Read the rows, and check the columns that an entry has."""
-    table, names = _read(path, _table)
-    is_kind = {"numbers": pa.types.is_float64, "text": _is_string, "whole numbers": pa.types.is_int64}
+    table = _read(path, read_table)
+    is_kind = {"numbers": pa.types.is_float64, "text": is_string, "whole numbers": pa.types.is_int64}
     kinds = {
         **dict.fromkeys(ROW_COLUMNS, "numbers"),
         **dict.fromkeys(_TEXTS, "text"),
         **dict.fromkeys(COUNTS, "whole numbers"),
     }
-    for name, kind in kinds.items():
-        fits = names.count(name) == 1 and is_kind[kind](table[name].type)
-        fits = fits and (kind == "numbers" or table[name].null_count == 0)
-        _require(path, {f"column '{name}'": fits or f"there once, with {kind} in every row"})
+    require_columns(path, table, kinds, is_kind, _ORIGIN)
     rows: pd.DataFrame = table.select(list(ROW_COLUMNS)).to_pandas(ignore_metadata=True)
     of_ok = rows.loc[rows["status"] == "ok", SUITE_ERROR]
     times = rows["seconds"]
@@ -134,48 +138,17 @@ def _rows(path: Path) -> pd.DataFrame:
     return rows
 
 
-def _table(path: Path) -> tuple[pa.Table, list[str]]:
-    """Read a table with the names of its columns; what pandas left beside it is not needed, and may be damaged."""
-    with pq.ParquetFile(path) as file:
-        table = file.read().replace_schema_metadata(None)
-    table.validate(full=True)
-    return table, table.column_names
-
-
-def _is_string(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
-
-
 def _read(path: Path, read: Callable[[Path], Any]) -> Any:  # noqa: ANN401 - what the reader makes of it
-    try:
-        return read(path)
-    except (OSError, ValueError, RecursionError, pa.ArrowException, yaml.YAMLError) as error:
-        said = plain(str(error).partition("\n")[0].rstrip("."))
-        reason = said if path.exists() else "it is not there"
-        raise JerkbenchError(f"{path} cannot be read: {reason}. An entry is made by `jerkbench suite run`.") from error
+    return read_file(path, read, _ORIGIN)
 
 
 def _require(path: Path, parts: Mapping[str, bool | str]) -> None:
-    """Refuse a file of which some part is not True but what it has to be."""
-    for part, fits in parts.items():
-        if fits is not True:
-            raise JerkbenchError(
-                f"{path} is damaged: {part or 'it'} must be {fits}. An entry is made by `jerkbench suite run`."
-            )
-
-
-def _is_text(value: object) -> bool:
-    """Whether it is text that steers no terminal."""
-    return isinstance(value, str) and is_plain(value)
+    require_parts(path, parts, _ORIGIN)
 
 
 def _is_number(value: object) -> bool:
     """Whether it is a finite number, and none that is too large for a float."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _is_mapping_of(test: Test) -> Test:
-    return lambda value: isinstance(value, dict) and all(_is_text(key) and test(own) for key, own in value.items())
 
 
 def _is_method(value: object) -> bool:
@@ -184,25 +157,25 @@ def _is_method(value: object) -> bool:
         isinstance(value, dict)
         and set(value) == {"filter", "adaptation", "r_scale"}
         and all(isinstance(own, dict) for own in value.values())
-        and all(_is_text(value[kind].get("name")) for kind in value if kind != "r_scale")
-        and _is_mapping_of(_is_number)(value["r_scale"])
+        and all(is_text(value[kind].get("name")) for kind in value if kind != "r_scale")
+        and is_mapping_of(_is_number)(value["r_scale"])
         and "${" not in json.dumps(value)
     )
 
 
 def _is_of_score(value: object) -> bool:
-    return value is None or _is_text(value) or isinstance(value, float) or _is_number(value)
+    return value is None or is_text(value) or isinstance(value, float) or _is_number(value)
 
 
 FACTS: Mapping[str, tuple[Test, str]] = {
-    "entry": (_is_text, "the name of the entry"),
-    "suite": (_is_text, "the name of its suite"),
-    "protocol": (_is_text, "a digest"),
-    "data": (lambda value: isinstance(value, list) and all(map(_is_text, value)), "a list of digests"),
+    "entry": (is_text, "the name of the entry"),
+    "suite": (is_text, "the name of its suite"),
+    "protocol": (is_text, "a digest"),
+    "data": (lambda value: isinstance(value, list) and all(map(is_text, value)), "a list of digests"),
     "method": (_is_method, "filter and adaptation with name and plain values, and r_scale with numbers"),
     "tuned": (lambda value: isinstance(value, bool), "true or false"),
-    "score": (_is_mapping_of(_is_of_score), "numbers and words by their names"),
-    "files": (_is_mapping_of(_is_text), "hashes by the names of the files"),
+    "score": (is_mapping_of(_is_of_score), "numbers and words by their names"),
+    "files": (is_mapping_of(is_text), "hashes by the names of the files"),
 }
 """What a check reads of the manifest, with a test of its value and what it has to be."""
 
@@ -214,20 +187,11 @@ SETTINGS_SHAPE = (
 def _are_settings(value: object) -> bool:
     """Whether both methods have the values of their knobs: as given, and tuned if they were tuned."""
     return (
-        _is_mapping_of(_is_mapping_of(_is_mapping_of(_is_number)))(value)
+        is_mapping_of(is_mapping_of(is_mapping_of(_is_number)))(value)
         and isinstance(value, dict)
         and set(value) == {"entry", "plain"}
         and all(set(own) in ({AS_GIVEN}, {AS_GIVEN, TUNED_ON}) for own in value.values())
     )
-
-
-def file_hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of each file of an entry but its manifest.
-
-    Raises:
-        OSError: one cannot be read.
-    """
-    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in HASHED}
 
 
 # The way of a method into a suite: from its parts to its entry.

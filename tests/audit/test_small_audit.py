@@ -86,5 +86,5 @@ def test_a_protocol_that_was_changed_afterwards_is_refused(alone, tmp_path):
     text = (tmp_path / "protocol.json").read_text(encoding="utf-8")
     (tmp_path / "protocol.json").write_text(text.replace('"margin": 0.1', '"margin": 0.2'), encoding="utf-8")
 
-    with pytest.raises(JerkbenchError, match="it was changed"):
+    with pytest.raises(JerkbenchError, match=r"protocol\.json was changed"):
         read_rows(tmp_path)
