@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from experiment_scripts import experiment
-from jerkbench.audit.answer import answered
-from jerkbench.audit.page import answer_summary, audit_page
+from jerkbench.audit.answer import answer_summary, answered
 from jerkbench.audit.runs import read_rows
 from jerkbench.jobs.study import load_study
 from jerkbench.report.table_model import number
@@ -114,4 +113,5 @@ def test_the_audits_page_is_that_of_its_rows():
 
     assert json.loads(json.dumps(answer_summary(answer, told["commit"]))) == told
     committed = (ROOT / "experiments/audit/README.md").read_text(encoding="utf-8")
+    audit_page = experiment("audit/audit_page.py").audit_page
     assert audit_page(answer, AUDIT, told["commit"]) == committed

@@ -25,6 +25,7 @@ TYPED = [
     (("score", "portable=false"), "suite verify"),
     (("table", "results/a", "--format", "tex", "--fit"), "resizebox"),
     (("compare", "results/a", "results/b", "--tolerances", "rules.yaml"), "--fail-above PERCENT"),
+    (("audit", "--stored", "--reweight", "faulty=0.05"), "experiments/audit/audit_page.py"),
     (("audit", "--attribution"), "what each step brings"),
     (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
     (("audit", "attitude", "--settings", "3"), "filter=attitude_only"),

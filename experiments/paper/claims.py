@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.audit.answer import FEWEST_DRIVES, NO_FAULT, kinds_of
-from jerkbench.audit.page import AUDIT_FOLDER
+from jerkbench.audit.answer import AUDIT_FOLDER, FEWEST_DRIVES, NO_FAULT, kinds_of
 from jerkbench.audit.protocol import AuditMethod
 from jerkbench.audit.runs import AuditRows, cubes, read_rows
 from jerkbench.evaluation.drives_and_tunings import crossed_intervals

@@ -1,9 +1,9 @@
-"""What the rows of an audit say, in numbers and sentences: of all together, of each method, of each kind of fault."""
+"""What the rows of an audit say, in numbers and sentences, and the folder of an audit."""
 
-import re
+import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,16 @@ import pandas as pd
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.audit.protocol import PUBLISHED, AuditMethod
-from jerkbench.audit.runs import AuditRows, cubes, defaults, losses_of, lost_shares
-from jerkbench.errors import PluginError, unknown
+from jerkbench.audit.runs import (
+    AuditRows,
+    cubes,
+    defaults,
+    losses_of,
+    lost_shares,
+    read_manifest,
+    read_rows,
+)
+from jerkbench.errors import JerkbenchError, PluginError, unknown
 from jerkbench.evaluation.drives_and_tunings import (
     SMALL_MARGIN,
     Error,
@@ -31,10 +39,10 @@ from jerkbench.evaluation.drives_and_tunings import (
 )
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.evaluation.judgement import LEVEL, Verdict
-from jerkbench.files import filled_template
+from jerkbench.files import filled_template, write_text
 from jerkbench.parameters import provenance_of
 
-FAULT, TRACE = "drawn.fault.", "drawn.replayed_gnss.trace."
+FAULT = "drawn.fault."
 """Columns of drives that tell a kind of fault begin so."""
 NO_FAULT, FAULTY = "no fault", "faulty"
 NOTHING_KNOWN, LEAST_BAD = "nothing known", "the worst kind shall be least bad"
@@ -52,28 +60,20 @@ class AuditAnswer:
         rows: from which all follows.
         losses: log errors by method, tuning and drive.
         said: the three families of hypotheses.
-        at_costs: the same with other costs of a lost run.
         methods: a method a row; the lowest ratio to the plain filter of its model first.
         kinds: a method and a kind of fault a row.
-        adaptations: the mean over the models of each adaptation a row; the lowest ratio first.
-        adaptations_by_kind: such a mean and a kind of fault a row.
         apart: an estimator that is shown apart a row.
         take: a situation a row: which method to take.
-        steps: error relative to the first plain filter at its defaults, by what was done.
         error: of the whole procedure.
     """
 
     rows: AuditRows
     losses: Losses
     said: Statements
-    at_costs: Mapping[float, Statements]
     methods: pd.DataFrame
     kinds: pd.DataFrame
-    adaptations: pd.DataFrame
-    adaptations_by_kind: pd.DataFrame
     apart: pd.DataFrame
     take: pd.DataFrame
-    steps: "pd.Series[float]"
     error: Error
 
     @cached_property
@@ -83,7 +83,7 @@ class AuditAnswer:
         most = main_kind(rows, losses)
         kinds = {str(kind): counts_of(of["verdict"]) for kind, of in self.kinds.groupby("kind", observed=True)}
         text = worded(
-            "answer",
+            TEMPLATES / "answer.md.jinja",
             said=self.said,
             methods=methods,
             taken=methods[methods["is"].isin(PUBLISHED)],
@@ -102,22 +102,16 @@ def answered(rows: AuditRows) -> AuditAnswer:
     """Return what the rows of an audit say."""
     protocol, losses = rows.protocol, losses_of(rows)
     said = statements(losses)
-    _, _, own, best = comparisons(losses)
-    of_models = (len(protocol.filters), len(protocol.compared), *own.shape[1:])
-    means = {"own": own.reshape(of_models).mean(axis=0), "best": best.reshape(of_models).mean(axis=0)}
+    own = comparisons(losses)[2]
     kinds = kind_frame(own, [method._asdict() for method in protocol.methods], rows)
     return AuditAnswer(
         rows=rows,
         losses=losses,
         said=said,
-        at_costs={cost: statements(losses_of(rows, cost)) for cost in protocol.lost_costs_shown},
         methods=method_frame(rows, losses, said, kinds),
         kinds=kinds,
-        adaptations=adaptation_frame(means, protocol.compared),
-        adaptations_by_kind=kind_frame(means["own"], [{"adaptation": name} for name in protocol.compared], rows),
         apart=apart_frame(rows),
         take=take_frame(rows, losses),
-        steps=steps(rows, losses),
         error=procedure_error(losses, protocol.resampled_audits),
     )
 
@@ -166,15 +160,6 @@ def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRow
         ],
         columns=[*names[0], "kind", "drives", *numbers_of(_NOTHING)],
     )
-
-
-def adaptation_frame(means: Mapping[str, FloatArray], names: Sequence[str]) -> pd.DataFrame:
-    """Return the mean over the models of each adaptation: adaptation, own_*, best_*; intervals hold for all at once."""
-    level = LEVEL / (len(means) * len(names))
-    columns = {against: [numbers_of(said, f"{against}_") for said in stated(y, level)] for against, y in means.items()}
-    both = zip(names, *columns.values(), strict=True)
-    table = pd.DataFrame([{"adaptation": name, **own, **best} for name, own, best in both])
-    return table.sort_values("own_ratio", kind="stable", ignore_index=True)
 
 
 def numbers_of(said: Statement, prefix: str = "") -> dict[str, object]:
@@ -316,35 +301,10 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
-    """Return what each step brings: the error relative to the first plain filter at its defaults."""
-    protocol, first = rows.protocol, rows.protocol.filters[0]
-    level = rows.drives.set_index("seed")["level"].loc[list(protocol.seeds_to_judge_on)].to_numpy()
-    best, more, pick = picked(losses)
-    of = {
-        f"{first}, tuned": losses.plains[0],
-        "the best plain filter of all models, tuned": best,
-        f"the same with {protocol.plain_trials} settings tried": more,
-        "the adaptation that leads, tuned": pick,
-    }
-    return pd.Series({step: float(np.exp((own - level).mean())) for step, own in of.items()})
-
-
 def leaders(rows: AuditRows, losses: Losses) -> list[str]:
     """Return which published method leads on the drives of each tuning."""
     names = np.array([method.name for method in rows.protocol.methods])[losses.picked]
     return [str(names[place]) for place in losses.tuned[losses.picked].argmin(axis=0)]
-
-
-def told_truth(answer: AuditAnswer) -> dict[str, float]:
-    """Return the ratio of each reference, which is told the truth, to the plain filter of its model, by its name."""
-    protocol, plains = answer.rows.protocol, answer.losses.plains
-    ratios: dict[str, float] = {}
-    for name in protocol.references:
-        told = [AuditMethod(model, name) for model in protocol.filters]
-        differences = (cubes(answer.rows, told).tuned - plains).mean(axis=(1, 2))
-        ratios |= {method.name: float(ratio) for method, ratio in zip(told, np.exp(differences), strict=True)}
-    return ratios
 
 
 # Two audits.
@@ -371,8 +331,11 @@ def changed_verdicts(first: Statements, second: Statements, methods: Sequence[Au
 EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 
 
-def worded(template: str, **values: object) -> str:
-    """Return a template of this folder, filled in."""
+TEMPLATES = Path(__file__).parent
+
+
+def worded(template: Path, **values: object) -> str:
+    """Return a filled template."""
     filters: dict[str, Callable[..., object]] = {
         "counts": counts_of,
         "verdicts": counts,
@@ -381,21 +344,12 @@ def worded(template: str, **values: object) -> str:
         "percent": percent,
     }
     filters |= {"spaced": lambda text: text.replace("_", " "), "two": "{:.2f}".format, "ratio": ratio_text}
-    return filled_template(Path(__file__).with_name(f"{template}.md.jinja"), filters, **values)
+    return filled_template(template, filters, **values)
 
 
 def average_over_drives(losses: Losses) -> FloatArray:
     """Return the log ratio (D,) of the average adaptation on each drive, mean over the tunings."""
     return np.asarray(comparisons(losses)[0][0].mean(axis=0))
-
-
-def by_trace(rows: AuditRows, average: FloatArray) -> dict[str, float]:
-    """Return the ratio on the drives that replay each receiver's errors, of log ratios (D,): `average_over_drives`."""
-    judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
-    drawn = judged.filter(regex=rf"^{re.escape(TRACE)}").notna()
-    return {
-        str(name).removeprefix(TRACE): float(np.exp(average[own].mean())) for name, own in drawn.items() if own.any()
-    }
 
 
 def main_kind(rows: AuditRows, losses: Losses) -> str:
@@ -443,13 +397,6 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def reweighted_text(rows: AuditRows, mixture: str) -> str:
-    """Say what the audit would say of another mixture."""
-    said = reweighted(rows, losses_of(rows), mixture)
-    methods = list(zip(rows.protocol.methods, said.own_plain, strict=True))
-    return worded("reweighted", mixture=mixture, p=rows.protocol, said=said, methods=methods)
-
-
 def compared_text(rows: Sequence[AuditRows], losses: Sequence[Losses]) -> str:
     """Say how many verdicts two audits of the same methods do not share; one that turns round is a defect.
 
@@ -462,7 +409,7 @@ def compared_text(rows: Sequence[AuditRows], losses: Sequence[Losses]) -> str:
     changed = changed_verdicts(said[0], said[1], methods)
     turned = changed[changed[["first", "second"]].isin([str(Verdict.BETTER), str(Verdict.WORSE)]).all(axis=1)]
     return worded(
-        "second",
+        TEMPLATES / "second.md.jinja",
         changed=changed,
         statements=2 * len(methods),
         turned=turned.to_dict("records"),
@@ -470,3 +417,64 @@ def compared_text(rows: Sequence[AuditRows], losses: Sequence[Losses]) -> str:
         kind=kind,
         without=[reweighted(*each, f"{kind}=0").average for each in zip(rows, losses, strict=True)],
     )
+
+
+SECOND = "second.md"
+"""How an audit with other drives and tunings differs, where the two were compared."""
+
+
+def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
+    """Return the answer for programs, to twelve decimals: what follows differs from processor to processor."""
+    protocol, said = answer.rows.protocol, answer.said
+    summary = {
+        "protocol": protocol.digest,
+        "commit": commit,
+        "drives": protocol.judged_drives,
+        "faulty": float(1.0 - kinds_of(answer.rows)[NO_FAULT].mean()),
+        "tunings": protocol.tunings,
+        "methods": len(answer.methods),
+        "adaptations": len(protocol.compared),
+        "filters": list(protocol.filters),
+        "sentences": answer.sentences,
+        "against_own_plain": counts(said.own_plain),
+        "against_best_plain": counts(said.best_plain),
+        "average": asdict(said.average) | {"verdict": str(said.average.verdict)},
+        "pick": asdict(said.pick) | {"verdict": str(said.pick.verdict)},
+        "error": answer.error._asdict(),
+        "take": json.loads(answer.take.to_json(orient="records")),
+    }
+    return dict(json.loads(pd.Series(summary).to_json(double_precision=12)))
+
+
+# The folder of an audit: its protocol before anything runs, then its rows, then what they say.
+
+AUDIT_FOLDER = "audit-"
+"""The name of a folder begins with it; the scale follows."""
+
+
+def judged_audit(folder: Path) -> AuditAnswer:
+    """Judge the rows in ``folder``, whatever version computed them, and write answer.json and the tables.
+
+    Raises:
+        JerkbenchError: there are none.
+    """
+    answer = answered(read_rows(folder))
+    for name in ("methods", "kinds", "apart"):
+        write_text(folder / f"{name}.csv", getattr(answer, name).to_csv(index=False, lineterminator="\n"))
+    summary = answer_summary(answer, read_manifest(folder)["git_commit"])
+    write_text(folder / "answer.json", json.dumps(summary, indent=1) + "\n")
+    return answer
+
+
+def compare_audits(folder: Path, other: Path) -> str:
+    """Compare two audits of the same methods, and write what they do not share into the folder of the first.
+
+    Raises:
+        JerkbenchError: one is not there, or they are of other methods.
+    """
+    rows = [read_rows(each) for each in (folder, other)]
+    if rows[0].protocol.methods != rows[1].protocol.methods:
+        raise JerkbenchError(f"{folder} and {other} compare other methods; give two audits of the same.")
+    text = compared_text(rows, [losses_of(each) for each in rows])
+    write_text(folder / SECOND, text)
+    return text

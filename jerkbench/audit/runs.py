@@ -20,8 +20,11 @@ from jerkbench.audit.protocol import PUBLISHED, AuditMethod, AuditProtocol, audi
 from jerkbench.errors import JerkbenchError
 from jerkbench.evaluation.drives_and_tunings import Losses, log_losses
 from jerkbench.files import write_atomically, write_text
+from jerkbench.jobs.executors import Cluster, Workers
+from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.manifest import MANIFEST
 from jerkbench.jobs.progress import Progress
+from jerkbench.notices import notify
 from jerkbench.tuning.entrant import RunRules, Site, Try
 from jerkbench.tuning.stored_files import (
     Test,
@@ -358,6 +361,32 @@ def write_rows(rows: pd.DataFrame, path: Path) -> None:
         "column_encoding": dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
     }
     write_atomically(path, lambda partial: pq.write_table(table, partial, **how))
+
+
+_CHANGED = "+changes"
+"""The end of a commit with changes."""
+
+
+def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> None:
+    """Run what is not stored in ``folder`` yet, and write the rows and the manifest.
+
+    Args:
+        protocol: what is compared.
+        folder: of the audit.
+        cluster: what runs it.
+        workers: number of processes, where the cluster starts them.
+
+    Raises:
+        JerkbenchError: the folder has another protocol's results, or a run cannot be made.
+        OSError: nothing can be written.
+    """
+    made = {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()}
+    if git_commit().endswith(_CHANGED):
+        notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
+    write_protocol(protocol, folder)
+    with Workers(cluster, workers) as own:
+        collected(protocol, Site(folder / "runs", own)).write(folder)
+    write_manifest(folder, made)
 
 
 # From the rows to log errors by method, tuning and drive.

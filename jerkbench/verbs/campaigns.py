@@ -59,9 +59,6 @@ def tune_verb(chosen: argparse.Namespace) -> None:
     argument("--results", type=output, default=Path("results"), help="folder of all results"),
     argument("--stored", action="store_true", help="judge the stored rows of any version, and run nothing"),
     argument(
-        "--reweight", metavar="KIND=SHARE", default="", help="print the answer for another share of a kind of fault"
-    ),
-    argument(
         "--against", type=Path, metavar="FOLDER", help="say which verdicts another audit in FOLDER does not share"
     ),
     *WHERE,
@@ -76,38 +73,32 @@ def audit_verb(chosen: argparse.Namespace) -> None:
       jerkbench audit --scale medium     two models, without what iterates: a minute, five if all must be compiled
       jerkbench audit                    the whole protocol: 20 minutes on two cores; --cluster and --workers for more
       jerkbench audit --scale second     the same with other drives and other tunings
-      jerkbench audit --reweight faulty=0.05             the answer where 5 % of drives have a fault, from stored rows
-      jerkbench audit --against results/audit-second     which verdicts the second one does not share; for the page
+      jerkbench audit --against results/audit-second     which verdicts the second one does not share
 
     The same command goes on where it was stopped. --stored judges what is stored, whatever version computed it, and
     runs nothing.
 
-    RESULTS/audit-SCALE has README.md with the answer and its figure, answer.json with its numbers, the rows that they
-    follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), manifest.json and protocol.json.
+    RESULTS/audit-SCALE has answer.json with the answer, methods.csv, kinds.csv and apart.csv with its numbers, the rows
+    that they follow from (judged.parquet, tuned.parquet, drives.parquet, settings.parquet), manifest.json with hashes,
+    and protocol.json. experiments/audit/audit_page.py makes a page with figures from them.
 
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
-    from jerkbench.audit.answer import reweighted_text
-    from jerkbench.audit.page import AUDIT_FOLDER, compare_audits, judged_audit, run_audit
+    from jerkbench.audit.answer import AUDIT_FOLDER, compare_audits, judged_audit
     from jerkbench.audit.protocol import read_protocol
-    from jerkbench.audit.runs import read_rows
+    from jerkbench.audit.runs import run_audit
     from jerkbench.hydra_app.words import cluster_named
     from jerkbench.jobs.executors import processors
 
     workers = chosen.workers or processors()
     protocol, folder = read_protocol(chosen.scale), chosen.results / f"{AUDIT_FOLDER}{chosen.scale}"
-    if chosen.reweight:
-        print(reweighted_text(read_rows(folder), chosen.reweight))
-        return
     if chosen.against:
         print(compare_audits(folder, chosen.against))
         return
-    if chosen.stored:
-        answer = judged_audit(folder)
-    else:
-        answer = run_audit(protocol, folder, cluster_named(chosen.cluster), workers)
-    print("\n".join(answer.sentences))
+    if not chosen.stored:
+        run_audit(protocol, folder, cluster_named(chosen.cluster), workers)
+    print("\n".join(judged_audit(folder).sentences))
     print(f"Written to {folder}.")
 
 

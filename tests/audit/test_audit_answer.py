@@ -8,18 +8,18 @@ import pandas as pd
 import pytest
 from recomputed import recomputed
 
+from experiment_scripts import experiment
 from jerkbench.audit.answer import (
     NO_FAULT,
     answered,
     changed_verdicts,
     compared_text,
+    judged_audit,
     kinds_of,
     pays_from,
     reweighted,
-    reweighted_text,
 )
-from jerkbench.audit.page import write_page
-from jerkbench.audit.runs import losses_of
+from jerkbench.audit.runs import losses_of, write_manifest, write_protocol
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.drives_and_tunings import statements
 from made_rows import SMALL, made_rows
@@ -78,7 +78,8 @@ def test_another_mixture_is_that_of_its_drives_alone(answer):
     y = (answer.losses.methods - answer.losses.plains[answer.losses.model])[:, :, without]
 
     np.testing.assert_allclose([one.ratio for one in said.own_plain], np.exp(y.mean(axis=(1, 2))))
-    assert "With outliers=0.2, from 160 drives" in reweighted_text(answer.rows, "outliers=0.2")
+    script = experiment("audit/audit_page.py")
+    assert "With outliers=0.2, from 160 drives" in script.reweighted_text(answer.rows, "outliers=0.2")
 
 
 @pytest.mark.parametrize(
@@ -105,7 +106,11 @@ def test_the_page_and_the_summary_say_the_same(answer, tmp_path):
     folder = tmp_path / "audit-small"
     (tmp_path / "journeys").mkdir()
     (tmp_path / "journeys" / "answer.md").write_text("On 13 journeys it holds.", encoding="utf-8")
-    write_page(answer, folder, "abc+changes")
+    write_protocol(answer.rows.protocol, folder)
+    answer.rows.write(folder)
+    write_manifest(folder, {"git_commit": "abc+changes"})
+    judged_audit(folder)
+    experiment("audit/audit_page.py").write_page(answer, folder, "abc+changes")
     page = (folder / "README.md").read_text(encoding="utf-8")
     told = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
 

@@ -7,7 +7,7 @@ import pytest
 from commands import verb
 
 
-@pytest.mark.parametrize("word", ["--stored", "--reweight=faulty=0.05", "--against=other"])
+@pytest.mark.parametrize("word", ["--stored", "--against=other"])
 def test_nothing_stored_is_refused_in_a_sentence(tmp_path, word):
     done = verb("audit", word, "--scale", "small", cwd=tmp_path)
 
@@ -19,7 +19,7 @@ def test_nothing_stored_is_refused_in_a_sentence(tmp_path, word):
 
 @pytest.mark.parametrize("words", [[], ["--stored"]], ids=" ".join)
 def test_an_empty_scale_is_refused_and_starts_nothing(tmp_path, monkeypatch, words):
-    monkeypatch.setattr("jerkbench.audit.page.run_audit", lambda *_, **__: pytest.fail("an audit"))
+    monkeypatch.setattr("jerkbench.audit.runs.run_audit", lambda *_, **__: pytest.fail("an audit"))
 
     done = verb("audit", "--scale", "", *words, cwd=tmp_path)
 

@@ -11,10 +11,9 @@ import pytest
 from test_audit_answer import same_as_in_pandas
 
 from commands import PATIENCE_S, environment
-from jerkbench.audit.answer import answered
-from jerkbench.audit.page import run_audit
+from jerkbench.audit.answer import answered, judged_audit
 from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.runs import read_rows
+from jerkbench.audit.runs import read_rows, run_audit
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.executors import LOCAL
 
@@ -26,6 +25,7 @@ def alone(tmp_path_factory):
     """An audit of one process that was left alone."""
     folder = tmp_path_factory.mktemp("alone") / "audit-small"
     run_audit(read_protocol("small"), folder, LOCAL, workers=1)
+    judged_audit(folder)
     return folder
 
 
@@ -46,7 +46,7 @@ def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
         time.sleep(0.1)
     os.kill(begun.pid, signal.SIGKILL)
     begun.wait()
-    assert not (folder / "README.md").exists()
+    assert not (folder / "answer.json").exists()
     stored = runs_of(folder)
     done = subprocess.run([*COMMAND, "2"], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

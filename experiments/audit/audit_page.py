@@ -1,8 +1,14 @@
-"""The page of an audit, its pictures and its numbers for programs; every sentence with a number comes from the rows."""
+"""The page and the pictures of an audit, from its stored rows.
 
-import json
-from collections.abc import Iterable
-from dataclasses import asdict
+python experiments/audit/audit_page.py results/audit-full                          writes README.md, answer.png and
+                                                                                   kinds.png into this folder
+python experiments/audit/audit_page.py results/audit-full --reweight faulty=0.05   prints the answer for another
+                                                                                   share of drives with a fault
+"""
+
+import argparse
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,35 +19,33 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from jerkbench import plugins
+from jerkbench.arrays import FloatArray
 from jerkbench.audit.answer import (
     NO_FAULT,
     AuditAnswer,
     answered,
     average_over_drives,
-    by_trace,
-    compared_text,
-    counts,
     counts_of,
-    kinds_of,
-    told_truth,
+    kind_frame,
+    numbers_of,
+    reweighted,
     worded,
 )
-from jerkbench.audit.protocol import AuditProtocol
-from jerkbench.audit.runs import collected, losses_of, read_manifest, read_rows, write_manifest, write_protocol
-from jerkbench.errors import JerkbenchError
+from jerkbench.audit.protocol import AuditMethod
+from jerkbench.audit.runs import AuditRows, cubes, losses_of, read_manifest, read_rows
+from jerkbench.evaluation.drives_and_tunings import Losses, comparisons, picked, stated, statements
 from jerkbench.evaluation.intervals import share_interval
-from jerkbench.evaluation.judgement import Verdict
+from jerkbench.evaluation.judgement import LEVEL, Verdict
 from jerkbench.files import write_text
-from jerkbench.jobs.executors import Cluster, Workers
-from jerkbench.jobs.key import code_digest, git_commit, versions
-from jerkbench.notices import notify
 from jerkbench.parameters import provenance_of
 from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, save_figure
-from jerkbench.tuning.entrant import Site
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+HERE = Path(__file__).parent
+TRACE = "drawn.replayed_gnss.trace."
+"""Columns of drives that name the replayed receiver begin so."""
 
 _FARTHEST = 5.0
 """The colour goes no further than five times better or worse."""
@@ -131,6 +135,49 @@ def _limits(overall: pd.DataFrame) -> tuple[float, float]:
     return max(float(low), 1 / _FARTHEST) / 1.05, min(float(high), _FARTHEST) * 1.05
 
 
+def adaptation_frame(means: Mapping[str, FloatArray], names: Sequence[str]) -> pd.DataFrame:
+    """Return the mean over the models of each adaptation: adaptation, own_*, best_*; intervals hold for all at once."""
+    level = LEVEL / (len(means) * len(names))
+    columns = {against: [numbers_of(said, f"{against}_") for said in stated(y, level)] for against, y in means.items()}
+    both = zip(names, *columns.values(), strict=True)
+    table = pd.DataFrame([{"adaptation": name, **own, **best} for name, own, best in both])
+    return table.sort_values("own_ratio", kind="stable", ignore_index=True)
+
+
+def by_trace(rows: AuditRows, average: FloatArray) -> dict[str, float]:
+    """Return the ratio on the drives that replay each receiver's errors, of log ratios (D,): `average_over_drives`."""
+    judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
+    drawn = judged.filter(regex=rf"^{re.escape(TRACE)}").notna()
+    return {
+        str(name).removeprefix(TRACE): float(np.exp(average[own].mean())) for name, own in drawn.items() if own.any()
+    }
+
+
+def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
+    """Return what each step brings: the error relative to the first plain filter at its defaults."""
+    protocol, first = rows.protocol, rows.protocol.filters[0]
+    level = rows.drives.set_index("seed")["level"].loc[list(protocol.seeds_to_judge_on)].to_numpy()
+    best, more, pick = picked(losses)
+    of = {
+        f"{first}, tuned": losses.plains[0],
+        "the best plain filter of all models, tuned": best,
+        f"the same with {protocol.plain_trials} settings tried": more,
+        "the adaptation that leads, tuned": pick,
+    }
+    return pd.Series({step: float(np.exp((own - level).mean())) for step, own in of.items()})
+
+
+def told_truth(answer: AuditAnswer) -> dict[str, float]:
+    """Return the ratio of each reference, which is told the truth, to the plain filter of its model, by its name."""
+    protocol, plains = answer.rows.protocol, answer.losses.plains
+    ratios: dict[str, float] = {}
+    for name in protocol.references:
+        told = [AuditMethod(model, name) for model in protocol.filters]
+        differences = (cubes(answer.rows, told).tuned - plains).mean(axis=(1, 2))
+        ratios |= {method.name: float(ratio) for method, ratio in zip(told, np.exp(differences), strict=True)}
+    return ratios
+
+
 ELSEWHERE = ("journeys", "vehicles", "attitude")
 """Studies beside the audit, of real recordings; what each found stands in its folder, in `FOUND`."""
 FOUND = "answer.md"
@@ -141,39 +188,17 @@ SHOWN = 15
 
 
 def write_page(answer: AuditAnswer, folder: Path, commit: str) -> None:
-    """Write README.md, its pictures, methods.csv, kinds.csv, apart.csv and answer.json into ``folder``."""
-    margin = answer.rows.protocol.margin
+    """Write README.md and its pictures into ``folder``."""
+    protocol, margin = answer.rows.protocol, answer.rows.protocol.margin
     kinds, methods = (of.assign(name=of["filter"] + " + " + of["adaptation"]) for of in (answer.kinds, answer.methods))
     save_figure(kinds_figure(kinds, methods, margin), folder / "kinds.png")
-    kinds, means = (t.assign(name=t["adaptation"]) for t in (answer.adaptations_by_kind, answer.adaptations))
-    save_figure(kinds_figure(kinds, means, margin), folder / "answer.png")
-    for name in ("methods", "kinds", "apart"):
-        write_text(folder / f"{name}.csv", getattr(answer, name).to_csv(index=False, lineterminator="\n"))
-    write_text(folder / "answer.json", json.dumps(answer_summary(answer, commit), indent=1) + "\n")
+    _, _, own, best = comparisons(answer.losses)
+    of_models = (len(protocol.filters), len(protocol.compared), *own.shape[1:])
+    means = {"own": own.reshape(of_models).mean(axis=0), "best": best.reshape(of_models).mean(axis=0)}
+    by_kind = kind_frame(means["own"], [{"adaptation": name} for name in protocol.compared], answer.rows)
+    kinds, adaptations = (t.assign(name=t["adaptation"]) for t in (by_kind, adaptation_frame(means, protocol.compared)))
+    save_figure(kinds_figure(kinds, adaptations, margin), folder / "answer.png")
     write_text(folder / "README.md", audit_page(answer, folder, commit))
-
-
-def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
-    """Return the answer for programs, to twelve decimals: what follows differs from processor to processor."""
-    protocol, said = answer.rows.protocol, answer.said
-    summary = {
-        "protocol": protocol.digest,
-        "commit": commit,
-        "drives": protocol.judged_drives,
-        "faulty": float(1.0 - kinds_of(answer.rows)[NO_FAULT].mean()),
-        "tunings": protocol.tunings,
-        "methods": len(answer.methods),
-        "adaptations": len(protocol.compared),
-        "filters": list(protocol.filters),
-        "sentences": answer.sentences,
-        "against_own_plain": counts(said.own_plain),
-        "against_best_plain": counts(said.best_plain),
-        "average": asdict(said.average) | {"verdict": str(said.average.verdict)},
-        "pick": asdict(said.pick) | {"verdict": str(said.pick.verdict)},
-        "error": answer.error._asdict(),
-        "take": json.loads(answer.take.to_json(orient="records")),
-    }
-    return dict(json.loads(pd.Series(summary).to_json(double_precision=12)))
 
 
 def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
@@ -182,8 +207,10 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
     protocol, status = rows.protocol, rows.judged["status"].astype(str)
     levels = rows.judged["seed"].map(rows.drives.set_index("seed")["level"]).to_numpy()
     return worded(
-        "page",
+        HERE / "page.md.jinja",
         answer=answer,
+        steps=steps(rows, answer.losses),
+        at_costs={cost: statements(losses_of(rows, cost)) for cost in protocol.lost_costs_shown},
         p=protocol,
         scale=folder.name.rpartition("-")[2],
         commit=commit or "unknown",
@@ -220,57 +247,26 @@ def _texts(paths: Iterable[Path]) -> str:
     return "\n\n".join(path.read_text(encoding="utf-8").strip() for path in paths if path.exists())
 
 
-# The folder of an audit: its protocol before anything runs, then its rows, then what they say.
-
-AUDIT_FOLDER = "audit-"
-"""The name of a folder begins with it; the scale follows."""
-CHANGED = "+changes"
-"""The end of a commit with changes."""
-
-
-def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> AuditAnswer:
-    """Run what is not stored in ``folder`` yet, and write the rows and the page.
-
-    Args:
-        protocol: what is compared.
-        folder: of the audit.
-        cluster: what runs it.
-        workers: number of processes, where the cluster starts them.
-
-    Raises:
-        JerkbenchError: the folder has another protocol's results, or a run cannot be made.
-        OSError: nothing can be written.
-    """
-    made = {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()}
-    if git_commit().endswith(CHANGED):
-        notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
-    write_protocol(protocol, folder)
-    with Workers(cluster, workers) as own:
-        collected(protocol, Site(folder / "runs", own)).write(folder)
-    write_manifest(folder, made)
-    return judged_audit(folder)
+def reweighted_text(rows: AuditRows, mixture: str) -> str:
+    """Say what the audit would say of another mixture."""
+    said = reweighted(rows, losses_of(rows), mixture)
+    methods = list(zip(rows.protocol.methods, said.own_plain, strict=True))
+    return worded(HERE / "reweighted.md.jinja", mixture=mixture, p=rows.protocol, said=said, methods=methods)
 
 
-def judged_audit(folder: Path) -> AuditAnswer:
-    """Judge the rows in ``folder``, whatever version computed them, and write the page.
+def main() -> None:
+    """Write the page of an audit, or print its answer for another mixture of faults."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="folder of the audit, for example results/audit-full")
+    parser.add_argument(
+        "--reweight", metavar="KIND=SHARE", help="print the answer for another share of a kind of fault"
+    )
+    chosen = parser.parse_args()
+    if chosen.reweight:
+        print(reweighted_text(read_rows(chosen.folder), chosen.reweight))
+    else:
+        write_page(answered(read_rows(chosen.folder)), chosen.folder, read_manifest(chosen.folder)["git_commit"])
 
-    Raises:
-        JerkbenchError: there are none.
-    """
-    answer = answered(read_rows(folder))
-    write_page(answer, folder, read_manifest(folder)["git_commit"])
-    return answer
 
-
-def compare_audits(folder: Path, other: Path) -> str:
-    """Compare two audits of the same methods, and put what they do not share on the page of the first.
-
-    Raises:
-        JerkbenchError: one is not there, or they are of other methods.
-    """
-    rows = [read_rows(each) for each in (folder, other)]
-    if rows[0].protocol.methods != rows[1].protocol.methods:
-        raise JerkbenchError(f"{folder} and {other} compare other methods; give two audits of the same.")
-    text = compared_text(rows, [losses_of(each) for each in rows])
-    write_text(folder / SECOND, text)
-    return text
+if __name__ == "__main__":
+    main()
