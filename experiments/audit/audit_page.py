@@ -32,7 +32,7 @@ from jerkbench.audit.answer import (
     worded,
 )
 from jerkbench.audit.protocol import AuditMethod
-from jerkbench.audit.runs import AuditRows, cubes, losses_of, read_manifest, read_rows
+from jerkbench.audit.runs import AuditRows, cubes, losses_of, read_audit_manifest, read_rows
 from jerkbench.evaluation.drives_and_tunings import Losses, comparisons, picked, stated, statements
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.evaluation.judgement import LEVEL, Verdict
@@ -265,7 +265,7 @@ def main() -> None:
     if chosen.reweight:
         print(reweighted_text(read_rows(chosen.folder), chosen.reweight))
     else:
-        write_page(answered(read_rows(chosen.folder)), chosen.folder, read_manifest(chosen.folder)["git_commit"])
+        write_page(answered(read_rows(chosen.folder)), chosen.folder, read_audit_manifest(chosen.folder)["git_commit"])
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from jerkbench.audit.runs import (
     defaults,
     losses_of,
     lost_shares,
-    read_manifest,
+    read_audit_manifest,
     read_rows,
 )
 from jerkbench.errors import JerkbenchError, PluginError, unknown
@@ -461,7 +461,7 @@ def judged_audit(folder: Path) -> AuditAnswer:
     answer = answered(read_rows(folder))
     for name in ("methods", "kinds", "apart"):
         write_text(folder / f"{name}.csv", getattr(answer, name).to_csv(index=False, lineterminator="\n"))
-    summary = answer_summary(answer, read_manifest(folder)["git_commit"])
+    summary = answer_summary(answer, read_audit_manifest(folder)["git_commit"])
     write_text(folder / "answer.json", json.dumps(summary, indent=1) + "\n")
     return answer
 

@@ -35,9 +35,9 @@ from jerkbench.tuning.stored_files import (
     is_text,
     read_file,
     read_table,
-    require_columns,
     require_parts,
     require_regular,
+    require_table_columns,
 )
 
 _STATED = "protocol.json"
@@ -81,7 +81,7 @@ class AuditRows:
             write_rows(table, folder / f"{name}.parquet")
 
 
-COLUMNS = {
+TABLE_COLUMNS = {
     "drives": ("tuning", "seed", "level"),
     "tuned": (*_METHOD, "tuning", "trial", "drives", "lost", "loss"),
     "judged": (*_METHOD, "tuning", "tried", "trial", "seed", "status", "log_error"),
@@ -89,7 +89,7 @@ COLUMNS = {
 }
 """Columns that each table must have, by the names of the tables. The last one is a number."""
 
-TABLES = tuple(COLUMNS)
+TABLES = tuple(TABLE_COLUMNS)
 _FILES = (_STATED, *(f"{name}.parquet" for name in TABLES))
 _TEXTS, _KEYS = (*_METHOD, "status"), (*_METHOD, "tuning", "tried", "trial", "seed")
 
@@ -236,7 +236,7 @@ def _stated(path: Path) -> dict[str, Any]:
     return dict(stated)
 
 
-def write_manifest(folder: Path, made: Mapping[str, object]) -> None:
+def write_audit_manifest(folder: Path, made: Mapping[str, object]) -> None:
     """Write what the rows were made with, the hashes of the other files, and the hash of all of this."""
     write_text(folder / MANIFEST, _manifest_text({**made, "files": file_hashes(folder, _FILES)}))
 
@@ -255,7 +255,7 @@ def _manifest(path: Path) -> dict[str, Any]:
     return content
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_audit_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of an audit.
 
     Raises:
@@ -281,13 +281,13 @@ def read_rows(folder: Path) -> AuditRows:
     Raises:
         JerkbenchError: there is none, a file was changed after it was made, or rows are missing.
     """
-    read_manifest(folder)
+    read_audit_manifest(folder)
     stated = _stated(folder / _STATED)
     digest = stated.pop("digest")
     protocol = audit_protocol(stated, folder / _STATED)
     if protocol.digest != digest:
         raise JerkbenchError(f"{folder / _STATED} says digest {digest}, but has {protocol.digest}; it was changed.")
-    rows = AuditRows(protocol, **{name: _table(folder / f"{name}.parquet", COLUMNS[name]) for name in TABLES})
+    rows = AuditRows(protocol, **{name: _table(folder / f"{name}.parquet", TABLE_COLUMNS[name]) for name in TABLES})
     _require_complete(rows, folder)
     return rows
 
@@ -295,7 +295,7 @@ def read_rows(folder: Path) -> AuditRows:
 def _table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     table = read_file(path, read_table, _ORIGIN)
     kinds = {name: "text" if name in (*_TEXTS, "knob") else "whole numbers" for name in columns[:-1]}
-    require_columns(path, table, {**kinds, columns[-1]: "numbers"}, _IS_KIND, _ORIGIN)
+    require_table_columns(path, table, {**kinds, columns[-1]: "numbers"}, _IS_KIND, _ORIGIN)
     rows: pd.DataFrame = table.to_pandas(ignore_metadata=True)
     return rows
 
@@ -315,7 +315,7 @@ def _require_complete(rows: AuditRows, folder: Path) -> None:
     """
     protocol, methods = rows.protocol, [*rows.protocol.competing, *rows.protocol.beside]
     for name, table in rows.tables.items():
-        number, has_value = COLUMNS[name][-1], table["status"] == "ok" if name == "judged" else True
+        number, has_value = TABLE_COLUMNS[name][-1], table["status"] == "ok" if name == "judged" else True
         fits = (np.isfinite(table[number]) == has_value).all()
         said = "finite, except in runs that diverged or failed"
         require_parts(folder / f"{name}.parquet", {f"column '{number}'": bool(fits) or said}, _ORIGIN)
@@ -340,7 +340,7 @@ def _require_once(
     folder: Path, name: str, table: pd.DataFrame, each: str, wanted: Mapping[tuple[Any, ...], range]
 ) -> None:
     """Check that for each wanted group of rows, and no other, the column ``each`` has each value once."""
-    by = [column for column in COLUMNS[name] if column in _KEYS and column != each]
+    by = [column for column in TABLE_COLUMNS[name] if column in _KEYS and column != each]
     found = table.groupby(by, observed=True)[each].agg(["size", "nunique", "min", "max"]).reset_index()
     groups = {tuple(own[: len(by)]): own[len(by) :] for own in found.itertuples(index=False, name=None)}
     for key in {**wanted, **groups}:
@@ -386,7 +386,7 @@ def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: 
     write_protocol(protocol, folder)
     with Workers(cluster, workers) as own:
         collected(protocol, Site(folder / "runs", own)).write(folder)
-    write_manifest(folder, made)
+    write_audit_manifest(folder, made)
 
 
 # From the rows to log errors by method, tuning and drive.

@@ -29,9 +29,9 @@ from jerkbench.tuning.stored_files import (
     is_text,
     read_file,
     read_table,
-    require_columns,
     require_parts,
     require_regular,
+    require_table_columns,
 )
 
 _ROWS, SETTINGS, PAGE, ENTRY_FILE = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
@@ -128,7 +128,7 @@ def _rows(path: Path) -> pd.DataFrame:
         **dict.fromkeys(_TEXTS, "text"),
         **dict.fromkeys(COUNTS, "whole numbers"),
     }
-    require_columns(path, table, kinds, is_kind, _ORIGIN)
+    require_table_columns(path, table, kinds, is_kind, _ORIGIN)
     rows: pd.DataFrame = table.select(list(ROW_COLUMNS)).to_pandas(ignore_metadata=True)
     of_ok = rows.loc[rows["status"] == "ok", SUITE_ERROR]
     times = rows["seconds"]

@@ -83,7 +83,9 @@ def read_table(path: Path) -> pa.Table:
     return table
 
 
-def require_columns(path: Path, table: pa.Table, kinds: Mapping[str, str], is_kind: Mapping[str, Test], o: str) -> None:
+def require_table_columns(
+    path: Path, table: pa.Table, kinds: Mapping[str, str], is_kind: Mapping[str, Test], o: str
+) -> None:
     """Check that each column occurs once, with values of its kind; only numbers may be missing.
 
     Raises:

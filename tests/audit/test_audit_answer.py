@@ -19,7 +19,7 @@ from jerkbench.audit.answer import (
     pays_from,
     reweighted,
 )
-from jerkbench.audit.runs import losses_of, write_manifest, write_protocol
+from jerkbench.audit.runs import losses_of, write_audit_manifest, write_protocol
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.drives_and_tunings import statements
 from made_rows import SMALL, made_rows
@@ -108,7 +108,7 @@ def test_the_page_and_the_summary_say_the_same(answer, tmp_path):
     (tmp_path / "journeys" / "answer.md").write_text("On 13 journeys it holds.", encoding="utf-8")
     write_protocol(answer.rows.protocol, folder)
     answer.rows.write(folder)
-    write_manifest(folder, {"git_commit": "abc+changes"})
+    write_audit_manifest(folder, {"git_commit": "abc+changes"})
     judged_audit(folder)
     experiment("audit/audit_page.py").write_page(answer, folder, "abc+changes")
     page = (folder / "README.md").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from commands import verb
-from jerkbench.audit.runs import COLUMNS, TABLES, write_manifest, write_protocol, write_rows
+from jerkbench.audit.runs import TABLE_COLUMNS, TABLES, write_audit_manifest, write_protocol, write_rows
 from made_rows import made_rows
 
 COMMIT = {"git_commit": "abc"}
@@ -21,7 +21,7 @@ def stored(tmp_path_factory):
     rows, folder = made_rows(), tmp_path_factory.mktemp("whole") / "audit-small"
     write_protocol(rows.protocol, folder)
     rows.write(folder)
-    write_manifest(folder, COMMIT)
+    write_audit_manifest(folder, COMMIT)
     return folder
 
 
@@ -52,7 +52,7 @@ def remove(path, _):
 
 def change_rows(path, how):
     """Change half of the rows of a table, or a column."""
-    rows, number = pd.read_parquet(path), COLUMNS[path.stem][-1]
+    rows, number = pd.read_parquet(path), TABLE_COLUMNS[path.stem][-1]
     half = np.arange(len(rows)) % 2 == 0
     changed = {
         "delete": lambda: rows[half],
@@ -102,7 +102,7 @@ def test_damage_is_refused_in_one_sentence(copy, stored, name, damage, how):
 @pytest.mark.parametrize("how", HOW[:-1])
 def test_rows_that_are_not_complete_are_refused_although_the_hashes_fit(copy, stored, name, how):
     change_rows(copy / name, how)
-    write_manifest(copy, COMMIT)
+    write_audit_manifest(copy, COMMIT)
 
     assert f"{name} is damaged: " in refused(copy, stored)
 
@@ -110,7 +110,7 @@ def test_rows_that_are_not_complete_are_refused_although_the_hashes_fit(copy, st
 def test_a_run_that_is_said_to_be_another_one_is_refused(copy, stored):
     rows = pd.read_parquet(copy / "judged.parquet")
     write_rows(rows.assign(trial=rows["trial"].mask(rows.index == 0, rows["trial"] + 1)), copy / "judged.parquet")
-    write_manifest(copy, COMMIT)
+    write_audit_manifest(copy, COMMIT)
 
     assert "judged.parquet is damaged: the rows of " in refused(copy, stored)
 
