@@ -1,13 +1,12 @@
 """Many comparisons at once: the tests of a family, and what its verdicts may get wrong."""
 
-from collections.abc import Callable, Sequence
-from enum import StrEnum
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.over_seeds import LEAST_SEEDS, SAME_WITHIN, LogRatios, Samples
 
 _RESAMPLES = 1999
@@ -103,48 +102,23 @@ def max_t(d: FloatArray, resamples: int = _RESAMPLES, seed: int = _SEED) -> MaxT
     share = _shares(d.shape[1], resamples, seed)
     scattered = standard_errors(d) > 0
     rows = d[scattered]
-    return _family(scattered, lambda part: _resampled(rows[part], share), share.max(axis=0) == 1.0)
-
-
-def max_t_of_two(a: FloatArray, b: FloatArray, resamples: int = _RESAMPLES, seed: int = _SEED) -> MaxT:
-    """Return `max_t` for the differences of the means of (m, n) and (m, k) logarithms on seeds of their own.
-
-    Both sets of seeds are drawn with replacement, each for itself; t is Welch's.
-    """
-    shares = _shares(a.shape[1], resamples, seed), _shares(b.shape[1], resamples, seed + 1)
-    scattered = (standard_errors(a) > 0) | (standard_errors(b) > 0)
-    first, second = a[scattered], b[scattered]
-    return _family(
-        scattered,
-        lambda part: _resampled_difference((first[part], second[part]), shares),
-        (shares[0].max(axis=0) == 1.0) & (shares[1].max(axis=0) == 1.0),
-    )
-
-
-def _family(scattered: BoolArray, resampled: Callable[[slice], FloatArray], one_seed: BoolArray) -> MaxT:
-    """Return the distribution over the means that scatter; ``resampled`` gives |t| (k, B) of a part of these.
-
-    Args:
-        scattered: (m,) which means do; the scales of the others, which are constant, are 1.
-        resampled: |t| of some of those.
-        one_seed: (B,) which resamples have one seed only.
-    """
-    parts = [slice(start, start + _ROWS_AT_ONCE) for start in range(0, int(scattered.sum()), _ROWS_AT_ONCE)]
-    scales = np.concatenate([np.empty((3, 0)), *(_scales(resampled(part)) for part in parts)], axis=1)
+    parts = [rows[start : start + _ROWS_AT_ONCE] for start in range(0, len(rows), _ROWS_AT_ONCE)]
+    scales = np.concatenate([np.empty((3, 0)), *(_scales(_resampled(part, share)) for part in parts)], axis=1)
     known = np.isfinite(scales[0])
     if known.any():  # none is narrower than what COMMON of them have
         common = np.quantile(scales[:2, known], COMMON, axis=1, method="higher")
         scales[:2] = np.maximum(scales[:2], common[:, None])
-    largest = np.where(one_seed, np.inf, -np.inf)
-    for part in parts:
-        t = resampled(part)
-        scores = np.where(np.isfinite(t), _scores(t, scales[:, part, None]), -np.inf)
-        # one without spread has the score of the largest of the others
+    largest = np.where(share.max(axis=0) == 1.0, np.inf, -np.inf)  # resamples that have one seed only
+    for place, part in enumerate(parts):
+        t = _resampled(part, share)
+        start = place * _ROWS_AT_ONCE
+        scores = np.where(np.isfinite(t), _scores(t, scales[:, start : start + len(part), None]), -np.inf)
+        # a resample without spread has the score of the largest of the others
         scores = np.where(np.isfinite(t), scores, scores.max(axis=1, keepdims=True))
         np.maximum(largest, scores.max(axis=0), out=largest)
-    whole = np.tile([[1.0], [1.0], [0.0]], len(scattered))
-    whole[:, scattered] = scales
-    return MaxT(whole, np.sort(largest))
+    every = np.tile([[1.0], [1.0], [0.0]], len(d))  # the scales of constant rows are 1
+    every[:, scattered] = scales
+    return MaxT(every, np.sort(largest))
 
 
 def _scores(t: FloatArray, scales: FloatArray) -> FloatArray:
@@ -163,19 +137,6 @@ def _resampled(d: FloatArray, share: FloatArray) -> FloatArray:
     ratio = np.divide((d.shape[1] - 1) * mean2, variance, out=mean2, where=~flat)
     ratio[flat] = np.inf
     return np.asarray(np.sqrt(ratio), dtype=np.float64)
-
-
-def _resampled_difference(samples: tuple[FloatArray, FloatArray], shares: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Return Welch's |t| (k, B) of the resamples of (k, n) and (k, l) logarithms, each centred."""
-    difference, error2 = 0.0, 0.0
-    size = np.maximum(*(values.std(axis=1) for values in samples))[:, None]
-    for sign, values, share in zip((1.0, -1.0), samples, shares, strict=True):
-        centred = (values - values.mean(axis=1, keepdims=True)) / size
-        mean = centred @ share
-        difference = difference + sign * mean
-        error2 = error2 + ((centred**2) @ share - mean**2) / (values.shape[1] - 1)
-    flat = error2 < _FLAT
-    return np.asarray(np.sqrt(np.where(flat, np.inf, difference**2 / np.where(flat, 1.0, error2))), dtype=np.float64)
 
 
 def _scales(t: FloatArray) -> FloatArray:
@@ -227,16 +188,6 @@ def median_p(d: FloatArray) -> float:
 # The p of a study's comparisons, corrected for all of them together.
 
 
-class Correction(StrEnum):
-    """What 5 % are 5 % of."""
-
-    MAX_T = "max_t"
-    """Of studies that have any wrong sentence."""
-
-    FDR = "fdr"
-    """Of sentences."""
-
-
 class Family(NamedTuple):
     """The p of m comparisons, and what their intervals have to reach for the same verdicts.
 
@@ -252,66 +203,21 @@ class Family(NamedTuple):
     confidence: float
 
 
-def family(comparisons: Sequence[LogRatios], correction: Correction, level: float) -> Family:
-    """Return the corrected p of the comparisons."""
-    return (_false_discovery if correction is Correction.FDR else _whole_study)(comparisons, level)
-
-
-def _whole_study(comparisons: Sequence[LogRatios], level: float) -> Family:
-    """By `max_t` of the means; Bonferroni for the exact tests, and between numbers of seeds."""
+def family(comparisons: Sequence[LogRatios], level: float) -> Family:
+    """Return the corrected p: by `max_t` of the means; Bonferroni for the exact tests, and between numbers of seeds."""
     total = max(1, sum(ratios.n >= LEAST_SEEDS for ratios in comparisons))
     exact = 2 * total  # of a comparison with lost runs there are two tests: of the errors, and of the losses
-    p = np.minimum(1.0, exact * _uncorrected(comparisons))
-    critical = np.full(len(comparisons), np.nan)
-    for places, d in _of_each_size(comparisons):
-        largest = max_t(d)._replace(share=len(places) / total)
-        p[0, places], critical[places] = largest.p(_t(d)), largest.critical(level)
-    return Family(p, critical, 1 - level / exact)
-
-
-def _false_discovery(comparisons: Sequence[LogRatios], level: float) -> Family:
-    """By Benjamini and Hochberg; the R differences that are found of m comparisons have intervals at 1 - R level/m.
-
-    Source: Benjamini and Yekutieli, "False discovery rate-adjusted multiple confidence intervals for selected
-    parameters", JASA 100 (2005).
-    """
-    from scipy.special import stdtrit
-    from scipy.stats import false_discovery_control
-
-    p = _uncorrected(comparisons)
-    known = ~np.isnan(p[0])
-    if known.any():
-        p[:, known] = false_discovery_control(p[:, known], axis=1)
-    each = level * max(1, int((p[0] < level).sum())) / max(1, int(known.sum()))
-    critical = np.full(len(comparisons), np.nan)
-    for places, d in _of_each_size(comparisons):
-        critical[places] = stdtrit(d.shape[1] - 1, 1 - each / 2)
-    return Family(p, critical, 1 - each)
-
-
-def _uncorrected(comparisons: Sequence[LogRatios]) -> FloatArray:
-    """By Student's t of the means, and the exact tests where runs were lost or locked out."""
-    from scipy.special import stdtr
-
-    p = np.ones((2, len(comparisons)))
+    p, critical = np.ones((2, len(comparisons))), np.full(len(comparisons), np.nan)
     for k, ratios in enumerate(comparisons):
         if ratios.n == 0:
             p[:, k] = np.nan
         elif not ratios.plain and ratios.n >= LEAST_SEEDS:
             failed = ratios.lost | ratios.locked
             p[:, k] = median_p(ratios.d), sign_p(*(failed & ~failed[:, ::-1]).sum(axis=0).tolist())
-    for places, d in _of_each_size(comparisons):
-        p[0, places] = 2 * stdtr(d.shape[1] - 1, -_t(d))
-    return p
-
-
-def _t(d: FloatArray) -> FloatArray:
-    """Return how many standard errors each mean is away from 0."""
-    return studentised(np.abs(d.mean(axis=1)), standard_errors(d))
-
-
-def _of_each_size(comparisons: Sequence[LogRatios]) -> list[tuple[IntArray, FloatArray]]:
-    """Return places and log ratios of comparisons whose runs went well, by number of seeds, where that is enough."""
+    p = np.minimum(1.0, exact * p)
     known = [k for k, ratios in enumerate(comparisons) if ratios.plain and ratios.n >= LEAST_SEEDS]
-    samples = Samples.of([comparisons[k].d for k in known])
-    return [(np.array(known)[places], d) for places, d in samples.by_size()]
+    for numbers, d in Samples.of([comparisons[k].d for k in known]).by_size():
+        places, largest = np.array(known)[numbers], max_t(d)._replace(share=len(numbers) / total)
+        t = studentised(np.abs(d.mean(axis=1)), standard_errors(d))
+        p[0, places], critical[places] = largest.p(t), largest.critical(level)
+    return Family(p, critical, 1 - level / exact)

@@ -10,17 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.families import (
-    Correction,
-    Family,
-    family,
-    max_t_of_two,
-    standard_errors,
-    studentised,
-)
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.evaluation.families import Family, family, standard_errors
 from jerkbench.evaluation.intervals import loss_bound, losses_text, median_intervals, student_interval
-from jerkbench.evaluation.over_seeds import FEW, LEAST_SEEDS, LogRatios, Samples, TwoSamples, mean_interval, middles
+from jerkbench.evaluation.over_seeds import FEW, LEAST_SEEDS, LogRatios, Samples, mean_interval, middles
 
 MARGIN = 0.03
 """Ratios from 1/1.03 to 1.03 are equal for every practical purpose."""
@@ -109,12 +102,7 @@ class Judgement(NamedTuple):
         return ours if ours == theirs else f"{ours} against {theirs}"
 
 
-def judged(
-    comparisons: Sequence[LogRatios],
-    margin: float = MARGIN,
-    level: float = LEVEL,
-    correction: Correction = Correction.MAX_T,
-) -> list[Judgement]:
+def judged(comparisons: Sequence[LogRatios], margin: float = MARGIN, level: float = LEVEL) -> list[Judgement]:
     """Judge all comparisons of a study as one family.
 
     ::
@@ -134,10 +122,9 @@ def judged(
     Args:
         comparisons: of the whole study.
         margin: of equality.
-        level: of studies with any wrong sentence; with `Correction.FDR`, of sentences.
-        correction: which of the two.
+        level: of studies with any wrong sentence.
     """
-    tested = family(comparisons, correction, level)
+    tested = family(comparisons, level)
     ends = intervals_of(comparisons, tested)
     return [
         judgement_of(ends[:, k], tested.p[:, k], ratios, tested.critical[k], margin, level)
@@ -146,7 +133,7 @@ def judged(
 
 
 def judgement_of(
-    interval: FloatArray, p: FloatArray, runs: LogRatios | TwoSamples, critical: float, margin: float, level: float
+    interval: FloatArray, p: FloatArray, runs: LogRatios, critical: float, margin: float, level: float
 ) -> Judgement:
     """Return the judgement with the first verdict that holds; each comparison with NaN is false.
 
@@ -195,7 +182,7 @@ def intervals_of(comparisons: Sequence[LogRatios], tested: Family) -> FloatArray
     return ends
 
 
-# Seeds: how many a verdict needs, looks at more of them, a choice judged on others, runs without common ones.
+# Seeds: how many a verdict needs, looks at more of them, a choice judged on others.
 
 
 POWER = 0.8
@@ -310,70 +297,6 @@ def _best(lost: FloatArray, total: FloatArray, count: FloatArray) -> IntArray:
     mean = total / np.maximum(1, count)
     candidates = np.where(lost == lost.min(axis=0), mean, np.inf)
     return np.asarray(np.argmin(candidates, axis=0), dtype=np.int64)
-
-
-# Comparisons of runs of which no two have a seed in common: the same statements, from two samples each.
-
-
-def judged_on_other_seeds(
-    comparisons: Sequence[TwoSamples], margin: float = MARGIN, level: float = LEVEL
-) -> list[Judgement]:
-    """Judge comparisons of runs on other seeds as one family, as `judged` does those on the same.
-
-    The difference of the mean logarithms, with Welch's standard error and the critical value of `max_t_of_two`. Where
-    runs were lost or locked out the medians are tested by Mood's test and the losses by Fisher's exact one, with
-    Bonferroni's correction for both; there is no interval, and "equal" is not claimed. Much less can be shown than on
-    the same seeds.
-
-    Source: Mood, "Introduction to the Theory of Statistics", McGraw-Hill (1950), 16.4; Fisher, "The logic of inductive
-    inference", J. Royal Statist. Soc. 98 (1935).
-    """
-    total = max(1, sum(samples.n >= LEAST_SEEDS for samples in comparisons))
-    p = np.ones((len(comparisons), 2))
-    critical = np.full(len(comparisons), np.nan)
-    sizes: dict[tuple[int, int], list[int]] = {}  # the places of those whose runs all went well
-    for k, samples in enumerate(comparisons):
-        if samples.plain and samples.n >= LEAST_SEEDS:
-            sizes.setdefault(samples.sizes, []).append(k)
-    for places in sizes.values():
-        a, b = (np.log(np.stack([getattr(comparisons[k], name) for k in places])) for name in ("a", "b"))
-        largest = max_t_of_two(a, b)._replace(share=len(places) / total)
-        distance, error = np.abs(a.mean(axis=1) - b.mean(axis=1)), np.hypot(standard_errors(a), standard_errors(b))
-        p[places, 0], critical[places] = largest.p(studentised(distance, error)), largest.critical(level)
-    for k, samples in enumerate(comparisons):
-        if not samples.plain and samples.n >= LEAST_SEEDS:
-            # who has more runs above the common median
-            common = middles(np.sort(np.concatenate([samples.a, samples.b]))[None])[0]
-            medians_p = _exact_p(samples.a > common, samples.b > common)
-            p[k] = np.minimum(1.0, 2 * total * np.array([medians_p, _exact_p(*samples.failed)]))
-    return [
-        judgement_of(np.array(_interval(samples, c)), p[k], samples, c, margin, level)
-        for k, (samples, c) in enumerate(zip(comparisons, critical.tolist(), strict=True))
-    ]
-
-
-def _interval(samples: TwoSamples, critical: float) -> tuple[float, float, float]:
-    """Return the difference of the mean logarithms with its interval; of medians without one."""
-    if samples.n == 0:
-        return np.nan, np.nan, np.nan
-    with np.errstate(divide="ignore"):
-        logs = np.log(samples.a), np.log(samples.b)
-    if not samples.plain:
-        first, second = (float(middles(np.sort(values)[None])[0]) for values in logs)
-        return (0.0 if first == second else first - second), np.nan, np.nan
-    centre = float(logs[0].mean() - logs[1].mean())
-    if not np.isfinite(critical):
-        return centre, centre - critical, centre + critical
-    half = critical * float(np.hypot(*(standard_errors(values[None])[0] for values in logs)))
-    return centre, centre - half, centre + half
-
-
-def _exact_p(a: BoolArray, b: BoolArray) -> float:
-    """Return Fisher's exact p that the shares are the same."""
-    from scipy.stats import fisher_exact
-
-    table = [[int(a.sum()), int((~a).sum())], [int(b.sum()), int((~b).sum())]]
-    return float(fisher_exact(table).pvalue)
 
 
 # NEES and NIS against chi-square: the band in which the average of a consistent filter lies, and the verdict.

@@ -259,58 +259,6 @@ def _locked(d: FloatArray) -> BoolArray:
     return locked
 
 
-# Runs of which no two have a seed in common.
-
-
-@dataclass(frozen=True, eq=False)
-class TwoSamples:
-    """The errors of a and of b, each on seeds of its own.
-
-    Attributes:
-        a: (n,) infinite where the run was lost.
-        b: (k,) likewise.
-    """
-
-    a: FloatArray
-    b: FloatArray
-
-    @cached_property
-    def failed(self) -> tuple[BoolArray, BoolArray]:
-        """Which runs of either were lost, or are `LOCKED_OUT` times the median."""
-        a, b = (
-            errors > LOCKED_OUT * np.median(finite) if len(finite) else np.isinf(errors)
-            for errors, finite in ((errors, errors[np.isfinite(errors)]) for errors in (self.a, self.b))
-        )
-        return a, b
-
-    @property
-    def failures(self) -> tuple[int, int]:
-        """Runs that a, and that b, lost or locked out in."""
-        return int(self.failed[0].sum()), int(self.failed[1].sum())
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Seeds of a, and of b."""
-        return len(self.a), len(self.b)
-
-    @property
-    def n(self) -> int:
-        """Seeds of the smaller sample."""
-        return min(self.sizes)
-
-    @property
-    def plain(self) -> bool:
-        """Whether every run went well, and means may stand for them."""
-        positive = bool((self.a > 0).all() and (self.b > 0).all())
-        return positive and not (self.failed[0].any() or self.failed[1].any())
-
-
-def two_samples(a: npt.ArrayLike, b: npt.ArrayLike) -> TwoSamples:
-    """Return the samples without what is NaN (the metric did not apply) or negative."""
-    first, second = (np.asarray(values, dtype=np.float64) for values in (a, b))
-    return TwoSamples(first[first >= 0], second[second >= 0])
-
-
 def middles(ordered: FloatArray) -> FloatArray:
     """Return the medians of (k, n) values in ascending order; between an infinite one and another, the infinite."""
     left, right = ordered[:, (ordered.shape[1] - 1) // 2], ordered[:, ordered.shape[1] // 2]

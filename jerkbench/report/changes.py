@@ -10,10 +10,8 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.families import Correction
 from jerkbench.evaluation.intervals import loss_bound
-from jerkbench.evaluation.judgement import Judgement, Verdict, judged_on_other_seeds
-from jerkbench.evaluation.over_seeds import two_samples
+from jerkbench.evaluation.judgement import Judgement, Verdict
 from jerkbench.plugins.requirements import JunitCase, junit
 from jerkbench.report.columns import checked, quantity
 from jerkbench.report.comparisons import (
@@ -47,7 +45,7 @@ class Change(NamedTuple):
     Attributes:
         first: runs of the first set; where the two sets have common seeds, the runs of these seeds.
         second: the same for the second set.
-        judgement: second over first, at the level of all combinations on the same seeds, or of all on others.
+        judgement: second over first, at the level of all combinations; without a common seed it has no verdict.
         rule: how it was judged.
         paired: whether the two sets have common seeds.
         absent: runs of the first set that the second does not have, where they have common seeds.
@@ -94,9 +92,9 @@ class Change(NamedTuple):
 
     @property
     def common(self) -> int:
-        """The number of seeds for which both sets have a value; without common seeds, of values in the smaller set."""
+        """The number of seeds for which both sets have a value."""
         first, second = map(np.isfinite, self.values)
-        return int(sum(first & second)) if self.paired else min(int(first.sum()), int(second.sum()))
+        return int(sum(first & second)) if self.paired else 0
 
     @property
     def risen(self) -> BoolArray:
@@ -155,6 +153,8 @@ class Change(NamedTuple):
         """In a few words."""
         if self.same:
             return "the same to the bit"
+        if not self.paired:
+            return "no verdict (no common seed)"
         if self.risen.any() and not self.judgement.n:
             return "worse (it was 0)"
         if not self.common:
@@ -163,8 +163,7 @@ class Change(NamedTuple):
             return "no test (phases of one recording)"
         equal = self.judgement.verdict is Verdict.EQUAL
         words = self.rule.equal if equal else self.judgement.verdict.value
-        words += f", as {self.judgement.reason}" if self.judgement.reason else ""
-        return words if self.paired else f"{words} (other seeds)"
+        return words + (f", as {self.judgement.reason}" if self.judgement.reason else "")
 
     @property
     def losses(self) -> str:
@@ -188,25 +187,15 @@ def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: Ve
         raise NotComparableError(
             f"No combination of the {len(first)} of the first is among the {len(second)} of the second."
         )
-    return [_change(two, judgement, rule) for two, judgement in zip(both, _judgements(both, rule), strict=True)]
-
-
-def _judgements(both: Sequence[BeforeAfter], rule: VerdictRule) -> list[Judgement]:
-    """Return those on the same seeds as one family, and those on others as another."""
-    same = iter(compare_runs(((b, a) for a, b in both if _match(a, b)), rule))
-    samples = [two_samples(b.errors, a.errors) for a, b in both if not _match(a, b)]
-    others = iter(judged_on_other_seeds(samples, rule.margin, rule.level))
-    return [next(same).judgement if _match(a, b) else next(others) for a, b in both]
-
-
-def _match(first: MethodRuns, second: MethodRuns) -> bool:
-    return len(np.intersect1d(first.seeds, second.seeds)) > 0
+    compared = compare_runs(((second, first) for first, second in both), rule)
+    return [_change(two, one.judgement, rule) for two, one in zip(both, compared, strict=True)]
 
 
 def _change(two: BeforeAfter, judgement: Judgement, rule: VerdictRule) -> Change:
-    paired = _match(*two)
-    first, second = on_common_seeds(*two) if paired else two
-    return Change(first, second, judgement, rule, paired, absent=len(two[0].seeds) - len(first.seeds) if paired else 0)
+    first, second = on_common_seeds(*two)
+    if not len(first.seeds):
+        return Change(*two, judgement, rule, paired=False, absent=0)
+    return Change(first, second, judgement, rule, paired=True, absent=len(two[0].seeds) - len(first.seeds))
 
 
 def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
@@ -240,20 +229,16 @@ ON_THE_SAME = (
     "On the same seeds: at most 5 % of such sets have any wrong verdict (largest studentised mean log ratio of "
     "{count}, bootstrap over the seeds)."
 )
-BY_SENTENCE = "On the same seeds: of the verdicts 5 % may be wrong (Benjamini and Hochberg over {count})."
-ON_OTHERS = (
-    "On other seeds: at most 5 % of such sets have any wrong verdict (largest studentised difference of the mean "
-    "logarithms of {count}, bootstrap over the seeds of A and those of B); they show much less than the same seeds."
+NO_COMMON_SEED = (
+    "No verdict is given where the runs of A and B have no seed in common ({count}): use the same first_seed and seeds."
 )
 
 
 def notes_of_tests(changed: Iterable[Change]) -> list[str]:
-    """Return by what test the verdicts on the same seeds were found, and by what those on others."""
-    tested = [change for change in changed if not change.phases]
-    same, others = ([change for change in tested if change.paired is paired] for paired in (True, False))
-    by_sentence = bool(same) and same[0].rule.correction is Correction.FDR
-    families = ((BY_SENTENCE if by_sentence else ON_THE_SAME, same), (ON_OTHERS, others))
-    return [words.format(count=len(family)) for words, family in families if family]
+    """Return the test of the verdicts, and why there is none where the runs have no seed in common."""
+    paired = [change.paired for change in changed if not change.phases]
+    counts = ((ON_THE_SAME, sum(paired)), (NO_COMMON_SEED, len(paired) - sum(paired)))
+    return [words.format(count=count) for words, count in counts if count]
 
 
 def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list[str]:

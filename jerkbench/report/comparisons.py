@@ -11,7 +11,6 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.families import Correction
 from jerkbench.evaluation.intervals import loss_bound, seeds_without_loss, up_to
 from jerkbench.evaluation.judgement import LEVEL, MARGIN, NOT_EXCLUDED, WINS, Judgement, Verdict, judged, seeds_needed
 from jerkbench.evaluation.over_seeds import LogRatios, log_ratios_of
@@ -90,12 +89,10 @@ class VerdictRule:
 
     Attributes:
         margin: ratios up to 1 + margin are equal for every practical purpose.
-        correction: what 5 % are 5 % of: studies with any wrong sentence, or sentences.
-        level: these 5 %, or what a look at seeds that were added in blocks may spend of them.
+        level: 5 % of studies may have any wrong sentence; a look at seeds that were added in blocks may spend less.
     """
 
     margin: float = MARGIN
-    correction: Correction = Correction.MAX_T
     level: float = LEVEL
 
     def __post_init__(self) -> None:
@@ -247,7 +244,7 @@ def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRu
     common = [on_common_seeds(ours, theirs) for ours, theirs in pairs]
     ratios = log_ratios_of((ours.errors, theirs.errors) for ours, theirs in common)
     seeded = [of for (ours, _), of in zip(common, ratios, strict=True) if not ours.phases]
-    judgements = iter(judged(seeded, rule.margin, rule.level, rule.correction))
+    judgements = iter(judged(seeded, rule.margin, rule.level))
     compared = []
     for (ours, theirs), of in zip(common, ratios, strict=True):
         judgement = _of_phases(of) if ours.phases else next(judgements)
@@ -274,13 +271,10 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
         return "Without seeds there is no test of a difference."
     rule, family = tested[0].rule, max(comparison.family for comparison in tested)
     marks = f"*: a difference was shown; =: {rule.equal}."
-    if rule.correction is Correction.FDR:
-        test = f"Of the marks 5 % may be wrong (Benjamini and Hochberg over the study's {family} comparisons)."
-    else:
-        test = (
-            f"At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of all {family} "
-            "comparisons, bootstrap over the seeds)."
-        )
+    test = (
+        f"At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of all {family} "
+        "comparisons, bootstrap over the seeds)."
+    )
     if rule.level < LEVEL:
         test += f" Seeds were added in blocks: the last look spends {100 * rule.level:.2g} of these 5 %."
     count = sum(comparison.verdict is Verdict.UNDECIDED for comparison in tested)

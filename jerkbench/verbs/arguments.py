@@ -141,22 +141,15 @@ JUDGING = (
         metavar="PCT",
         help="methods within PCT percent are equal (default: 3)",
     ),
-    argument(
-        "--correction",
-        choices=("max_t", "fdr"),
-        default="max_t",
-        help="5 %% of studies with any wrong sentence (max_t, the default), or of sentences (fdr)",
-    ),
 )
 """How a study's methods are judged."""
 
 
 def chosen_rule(chosen: argparse.Namespace) -> "VerdictRule":
     """Return the rule that was asked for."""
-    from jerkbench.evaluation.families import Correction
     from jerkbench.report.comparisons import VerdictRule
 
-    return VerdictRule(chosen.margin / 100, Correction(chosen.correction))
+    return VerdictRule(chosen.margin / 100)
 
 
 def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
