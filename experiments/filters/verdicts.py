@@ -20,7 +20,7 @@ from jerkbench.report.table_model import number
 METRIC = "position_rmse_m"
 REFERENCES = ("none", "oracle")
 SCENARIO = ["dataset", "disturbance"]
-KINDS = (Verdict.BETTER, Verdict.EQUAL, Verdict.WORSE, Verdict.FEWER_LOST, Verdict.MORE_LOST, Verdict.UNDECIDED)
+KINDS = tuple(Verdict)
 
 
 def centres_of(rows: pd.DataFrame) -> dict[tuple[str, ...], Centre]:

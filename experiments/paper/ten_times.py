@@ -3,7 +3,6 @@
 python experiments/paper/ten_times.py results/paper20
 """
 
-import dataclasses
 import math
 import sys
 from collections import Counter
@@ -13,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from jerkbench.evaluation.judgement import LEVEL, Judgement, Verdict, judged
+from jerkbench.evaluation.over_seeds import with_locked
 from jerkbench.jobs.study import load_study
 from jerkbench.report.comparisons import Comparison
 from jerkbench.report.findings import losses_clause, method_names, varying_factors
@@ -33,7 +33,7 @@ NO_INTERVAL, NO_PAIR = "has no interval", "has no pair of runs"
 
 NOTHING_SHOWN = "So few seeds show no difference between any two methods, so they say nothing about the claim."
 
-WORDS = {Verdict.BETTER: HOLDS, Verdict.WORSE: FAILS, Verdict.MORE_LOST: FAILS}
+WORDS = {Verdict.BETTER: HOLDS, Verdict.WORSE: FAILS, Verdict.MORE_FAILED: FAILS}
 """What a verdict against the claim says of it; other verdicts leave it open."""
 
 
@@ -56,7 +56,7 @@ def _against_the_claim(comparisons: Sequence[Comparison]) -> list[Comparison]:
     """Judge all as one family: the ratio, times what is claimed, against 1; phases of one recording have no test."""
     tested = [comparison for comparison in comparisons if not comparison.phases]
     ratios = [comparison.ratios for comparison in tested]
-    shifted = [dataclasses.replace(of, d=of.d + math.log(CLAIMED)) for of in ratios]
+    shifted = [with_locked((of.d + math.log(CLAIMED))[None], of.lost[None])[0] for of in ratios]
     judgements = iter(judged(shifted, 0.0, min((of.rule.level for of in tested), default=LEVEL)))
     return [of._replace(judgement=_unshifted(next(judgements))) if not of.phases else of for of in comparisons]
 

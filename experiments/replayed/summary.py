@@ -23,10 +23,11 @@ SHOWN = "jerk"
 
 MARKS = {
     Verdict.BETTER: "+",
-    Verdict.FEWER_LOST: "+",
+    Verdict.FEWER_FAILED: "+",
     Verdict.EQUAL: "=",
+    Verdict.SMALL: "~",
     Verdict.WORSE: "-",
-    Verdict.MORE_LOST: "-",
+    Verdict.MORE_FAILED: "-",
     Verdict.UNDECIDED: "?",
 }
 PLACES = {"field": "the field", "rtklib": "the drive"}

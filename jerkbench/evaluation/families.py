@@ -192,7 +192,7 @@ class Family(NamedTuple):
     """The p of m comparisons, and what their intervals have to reach for the same verdicts.
 
     Attributes:
-        p: (2, m) that a and b differ, and that either loses more runs; NaN without a seed, and 1 of fewer than
+        p: (2, m) that a and b differ, and that either fails in more runs; NaN without a seed, and 1 of fewer than
             `LEAST_SEEDS`.
         critical: (m,) beyond which |t| on a mean differs; NaN of a median, and of fewer than `LEAST_SEEDS`.
         confidence: of the interval of a median.

@@ -181,6 +181,9 @@ def _mixed(outer: FloatArray, inner: FloatArray, weight: FloatArray | float) -> 
         return np.where(kept, outer, outer + weight * (inner - outer))
 
 
+LOCKED_OUT = 10.0
+"""A run that is more than 10 times as wrong as the median run, or as the same run of another method, is locked out."""
+
 # The interval of a share: of runs that were lost, of seeds that one method won; and what losses were not seen.
 
 ONE_SIDED = 0.95
@@ -211,13 +214,15 @@ def seeds_without_loss(margin: float) -> float:
     return ceil(log(1 - ONE_SIDED) / log1p(-margin)) if 0 < margin < 1 else 1 if margin else inf
 
 
-def losses_text(count: int, n: int) -> str:
-    """Say how many runs were lost, and how many may be.
+def failures_text(lost: int, locked: int, n: int, *, bound: bool = True) -> str:
+    """Say how many runs were lost, how many locked out, and how many may be.
 
-    >>> losses_text(0, 20)
-    '0 of 20 lost (up to 14 %)'
+    >>> failures_text(0, 0, 20), failures_text(1, 2, 20)
+    ('0 of 20 lost (up to 14 %)', '1 of 20 lost and 2 of 20 more than 10 times as wrong (up to 34 %)')
     """
-    return f"{count} of {n} lost ({up_to(count, n)})"
+    counts = [f"{lost} of {n} lost"] * bool(lost or not locked)
+    counts += [f"{locked} of {n} more than {LOCKED_OUT:g} times as wrong"] * bool(locked)
+    return f"{' and '.join(counts)}{f' ({up_to(lost + locked, n)})' if bound else ''}"
 
 
 def up_to(count: int, n: int) -> str:

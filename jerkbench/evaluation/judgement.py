@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.evaluation.families import Family, family, standard_errors
-from jerkbench.evaluation.intervals import loss_bound, losses_text, median_intervals, student_interval
+from jerkbench.evaluation.intervals import failures_text, loss_bound, median_intervals, student_interval
 from jerkbench.evaluation.over_seeds import FEW, LEAST_SEEDS, LogRatios, Samples, mean_interval, middles
 
 MARGIN = 0.03
@@ -27,42 +27,50 @@ class Verdict(StrEnum):
 
     BETTER = "better"
     EQUAL = "equal"
+    SMALL = "small difference"
     WORSE = "worse"
-    FEWER_LOST = "loses fewer runs"
-    MORE_LOST = "loses more runs"
+    FEWER_FAILED = "fails in fewer runs"
+    MORE_FAILED = "fails in more runs"
     UNDECIDED = "undecided"
 
 
 TURNED = {
     Verdict.BETTER: Verdict.WORSE,
     Verdict.WORSE: Verdict.BETTER,
-    Verdict.FEWER_LOST: Verdict.MORE_LOST,
-    Verdict.MORE_LOST: Verdict.FEWER_LOST,
+    Verdict.FEWER_FAILED: Verdict.MORE_FAILED,
+    Verdict.MORE_FAILED: Verdict.FEWER_FAILED,
 }
-"""Verdicts as the other side sees them; equal and undecided are the same from both."""
+"""Verdicts as the other side sees them; the others are the same from both sides."""
 
-WINS = (Verdict.BETTER, Verdict.FEWER_LOST)
-DEFEATS = (Verdict.WORSE, Verdict.MORE_LOST)
-BY_LOSSES = (Verdict.FEWER_LOST, Verdict.MORE_LOST)
+WINS = (Verdict.BETTER, Verdict.FEWER_FAILED)
+DEFEATS = (Verdict.WORSE, Verdict.MORE_FAILED)
+BY_FAILURES = (Verdict.FEWER_FAILED, Verdict.MORE_FAILED)
 
 NOT_EXCLUDED = "losses are not excluded"
 """Equal but for runs that may be lost: so few seeds did not show them."""
 
-FAILED_MORE = "the one with the smaller errors failed in more runs"
+FAILED_MORE = "the method with the smaller errors was lost or locked out in more runs"
+
+FAR = 3.0
+"""A method that is better in the median by more than this is better, and does not only fail in fewer runs."""
+
+MAX_FACTOR = 1000.0
+"""An interval that holds 1 and reaches further to both sides says nothing, and is not given."""
 
 
 class Judgement(NamedTuple):
-    """One comparison of a with b.
+    """One comparison of a with b on their common seeds.
 
     Attributes:
         ratio: geometric mean of a/b; where runs were lost or locked out, the median.
-        low: lower end of its interval at the level of the study, which decides; NaN of fewer than `LEAST_SEEDS`, and of
-            a median of too few seeds for such a level.
+        low: lower end of its interval at the level of the study, which decides; NaN of fewer than `LEAST_SEEDS`, of a
+            median of too few seeds for such a level, and where the interval would be wider than `MAX_FACTOR`.
         high: upper end; infinite where it reaches the lost runs.
-        sizes: seeds of a, and of b: the same, or as many as each has of its own.
+        n: seeds that both have.
         p: that they differ, corrected for the study.
-        p_lost: that either loses more runs, corrected for the study.
-        failures: runs that a, and that b, lost or locked out in.
+        p_failed: that either is lost or locked out in more runs, corrected for the study.
+        lost: runs that a, and that b, lost.
+        locked: runs that a, and that b, locked out in; see `LogRatios`.
         median: whether ratio and test are those of the median.
         critical: how many standard errors of the mean of the logarithms the study asks for; NaN of a median.
         verdict: at the level of the study.
@@ -72,33 +80,33 @@ class Judgement(NamedTuple):
     ratio: float
     low: float
     high: float
-    sizes: tuple[int, int]
+    n: int
     p: float
-    p_lost: float
-    failures: tuple[int, int]
+    p_failed: float
+    lost: tuple[int, int]
+    locked: tuple[int, int]
     median: bool
     critical: float
     verdict: Verdict
     reason: str
 
     @property
-    def n(self) -> int:
-        """Seeds of the smaller sample."""
-        return min(self.sizes)
+    def failures(self) -> tuple[int, int]:
+        """Runs that a, and that b, lost or locked out in."""
+        return self.lost[0] + self.locked[0], self.lost[1] + self.locked[1]
 
     @property
     def turned(self) -> "Judgement":
         """That of b with a."""
         ratio, low, high = (1 / value if value else math.inf for value in (self.ratio, self.high, self.low))
         verdict = TURNED.get(self.verdict, self.verdict)
-        return self._replace(
-            ratio=ratio, low=low, high=high, failures=self.failures[::-1], sizes=self.sizes[::-1], verdict=verdict
-        )
+        lost, locked = self.lost[::-1], self.locked[::-1]
+        return self._replace(ratio=ratio, low=low, high=high, lost=lost, locked=locked, verdict=verdict)
 
     @property
     def losses(self) -> str:
         """The runs that either lost or locked out in, with the bounds of their shares."""
-        ours, theirs = map(losses_text, self.failures, self.sizes)
+        ours, theirs = (failures_text(*of, self.n) for of in zip(self.lost, self.locked, strict=True))
         return ours if ours == theirs else f"{ours} against {theirs}"
 
 
@@ -107,12 +115,14 @@ def judged(comparisons: Sequence[LogRatios], margin: float = MARGIN, level: floa
 
     ::
 
-        loses ...  McNemar's exact test of the runs that either alone lost or locked out in says so
-        equal      the interval lies within 1/(1 + margin) to 1 + margin, and of either less than the margin of the
-                   runs is lost or locked out (`loss_bound`, of each comparison by itself)
-        better     the interval lies below 1; a failed in no more runs than b
-        worse      better, turned round
-        undecided  otherwise, and of fewer than `LEAST_SEEDS` seeds
+        fails ...   McNemar's exact test of the runs that either alone lost or locked out in says so, unless the sign
+                    test says "better" or "worse" by more than `FAR` times
+        small ...   the interval lies within 1/(1 + margin) to 1 + margin, and excludes 1
+        equal       it lies within them and holds 1, and of either less than the margin of the runs is lost or locked
+                    out (`loss_bound`, of each comparison by itself)
+        better      the interval lies below 1; a was lost or locked out in no more runs than b
+        worse       better, turned round
+        undecided   otherwise, and of fewer than `LEAST_SEEDS` seeds
 
     The intervals are at the level of the study: mean -+ c s/sqrt(n) of d = log(a/b), each with its own c of the scale
     that `max_t` finds common to all comparisons whose runs all went well. Where runs were lost or locked out, it is
@@ -139,28 +149,36 @@ def judgement_of(
 
     Args:
         interval: centre, lower and upper end of the log ratio, at the level of the study.
-        p: that they differ, and that either loses more; corrected.
+        p: that they differ, and that either fails in more runs; corrected.
         runs: what was compared.
         critical: see `Judgement`.
         margin: of equality.
         level: of the study.
     """
-    (centre, low, high), (differ, lost) = interval.tolist(), p.tolist()
-    ours, theirs = runs.failures
+    (centre, low, high), (differ, failed) = interval.tolist(), p.tolist()
+    lost, locked = ((int(of[:, 0].sum()), int(of[:, 1].sum())) for of in (runs.lost, runs.locked))
+    ours, theirs = lost[0] + locked[0], lost[1] + locked[1]
+    decides = differ < level and (ours - theirs) * centre >= 0
     verdict, reason = Verdict.UNDECIDED, ""
-    if lost < level:
-        verdict = Verdict.MORE_LOST if ours > theirs else Verdict.FEWER_LOST
+    if failed < level and not (decides and np.log(FAR) < abs(centre) < np.inf):
+        verdict = Verdict.MORE_FAILED if ours > theirs else Verdict.FEWER_FAILED
     elif -np.log1p(margin) < low and high < np.log1p(margin):
-        excluded = max(map(loss_bound, runs.failures, runs.sizes)) < margin
-        verdict, reason = (Verdict.EQUAL, "") if excluded else (verdict, NOT_EXCLUDED)
-    elif differ < level and (ours - theirs) * centre < 0:
-        reason = FAILED_MORE
-    elif differ < level:
+        excluded = max(loss_bound(ours, runs.n), loss_bound(theirs, runs.n)) < margin
+        if differ < level:
+            verdict = Verdict.SMALL
+        else:
+            verdict, reason = (Verdict.EQUAL, "") if excluded else (verdict, NOT_EXCLUDED)
+    elif decides:
         verdict = Verdict.BETTER if centre < 0 else Verdict.WORSE
-    with np.errstate(over="ignore"):  # few seeds in a large study: an interval beyond all numbers
-        ratio, low, high = np.exp(interval).tolist()
-    failures, critical = runs.failures, float(critical)
-    return Judgement(ratio, low, high, runs.sizes, differ, lost, failures, not runs.plain, critical, verdict, reason)
+    elif differ < level:
+        reason = FAILED_MORE
+    if low < -np.log(MAX_FACTOR) and high > np.log(MAX_FACTOR):
+        low = high = np.nan
+    with np.errstate(over="ignore"):
+        ratio, low, high = np.exp([centre, low, high]).tolist()
+    return Judgement(
+        *(ratio, low, high, runs.n, differ, failed, lost, locked), not runs.plain, float(critical), verdict, reason
+    )
 
 
 def intervals_of(comparisons: Sequence[LogRatios], tested: Family) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.intervals import bca_ends, few_intervals, quantiles_of_rows
+from jerkbench.evaluation.intervals import LOCKED_OUT, bca_ends, few_intervals, quantiles_of_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,10 +175,7 @@ def expanded(confidence: float, n: float) -> float:
     return min(float(2 * ndtr(z) - 1), _HIGHEST)
 
 
-# Two methods on common seeds: their log ratios, with the runs that either lost or that locked out.
-
-LOCKED_OUT = 10.0
-"""A run whose ratio is so many times its median has locked out: it is no scatter, and no mean describes it."""
+# Two methods on common seeds: their log ratios, with the runs that failed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,12 +185,15 @@ class LogRatios:
     Attributes:
         d: (n,) infinite where a alone lost the run, minus infinite where b alone did, 0 where both did.
         lost: (n, 2) whether a, and whether b, lost the run.
-        locked: (n, 2) whether a, and whether b, locked out: its ratio is `LOCKED_OUT` times the median ratio.
+        locked: (n, 2) whether the run of a is more than `LOCKED_OUT` times as wrong as that of b, and the reverse. All
+            are False where every ratio is within `LOCKED_OUT` times the median ratio: then no run is an exception.
+        plain: whether no run was lost or locked out, so that the mean of d describes them.
     """
 
     d: FloatArray
     lost: BoolArray
     locked: BoolArray
+    plain: bool
 
     @property
     def n(self) -> int:
@@ -201,25 +201,9 @@ class LogRatios:
         return len(self.d)
 
     @property
-    def sizes(self) -> tuple[int, int]:
-        """Seeds of a, and of b, which are the same."""
-        return self.n, self.n
-
-    @property
     def turned(self) -> "LogRatios":
         """Those of b to a."""
-        return LogRatios(-self.d, self.lost[:, ::-1], self.locked[:, ::-1])
-
-    @cached_property
-    def plain(self) -> bool:
-        """Whether every run went well, and a mean may stand for them."""
-        return not (self.lost.any() or self.locked.any() or np.isinf(self.d).any())
-
-    @cached_property
-    def failures(self) -> tuple[int, int]:
-        """Runs that a, and that b, lost or locked out in."""
-        failed = self.lost | self.locked
-        return int(failed[:, 0].sum()), int(failed[:, 1].sum())
+        return LogRatios(-self.d, self.lost[:, ::-1], self.locked[:, ::-1], self.plain)
 
 
 def log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> LogRatios:
@@ -242,20 +226,24 @@ def log_ratios_of(errors: Iterable[tuple[FloatArray, FloatArray]]) -> list[LogRa
             d = np.log(first) - np.log(second)
             near = np.abs(first - second) <= SAME_WITHIN * np.minimum(first, second)
         d = np.where((first == second) | (near & ~lost.any(axis=-1)), 0.0, d)
-        ratios.update(zip(places.tolist(), map(LogRatios, d, lost, _locked(d)), strict=True))
+        ratios.update(zip(places.tolist(), with_locked(d, lost), strict=True))
     return [ratios[place] for place in range(len(known))]
 
 
+def with_locked(d: FloatArray, lost: BoolArray) -> list[LogRatios]:
+    """Return the log ratios of k pairs, d (k, n) and lost (k, n, 2), with the runs that locked out."""
+    locked = _locked(d)
+    plain = np.asarray(np.isfinite(d).all(axis=1) & ~(lost | locked).any(axis=(1, 2)))
+    return [LogRatios(*of) for of in zip(d, lost, locked, plain.tolist(), strict=True)]
+
+
 def _locked(d: FloatArray) -> BoolArray:
-    """Return (k, n, 2) which finite ratios (k, n) lie `LOCKED_OUT` times above, and below, the median of their row."""
+    """Return `LogRatios.locked` (k, n, 2) of (k, n) log ratios."""
     finite, limit = np.isfinite(d), np.log(LOCKED_OUT)
-    locked = np.zeros((*d.shape, 2), dtype=bool)
-    if d.size:
-        with np.errstate(invalid="ignore"):
-            wide = ~(finite.all(axis=1) & (d.max(axis=1) - d.min(axis=1) <= limit)) & finite.any(axis=1)
-        for row in np.flatnonzero(wide):
-            away = np.where(finite[row], d[row] - np.median(d[row][finite[row]]), 0.0)
-            locked[row] = np.column_stack([away > limit, away < -limit])
+    locked = np.stack([d > limit, d < -limit], axis=-1) & finite[..., None]
+    for row in np.flatnonzero(locked.any(axis=(1, 2))):
+        ratios = d[row][finite[row]]
+        locked[row] &= (np.abs(ratios - np.median(ratios)) > limit).any()
     return locked
 
 

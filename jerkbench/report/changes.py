@@ -161,8 +161,8 @@ class Change(NamedTuple):
             return "no run of both to compare"
         if self.phases:
             return "no test (phases of one recording)"
-        equal = self.judgement.verdict is Verdict.EQUAL
-        words = self.rule.equal if equal else self.judgement.verdict.value
+        verdict = self.judgement.verdict
+        words = {Verdict.EQUAL: self.rule.equal, Verdict.SMALL: self.rule.small}.get(verdict, verdict.value)
         return words + (f", as {self.judgement.reason}" if self.judgement.reason else "")
 
     @property

@@ -11,8 +11,19 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import loss_bound, seeds_without_loss, up_to
-from jerkbench.evaluation.judgement import LEVEL, MARGIN, NOT_EXCLUDED, WINS, Judgement, Verdict, judged, seeds_needed
+from jerkbench.evaluation.intervals import LOCKED_OUT, loss_bound, seeds_without_loss, up_to
+from jerkbench.evaluation.judgement import (
+    BY_FAILURES,
+    DEFEATS,
+    LEVEL,
+    MARGIN,
+    NOT_EXCLUDED,
+    WINS,
+    Judgement,
+    Verdict,
+    judged,
+    seeds_needed,
+)
 from jerkbench.evaluation.over_seeds import LogRatios, log_ratios_of
 from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, numbers_of_rows, require_factors
@@ -108,6 +119,11 @@ class VerdictRule:
     def equal(self) -> str:
         """What two methods are whose ratio is within the margin."""
         return f"equal within {100 * self.margin:g} %"
+
+    @property
+    def small(self) -> str:
+        """The verb for two methods whose difference is significant, but within the margin."""
+        return f"differ by less than {100 * self.margin:g} %"
 
     def of(self, rows: "pd.DataFrame") -> "VerdictRule":
         """Return the rule for the rows of a study, which know what their last look may spend."""
@@ -208,8 +224,8 @@ class Comparison(NamedTuple):
 
     @property
     def shown(self) -> bool:
-        """Whether a difference was shown."""
-        return self.verdict not in {Verdict.EQUAL, Verdict.UNDECIDED}
+        """Whether one is better, or fails in fewer runs; a difference within the margin does not count."""
+        return self.verdict in WINS or self.verdict in DEFEATS
 
     @property
     def turned(self) -> "Comparison":
@@ -221,14 +237,14 @@ class Comparison(NamedTuple):
 
     @property
     def mark(self) -> str:
-        """A star where a difference was shown, "=" where the two are equal."""
-        return "*" if self.shown else "=" if self.verdict is Verdict.EQUAL else ""
+        """A star where a difference was shown, "~" where it is within the margin, "=" where the two are equal."""
+        return "*" if self.shown else {Verdict.EQUAL: "=", Verdict.SMALL: "~"}.get(self.verdict, "")
 
     @property
     def ratio_text(self) -> str:
-        """The ratio, with as many digits as tell it from 1 where a difference was shown; nothing of a lost run."""
-        ratio = self.judgement.ratio
-        return "" if not 0 < ratio < math.inf else factor_number(ratio) if self.shown else number(ratio)
+        """The ratio, with as many digits as tell it from 1 where it differs from 1; nothing of a lost run."""
+        ratio, differs = self.judgement.ratio, self.shown or self.verdict is Verdict.SMALL
+        return "" if not 0 < ratio < math.inf else factor_number(ratio) if differs else number(ratio)
 
     @property
     def needed(self) -> int | None:
@@ -261,7 +277,7 @@ def _of_phases(ratios: LogRatios) -> Judgement:
     """Return the geometric mean, or with lost runs the median, with the range, and no test."""
     (judgement,) = judged([ratios])
     low, high = (float(np.exp(of(ratios.d))) for of in (np.min, np.max)) if ratios.n > 1 else (np.nan, np.nan)
-    return judgement._replace(low=low, high=high, p=np.nan, p_lost=np.nan, verdict=Verdict.UNDECIDED, reason="")
+    return judgement._replace(low=low, high=high, p=np.nan, p_failed=np.nan, verdict=Verdict.UNDECIDED, reason="")
 
 
 def family_note(comparisons: Sequence[Comparison]) -> str:
@@ -270,7 +286,7 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
     if not tested:
         return "Without seeds there is no test of a difference."
     rule, family = tested[0].rule, max(comparison.family for comparison in tested)
-    marks = f"*: a difference was shown; =: {rule.equal}."
+    marks = f"*: a difference was shown; ~: they {rule.small}; =: {rule.equal}."
     test = (
         f"At most 5 % of such studies have any wrong mark (largest studentised mean log ratio of all {family} "
         "comparisons, bootstrap over the seeds)."
@@ -295,12 +311,16 @@ def not_excluded(compared: Iterable[Comparison]) -> str:
 
 
 def losses_range(judgements: Iterable[Judgement]) -> str:
-    """Say how many runs methods lost or locked out in, the fewest and the most, with the largest bound."""
-    runs = {of for one in judgements for of in zip(one.failures, one.sizes, strict=True)}
+    """Say how many runs methods lost, the fewest and the most, with the largest bound, and how many locked out."""
+    judgements = list(judgements)
+    lost = {(count, one.n) for one in judgements for count in one.lost}
     counts, sizes = (
-        f"{min(of)}" if min(of) == max(of) else f"{min(of)} to {max(of)}" for of in zip(*runs, strict=True)
+        f"{min(of)}" if min(of) == max(of) else f"{min(of)} to {max(of)}" for of in zip(*lost, strict=True)
     )
-    return f"{counts} of {sizes} lost ({up_to(*max(runs, key=lambda of: loss_bound(*of)))})"
+    bound = up_to(*max(lost, key=lambda of: loss_bound(*of)))
+    locked = max(max(one.locked) for one in judgements)
+    more = f", and up to {locked} more than {LOCKED_OUT:g} times as wrong as another" if locked else ""
+    return f"{counts} of {sizes} lost ({bound}){more}"
 
 
 def leaders_of(rivals: Sequence[Combination], comparisons: Sequence[Comparison]) -> tuple[Combination, ...]:
@@ -352,6 +372,24 @@ class Standing(NamedTuple):
         return "+".join(getattr(combination, key) for key in self.method)
 
 
+def leads(standings: Iterable[Standing]) -> tuple[Counter[str], Counter[str]]:
+    """Return in how many decided scenarios each method leads alone, and in how many it shares the lead."""
+    alone, shared = Counter[str](), Counter[str]()
+    for standing in standings:
+        if standing.decided:
+            (alone if len(standing.leaders) == 1 else shared).update(standing.leaders)
+    return alone, shared
+
+
+def leads_text(alone: int, shared: int) -> str:
+    """Say in how many scenarios a method leads.
+
+    >>> leads_text(2, 0), leads_text(2, 1), leads_text(0, 1)
+    ('2', '2 (and shared in 1)', '0 (and shared in 1)')
+    """
+    return f"{alone}{f' (and shared in {shared})' if shared else ''}"
+
+
 def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
     """Return in sentences who leads how often, and how many pairs of methods are what."""
     compared = [pair for standing in standings for pair in standing.comparisons]
@@ -361,21 +399,22 @@ def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
             return [UNTESTED]
         many = any(len(standing.rivals) > 1 and not standing.comparisons for standing in standings)
         return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
-    leaders = Counter(name for standing in standings if standing.decided for name in standing.leaders)
-    told = ", ".join(f"{name} in {count}" for name, count in leaders.most_common(5))
-    more = f", and {len(leaders) - 5} others in fewer" if len(leaders) > 5 else ""
+    alone, shared = leads(standings)
+    names = sorted({**alone, **shared}, key=lambda name: (-alone[name], -shared[name]))
+    told = ", ".join(f"{name} in {leads_text(alone[name], shared[name])}" for name in names[:5])
+    more = f", and {len(names) - 5} others in fewer" if len(names) > 5 else ""
     leading = f"In the lead, of {len(standings)} scenarios: {told}{more}."
-    if not leaders:
+    if not names:
         leading = "Nobody leads: no method was shown to be worse than another, which does not mean that they are equal."
     elif len(standings) == 1:
-        leading = f"In the lead: {', '.join(leaders)}."
-    equal, undecided = verdicts[Verdict.EQUAL], verdicts[Verdict.UNDECIDED]
-    lost = verdicts[Verdict.FEWER_LOST] + verdicts[Verdict.MORE_LOST]
+        leading = f"In the lead: {', '.join(names)}."
+    failed = sum(verdicts[verdict] for verdict in BY_FAILURES)
     parts = [
-        (verdicts.total() - equal - undecided - lost, "differ"),
-        (lost, "differ in the runs they lose"),
-        (equal, f"are {compared[0].rule.equal}"),
-        (undecided, f"are undecided{not_excluded(compared)}"),
+        (verdicts[Verdict.BETTER] + verdicts[Verdict.WORSE], "differ"),
+        (failed, "differ in the runs in which they fail"),
+        (verdicts[Verdict.SMALL], compared[0].rule.small),
+        (verdicts[Verdict.EQUAL], f"are {compared[0].rule.equal}"),
+        (verdicts[Verdict.UNDECIDED], f"are undecided{not_excluded(compared)}"),
     ]
     told = ", ".join(f"{count} {words}" for count, words in parts if count)
     losses = losses_range(pair.judgement for pair in compared)

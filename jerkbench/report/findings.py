@@ -1,15 +1,14 @@
 """What a study says in sentences: the answer, every two methods over all scenarios, the comparisons with baselines."""
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import up_to
-from jerkbench.evaluation.judgement import BY_LOSSES, DEFEATS, WINS, Judgement, Verdict
+from jerkbench.evaluation.intervals import LOCKED_OUT, failures_text, up_to
+from jerkbench.evaluation.judgement import BY_FAILURES, DEFEATS, WINS, Judgement, Verdict
 from jerkbench.report.columns import FACTORS
-from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, losses_range
+from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, leads, losses_range
 from jerkbench.report.study_verdicts import StudyVerdicts
 from jerkbench.report.table_model import factor_number, number
 
@@ -17,13 +16,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+_FAILED = f"lost or more than {LOCKED_OUT:g} times as wrong"
+"""The failures of a run, in words."""
+
 ALL_LOST = math.log(100.0)
 """A method that loses every run, beside one that loses none, weighs as much as one that is 100 times worse."""
 
 
 def certain_size(judgement: Judgement) -> float:
     """Return what is certain of a difference: the log ratio at that end of its interval that is nearest to none."""
-    if judgement.verdict in BY_LOSSES:
+    if judgement.verdict in BY_FAILURES:
         return ALL_LOST * abs(judgement.failures[0] - judgement.failures[1]) / judgement.n
     if judgement.verdict not in {Verdict.BETTER, Verdict.WORSE}:
         return 0.0
@@ -33,15 +35,15 @@ def certain_size(judgement: Judgement) -> float:
 
 def size_text(judgement: Judgement) -> str:
     """Say how large a difference is that was shown."""
-    if judgement.verdict in BY_LOSSES:
+    if judgement.verdict in BY_FAILURES:
         ours, theirs = judgement.failures
-        return f"{ours} of {judgement.n} runs lost or locked out against {theirs}"
+        return f"{ours} of {judgement.n} runs {_FAILED} against {theirs}"
     better = judgement.verdict is Verdict.BETTER
     seen, word = (judgement.turned, "better") if better else (judgement, "worse")
     if not 0 < seen.ratio < math.inf:
         return f"{word}, as the median run of the one is lost"
-    times, low, high = map(factor_number, (seen.ratio, seen.low, seen.high))
-    return f"{times} times {word}, 95 % {low} to {high}"
+    interval = "" if math.isnan(seen.low) else f", 95 % {factor_number(seen.low)} to {factor_number(seen.high)}"
+    return f"{factor_number(seen.ratio)} times {word}{interval}"
 
 
 class Duel(NamedTuple):
@@ -131,32 +133,44 @@ def _of_two(tested: Sequence[Standing]) -> Answer:
     both = f"{duel.ours} and {duel.theirs}"
     if len(duel.rounds) > 1:
         shown = f"{duel.ours} beats {duel.theirs} in {duel.won} of {len(duel.rounds)} scenarios"
-        title = shown if duel.won + duel.lost else f"No difference between {both} was shown"
+        title = shown if duel.won + duel.lost else _no_difference(both, tested)
         return Answer(title, (duel_sentence(duel),))
     ((_, judgement),) = duel.rounds
     if judgement.verdict is Verdict.EQUAL:
         return Answer(f"{both} are {tested[0].tested[0].rule.equal}")
+    if judgement.verdict is Verdict.SMALL:
+        return Answer(f"{both} {tested[0].tested[0].rule.small}")
     if judgement.verdict is Verdict.UNDECIDED:
-        return Answer(f"No difference between {both} was shown")
+        return Answer(_no_difference(both, tested))
     return Answer(f"{duel.ours} beats {duel.theirs}: {size_text(judgement)}")
+
+
+def _no_difference(both: str, tested: Sequence[Standing]) -> str:
+    pairs = [pair for standing in tested for pair in standing.tested]
+    than = f"of more than {100 * pairs[0].rule.margin:g} % " * any(pair.verdict is Verdict.SMALL for pair in pairs)
+    return f"No difference {than}between {both} was shown"
 
 
 def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
     decided = [standing for standing in tested if standing.decided]
     if not decided:
-        if all(pair.verdict is Verdict.EQUAL for standing in tested for pair in standing.tested):
-            return Answer(f"All {methods} methods are {tested[0].tested[0].rule.equal}")
+        verdicts, rule = {pair.verdict for standing in tested for pair in standing.tested}, tested[0].tested[0].rule
+        if verdicts <= {Verdict.EQUAL, Verdict.SMALL}:
+            return Answer(f"All {methods} methods {rule.small if Verdict.SMALL in verdicts else f'are {rule.equal}'}")
         where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
         return Answer(f"None of {methods} methods was shown to beat another{where}")
-    counts = Counter(name for standing in decided for name in standing.leaders)
-    most, reference = max(counts.values()), reference_method(tested)
+    (alone, shared), reference = leads(decided), reference_method(tested)
+    names = {**alone, **shared}
+    won, tied = max((alone[name], shared[name]) for name in names)
     compared = [against(standing, reference) for standing in tested]
     leaders = sorted(
-        (name for name, count in counts.items() if count == most), key=lambda name: mean_log_ratio(compared, name)
+        (name for name in names if (alone[name], shared[name]) == (won, tied)),
+        key=lambda name: mean_log_ratio(compared, name),
     )
-    verb = "leads" if len(leaders) == 1 else "lead"
-    where = f" in {most} of {len(tested)} scenarios" if len(tested) > 1 else ""
-    title = f"Of {methods} methods, {_named(leaders)} {verb}{where}"
+    ending = "s" if len(leaders) == 1 else ""
+    of = f" in {{}} of {len(tested)} scenarios" if len(tested) > 1 else ""
+    verbs = [f"lead{ending}{of.format(won)}"] * bool(won) + [f"share{ending} the lead{of.format(tied)}"] * bool(tied)
+    title = f"Of {methods} methods, {_named(leaders)} {' and '.join(verbs)}"
     duel = next((duel for duel in duels(tested) if {duel.ours, duel.theirs} == {leaders[0], reference}), None)
     undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
     sentences = [f"No difference between methods was shown on {_named(undecided)}."] if undecided else []
@@ -165,7 +179,7 @@ def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
         better = [judgement for _, judgement in duel.rounds if judgement.verdict is Verdict.BETTER]
         times = max(better, key=certain_size).turned.ratio if better else math.inf
         if 0 < times < math.inf:
-            who = " and is" if len(leaders) == 1 else f"; {duel.ours} is"
+            who = " and is" if len(leaders) == 1 and len(verbs) == 1 else f"; {duel.ours} is"
             up_to = "up to " if len(duel.rounds) > 1 else ""
             title += f"{who} {up_to}{factor_number(times)} times better than {duel.theirs}"
         sentences = [duel_sentence(duel), *sentences]
@@ -227,9 +241,10 @@ def duel_sentence(duel: Duel) -> str:
 
 _WORDS = {
     Verdict.BETTER: "better",
-    Verdict.FEWER_LOST: "fewer runs lost",
+    Verdict.FEWER_FAILED: "failing in fewer runs",
     Verdict.WORSE: "worse",
-    Verdict.MORE_LOST: "more runs lost",
+    Verdict.MORE_FAILED: "failing in more runs",
+    Verdict.SMALL: "different by less than the margin",
     Verdict.EQUAL: "equal",
     Verdict.UNDECIDED: "undecided",
 }
@@ -296,10 +311,10 @@ def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     if comparison.phases:
         over = f"{f'range {_range(comparison)} over ' if known else ''}{count}" if n > 1 else count
         return f"{subject} {_times(ratio)} {baseline}{where} ({over} of one recording; no test){lost}."
-    if comparison.verdict in BY_LOSSES:
-        (ours, theirs), p = judgement.failures, number(judgement.p_lost)
+    if comparison.verdict in BY_FAILURES:
+        (ours, theirs), p = judgement.failures, number(judgement.p_failed)
         bounds = f"{up_to(ours, n)} against {up_to(theirs, n)}; McNemar, p {p}"
-        counts = f"{ours} of {n} lost or locked out against {theirs} of {n} ({bounds})"
+        counts = f"{ours} of {n} {_FAILED} against {theirs} of {n} ({bounds})"
         return f"{subject} {comparison.verdict.value} than {baseline}{where}: {counts}."
     median = "median, " if judgement.median else ""
     interval = "" if math.isnan(judgement.low) else f"95 % {_range(comparison)}, "
@@ -308,6 +323,8 @@ def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     said = f"{subject} {_times(ratio)} {baseline}{where} {detail}"
     if comparison.verdict is Verdict.EQUAL:
         said = f"{subject} and {baseline} are {comparison.rule.equal}{where}: {factor}{detail}"
+    elif comparison.verdict is Verdict.SMALL:
+        said = f"{subject} and {baseline} {comparison.rule.small}{where}: {factor_number(ratio)} times {detail}"
     elif comparison.verdict is Verdict.UNDECIDED:
         more = f"; {comparison.needed} seeds would decide" if comparison.needed else ""
         more += f", as {judgement.reason}" if judgement.reason else ""
@@ -350,22 +367,26 @@ def _range(comparison: Comparison) -> str:
     low, high = comparison.judgement.low, comparison.judgement.high
     inverse = (comparison.shown or comparison.phases) and 0 < comparison.judgement.ratio < 1
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
-    written = factor_number if comparison.shown or comparison.phases else number
+    written = (
+        number if comparison.verdict in {Verdict.EQUAL, Verdict.UNDECIDED} and not comparison.phases else factor_number
+    )
     if math.isinf(ends[1]):
         return f"from {written(ends[0])} up, since a run was lost"
     return f"{written(ends[0])} to {written(ends[1])}"
 
 
 def losses_clause(comparison: Comparison, subject: str, baseline: str) -> str:
-    """Say how many runs either lost, or locked out in, and how many may be; of phases nothing where all went well."""
-    told, runs, phases = [], comparison.runs, comparison.phases
-    for name, lost, failed in zip((subject, baseline), comparison.lost, comparison.judgement.failures, strict=True):
-        words = [f"lost {lost}"] * (lost > 0) + [f"locked out in {failed - lost}"] * (failed > lost)
-        bound = "" if phases else f" ({up_to(failed, runs)})"
-        told += [f"{name} {' and '.join(words)} of {runs} runs{bound}"] * bool(words)
-    if told:
-        return f"; {' and '.join(told)}, which counts as worse than any error"
-    return "" if phases else f"; {comparison.judgement.losses}"
+    """Say how many runs either lost or locked out in, and how many may be; of phases nothing where all went well."""
+    judgement, phases = comparison.judgement, comparison.phases
+    if not any((*comparison.lost, *judgement.locked)):
+        return "" if phases else f"; {judgement.losses}"
+    counts = zip((subject, baseline), comparison.lost, judgement.locked, strict=True)
+    told = [
+        f"{name}: {failures_text(lost, locked, comparison.runs, bound=not phases)}"
+        for name, lost, locked in counts
+        if lost or locked
+    ]
+    return f"; {'; '.join(told)}"
 
 
 # The findings of a study by size and certainty: every method against what it changes, over all scenarios.

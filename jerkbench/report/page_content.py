@@ -12,7 +12,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import up_to
+from jerkbench.evaluation.intervals import failures_text, up_to
 from jerkbench.evaluation.judgement import NEAR, UNKNOWN, WINS, Verdict, runs_verdict
 from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
 from jerkbench.evaluation.over_seeds import FEW
@@ -152,14 +152,15 @@ def _matrix_cell(standing: Standing, seen: Mapping[str, Comparison], name: str, 
     if pair is None:
         return MatrixCell("-", "absent")
     judgement, ratio = pair.judgement, pair.judgement.ratio
-    style, hint = "equal" if pair.verdict is Verdict.EQUAL else "undecided", pair.verdict.value
+    style, hint = "undecided" if pair.verdict is Verdict.UNDECIDED else "equal", pair.verdict.value
     if pair.shown:
         factor = max(ratio, 1 / ratio) if 0 < ratio < math.inf else math.inf
         word = "better" if pair.verdict in WINS else "worse"
         style, hint = f"{word}{1 + sum(factor >= step for step in SHADES)}", size_text(judgement)
     if 0 < judgement.low <= judgement.high < math.inf:
         hint += f"; ratio 95 % {number(judgement.low)} to {number(judgement.high)}"
-    lost = f"{judgement.failures[0]} of {judgement.n} lost" if judgement.failures[0] else ""
+    counts = judgement.lost[0], judgement.locked[0]
+    lost = failures_text(*counts, judgement.n, bound=False) if any(counts) else ""
     return MatrixCell(_ratio(pair), style, hint, lost, leads)
 
 

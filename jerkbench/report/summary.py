@@ -11,8 +11,8 @@ import numpy as np
 
 from jerkbench.evaluation.correlated_errors import LEAST_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import ENOUGH, share_interval
-from jerkbench.evaluation.over_seeds import GEOMETRIC, LOCKED_OUT, MEAN, MEDIAN
+from jerkbench.evaluation.intervals import ENOUGH, LOCKED_OUT, share_interval
+from jerkbench.evaluation.over_seeds import GEOMETRIC, MEAN, MEDIAN
 from jerkbench.files import write_atomically, write_text
 from jerkbench.report.columns import (
     FACTORS,

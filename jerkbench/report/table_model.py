@@ -36,7 +36,7 @@ class Ratio(NamedTuple):
         low: lower end of its 95 % interval (phases: the smallest).
         high: upper end.
         p: of the test, corrected for the table; NaN where there is none.
-        mark: "*" where a difference was shown, "=" where they are equal, or nothing.
+        mark: of the verdict; see `jerkbench.report.comparisons.Comparison.mark`.
         median: whether it is the median: runs were lost, or locked out.
     """
 
@@ -52,7 +52,7 @@ class Ratio(NamedTuple):
         """The factor with its mark; nothing without a pair, or where the median run was lost."""
         if not 0 < self.value < math.inf:
             return self.mark
-        return f"×{factor_number(self.value) if self.mark == '*' else number(self.value)}{self.mark}"  # noqa: RUF001
+        return f"×{factor_number(self.value) if self.mark in ('*', '~') else number(self.value)}{self.mark}"  # noqa: RUF001
 
 
 class TableCell(NamedTuple):

@@ -8,8 +8,8 @@ from scipy.stats import beta, binomtest
 
 from jerkbench.evaluation.families import median_p, sign_p
 from jerkbench.evaluation.intervals import (
+    failures_text,
     loss_bound,
-    losses_text,
     median_intervals,
     quantiles_of_rows,
     seeds_without_loss,
@@ -65,10 +65,10 @@ def test_the_bound_of_losses_is_the_one_sided_quantile_of_beta(count, n):
 
 
 def test_losses_that_twenty_seeds_did_not_show_are_bounded_in_words():
-    assert losses_text(0, 20) == "0 of 20 lost (up to 14 %)"
-    assert losses_text(3, 20) == "3 of 20 lost (up to 34 %)"
-    assert losses_text(0, 100) == "0 of 100 lost (up to 3.0 %)"
-    assert losses_text(5, 5) == "5 of 5 lost (up to 100 %)"
+    assert failures_text(0, 0, 20) == "0 of 20 lost (up to 14 %)"
+    assert failures_text(3, 0, 20) == "3 of 20 lost (up to 34 %)"
+    assert failures_text(0, 0, 100) == "0 of 100 lost (up to 3.0 %)"
+    assert failures_text(5, 0, 5) == "5 of 5 lost (up to 100 %)"
 
 
 def test_three_percent_of_losses_are_excluded_by_99_seeds_without_one():

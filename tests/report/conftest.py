@@ -22,8 +22,8 @@ def make_cell(filter_name, adaptation, values, **more):
 
 @pytest.fixture
 def judgement():
-    def make(verdict, ratio, low, high, failures=(0, 0), n=20):
-        return Judgement(ratio, low, high, (n, n), 0.5, 0.5, failures, any(failures), 3.0, verdict, "")
+    def make(verdict, ratio, low, high, lost=(0, 0), n=20):
+        return Judgement(ratio, low, high, n, 0.5, 0.5, lost, (0, 0), any(lost), 3.0, verdict, "")
 
     return make
 

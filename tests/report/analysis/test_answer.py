@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from jerkbench.evaluation.judgement import Verdict
+from jerkbench.report.comparisons import verdict_sentences
 from jerkbench.report.findings import answer, certain_size, duels, findings, strongest
 from jerkbench.report.study_verdicts import study_verdicts
 
@@ -78,6 +79,36 @@ def test_of_leaders_that_tie_the_one_with_the_lowest_error_comes_first(study):
     assert told.title.startswith("Of 3 methods, near and far lead in 1 of 2 scenarios; near is up to ")
 
 
+def test_a_tie_is_no_lead(study):
+    """On bias gauss and jerk differ by less than their scatter, and both beat the baseline."""
+    factors = {"gauss": (0.5, 0.5), "jerk": (1.0, 0.5), "baseline": (2.0, 2.0)}
+    rows = study(factors, scenes=SCENES[:2])
+    told = said(rows)
+    assert told.title.startswith(
+        "Of 3 methods, gauss leads in 1 of 2 scenarios and shares the lead in 1 of 2 scenarios; "
+    )
+    standings = study_verdicts(rows, "position_rmse_m").standings
+    assert verdict_sentences(standings)[0] == (
+        "In the lead, of 2 scenarios: gauss in 1 (and shared in 1), jerk in 0 (and shared in 1)."
+    )
+    both = study({**factors, "jerk": (0.5, 0.5)}, scenes=SCENES[:2])
+    assert said(both).title.startswith("Of 3 methods, ")
+    assert " share the lead in 2 of 2 scenarios; " in said(both).title
+
+
+def test_a_significant_difference_within_the_margin_is_neither_a_win_nor_undecided(study):
+    rows = study({"gauss": (0.985, 0.985), "jerk": (1.0, 1.0)}, scenes=SCENES[:2], seeds=60)
+    told = said(rows)
+    assert told.title == "No difference of more than 3 % between gauss and jerk was shown"
+    assert "different by less than the margin in 2 of 2 scenarios" in told.sentences[0]
+    one = rows[rows["disturbance"] == "none"]
+    assert said(one).title == "gauss and jerk differ by less than 3 %"
+    standings = study_verdicts(one, "position_rmse_m").standings
+    assert strongest(standings)[0].startswith("gauss and jerk differ by less than 3 %: 0.9")
+    assert not standings[0].decided
+    assert "1 differ by less than 3 %" in verdict_sentences(standings)[1]
+
+
 def test_few_seeds_show_nothing_and_it_says_so(study):
     rows = study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "bias": (2.0, 2.0, 1.0)}, seeds=2)
     told = said(rows)
@@ -130,8 +161,8 @@ def test_methods_that_differ_in_several_factors_are_compared(cell_rows, methods,
 
 
 def test_a_lost_run_weighs_and_the_other_side_sees_the_reverse(judgement):
-    lost = judgement(Verdict.MORE_LOST, 2.0, 1.0, float("inf"), (12, 0))
-    assert lost.turned.verdict is Verdict.FEWER_LOST
+    lost = judgement(Verdict.MORE_FAILED, 2.0, 1.0, float("inf"), (12, 0))
+    assert lost.turned.verdict is Verdict.FEWER_FAILED
     assert lost.turned.failures == (0, 12)
     assert certain_size(lost) == pytest.approx(0.6 * np.log(100))
     won = judgement(Verdict.BETTER, 0.5, 0.4, 0.8)
