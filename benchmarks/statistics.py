@@ -19,7 +19,18 @@ from functools import partial
 import numpy as np
 
 from jerkbench.evaluation.intervals import ENOUGH, SHRUNK, hall_intervals, share_interval, student_intervals
-from jerkbench.evaluation.judgement import MARGIN, Judgement, Verdict, judged, levels, looks, seeds_needed
+from jerkbench.evaluation.judgement import (
+    DEFEATS,
+    FAILED_MORE,
+    MARGIN,
+    WINS,
+    Judgement,
+    Verdict,
+    judged,
+    levels,
+    looks,
+    seeds_needed,
+)
 from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, LogRatios, centres, log_ratios
 from jerkbench.evaluation.ranks import over_scenarios
 
@@ -305,7 +316,12 @@ def false_sentences(rng: np.random.Generator, studies: int) -> list[Table]:
 
 
 def _any_false(errors: Array) -> bool:
-    return any(judgement.verdict not in {Verdict.UNDECIDED, Verdict.EQUAL} for judgement in judged(pairs(errors)))
+    return any(_differs(judgement) for judgement in judged(pairs(errors)))
+
+
+def _differs(judgement: Judgement) -> bool:
+    """Whether a difference is claimed, also one within the margin."""
+    return judgement.verdict not in {Verdict.UNDECIDED, Verdict.EQUAL}
 
 
 def whole_studies(rng: np.random.Generator, studies: int) -> list[Table]:
@@ -338,9 +354,7 @@ def _of_study(errors: Array) -> tuple[float, bool]:
     """Return the share of different pairs that is decided, and whether any difference is shown of equal ones."""
     places = list(itertools.combinations(range(16), 2)) * len(errors)
     differ = np.array([a < 8 <= b for a, b in places])
-    shown = np.array(
-        [judgement.verdict not in {Verdict.UNDECIDED, Verdict.EQUAL} for judgement in judged(pairs(errors))]
-    )
+    shown = np.array([_differs(judgement) for judgement in judged(pairs(errors))])
     return float(shown[differ].mean()), bool(shown[~differ].any())
 
 
@@ -356,7 +370,7 @@ def false_equals(rng: np.random.Generator, studies: int) -> list[Table]:
 
 def _any_equal(rng: np.random.Generator, own: Draw, scenarios: int, seeds: int) -> bool:
     d = (own(rng, (3 * scenarios, seeds)) - own(rng, (3 * scenarios, seeds))) / 8 + np.log1p(MARGIN)
-    return any(judgement.verdict is Verdict.EQUAL for judgement in _judged(d))
+    return any(judgement.verdict in {Verdict.EQUAL, Verdict.SMALL} for judgement in _judged(d))
 
 
 def unseen(rng: np.random.Generator, studies: int) -> list[Table]:
@@ -380,6 +394,39 @@ def unseen(rng: np.random.Generator, studies: int) -> list[Table]:
 def _with_lock_outs(rng: np.random.Generator, share: float, seeds: int) -> Judgement:
     d = MARGIN / 10 * rng.standard_normal(seeds) + np.log(FACTOR) * (rng.random(seeds) < share)
     return _judged(d[None])[0]
+
+
+def ruined(rng: np.random.Generator, studies: int) -> list[Table]:
+    """Two equal methods, of which the second is ruined in a share of the runs: by how many times is in the rows."""
+    title = "Comparisons with a method that is ruined in a share of the runs: "
+    rows = [(factor, seeds) for factor in (12, 50, 1000) for seeds in (10, 20, 50)]
+    shares = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+    found = {row: [_with_ruined(rng, share, *row, 2 * studies) for share in shares] for row in rows}
+
+    def counted(words: str, said: Callable[[Judgement], bool], least: int = 0, **bounds: tuple[float, float]) -> Table:
+        """Return the table of those with at least so many seeds, if bounded from below with most runs ruined."""
+        first = 4 if least else 0
+        table = Table(title + words, "times as wrong, seeds", shares[first:], **bounds)
+        for (factor, seeds), of_shares in found.items():
+            if seeds >= least:
+                table.add(f"{factor}, {seeds}", [[said(one) for one in of] for of in of_shares[first:]])
+        return table
+
+    few = (0.0, 5 / 3)
+    return [
+        counted("it is called better, or failing in fewer runs [%]", lambda one: one.verdict in DEFEATS, bounds=few),
+        counted("it is said to have the smaller errors [%]", lambda one: one.reason == FAILED_MORE, bounds=few),
+        counted("the other is called better, or failing in fewer runs [%]", lambda one: one.verdict in WINS),
+        counted("likewise, bounded [%]", lambda one: one.verdict in WINS, least=20, bounds=(90.0, 100.0)),
+    ]
+
+
+def _with_ruined(rng: np.random.Generator, share: float, factor: float, seeds: int, studies: int) -> list[Judgement]:
+    made = []
+    for _ in range(studies):
+        a, b, _ = study(rng, lognormal, 1, seeds)[0]
+        made += judged([log_ratios(a, np.where(rng.random(seeds) < share, factor, 1.0) * b)])
+    return made
 
 
 def power(rng: np.random.Generator, studies: int) -> list[Table]:
@@ -456,6 +503,7 @@ TABLES: Mapping[str, Callable[[np.random.Generator, int], list[Table]]] = {
     "few_seeds": of_few_seeds,
     "selection": selection,
     "unseen": unseen,
+    "ruined": ruined,
 }
 """Each takes the generator of its stream, and how many studies of 60 scenarios to simulate; of fewer it takes more."""
 

@@ -381,13 +381,12 @@ def leads(standings: Iterable[Standing]) -> tuple[Counter[str], Counter[str]]:
     return alone, shared
 
 
-def leads_text(alone: int, shared: int) -> str:
-    """Say in how many scenarios a method leads.
-
-    >>> leads_text(2, 0), leads_text(2, 1), leads_text(0, 1)
-    ('2', '2 (and shared in 1)', '0 (and shared in 1)')
-    """
-    return f"{alone}{f' (and shared in {shared})' if shared else ''}"
+def _counted(words: str, names: Counter[str], scenarios: int) -> str:
+    if scenarios == 1:
+        return f"{words}: {', '.join(names)}."
+    told = ", ".join(f"{name} in {count}" for name, count in names.most_common(5))
+    more = f", and {len(names) - 5} others in fewer" if len(names) > 5 else ""
+    return f"{words}, of {scenarios} scenarios: {told}{more}."
 
 
 def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
@@ -400,14 +399,10 @@ def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
         many = any(len(standing.rivals) > 1 and not standing.comparisons for standing in standings)
         return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
     alone, shared = leads(standings)
-    names = sorted({**alone, **shared}, key=lambda name: (-alone[name], -shared[name]))
-    told = ", ".join(f"{name} in {leads_text(alone[name], shared[name])}" for name in names[:5])
-    more = f", and {len(names) - 5} others in fewer" if len(names) > 5 else ""
-    leading = f"In the lead, of {len(standings)} scenarios: {told}{more}."
-    if not names:
-        leading = "Nobody leads: no method was shown to be worse than another, which does not mean that they are equal."
-    elif len(standings) == 1:
-        leading = f"In the lead: {', '.join(names)}."
+    leading = "Nobody leads: no method was shown to be worse than another, which does not mean that they are equal."
+    if alone or shared:
+        counts = (("Alone in the lead", alone), ("Sharing the lead", shared))
+        leading = " ".join(_counted(words, of, len(standings)) for words, of in counts if of)
     failed = sum(verdicts[verdict] for verdict in BY_FAILURES)
     parts = [
         (verdicts[Verdict.BETTER] + verdicts[Verdict.WORSE], "differ"),

@@ -89,7 +89,7 @@ def test_a_tie_is_no_lead(study):
     )
     standings = study_verdicts(rows, "position_rmse_m").standings
     assert verdict_sentences(standings)[0] == (
-        "In the lead, of 2 scenarios: gauss in 1 (and shared in 1), jerk in 0 (and shared in 1)."
+        "Alone in the lead, of 2 scenarios: gauss in 1. Sharing the lead, of 2 scenarios: gauss in 1, jerk in 1."
     )
     both = study({**factors, "jerk": (0.5, 0.5)}, scenes=SCENES[:2])
     assert said(both).title.startswith("Of 3 methods, ")
