@@ -33,6 +33,12 @@ GRAVITY_WINDOWS_S = (1.0, 2.0)
 LEAST_FORCE_MPS2 = 1e-6
 """A sensor that says nothing has no direction."""
 
+MAX_WINDOWS, MAX_WINDOWS_PER_ROW = 100_000, 10
+"""So many windows any recording may have, and a longer one for each of its rows: more are empty."""
+
+IMU_GAP_S = 0.2
+"""A longer step between two samples of the IMU is reported: in it a vehicle turns and brakes."""
+
 SURE = 5.0
 """So many standard deviations from none is a relation, among the many that are tried."""
 
@@ -104,11 +110,33 @@ def means_of(t_s: FloatArray, values: FloatArray) -> Callable[[FloatArray], Floa
     return lambda edges_s: mean_velocity(ends_s, total, edges_s)
 
 
+def mostly_gaps(length_s: float, t_s: FloatArray) -> bool:
+    """Whether most windows of ``length_s`` would lie in gaps of the stamps, as where a clock was set under way."""
+    return bool(t_s[-1] - t_s[0] > length_s * max(MAX_WINDOWS, MAX_WINDOWS_PER_ROW * len(t_s)))
+
+
 def common_edges(length_s: float, *stamps_s: FloatArray) -> FloatArray:
-    """Return edges ``length_s`` apart in the time that all of the stamps have in common; none where one is empty."""
-    if not all(len(t_s) for t_s in stamps_s):
+    """Return edges ``length_s`` apart in the time that all of the stamps have in common.
+
+    There are none where a stream is empty or `mostly_gaps`.
+    """
+    if not all(len(t_s) for t_s in stamps_s) or any(mostly_gaps(length_s, t_s) for t_s in stamps_s):
         return np.empty(0)
-    return np.arange(max(t_s[0] for t_s in stamps_s), min(t_s[-1] for t_s in stamps_s), length_s)
+    begin_s, end_s = max(t_s[0] for t_s in stamps_s), min(t_s[-1] for t_s in stamps_s)
+    return np.arange(begin_s, end_s, length_s)
+
+
+def imu_gap_notes(imu: Imu | None) -> tuple[str, ...]:
+    """Return a note that counts the gaps of the IMU, or none."""
+    if imu is None or imu.largest_interval_s <= IMU_GAP_S:
+        return ()
+    steps_s = np.diff(imu.t_s)
+    gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * imu.nominal_interval_s)]
+    if not len(gaps_s):
+        return ()
+    count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
+    lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
+    return (f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there.",)
 
 
 def window_means(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
@@ -277,7 +305,7 @@ def turning_gravity(imu: Imu) -> Turning | None:
     """
     turnings = []
     for length_s in GRAVITY_WINDOWS_S if imu.gyro_radps.any() else ():
-        edges_s = np.arange(imu.t_s[0], imu.t_s[-1], length_s)
+        edges_s = common_edges(length_s, imu.t_s)
         if len(edges_s) < 10:
             continue
         force, rate = (window_means(imu.t_s, values, edges_s) for values in (imu.accel_mps2, imu.gyro_radps))

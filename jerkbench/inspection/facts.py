@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, Track, is_coarse, select_headings
 from jerkbench.inspection.doctor import diagnoses
-from jerkbench.inspection.evidence import moving_speed_mps, without_nan_rows
+from jerkbench.inspection.evidence import imu_gap_notes, moving_speed_mps, without_nan_rows
 from jerkbench.inspection.lags import LEAST_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags
 from jerkbench.inspection.noise import (
     SHORTEST_REST_S,
@@ -135,7 +135,8 @@ def findings_text(recording: Recording) -> str:
     lines += [_sigma_line(sigma) for sigma in stated_against_real_sigma(recording, rest)]
     if recording.imu is not None:
         lines += _noise_lines(recording, rest_noise(recording, rest))
-    lines += [f"to check: {remark}" for remark in overstated_noise(recording, rest)]
+    checks = (*imu_gap_notes(recording.imu), *overstated_noise(recording, rest))
+    lines += [f"to check: {remark}" for remark in checks]
     mistakes = diagnoses(recording, lags)
     lines += [f"mistake: {diagnosis}" for diagnosis in mistakes] or ["mistakes: none that is sure"]
     return "\n".join(lines)

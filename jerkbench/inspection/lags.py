@@ -9,6 +9,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inspection.evidence import (
     Diagnosis,
     Windows,
+    common_edges,
     correlation_of,
     diagnosis,
     mean_velocity,
@@ -379,7 +380,7 @@ def _attitude_and_gyro(recording: Recording, length_s: float) -> Pairs | None:
     t_s, euler_rad = without_nan_rows(reference.t_s, reference.euler_rad)
     if len(t_s) < _LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
         return None
-    edges_s, means = np.arange(t_s[0], t_s[-1], length_s), means_of(imu.t_s, imu.gyro_radps)
+    edges_s, means = common_edges(length_s, t_s), means_of(imu.t_s, imu.gyro_radps)
     rates = attitude_rates(t_s, euler_rad, edges_s)
 
     def pairs(late_s: float) -> tuple[FloatArray, FloatArray] | None:

@@ -6,7 +6,15 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, linear_at
-from jerkbench.inspection.evidence import Diagnosis, correlation_of, diagnosis, slope, window_means, without_nan_rows
+from jerkbench.inspection.evidence import (
+    Diagnosis,
+    common_edges,
+    correlation_of,
+    diagnosis,
+    slope,
+    window_means,
+    without_nan_rows,
+)
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
 from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
 
@@ -95,7 +103,7 @@ def longest_rest(recording: Recording) -> Rest | None:
     Fixes and velocities may contradict: a smooth road is quiet, too.
     """
     imu, stated = recording.imu, stated_rest(recording)
-    edges_s = np.empty(0) if imu is None else np.arange(imu.t_s[0], imu.t_s[-1], _WINDOW_S)
+    edges_s = np.empty(0) if imu is None else common_edges(_WINDOW_S, imu.t_s)
     if imu is None or stated or len(edges_s) < 2:
         return stated
     steps = np.diff(np.concatenate([[False], _quiet(imu, edges_s), [False]]).astype(int))

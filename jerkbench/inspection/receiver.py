@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.inspection.evidence import mostly_gaps
 from jerkbench.inspection.noise import FAST_SHARE, LONGEST_FIX_GAP_S, second_difference, truth_at
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
@@ -64,7 +65,8 @@ class ReceiverErrors:
         step_s: the median time from fix to fix.
         axes: three for each level of the declared sigma, and three for all.
         lags_s: (k,) lags.
-        correlation: (k, 3) autocorrelation of the error of each axis; none without a reference.
+        correlation: (k, 3) autocorrelation of the error of each axis; none without a reference, or if the fixes are
+            `mostly_gaps`.
         standardised: (n, 3) errors about their median over the declared sigma.
     """
 
@@ -147,7 +149,7 @@ def _autocorrelation(
     t_s: FloatArray, error_m: FloatArray, step_s: float, compared: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Lags (k,) and the autocorrelation (k, 3) of errors on a grid of the usual step; gross errors are cut off."""
-    if not compared.any():
+    if not compared.any() or mostly_gaps(step_s, t_s):
         return np.empty(0), np.empty((0, 3))
     place = np.round((t_s - t_s[0]) / step_s).astype(int)
     grid = np.full((place[-1] + 1, 3), np.nan)
@@ -230,7 +232,7 @@ def receiver_figure(recording: Recording, errors: ReceiverErrors) -> Figure:
             axes.legend(frameon=False, fontsize="small")
         sizes.set(xlim=(0.01, 5), ylim=(0.005, None))
         longest_s = np.nanmax([*errors.memory_s, errors.step_s])
-        memory.set_xlim(0, min(10 * longest_s, errors.lags_s[-1]))
+        memory.set_xlim(0, min(10 * longest_s, errors.lags_s.max(initial=longest_s)))
     else:
         say(sizes, "There is no reference.")
         say(memory, "There is no reference.")

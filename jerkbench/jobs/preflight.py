@@ -5,11 +5,10 @@ import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-import numpy as np
-
 from jerkbench.contracts import Remarking, Requiring
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
+from jerkbench.inspection.evidence import imu_gap_notes
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job
 from jerkbench.notices import plain
@@ -135,9 +134,6 @@ def first_remarks(jobs: Sequence[Job], inputs: Inputs) -> list[str]:
 # The notes on a job: where the reference comes from, what the recording and its filters have to
 # say.
 
-IMU_GAP_S = 0.2
-"""A longer step between two samples of the IMU is told: in it a vehicle turns and brakes."""
-
 
 def notes_of(job: Job, recording: Recording) -> list[str]:
     """Return what stands under the table of a job; once for all its parameters."""
@@ -146,23 +142,11 @@ def notes_of(job: Job, recording: Recording) -> list[str]:
 
 def _reference_notes(job: Job, recording: Recording) -> list[str]:
     reference, name = recording.reference, _name(job)
-    notes = [f"{name}: {note}" for note in (*recording.notes, *_gaps(recording))]
+    notes = [f"{name}: {note}" for note in (*recording.notes, *imu_gap_notes(recording.imu))]
     if reference.empty:
         return [f"{name} has no reference: {reference.source}.", *notes]
     independence = "independent of" if reference.independent else "not independent of"
     return [f"Reference of {name}: {reference.source}; {independence} the measurements.", *notes]
-
-
-def _gaps(recording: Recording) -> list[str]:
-    if recording.imu is None or recording.imu.largest_interval_s <= IMU_GAP_S:
-        return []
-    steps_s = np.diff(recording.imu.t_s)
-    gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * recording.imu.nominal_interval_s)]
-    if not len(gaps_s):
-        return []
-    count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
-    lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
-    return [f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there."]
 
 
 def _remarks(job: Job, recording: Recording) -> list[str]:
