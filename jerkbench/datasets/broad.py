@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import best_rotation, dcm_from_euler, euler_from_quaternion, roll_pitch
+from jerkbench.io.columns import hdf5_arrays, load_matlab_5, read_columns
 from jerkbench.io.files import FromFiles, named_folder, recording_folder
 from jerkbench.io.frames import without_gyro_bias
-from jerkbench.io.text import require_content, require_possible
+from jerkbench.io.sanitiser import unit_quaternions
+from jerkbench.io.text import TextFormat, require_content, require_possible
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording, Reference
 
@@ -57,6 +58,8 @@ def read_broad_trial(path: Path) -> BroadTrial:
     kind = "a MATLAB file (version 5)" if path.suffix == ".mat" else "an HDF5 file"
     try:
         fields = _fields(path)
+    except RecordingError:
+        raise
     except Exception as error:  # scipy and h5py document none of what a damaged file makes them raise
         reason = f"{type(error).__name__}: {error}"
         raise RecordingError(f"{path} cannot be read as {kind} ({reason}); copy it again.") from error
@@ -67,13 +70,11 @@ def read_broad_trial(path: Path) -> BroadTrial:
 
 def _fields(path: Path) -> dict[str, Any]:
     import h5py
-    from scipy.io import loadmat
 
     if path.suffix == ".mat":
-        return dict(loadmat(path, variable_names=[*_COLUMNS, "sampling_rate"]))
+        return load_matlab_5(path, variable_names=[*_COLUMNS, "sampling_rate"])
     with h5py.File(path) as file:
-        fields = {name: file[name][()] for name in _COLUMNS if name in file}
-        return {**fields, "sampling_rate": file.attrs.get("sampling_rate")}
+        return {**hdf5_arrays(path, file), "sampling_rate": file.attrs.get("sampling_rate")}
 
 
 def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> FloatArray:
@@ -175,14 +176,16 @@ def recording_of(name: str, t_s: FloatArray, trial: BroadTrial, *, remove_gyro_b
     return Recording(
         name=name,
         imu=without_gyro_bias(imu, rest_s) if remove_gyro_bias else imu,
-        reference=_reference(t_s, trial),
+        reference=_reference(name, t_s, trial),
         static_start_s=rest_s,
         notes=_NOTES,
     )
 
 
-def _reference(t_s: FloatArray, trial: BroadTrial) -> Reference:
-    known = np.isfinite(trial.quaternion_wxyz).all(axis=1)
+def _reference(name: str, t_s: FloatArray, trial: BroadTrial) -> Reference:
+    known = unit_quaternions(trial.quaternion_wxyz)
+    if not known.any():
+        raise RecordingError(f"{name} has no optical attitude: no quaternion has the length 1; copy it again.")
     euler_rad = np.full((len(t_s), 3), np.nan)
     euler_rad[known, :2] = euler_from_quaternion(trial.quaternion_wxyz[known])[:, :2]
     scored, source = trial.movement & known, "optical motion capture"
@@ -247,14 +250,12 @@ class RepoImu(FromFiles):
             RecordingError: the file is missing or damaged, or lacks a column.
         """
         (path,) = self.paths()
-        require_content(path)
-        try:
-            table = pd.read_parquet(path, columns=["t_s", *_ACCEL, *_GYRO, *_ATTITUDE, "movement"]).astype(float)
-        except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are of the first two
-            raise RecordingError(f"{path} cannot be read as a trial of RepoIMU ({error}).") from error
-        accel, gyro, attitude = (table[columns].to_numpy() for columns in (_ACCEL, _GYRO, _ATTITUDE))
-        trial = BroadTrial(RATE_HZ, accel, gyro, attitude, table["movement"].to_numpy() > 0)
-        t_s = (table["t_s"] - table["t_s"].iloc[0]).to_numpy()
+        columns = read_columns((path,), TextFormat())
+        if len(columns) < LEAST_SAMPLES:
+            raise RecordingError(f"{path} has {len(columns)} rows; a trial has at least {LEAST_SAMPLES}.")
+        accel, gyro, attitude = map(columns.numbers, (_ACCEL, _GYRO, _ATTITUDE))
+        t_s, movement = columns.numbers(["t_s", "movement"]).T
+        t_s, trial = t_s - t_s[0], BroadTrial(RATE_HZ, accel, gyro, attitude, movement > 0)
         if self.align_reference:
             without_bias = recording_of(path.stem, t_s, trial, remove_gyro_bias=True).inertial
             trial = aligned(trial, without_bias)
@@ -269,13 +270,15 @@ def aligned(trial: BroadTrial, imu: Imu) -> BroadTrial:
     """Return the trial with its reference in the axes of the IMU, upright, scored where it agrees with gravity."""
     from scipy.ndimage import uniform_filter1d
 
-    known: BoolArray = np.asarray(np.isfinite(trial.quaternion_wxyz).all(axis=1))
+    known = unit_quaternions(trial.quaternion_wxyz)
     q = Rotation.from_quat(np.where(known[:, None], trial.quaternion_wxyz, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
     accel, gyro = imu.accel_mps2.copy(), imu.gyro_radps[1:]
     mean = uniform_filter1d(q.apply(accel), round(WINDOW_S * RATE_HZ), axis=0, mode="nearest")
     sound = known & (np.abs(np.linalg.norm(mean, axis=1) / GRAVITY_MPS2 - 1) < SOUND)
     rate: FloatArray = (q[:-1].inv() * q[1:]).as_rotvec() * RATE_HZ
     use = sound[1:] & sound[:-1] & (np.abs(gyro).max(axis=1) < SATURATED_RADPS)
+    if not use.any():
+        raise RecordingError("The reference nowhere agrees with gravity: it cannot be aligned; align_reference=false.")
     turned = q * Rotation.from_matrix(best_rotation(rate[use], gyro[use]))
     up = turned.apply(accel)[sound].mean(axis=0)
     upright = Rotation.from_matrix(dcm_from_euler(np.array([*roll_pitch(up), 0.0])))

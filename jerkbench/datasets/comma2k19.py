@@ -13,6 +13,7 @@ from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, wrap_angle
 from jerkbench.io.clocks import UNIX_EPOCH
 from jerkbench.io.files import NO_ARRAY, FromFiles, recording_folder
 from jerkbench.io.frames import axes_to_judge, body_from_sensor, in_enu
+from jerkbench.io.limits import possible_rows
 from jerkbench.io.sanitiser import steady_rows
 from jerkbench.io.text import LARGEST_NUMBER, require_content, require_possible
 from jerkbench.plugins import register
@@ -24,7 +25,7 @@ _POSE, _LOG = "global_pose", "processed_log"
 _GROUPS: dict[str, dict[str, tuple[int, float]]] = {
     _POSE: {
         "frame_times": (1, LARGEST_NUMBER),
-        "frame_positions": (3, 1e7),
+        "frame_positions": (3, LARGEST_NUMBER),
         "frame_velocities": (3, 2e2),
         "frame_orientations": (4, LARGEST_NUMBER),
     },
@@ -99,7 +100,7 @@ def segment_files(folder: Path) -> tuple[Path, ...]:
 def _read(path: Path, columns: int, most: float) -> FloatArray:
     require_content(path)
     try:
-        array = np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
+        array = np.asarray(np.load(path, mmap_mode="r", allow_pickle=False), dtype=np.float64)
     except NO_ARRAY as error:
         raise RecordingError(f"{path} cannot be read as a NumPy array ({error}); copy it again.") from error
     table = array.reshape(len(array), -1) if array.ndim in (1, 2) and array.size else np.empty((0, 0))
@@ -189,6 +190,10 @@ class Comma2k19(FromFiles):
             RecordingError: a file is missing or damaged.
         """
         segment = read_comma_segment(recording_folder(self.folder, "comma2k19"))
+        fixes, notes = possible_rows("GNSS", places=segment.gnss[:, [0, 1, 4]], utc_ns=segment.gnss[:, 3] * 1e6)
+        frames, off = possible_rows(_POSE, places=segment.frame_ecef_m, frame="ecef")
+        of_frames = {name: getattr(segment, name)[frames] for name in segment._fields if name.startswith("frame")}
+        segment = segment._replace(gnss=segment.gnss[fixes], gnss_log_s=segment.gnss_log_s[fixes], **of_frames)
         line = _clock(segment)
         position, origin, leaps = self._fixes(segment, line)
         of_segment = ("mounting_yaw_deg", "mounting_pitch_deg", "wheel_scale", "position_age_s")
@@ -203,7 +208,7 @@ class Comma2k19(FromFiles):
             heading=self._course(segment, line),
             origin=origin,
             start_utc=UNIX_EPOCH + timedelta(milliseconds=float(segment.gnss[0, 3]), seconds=begin_s),
-            notes=(*leaps, *_NOTES, *((_FITTED,) if fitted else ())),
+            notes=(*notes, *off, *leaps, *_NOTES, *((_FITTED,) if fitted else ())),
         )
 
     def paths(self) -> tuple[Path, ...]:

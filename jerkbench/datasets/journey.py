@@ -10,8 +10,10 @@ import pandas as pd
 
 from jerkbench.arrays import FloatArray, require_not_negative, require_positive
 from jerkbench.errors import PluginError, RecordingError
+from jerkbench.io.columns import read_columns
 from jerkbench.io.files import FromFiles, find_file, named_folder
-from jerkbench.io.text import require_content
+from jerkbench.io.limits import require_origin
+from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
 from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 
@@ -69,6 +71,7 @@ class RealJourney(FromFiles):
         """
         fixes, reference, meta = self.paths()
         about, rows, truth = _meta(meta), _rows(fixes), _rows(reference)
+        require_origin("meta.json of a journey", tuple(about.get("origin") or ()))
         shift_s = float(about.get("clock_shift_s", 0.0)) if self.clock_shift_s is None else self.clock_shift_s
         zero_s = rows["t_s"].iloc[0]
         t_s = (rows["t_s"] - zero_s).to_numpy() + shift_s
@@ -113,13 +116,12 @@ def _diagonal(variance: FloatArray) -> FloatArray:
 
 def _rows(path: Path) -> pd.DataFrame:
     """Return the rows of a file whose stamps increase."""
-    require_content(path)
-    try:
-        rows = pd.read_parquet(path).astype(float)
-        increasing = rows["t_s"] > rows["t_s"].cummax().shift(fill_value=-np.inf)
-        return rows.loc[increasing, [name for name in rows if name in ("t_s", *_PLACE, *_SIGMA, *_VELOCITY)]]
-    except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are of the first two
-        raise RecordingError(f"{path} cannot be read as a journey ({error}).") from error
+    columns = read_columns((path,), TextFormat())
+    if not len(columns):
+        raise RecordingError(f"{path} has no rows; a journey has one for each fix.")
+    names = ["t_s", *_PLACE, *(name for name in (*_SIGMA, *_VELOCITY) if columns.has([name]))]
+    rows = pd.DataFrame(columns.numbers(names), columns=names)
+    return rows[rows["t_s"] > rows["t_s"].cummax().shift(fill_value=-np.inf)]
 
 
 def _meta(path: Path) -> dict[str, Any]:

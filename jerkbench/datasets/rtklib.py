@@ -20,6 +20,7 @@ from jerkbench.io.frames import (
     gravity_notes,
     imu_in_body,
 )
+from jerkbench.io.limits import possible_rows
 from jerkbench.io.rtklib import (
     LEAST_ROWS,
     ImuLog,
@@ -182,9 +183,11 @@ class RtklibDrive(FromFiles):
         t_ns = times_ns(table, self.imu_time, self.imu_time_unit, self.imu_week)
         if len(t_ns) < LEAST_ROWS:
             raise RecordingError(f"{path} has {len(t_ns)} rows; an IMU's log has at least {LEAST_ROWS}.")
-        start_ns = int(t_ns[0]) + (GPS_EPOCH_NS if self.imu_epoch == "gps" else round(self.gpst_minus_utc_s * 1e9))
-        t_s = np.asarray((t_ns - t_ns[0]) * 1e-9)
-        return ImuLog(start_ns, t_s, table.numbers(self.imu_accel), table.numbers(self.imu_gyro))
+        t_ns = t_ns + (GPS_EPOCH_NS if self.imu_epoch == "gps" else round(self.gpst_minus_utc_s * 1e9))
+        rows, notes = possible_rows(path.name, utc_ns=t_ns)
+        t_ns, table = t_ns[rows], table.only(rows)
+        t_s, accel, gyro = (t_ns - t_ns[0]) * 1e-9, table.numbers(self.imu_accel), table.numbers(self.imu_gyro)
+        return ImuLog(int(t_ns[0]), np.asarray(t_s), accel, gyro, notes)
 
 
 # What the solution says about the motion, and the sentences under a table of it.

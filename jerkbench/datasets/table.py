@@ -28,6 +28,7 @@ from jerkbench.io.frames import (
     in_enu,
     origin_of,
 )
+from jerkbench.io.limits import possible_rows, require_origin
 from jerkbench.io.sanitiser import possible_imu, repeat_notes, steady_rows
 from jerkbench.io.table import (
     CHOICES,
@@ -40,7 +41,6 @@ from jerkbench.io.table import (
     covariances_of,
     read_attitude,
     require_columns,
-    require_origin,
     with_sigma,
 )
 from jerkbench.plugins import register
@@ -217,7 +217,7 @@ class Tables(FromFiles, TimedColumns):
         """Check every choice, every number of columns, and every sigma."""
         require_choices(self, CHOICES)
         require_columns(self, self.velocity_frame)
-        require_origin(self.origin)
+        require_origin("dataset table", self.origin)
         self._require_one_origin()
         axes_matrix(self.imu_axes)
         require_positive("dataset table", self, ("position_sigma_m", "position_sigma_scale", "velocity_sigma_mps"))
@@ -325,8 +325,8 @@ class Tables(FromFiles, TimedColumns):
             t_s, solution, leaps = self.read_solution(source, zero_ns)
             return Fixes(*(solution.with_axes_at(origin) if origin else solution).position(t_s, origin), leaps)
         stream = self.read(source).only(self.position_columns)
+        stream, places = self._placed(stream, self.position_columns, self.position_frame)
         t_s = stream.t_s(zero_ns)
-        places = in_degrees(stream.columns.numbers(self.position_columns), self.position_frame, self.angle_unit)
         steady, leaps = np.ones(len(t_s), dtype=np.bool_), ()
         if self.drop_leaps:
             steady, leaps = steady_rows(t_s, axes_to_judge(places, self.position_frame))
@@ -389,10 +389,11 @@ class Tables(FromFiles, TimedColumns):
         stream, frame = self.read(source), self.reference_frame
         if named := (*self.reference_position, *self.reference_velocity, *self.reference_attitude):
             stream = stream.only(named)
-        columns, places = stream.columns, None
+        places = None
         if self.reference_position:
-            places = in_degrees(columns.numbers(self.reference_position), frame, self.angle_unit)
+            stream, places = self._placed(stream, self.reference_position, frame)
             origin = origin or origin_of(places, frame)
+        columns = stream.columns
         mps = axes_in_enu(columns.numbers(self.reference_velocity), frame) if self.reference_velocity else None
         local, body = self.attitude_frame or frame, self.reference_body
         attitude = AttitudeMap(self.reference_attitude, self.attitude_unit, local, body, self.imu_axes)
@@ -406,6 +407,12 @@ class Tables(FromFiles, TimedColumns):
         sigma_m = self._reference_sigma(columns, len(columns))
         reference, of_sigma = with_sigma(reference, sigma_m, self.reference_worst_m)
         return reference, origin, (*columns.notes, *of_sigma)
+
+    def _placed(self, stream: TableStream, names: tuple[str, ...], frame: str) -> tuple[TableStream, FloatArray]:
+        """Return the rows on the Earth and their places, angles in degrees."""
+        places = in_degrees(stream.columns.numbers(names), frame, self.angle_unit)
+        rows, notes = possible_rows(stream.name, places=places, frame=frame)
+        return stream.at(rows, notes), places[rows]
 
     def _reference_sigma(self, columns: Columns | None, rows: int) -> FloatArray | None:
         """Return (rows, 3) one standard deviation of the reference's places; None where nobody says it."""

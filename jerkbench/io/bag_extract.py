@@ -20,6 +20,7 @@ from jerkbench.files import cache_folder, forget_oldest, write_atomically
 from jerkbench.io.bag import Bag, BagError, Messages, content_files, open_bag
 from jerkbench.io.bag_roles import TopicPlan, wanted_fields
 from jerkbench.io.files import NO_ARRAY, fingerprint
+from jerkbench.io.limits import UNDATED, require_origin, undated
 
 # The metadata of a recording that no ROS message holds: the topic that our own writer adds, as
 # JSON.
@@ -67,8 +68,12 @@ class Metadata:
         """
         topics = {str(role): str(topic) for role, topic in values["topics"].items()}
         origin = tuple(float(value) for value in values["origin"])
+        require_origin(METADATA_TOPIC, origin)
+        times = {"start_ns": int(values["start_ns"]), "static_start_s": float(values["static_start_s"])}
+        if undated(times["start_ns"]):
+            raise ValueError(UNDATED)
         outages_s = tuple((float(begin), float(end)) for begin, end in values["outages_s"])
-        return cls(**{**values, "topics": topics, "origin": origin, "outages_s": outages_s})
+        return cls(**{**values, **times, "topics": topics, "origin": origin, "outages_s": outages_s})
 
     def to_json(self) -> str:
         """Return the content of the message."""

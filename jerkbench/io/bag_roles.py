@@ -8,6 +8,7 @@ import numpy as np
 
 from jerkbench.errors import RecordingError
 from jerkbench.io.bag import Bag, Messages, Topic, Wanted
+from jerkbench.io.limits import MAX_LOCAL_M, UNDATED, off_earth, undated
 from jerkbench.io.sanitiser import (
     MOST_MPS,
     MOST_MPS2,
@@ -183,9 +184,6 @@ def _chose(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> tu
 EARTH_RADIUS_M = (6.3e6, 6.4e6)
 """Distances [m] of the Earth's surface from its centre; positions between them are in ECEF."""
 
-MOST_M = 1e8
-"""No local or UTM coordinate is larger."""
-
 
 def clean_topics(
     raw: dict[str, Messages], plan: TopicPlan, ledger: Ledger, earliest_ns: int, *, bag_time: bool
@@ -205,6 +203,7 @@ def clean_topics(
             messages = messages.stamped(messages.bag_ns)
         else:
             messages = with_late_enough_stamps(label, messages, ledger, earliest_ns, offset_ns)
+        messages = ledger.drop(label, messages, UNDATED, undated(messages.stamp_ns))
         messages = ordered(label, _possible(label, messages, plan, ledger), ledger)
         report_gaps(label, messages, ledger)
         if len(messages) < 2:
@@ -231,14 +230,13 @@ def _possible(label: str, messages: Messages, plan: TopicPlan, ledger: Ledger) -
     if "latitude" in messages.values:
         return without_no_fix(label, messages, ledger)
     if "position" in messages.values:
-        messages = without_impossible(label, messages, ledger, [("position", MOST_M)])
+        messages = without_impossible(label, messages, ledger, [("position", MAX_LOCAL_M)])
         unit = unit_quaternions(messages["orientation"])
         if unit.any():  # else it never gives any
             messages = ledger.drop(label, messages, "an orientation that is no unit quaternion", ~unit)
         if is_ecef(messages["position"]):
-            radius_m = np.linalg.norm(messages["position"], axis=1)
-            inside = (radius_m > EARTH_RADIUS_M[0]) & (radius_m < EARTH_RADIUS_M[1])
-            messages = ledger.drop(label, messages, "an ECEF position that is not on Earth", ~inside)
+            off = off_earth(messages["position"], "ecef")
+            messages = ledger.drop(label, messages, "an ECEF position that is not on Earth", off)
     if "linear" in messages.values:
         messages = without_impossible(label, messages, ledger, [("linear", MOST_MPS)])
     return messages

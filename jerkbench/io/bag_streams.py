@@ -32,6 +32,7 @@ from jerkbench.io.frames import (
     swapped,
     turned_covariance,
 )
+from jerkbench.io.limits import require_origin
 from jerkbench.io.sanitiser import MODES, Ledger, leaping_rows, report_jumps, sound_covariances, unit_quaternions
 from jerkbench.recording import Heading, Imu, Origin, Position, Velocity
 
@@ -46,7 +47,6 @@ LENGTHS = {
     "mounting_deg": (3,),
     "lever_arm_m": (3,),
     "velocity_latency_s": (3,),
-    "origin": (0, 3),
     "position_sigma_m": (0, 3),
     "velocity_sigma_mps": (0, 3),
 }
@@ -122,6 +122,7 @@ class BagOptions:
         require_choices(self, _CHOICES)
         require_not_negative("dataset", self, ("outage_s",))
         require_lengths(self, LENGTHS)
+        require_origin("dataset", self.origin)
         _ = self.earliest_ns, self.body_from_imu
 
     @property

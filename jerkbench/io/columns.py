@@ -1,8 +1,11 @@
 """Any table, CSV, Parquet or MATLAB, one file or many -> columns of numbers, by name or number."""
 
+import math
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -10,15 +13,20 @@ import numpy.typing as npt
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.io.clocks import GPS_EPOCH_NS, WEEK_NS, calendar_ns
+from jerkbench.io.limits import MAX_DATE_NS, MIN_DATE_NS, require_size
 from jerkbench.io.text import LARGEST_NUMBER, TextFormat, read_lines, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
+    import h5py
     import pandas as pd
 
 
 # A MATLAB file (version 5 to 7, or 7.3, which is HDF5) -> a table of its numeric vectors and
 # matrices.
+
+_COMPRESSED = 15
+"""The type of a compressed variable in a file of version 5."""
 
 MOST_COLUMNS = 64
 """A matrix with more columns is no stream of measurements."""
@@ -40,7 +48,9 @@ def read_matlab(path: Path) -> "pd.DataFrame":
 
     require_content(path)
     try:
-        arrays = dict(_hdf5(path)) if h5py.is_hdf5(path) else dict(_version_5(path))
+        arrays = dict(_version_7_3(path)) if h5py.is_hdf5(path) else dict(_version_5(path))
+    except RecordingError:
+        raise
     except Exception as error:  # scipy and h5py document none of what a damaged file makes them raise
         raise RecordingError(
             f"{path} cannot be read as a MATLAB file ({type(error).__name__}: {error}); copy it again, or save it anew."
@@ -51,12 +61,11 @@ def read_matlab(path: Path) -> "pd.DataFrame":
             f"{path} holds no numeric vector or matrix; save the measurements as such (a timetable: its columns)."
         )
     rows = max(map(len, columns.values()))
+    require_size(path, rows * len(columns))
     return pd.DataFrame({name: _padded(values, rows) for name, values in columns.items()})
 
 
 def _version_5(path: Path) -> Iterator[tuple[str, Array]]:
-    from scipy.io import loadmat
-
     def walk(prefix: str, value: object) -> Iterator[tuple[str, Array]]:
         """Yield the numeric arrays of a variable, those of a structure's fields too."""
         if isinstance(value, dict):
@@ -66,20 +75,59 @@ def _version_5(path: Path) -> Iterator[tuple[str, Array]]:
         elif isinstance(value, np.ndarray):
             yield prefix, value
 
-    yield from walk("", loadmat(path, simplify_cells=True))
+    yield from walk("", load_matlab_5(path, simplify_cells=True))
 
 
-def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
+def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401 - those of loadmat
+    """Return the variables of a MATLAB file of version 5, whose compressed variables are not too large.
+
+    Raises:
+        RecordingError: they are far larger than the file.
+    """
+    from scipy.io import loadmat
+
+    content, size, at = path.read_bytes(), 0, 128
+    order: Literal["little", "big"] = "little" if content[126:128] == b"IM" else "big"
+    while at < len(content):
+        kind, length = (int.from_bytes(content[k : k + 4], order) for k in (at, at + 4))
+        unpacker, packed = zlib.decompressobj(), content[at + 8 : at + 8 + length]
+        with suppress(zlib.error):  # of damaged data, for which loadmat raises an error too
+            while kind == _COMPRESSED and packed and not unpacker.eof:
+                size += len(unpacker.decompress(packed, 1 << 24))
+                require_size(path, size // 8)
+                packed = unpacker.unconsumed_tail
+        at += 8 + length
+    return dict(loadmat(path, **options))
+
+
+def _version_7_3(path: Path) -> Iterator[tuple[str, Array]]:
     """The arrays, which MATLAB stores with their axes the other way round; its own tables of references aside."""
     import h5py
 
     with h5py.File(path) as file:
-        names: list[str] = []
-        file.visit(names.append)
-        for name in names:
-            node = file[name]
-            if isinstance(node, h5py.Dataset) and not name.startswith("#") and node.dtype.kind in "iufb":
-                yield name.replace("/", "."), node[()].T
+        for name, array in hdf5_arrays(path, file).items():
+            if not name.startswith("#"):
+                yield name.replace("/", "."), array.T
+
+
+def hdf5_arrays(path: Path, file: "h5py.File") -> dict[str, Array]:
+    """Return the numeric arrays of an open HDF5 file by their names.
+
+    Raises:
+        RecordingError: data are in another file, or the arrays are far larger than the file.
+    """
+    import h5py
+
+    links: dict[str, object] = {}
+    file.visititems_links(links.__setitem__)
+    nodes = [(name, file[name]) for name, link in links.items() if isinstance(link, h5py.HardLink)]
+    sets = {n: d for n, d in nodes if isinstance(d, h5py.Dataset) and d.dtype.kind in "iufb" and d.shape is not None}
+    external = [name for name, link in links.items() if isinstance(link, h5py.ExternalLink)]
+    external += [name for name, data in sets.items() if data.external or data.is_virtual]
+    if external:
+        raise RecordingError(f"{path}: {', '.join(external)} refers to another file; copy the data into this file.")
+    require_size(path, sum(max(data.size, math.prod(data.chunks or ())) for data in sets.values()))
+    return {name: data[()] for name, data in sets.items()}
 
 
 def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
@@ -97,7 +145,7 @@ def _padded(values: Array, rows: int) -> "pd.Series[Any]":
     import pandas as pd
 
     plain = values.astype(np.int64 if values.dtype.kind == "b" else values.dtype.newbyteorder("="))
-    return pd.Series(plain, dtype="Int64" if values.dtype.kind in "iu" else None).reindex(range(rows))
+    return pd.Series(plain, dtype={"i": "Int64", "u": "UInt64"}.get(values.dtype.kind)).reindex(range(rows))
 
 
 TIME_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
@@ -108,7 +156,7 @@ LARGEST_NS = 9.2e18
 
 
 WEEK_AND_TIME = r"\d{1,4}:\d{1,6}(\.\d{1,9})?"
-DATE_AND_TIME = r"(19|20)\d\d-\d\d-\d\d[T ]\d\d"
+DATE_AND_TIME = r"\d{4}-\d\d-\d\d[T ]\d\d"
 
 
 class Columns:
@@ -172,7 +220,7 @@ class Columns:
         values = self._numeric(name)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
         fits = np.abs(values.astype(np.float64)) <= LARGEST_NS / scale  # NaN does not
-        self._require(fits, name, values, "'{}' is no time in " + unit)
+        self._require(fits, name, values, f"'{{}}' is no time in {unit}, at most {LARGEST_NS / scale:.2g}")
         if np.issubdtype(values.dtype, np.integer):
             return np.asarray(values.astype(np.int64) * scale)
         return np.round(values.astype(np.float64) * scale).astype(np.int64)
@@ -181,6 +229,7 @@ class Columns:
         """Return (n,) UTC nanoseconds since 1970 of a column of dates; None where it holds numbers.
 
         A cell is a date and time as in ISO 8601 (without a zone: UTC), or GPS week and time of week, ``2374:243258.5``.
+        A date that is not between 1980 and 2100 becomes the first moment of 2100, which is not either.
 
         Raises:
             RecordingError: there is no such column, or some cells are dates and another one is none.
@@ -190,6 +239,8 @@ class Columns:
         column = self._table.iloc[:, self._place(name)]
         if pd.api.types.is_numeric_dtype(column) or column.empty:
             return None
+        if pd.api.types.is_datetime64_any_dtype(column):
+            return _date_ns(pd.to_datetime(column, utc=True))
         text = column.astype(str)
         if text.str.fullmatch(WEEK_AND_TIME).all():
             week, time_s = text.str.split(":", expand=True).to_numpy(dtype=np.float64).T
@@ -200,7 +251,7 @@ class Columns:
             return None
         stamps = pd.to_datetime(column.where(dates), format="ISO8601", utc=True, errors="coerce")
         self._require(stamps.notna(), name, column, "'{}' is no date, others are")
-        return np.asarray(stamps.dt.tz_localize(None).to_numpy(dtype="datetime64[ns]").astype(np.int64))
+        return _date_ns(stamps)
 
     def _require(self, fits: npt.ArrayLike, name: str, values: Any, reason: str) -> None:  # noqa: ANN401 - a column
         """Raise a RecordingError that names the first row, by its number when it was read, where ``fits`` is False."""
@@ -218,7 +269,8 @@ class Columns:
         numeric = pd.to_numeric(column, errors="coerce")
         self._require(numeric.notna() | column.isna(), name, column, "'{}' is no number")
         whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
-        return numeric.to_numpy(dtype=np.int64 if whole and numeric.dtype != np.uint64 else np.float64)
+        fits = whole and (numeric.empty or numeric.max() <= np.iinfo(np.int64).max)
+        return numeric.to_numpy(dtype=np.int64 if fits else np.float64)
 
     def _place(self, name: str) -> int:
         """A name of the header, or a number from 1."""
@@ -227,6 +279,14 @@ class Columns:
         if name.isascii() and name.isdigit() and 1 <= int(name) <= len(self._names):
             return int(name) - 1
         raise RecordingError(f"{self.where}: {unknown('column', name, self._names)} Numbers count from 1.")
+
+
+def _date_ns(stamps: "pd.Series[Any]") -> IntArray:
+    """Nanoseconds since 1970 of UTC dates; `MAX_DATE_NS` where these do not fit, or the date is missing."""
+    seconds = stamps.dt.tz_localize(None).to_numpy(dtype="datetime64[s]").astype(np.int64)
+    fits = (seconds >= MIN_DATE_NS // 10**9) & (seconds < MAX_DATE_NS // 10**9)
+    ns = stamps.where(fits).dt.tz_localize(None).to_numpy(dtype="datetime64[ns]").astype(np.int64)
+    return np.where(fits, ns, MAX_DATE_NS)
 
 
 def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
@@ -316,9 +376,21 @@ def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]
         return reader(path)
     kind = "Parquet" if path.suffix == ".parquet" else "text columns"
     try:
-        return (pd.read_parquet(path), ()) if path.suffix == ".parquet" else read_text(path, text)
+        if path.suffix != ".parquet":
+            return read_text(path, text)
+        _require_parquet_size(path)
+        return pd.read_parquet(path), ()
     except RecordingError:
         raise
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise RecordingError(f"{path} cannot be read as {kind} ({reason}); correct it.") from error
+
+
+def _require_parquet_size(path: Path) -> None:
+    from pyarrow.parquet import read_metadata
+
+    about = read_metadata(path)
+    groups = [about.row_group(k) for k in range(about.num_row_groups)]
+    parts = [group.column(k) for group in groups for k in range(group.num_columns)]
+    require_size(path, sum(max(part.num_values, part.total_uncompressed_size // 8) for part in parts))

@@ -14,6 +14,7 @@ from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_to_geodetic, geodetic_to_enu
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
 from jerkbench.io.frames import axes_to_judge, turned_covariance
+from jerkbench.io.limits import possible_rows
 from jerkbench.io.sanitiser import steady_rows
 from jerkbench.io.text import (
     Line,
@@ -229,7 +230,7 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
         mps = numbers[:, velocity][:, _ENU_FROM[header.axes]] @ turn.T
         spread = _covariance(numbers[:, deviations], header.axes, turn)
     ecef = header.frame == "ecef"
-    return PosSolution(
+    solution = PosSolution(
         gpst_ns=gpst_ns,
         latitude_deg=places[:, 0],
         longitude_deg=places[:, 1],
@@ -242,8 +243,9 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
         velocity_covariance_m2ps2=spread,
         axes_at=ecef_to_origin(numbers[0, _columns(header)]) if ecef else None,
         ellipsoidal=True if ecef else header.ellipsoidal,
-        notes=notes,
     )
+    possible, impossible = possible_rows(path.name, places=places, utc_ns=gpst_ns - leap_ns)
+    return replace(solution.select(possible), notes=(*notes, *impossible))
 
 
 def _columns(header: PosHeader) -> list[int]:
@@ -399,7 +401,9 @@ def read_time_tag(path: Path) -> tuple[int, float]:
     last_ms, _ = _RECORD.unpack_from(content, len(content) - _RECORD.size)
     if last_ms == 0:
         raise RecordingError(f"{path}: its last record is at 0 ms; a tag of a recording that ran ends later.")
-    return seconds * 1_000_000_000 + round(fraction * 1e9), last_ms * 1e-3
+    start_ns = seconds * 1_000_000_000 + round(fraction * 1e9)
+    possible_rows(path.name, utc_ns=[start_ns])
+    return start_ns, last_ms * 1e-3
 
 
 LEAST_ROWS = 2

@@ -12,6 +12,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, require_known
 from jerkbench.io.bag import Messages
+from jerkbench.io.limits import off_earth
 from jerkbench.io.text import require_possible
 from jerkbench.recording import Imu
 
@@ -309,7 +310,6 @@ def unit_quaternions(quaternions: FloatArray) -> BoolArray:
 
 # Faulty fixes: impossible ones, leaps, and jumps where the kind of fix changes.
 
-LOWEST_M, HIGHEST_M = -1000.0, 20_000.0
 LEAP_M, LEAP_MPS = 50.0, 100.0
 """A fix that is further from the median of its neighbours than this, plus this a second, is damage."""
 
@@ -321,9 +321,9 @@ ANOTHER_LEVEL = 4.0
 def without_no_fix(stream: str, messages: Messages, ledger: Ledger) -> Messages:
     """Drop what has the status -1, and coordinates that are not on Earth (or exactly 0, 0: never filled in)."""
     messages = ledger.drop(stream, messages, "status -1 (no fix)", messages["status"][:, 0] < 0)
-    lat, lon, height = (messages[name][:, 0] for name in ("latitude", "longitude", "altitude"))
-    on_earth = (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & (height > LOWEST_M) & (height < HIGHEST_M)
-    bad = ~on_earth | ((lat == 0) & (lon == 0))
+    places = np.column_stack([messages[name] for name in ("latitude", "longitude", "altitude")])
+    unknown = ~np.isfinite(places).all(axis=1) | (places[:, :2] == 0).all(axis=1)
+    bad = unknown | off_earth(places, "geodetic")
     return ledger.drop(stream, messages, "coordinates that are NaN, zero or not on Earth", bad)
 
 

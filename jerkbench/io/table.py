@@ -12,7 +12,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray, IntArray, positive_definite, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH, utc_of
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH
 from jerkbench.io.columns import TIME_UNITS, Columns, find_tables, read_columns, read_datetimes_ns, times_ns
 from jerkbench.io.files import named_folder
 from jerkbench.io.frames import (
@@ -26,8 +26,8 @@ from jerkbench.io.frames import (
     enu_from,
     turned_covariance,
 )
+from jerkbench.io.limits import MIN_DATE_NS, possible_rows
 from jerkbench.io.rtklib import PosSolution, accepted_fixes, read_pos_files, steady_fixes
-from jerkbench.io.sanitiser import HIGHEST_M
 from jerkbench.io.text import TextFormat, cut_note
 from jerkbench.recording import Origin, Reference
 
@@ -201,15 +201,6 @@ def require_columns(table: object, velocity_frame: str) -> None:
             )
 
 
-def require_origin(origin: tuple[float, ...]) -> None:
-    """Raise a PluginError unless there is no origin, or one on Earth."""
-    given, parts = f"dataset table: origin is {origin}", "give latitude [deg], longitude [deg] and height [m]"
-    if len(origin) not in (0, 3):
-        raise PluginError(f"{given}; {parts}, or none.")
-    if not all(abs(value) <= most for value, most in zip(origin, (90.0, 360.0, HIGHEST_M), strict=False)):
-        raise PluginError(f"{given}, which is not on Earth; {parts}, in this order.")
-
-
 LEAST_STEPS = 4
 """Of fewer steps nobody can say which is odd."""
 
@@ -274,7 +265,11 @@ class TableStream(NamedTuple):
         rows = self.columns.rows_of(names)
         if not rows.any():
             raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
-        return self if rows.all() else TableStream(self.columns.only(rows), self.t_ns[rows])
+        return self.at(rows)
+
+    def at(self, rows: BoolArray, notes: tuple[str, ...] = ()) -> "TableStream":
+        """Return only ``rows`` (n,), with ``notes`` that say why."""
+        return self if rows.all() else TableStream(self.columns.only(rows).noted(notes), self.t_ns[rows])
 
     def whole(self) -> "TableStream":
         """Return the stream without a first and a last row whose time alone was cut, and with a note that counts them.
@@ -288,8 +283,12 @@ class TableStream(NamedTuple):
         first, last = bool(steps[0] > steps[1:-1].sum() + abs(steps[-1])), bool(steps[-1] < 0)
         rows = np.arange(len(self.t_ns))
         keep = (rows >= first) & (rows < len(rows) - last)
-        notes = cut_note(Path(self.columns.where).name, first=first, last=last)
-        return self if keep.all() else TableStream(self.columns.only(keep).noted(notes), self.t_ns[keep])
+        return self.at(keep, cut_note(self.name, first=first, last=last))
+
+    @property
+    def name(self) -> str:
+        """The name of the file, for notes."""
+        return Path(self.columns.where).name
 
     def t_s(self, zero_ns: int) -> FloatArray:
         """Return (n,) seconds since ``zero_ns``."""
@@ -354,7 +353,9 @@ class TimedColumns:
         if len(t_ns) != len(columns):
             rows = f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times"
             raise RecordingError(f"{rows}; they must be the same.")
-        return TableStream(columns, t_ns + source.shift_ns).whole()
+        stream = TableStream(columns, t_ns + source.shift_ns).whole()
+        utc_ns = self._utc_ns(stream.t_ns)
+        return stream if utc_ns is None else stream.at(*possible_rows(stream.name, utc_ns=utc_ns))
 
     def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
         """Return the times of RTKLIB's solution since ``zero_ns``, and `solution_of`."""
@@ -389,9 +390,13 @@ class TimedColumns:
 
     def start_utc(self, zero_ns: int) -> datetime | None:
         """Return the UTC of ``zero_ns``; None where nobody knows what the times count from."""
-        if self.epoch == "gps":
-            return utc_of(zero_ns + GPS_EPOCH_NS, self.gpst_minus_utc_s)
-        return UNIX_EPOCH + timedelta(microseconds=zero_ns // 1000) if self.epoch == "unix" else None
+        utc_ns = self._utc_ns(np.array([zero_ns]))
+        return None if utc_ns is None else UNIX_EPOCH + timedelta(microseconds=int(utc_ns[0]) // 1000)
+
+    def _utc_ns(self, t_ns: IntArray) -> IntArray | None:
+        """UTC since 1970; None where it is unknown: the epoch is "none", or no stamp is as late as a date."""
+        zero_ns = {"unix": 0, "gps": GPS_EPOCH_NS - round(self.gpst_minus_utc_s * 1e9)}.get(self.epoch)
+        return None if zero_ns is None or (t_ns + zero_ns < MIN_DATE_NS).all() else t_ns + zero_ns
 
     def _stamps_ns(self, columns: Columns, source: Source) -> IntArray:
         if source.time:

@@ -5,8 +5,10 @@ Columns: t (UTC), latitude, longitude [deg], height [m]; where the format says t
 """
 
 import json
+import math
 import re
 from collections.abc import Callable
+from datetime import UTC, datetime
 from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +17,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from jerkbench.errors import RecordingError
+from jerkbench.io.clocks import calendar_ns, ns_since_1970
+from jerkbench.io.limits import possible_rows
 from jerkbench.io.text import read_lines, require_content
 
 if TYPE_CHECKING:
@@ -43,16 +47,38 @@ def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
     return read_gpsd if re.match(rb'\{\s*"class"\s*:', head) else None
 
 
+def _number(value: object) -> float | None:
+    """The finite number that a field holds, or None."""
+    try:
+        number = float(value) if isinstance(value, str | int | float) and "_" not in str(value)[:64] else math.nan
+    except (ValueError, OverflowError):
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _utc_ns(value: object) -> int | None:
+    """Nanoseconds since 1970 of a date and time as in ISO 8601 (without a zone: UTC), or None."""
+    try:
+        moment = datetime.fromisoformat(value) if isinstance(value, str) else None
+        return ns_since_1970(moment if moment.tzinfo else moment.replace(tzinfo=UTC)) if moment else None
+    except (ValueError, OverflowError):
+        return None
+
+
 def _table(path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str) -> "TrackTable":
-    """The rows that have a place, in their order, without columns that none has."""
+    """The rows that have a place on the Earth and a time, in their order, without columns that none has."""
     import pandas as pd
 
     rows = [row for row in rows if row]
-    placed = [row for row in rows if {"latitude", "longitude", "t"} <= row.keys()]
+    placed = [row for row in rows if None not in map(row.get, ("latitude", "longitude", "t"))]
     if not placed:
-        raise RecordingError(f"{path} has no fix with a time: {what}.")
+        raise RecordingError(f"{path} has no fix with a time in {len(rows)} reports: {what}.")
+    utc_ns = np.array([row["t"] for row in placed], dtype=np.float64)
     table = pd.DataFrame(placed).reindex(columns=list(ORDER))
-    table["t"] = pd.to_datetime(table["t"], format="ISO8601", utc=True)
+    places = table[[*_PLACE]].to_numpy(dtype=np.float64)
+    possible, impossible = possible_rows(path.name, places=places, utc_ns=utc_ns)
+    table = table[possible].astype({"t": "int64"}).reset_index(drop=True)
+    table["t"], notes = pd.to_datetime(table["t"], utc=True), (*notes, *impossible)
     if table["height"].isna().all():
         table["height"] = 0.0
         notes = (*notes, f"{path.name} has no heights: all are taken to be 0.")
@@ -75,30 +101,37 @@ def read_nmea(path: Path) -> "TrackTable":
         RecordingError: the file is missing, or no sentence has a place, or none has a date.
     """
     epochs: dict[int, TrackRow] = {}
-    dates: dict[int, str] = {}
-    damaged, day, last_ms = 0, 0, 0
+    dates: dict[int, int] = {}
+    damaged, invalid, day, last_ms = 0, 0, 0, 0
     for _, line in read_lines(path):
         fields, sound = _sentence(line)
         damaged += not sound
         kind = fields[0][-3:] if sound and fields[0].startswith("$") else ""
         least, read = READ.get(kind, (2, None))
-        if read is None or len(fields) < least or not (time := re.fullmatch(r"(\d\d)(\d\d)(\d\d(\.\d*)?)", fields[1])):
+        if read is None or len(fields) < least or not fields[1]:
             continue
-        time_ms = 3_600_000 * int(time[1]) + 60_000 * int(time[2]) + round(1000 * float(time[3]))
+        said, time_ms = read(fields), _time_ms(fields[1])
+        if time_ms is None or ("date" in said and said["date"] is None):
+            invalid += 1
+            continue
         day += time_ms < last_ms - DAY_MS / 2
         last_ms = time_ms
         row = epochs.setdefault(DAY_MS * day + time_ms, {})
-        row |= {name: value for name, value in read(fields).items() if value is not None}
-        if "date" in row:
-            dates.setdefault(day, row["date"])
+        row |= {name: value for name, value in said.items() if value is not None}
+        if "date" in said:
+            dates.setdefault(day, said["date"])
     if not dates:
-        raise RecordingError(f"{path} has no date: let the receiver write RMC or ZDA beside GGA.")
-    first, date = next(iter(dates.items()))
+        damage = f" ({invalid} sentences have no valid time or date)" if invalid else ""
+        raise RecordingError(f"{path} has no date{damage}: let the receiver write RMC or ZDA besides GGA.")
+    first, date_ns = next(iter(dates.items()))
     for since_ms, row in epochs.items():
         if row.get("quality") != 0 and row.get("status") != "V":
-            row["t"] = np.datetime64(date, "ms") + np.timedelta64(since_ms - DAY_MS * first, "ms")
-    notes = (f"{path.name}: {damaged} sentences have a wrong checksum: they are dropped.",) if damaged else ()
-    return _table(path, list(epochs.values()), notes, "let the receiver write GGA and RMC")
+            row["t"] = date_ns + 1_000_000 * (since_ms - DAY_MS * first)
+    counts = {"a wrong checksum": damaged, "no valid time or date": invalid}
+    notes = [
+        f"{path.name}: {count} sentences have {what}: they are dropped." for what, count in counts.items() if count
+    ]
+    return _table(path, list(epochs.values()), tuple(notes), "let the receiver write GGA and RMC")
 
 
 def _sentence(line: str) -> tuple[list[str], bool]:
@@ -108,8 +141,10 @@ def _sentence(line: str) -> tuple[list[str], bool]:
     return body.split(","), not star or given.upper() == f"{checksum:02X}"
 
 
-def _number(text: str) -> float | None:
-    return float(text) if re.fullmatch(r"[-+]?\d*\.?\d+|\d+\.", text) else None
+def _time_ms(text: str) -> int | None:
+    """Milliseconds of the day of hhmmss.ss, or None."""
+    seconds_ns = calendar_ns("1970-01-01", f"{text[:2]}:{text[2:4]}:{text[4:].rstrip('.')}")
+    return None if seconds_ns is None else round(seconds_ns / 1e6)
 
 
 def _place(*fields: str) -> TrackRow:
@@ -131,8 +166,8 @@ def _gga(fields: list[str]) -> TrackRow:
 def _rmc(fields: list[str]) -> TrackRow:
     speed, course = _number(fields[7]), _number(fields[8])
     row: TrackRow = {"status": fields[2], **_place(*fields[3:7])}
-    if re.fullmatch(r"\d{6}", fields[9]):
-        row["date"] = f"20{fields[9][4:]}-{fields[9][2:4]}-{fields[9][:2]}"
+    if date := fields[9]:
+        row["date"] = calendar_ns(f"20{date[4:]}-{date[2:4]}-{date[:2]}", "00:00:00")
     if speed is not None and (course is not None or speed == 0):
         row["ve"], row["vn"] = _along(speed * MPS_PER_KNOT, course or 0.0)
     return row
@@ -143,8 +178,8 @@ def _gst(fields: list[str]) -> TrackRow:
 
 
 def _zda(fields: list[str]) -> TrackRow:
-    dated = all(map(str.isdigit, fields[2:5]))
-    return {"date": f"{fields[4]}-{fields[3]:0>2}-{fields[2]:0>2}"} if dated else {}
+    day, month, year = fields[2:5]
+    return {"date": calendar_ns(f"{year}-{month:0>2}-{day:0>2}", "00:00:00")} if day + month + year else {}
 
 
 READ = {"GGA": (12, _gga), "RMC": (10, _rmc), "GST": (9, _gst), "ZDA": (5, _zda)}
@@ -176,11 +211,11 @@ def read_gpx(path: Path) -> "TrackTable":
                 said = {_tag(child): (child.text or "").strip() for child in node}
                 row = {"latitude": node.get("lat"), "longitude": node.get("lon"), "t": said.get("time")}
                 row |= {"height": said.get("ele"), "hdop": said.get("hdop")}
-                rows.append({name: text if name == "t" else float(text) for name, text in row.items() if text})
+                rows.append({name: _utc_ns(text) if name == "t" else _number(text) for name, text in row.items()})
                 node.clear()
-        return _table(path, rows, (), "a recorded track has a <time> in each <trkpt>")
-    except (ET.ParseError, ValueError) as error:
+    except ET.ParseError as error:
         raise RecordingError(f"{path} cannot be read as GPX: {error}; export it again.") from error
+    return _table(path, rows, (), "a recorded track has a <time> in each <trkpt>")
 
 
 def _tag(node: ET.Element) -> str:
@@ -207,24 +242,27 @@ def read_gpsd(path: Path) -> "TrackTable":
     Raises:
         RecordingError: the file is missing, or a line but the last is no JSON, or there is no fix.
     """
-    rows, lines = [], read_lines(path)
+    rows: dict[int, TrackRow] = {}
+    lines = read_lines(path)
     for number, line in lines:
         try:
             report = json.loads(line)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             if (number, line) == lines[-1]:
                 continue
             raise RecordingError(f"{path}, line {number} is no JSON: {error}; remove it.") from error
-        if isinstance(report, dict) and report.get("class") == "TPV" and report.get("mode", 0) >= 2:
-            row = {
-                name: next((report[key] for key in keys.split(",") if key in report), None)
-                for name, keys in TPV.items()
-            }
-            if row["ve"] is None and "speed" in report and "track" in report:
-                row["ve"], row["vn"] = _along(report["speed"], report["track"])
-            rows.append({name: value for name, value in row.items() if value is not None})
-    repeated = {row.get("t"): row for row in rows}  # a device reports a time again as it learns more
-    try:
-        return _table(path, list(repeated.values()), (), "it needs reports of the class TPV with time, lat and lon")
-    except (TypeError, ValueError) as error:
-        raise RecordingError(f"{path} has a report with a time that is none: {error}.") from error
+        if not isinstance(report, dict) or report.get("class") != "TPV":
+            continue
+        said = {
+            key: _utc_ns(value) if key == "time" else None if isinstance(value, str) else _number(value)
+            for key, value in {"mode": 0, **report}.items()
+        }
+        mode = said["mode"]
+        if mode is not None and mode < 2:
+            continue
+        row = {name: next((said[key] for key in keys.split(",") if key in said), None) for name, keys in TPV.items()}
+        speed, track = said.get("speed"), said.get("track")
+        if row["ve"] is None and speed is not None and track is not None:
+            row["ve"], row["vn"] = _along(speed, track)
+        rows[int(row["t"] or -number)] = row if mode else {"t": None}  # a device reports a time again as it learns more
+    return _table(path, list(rows.values()), (), "it needs reports of the class TPV with time, lat and lon")

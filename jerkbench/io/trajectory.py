@@ -19,6 +19,7 @@ from jerkbench.io.bag_writing import SOMETIME
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
 from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, covariance_in_enu, in_degrees, in_enu
+from jerkbench.io.limits import OFF_EARTH, off_earth
 from jerkbench.io.table import AttitudeMap, read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import POSITIONS, VELOCITIES
@@ -362,7 +363,10 @@ def _places(columns: Columns, form: TrajectoryForm, recording: Recording) -> Flo
             " local axes (filter.frame=enu or ned)."
         )
     values = _finite(columns, form.position or _PLACES[form.frame], "position")
-    return in_enu(in_degrees(values, form.frame, form.angle_unit), form.frame, recording.origin)
+    places = in_degrees(values, form.frame, form.angle_unit)
+    for row in np.flatnonzero(off_earth(places, form.frame)):
+        raise RecordingError(f"{columns.where}, row {row + 1} has {OFF_EARTH}; correct it, or frame and unit.")
+    return in_enu(places, form.frame, recording.origin)
 
 
 def _velocity(columns: Columns, form: TrajectoryForm) -> FloatArray | None:

@@ -98,7 +98,7 @@ def test_what_is_wrong_is_one_sentence(folder):
     (folder / "meta.json").write_text("{}")
     assert RealJourney(str(folder)).load().name == folder.name
     pd.read_parquet(folder / "fixes.parquet").drop(columns="t_s").to_parquet(folder / "fixes.parquet")
-    with pytest.raises(RecordingError, match=r"fixes.parquet cannot be read as a journey"):
+    with pytest.raises(RecordingError, match=r"fixes.parquet: There is no column"):
         RealJourney(str(folder)).load()
 
 

@@ -90,7 +90,7 @@ def test_what_is_wrong_is_one_sentence(folder):
     with pytest.raises(RecordingError, match="TStick_Test09_Trial1"):
         RepoImu(str(folder), 9).load()
     (folder / "TStick_Test04_Trial1.parquet").write_text("no Parquet")
-    with pytest.raises(RecordingError, match=r"TStick_Test04_Trial1.parquet cannot be read as a trial"):
+    with pytest.raises(RecordingError, match=r"TStick_Test04_Trial1.parquet cannot be read as Parquet"):
         RepoImu(str(folder), 4).load()
     pd.read_parquet(folder / "TStick_Test03_Trial2.parquet").drop(columns="gx").to_parquet(
         folder / "TStick_Test05_Trial1.parquet"

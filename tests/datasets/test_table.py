@@ -375,7 +375,7 @@ def test_latitude_and_longitude_without_a_height_are_a_place_in_the_plane(tmp_pa
 
 
 @pytest.mark.parametrize("frame", ["geodetic", "ecef"])
-@pytest.mark.parametrize("leap", [(1.0, 0.0, 0.0), (-95.0, 180.0, 0.0), (0.0, 0.0, 9e5)])
+@pytest.mark.parametrize("leap", [(1.0, 0.0, 0.0), (-95.0, 180.0, 0.0), (0.0, 0.0, 9e3)])
 def test_a_first_fix_that_leaps_is_not_the_origin(tmp_path, frame, leap):
     """One degree off, on the other side of the Earth, or high above it: ENU begins at the second."""
 

@@ -1,0 +1,361 @@
+"""One check for all readers: places on the Earth, dates between 1980 and 2100, and files that promise too much."""
+
+import json
+import math
+import resource
+from functools import reduce
+
+import h5py
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pymap3d
+import pytest
+from scipy.io import savemat
+
+from jerkbench.arrays import FloatArray
+from jerkbench.datasets.broad import Broad
+from jerkbench.datasets.rosbag import RosBag
+from jerkbench.datasets.rtklib import RtklibDrive
+from jerkbench.datasets.table import Tables
+from jerkbench.errors import JerkbenchError, PluginError, RecordingError
+from jerkbench.inspection.evidence import common_edges
+from jerkbench.inspection.facts import facts_text
+from jerkbench.inspection.receiver import receiver_errors, receiver_figure
+from jerkbench.io.columns import read_columns
+from jerkbench.io.limits import off_earth
+from jerkbench.io.rtklib import _COLUMNS, read_time_tag
+from jerkbench.io.text import TextFormat
+from jerkbench.recording import Imu, Position, Recording, Reference
+
+ROWS, START = 6, 1_715_688_000  # 2024-05-14 12:00:00 UTC
+WILD = 3
+PLACES = {"latitude": (48.0, 1e9), "longitude": (11.5, -361.0), "height": (545.0, 1e5)}
+DATES = {"early": 1_000.0, "late": 4_102_444_800.0}  # 1970-01-01 00:16:40, 2100-01-01
+
+
+def rows_of(fault):
+    """Times and places, of which row `WILD` has the fault."""
+    table = pd.DataFrame({"t": START + np.arange(ROWS), **{name: whole for name, (whole, _) in PLACES.items()}})
+    table = table.astype(np.float64)
+    table.loc[WILD, fault if fault in PLACES else "t"] = PLACES[fault][1] if fault in PLACES else DATES[fault]
+    return table
+
+
+def stamp(t):
+    return np.datetime_as_string(np.datetime64(int(t), "s"))
+
+
+def dms(degrees):
+    whole = int(abs(degrees))
+    return f"{100 * whole + 60 * (abs(degrees) - whole):.4f}", "SW"[0] if degrees < 0 else "N"
+
+
+def nmea(folder, table):
+    lines = []
+    for t, lat, lon, height in table.to_numpy():
+        time, date = stamp(t)[11:].replace(":", ""), stamp(t)[2:10].split("-")
+        place = f"{dms(lat)[0]},N,{dms(lon)[0]},E"
+        lines += [
+            f"GPRMC,{time},A,{place},0,0,{date[2]}{date[1]}{date[0]},,",
+            f"GPGGA,{time},{place},1,8,1,{height},M,,M,,",
+        ]
+    (folder / "a.txt").write_text(
+        "".join(f"${line}*{reduce(lambda a, b: a ^ b, line.encode()):02X}\n" for line in lines)
+    )
+
+
+def gpx(folder, table):
+    points = [
+        f'<trkpt lat="{lat}" lon="{lon}"><ele>{height}</ele><time>{stamp(t)}Z</time></trkpt>'
+        for t, lat, lon, height in table.to_numpy()
+    ]
+    (folder / "a.txt").write_text(f"<gpx><trk>{''.join(points)}</trk></gpx>")
+
+
+def gpsd(folder, table):
+    reports = [
+        {"class": "TPV", "mode": 3, "time": f"{stamp(t)}Z", "lat": lat, "lon": lon, "alt": height}
+        for t, lat, lon, height in table.to_numpy()
+    ]
+    (folder / "a.txt").write_text("\n".join(map(json.dumps, reports)))
+
+
+def rtklib(folder, table):
+    """RTKLIB's times are in GPS time here, 18 s ahead."""
+    rows = [
+        f"{stamp(t + 18).replace('-', '/').replace('T', ' ')}.000 {lat} {lon} {height} 1 9 .1 .1 .1 0 0 0 0 0"
+        + 6 * " .1"
+        + 3 * " 0"
+        for t, lat, lon, height in table.to_numpy()
+    ]
+    (folder / "a.txt").write_text("\n".join([f"% {_COLUMNS}", *rows, ""]))
+    (folder / "a.txt").rename(folder / "a.pos")
+    return {"position_file": "a.pos"}
+
+
+def csv(folder, table):
+    table.to_csv(folder / "a.txt", index=False)
+
+
+def parquet(folder, table):
+    table.assign(t=pd.to_datetime(table["t"], unit="s", utc=True)).to_parquet(folder / "a.parquet")
+    return {"position_file": "a.parquet"}
+
+
+def matlab(folder, table):
+    savemat(folder / "a.mat", {name: table[name].to_numpy() for name in table})
+    return {"position_file": "a.mat"}
+
+
+def hdf5(folder, table):
+    with h5py.File(folder / "a.mat", "w") as file:
+        for name in table:
+            file[name] = table[name].to_numpy()
+    return {"position_file": "a.mat"}
+
+
+def ecef(folder, table):
+    places = np.column_stack(pymap3d.geodetic2ecef(*table[[*PLACES]].to_numpy().T))
+    table.assign(**dict(zip(PLACES, places.T, strict=True))).to_csv(folder / "a.txt", index=False)
+    return {"position_frame": "ecef"}
+
+
+READERS = (csv, parquet, matlab, hdf5, gpx, gpsd, nmea, rtklib)
+CASES = [(write, fault) for write in READERS for fault in (*PLACES, *DATES)] + [(ecef, "height")]
+CASES.remove((rtklib, "early"))  # its times have to increase, which says the same in other words
+CASES.remove((rtklib, "late"))
+CASES.remove((nmea, "late"))  # a receiver's two digits of the year are 2000 to 2099
+CASES.remove((nmea, "early"))
+
+
+@pytest.mark.parametrize(("write", "fault"), CASES)
+def test_an_impossible_row_is_dropped_and_counted_by_every_reader(tmp_path, write, fault):
+    parameters = {"position_file": "a.txt"} | (write(tmp_path, rows_of(fault)) or {})
+    recording = Tables(str(tmp_path), imu_file="", **parameters).load(0)
+
+    np.testing.assert_allclose(recording.position.t_s, np.delete(np.arange(ROWS), WILD), atol=1e-6)
+    np.testing.assert_allclose(recording.position.enu_m, 0.0, atol=1e-6)
+    assert recording.start_utc.timestamp() == START
+    what = "a place that is not on Earth" if fault in PLACES else "a date that is not between 1980 and 2100"
+    (note,) = [note for note in recording.notes if what in note]
+    assert f"1 of {ROWS} rows" in note
+
+
+@pytest.mark.parametrize("write", READERS)
+def test_a_file_without_a_possible_row_is_refused(tmp_path, write):
+    parameters = {"position_file": "a.txt"} | (write(tmp_path, rows_of("latitude").assign(latitude=1e9)) or {})
+    with pytest.raises(RecordingError, match=rf"all {ROWS} rows have a place that is not on Earth"):
+        Tables(str(tmp_path), imu_file="", **parameters).load(0)
+
+
+def test_a_reference_is_checked_too(tmp_path):
+    csv(tmp_path, rows_of("longitude"))
+    names = tuple(PLACES)
+    table = Tables(str(tmp_path), imu_file="", position_file="a.txt", reference_file="a.txt", reference_position=names,
+                   reference_frame="geodetic")  # fmt: skip
+    assert len(table.load(0).reference.t_s) == ROWS - 1
+
+
+def test_stamps_that_count_from_no_date_give_no_start(tmp_path):
+    csv(tmp_path, rows_of("latitude").assign(t=np.arange(ROWS)))
+    assert Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0).start_utc is None
+
+
+def test_a_time_tag_before_1980_is_refused(tmp_path):
+    path = tmp_path / "a.tag"
+    path.write_bytes(b"TIMETAG RTKLIB".ljust(60, b"\0") + bytes(4) + (5).to_bytes(4, "little") + bytes(8) + b"\x01" * 8)
+    with pytest.raises(RecordingError, match="a date that is not between 1980 and 2100"):
+        read_time_tag(path)
+
+
+@pytest.mark.parametrize("origin", [(91.0, 0.0, 0.0), (0.0, 361.0, 0.0), (0.0, 0.0, -2e3), (math.nan, 0.0, 0.0)])
+@pytest.mark.parametrize("made", [lambda o: Tables("x", origin=o), lambda o: RosBag("x", origin=o)])
+def test_an_origin_off_the_earth_is_refused(made, origin):
+    with pytest.raises(PluginError, match="is not on Earth"):
+        made(origin)
+
+
+def test_a_coordinate_that_was_not_measured_is_no_fault():
+    places = np.array([[48.0, 11.5, np.nan], [np.nan, 11.5, 1e6], [-90.0, 360.0, -1000.0]])
+    np.testing.assert_array_equal(off_earth(places, "geodetic"), [False, True, False])
+
+
+# What a file promises is compared with its size before anything is allocated.
+
+
+def promise(file):
+    file.create_dataset("t", (3 * 10**8, 3), "f8", chunks=(10_000, 3), compression="gzip")
+
+
+def one_chunk(file):
+    file.create_dataset("t", (3, 3), "f8", chunks=(10**8, 3), maxshape=(None, 3))
+
+
+def link(file):
+    file["t"] = h5py.ExternalLink("other.h5", "/t")
+
+
+def outside(file):
+    file.create_dataset("t", (9, 3), "f8", external=[("other.raw", 0, 1000)])
+
+
+def virtual(file):
+    layout = h5py.VirtualLayout((9, 3), "f8")
+    layout[:] = h5py.VirtualSource("other.h5", "t", shape=(9, 3))
+    file.create_virtual_dataset("t", layout)
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("a.mat", lambda path: read_columns((path,), TextFormat())),
+        ("01_x.hdf5", lambda path: Broad(str(path.parent), 1).load()),
+    ],
+)
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [(promise, "promises 9e\\+08 numbers"), (one_chunk, "promises 3e\\+08"),
+     *((one, "t refers to another file") for one in (link, outside, virtual))],
+)  # fmt: skip
+def test_an_hdf5_file_that_promises_too_much_or_leads_elsewhere_is_refused(tmp_path, name, read, damage, said):
+    with h5py.File(tmp_path / name, "w") as file:
+        damage(file)
+    with pytest.raises(RecordingError, match=said):
+        read(tmp_path / name)
+
+
+def zeros(folder):
+    savemat(folder / "a.mat", {"t": np.zeros(1 << 28, np.uint8)}, do_compression=True)
+    return folder / "a.mat"
+
+
+def padding(folder):
+    vectors = {f"v{k}": np.zeros(3) for k in range(300)}
+    savemat(folder / "a.mat", {"t": np.zeros(100_000, np.uint8), **vectors}, do_compression=True)
+    return folder / "a.mat"
+
+
+def repeated(folder):
+    pq.write_table(pa.table({"t": np.zeros(20_000_000, np.int8)}), folder / "a.parquet")
+    return folder / "a.parquet"
+
+
+@pytest.mark.parametrize("write", [zeros, padding, repeated])
+def test_a_compressed_file_that_promises_too_much_is_refused(tmp_path, write):
+    with pytest.raises(RecordingError, match="promises"):
+        read_columns((write(tmp_path),), TextFormat())
+
+
+def test_unsigned_numbers_of_64_bits_are_read(tmp_path):
+    most = 2**64 - 1
+    savemat(tmp_path / "a.mat", {"t": np.array([1, 2**53 + 1], np.uint64), "x": np.array([3, most], np.uint64)})
+    columns = read_columns((tmp_path / "a.mat",), TextFormat())
+
+    assert columns.stamps_ns("t", "ns").tolist() == [1, 2**53 + 1]
+    np.testing.assert_array_equal(columns.numbers(["x"], most=1e20)[:, 0], [3.0, float(most)])
+
+
+def test_quaternions_of_zeros_are_no_attitude(tmp_path):
+    n = 50
+    with h5py.File(tmp_path / "01_x.hdf5", "w") as file:
+        file["imu_acc"], file["imu_gyr"] = np.tile([0.0, 0.0, 9.81], (n, 1)), np.zeros((n, 3))
+        file["opt_quat"], file["movement"] = np.zeros((n, 4)), np.ones(n)
+        file.attrs["sampling_rate"] = 100.0
+    with pytest.raises(RecordingError, match="01_x has no optical attitude"):
+        Broad(str(tmp_path), 1, remove_gyro_bias=False).load()
+
+
+# A clock that was set under way: the time span is years, and the rows are few.
+
+
+def set_under_way(n: int) -> FloatArray:
+    return np.concatenate([np.arange(n) / 100, 1.7e9 + np.arange(n) / 100])
+
+
+def test_a_clock_that_was_set_under_way_is_named_and_needs_no_memory():
+    t_s = set_under_way(200)
+    enu_m = np.column_stack([np.arange(400.0), np.zeros((400, 2))])
+    imu = Imu(t_s, np.tile([0.1, 0.0, 9.81], (400, 1)), np.full((400, 3), 0.01))
+    truth = Reference(t_s, "x", independent=True, enu_m=enu_m + 0.1, euler_rad=np.zeros((400, 3)))
+    fixes = Position(t_s, enu_m + np.random.default_rng(0).normal(0, 0.1, (400, 3)), np.tile(np.eye(3), (400, 1, 1)))
+    recording = Recording("x", imu, truth, fixes)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    assert "the IMU has 1 gap of up to 16999999" in facts_text(recording)
+    errors = receiver_errors(recording)
+    assert not len(errors.lags_s)
+    receiver_figure(recording, errors)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000
+
+
+def test_a_gap_of_days_still_has_windows():
+    assert len(common_edges(0.5, np.concatenate([np.arange(100_000) / 100, 3e5 + np.arange(100_000) / 100]))) > 600_000
+
+
+# Fields of tracks that are of another kind than they should be.
+
+
+def nmea_line(body):
+    return f"${body}*{reduce(lambda a, b: a ^ b, body.encode()):02X}\n"
+
+
+GGA, RMC = "GPGGA,12{:04d},{},N,01131.0,E,1,8,1,5,M,,M,,", "GPRMC,12{:04d},A,4807.0,N,01131.0,E,0,0,{},,"
+
+
+@pytest.mark.parametrize(
+    ("lines", "dropped"),
+    [
+        ([RMC.format(5, "999999")], "1 sentences have no valid time or date"),
+        ([RMC.format(5, "000000"), "GPZDA,120006,01,01,99999999999,00,00"], "2 sentences have no valid time or date"),
+        ([RMC.format(9999, "140524")], "1 sentences have no valid time or date"),
+        ([GGA.format(5, "9" * 60_000)], "1 of 4 reports have no fix"),
+        ([GGA.format(5, "9" * 20)], "1 of 4 rows have a place that is not on Earth"),
+    ],
+)
+def test_a_damaged_sentence_is_dropped_and_counted(tmp_path, lines, dropped):
+    whole = [RMC.format(k, "140524") for k in range(3)]
+    (tmp_path / "a.txt").write_text("".join(map(nmea_line, [*whole, *lines])))
+    recording = Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
+
+    assert len(recording.position.t_s) == 3
+    assert dropped in " ".join(recording.notes)
+
+
+DEEP = "[" * 30_000
+
+
+@pytest.mark.parametrize(
+    "changed", ['"mode":"3"', '"time":["x"]', f'"lat":1{"0" * 400}', '"lon":"11.5"', '"lat":null', '"lat":NaN']
+)
+def test_a_damaged_report_is_dropped_and_counted(tmp_path, changed):
+    line = '{{"class":"TPV","mode":3,"time":"2024-05-14T12:00:0{}Z","lat":48.0,"lon":11.5,"alt":1{}}}\n'
+    lines = [line.format(k, f",{changed}" if k == 1 else "") for k in range(4)]
+    (tmp_path / "a.txt").write_text("".join(lines))
+    recording = Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
+
+    np.testing.assert_allclose(recording.position.t_s, [0.0, 2.0, 3.0])
+    assert "a.txt: 1 of 4 reports have no fix or no time: they are dropped." in recording.notes
+
+
+def test_a_report_that_is_nested_too_deeply_is_a_sentence(tmp_path):
+    (tmp_path / "a.txt").write_text('{"class":"TPV"}\n' + DEEP + "\n{}\n")
+    with pytest.raises(JerkbenchError, match="line 2 is no JSON"):
+        Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
+
+
+def test_an_imu_table_beside_a_solution_is_dated(tmp_path):
+    rtklib(tmp_path, rows_of("latitude"))
+    t = START + 18 + np.arange(0, ROWS, 0.01)
+    t[7] = 5e9
+    imu = pd.DataFrame({"t": t, "ax": 0.0, "ay": 0.0, "az": 1.0, "gx": 0.0, "gy": 0.0, "gz": 0.0})
+    imu.to_csv(tmp_path / "a.csv", index=False)
+    columns = {"imu_accel": ("ax", "ay", "az"), "imu_gyro": ("gx", "gy", "gz"), "imu_axis_signs": (1.0, 1.0, 1.0)}
+    still = {"rest_s": 0.0, "remove_gyro_bias": False, "scale_accel_to_gravity": False}
+    recording = RtklibDrive(
+        str(tmp_path), imu_time="t", imu_epoch="unix", gpst_minus_utc_s=0.0, **columns, **still
+    ).load()
+
+    assert len(recording.inertial.t_s) == len(t) - 1
+    assert any("1 of 600 rows have a date" in note for note in recording.notes)
