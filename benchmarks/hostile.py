@@ -22,6 +22,7 @@ from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
+import hostile_recordings
 from command_lines import SHORT, CommandLines
 
 from jerkbench.cli import main as jerkbench
@@ -165,6 +166,29 @@ def yaml_files(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
         yield attempt(["run", "--dry", "--config-dir", str(place.parent), "experiment=bomb", *SHORT], folder)
 
 
+READ_SILENT_S = 5
+"""So long the reading of a damaged recording may be silent."""
+SMOOTHED = 20
+"""Each so many-th damaged track is smoothed, and not only described."""
+
+
+def tracks(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
+    """Yield what becomes of NMEA, GPX and gpsd's JSON with damaged fields."""
+    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, LONGEST_S)  # loads the libraries
+    for number in range(count):
+        path = hostile_recordings.track(number, seed, folder)
+        smooth = number % SMOOTHED == SMOOTHED - 1
+        words = ["smooth", str(path), "--to", f"{number}.smooth.gpx"] if smooth else ["data", "inspect", str(path)]
+        yield attempt(words, folder, SILENT_S if smooth else READ_SILENT_S)
+
+
+def arrays(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
+    """Yield what becomes of HDF5 and MATLAB files with damaged arrays, links and bytes."""
+    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, LONGEST_S)
+    for number in range(count):
+        yield attempt(hostile_recordings.arrays(number, seed, folder), folder, READ_SILENT_S)
+
+
 STREAMS = (">&-", "2>&-", "<&-", ">&- 2>&- <&-", ">/dev/full", "2>/dev/full", "| true", "2>&1 | head -c 1")
 """What may stand behind a command."""
 
@@ -199,6 +223,8 @@ FAMILIES: dict[str, Callable[[int, int, Path], Iterator[Outcome]]] = {
     "command lines": command_lines,
     "closed streams": closed_streams,
     "YAML files": yaml_files,
+    "tracks": tracks,
+    "arrays": arrays,
 }
 """Each family: how many inputs, a seed, an empty folder -> what became of each."""
 
@@ -212,7 +238,7 @@ def main() -> None:
     chosen = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     os.environ["HYDRA_FULL_ERROR"] = "1"
-    print("| family | inputs tried | refused | survived | broken | longest |\n|---|---|---|---|---|---|")
+    print("| family | inputs tried | refused | survived | broken | longest | memory |\n|---|---|---|---|---|---|---|")
     broken = [line for name in chosen.family or FAMILIES for line in _tried(name, chosen.count, chosen.seed)]
     raise SystemExit(1 if broken else 0)
 
@@ -228,9 +254,9 @@ def _tried(name: str, count: int, seed: int) -> list[Outcome]:
             if outcome.kind == "broken":
                 broken.append(outcome)
                 print(f"{outcome.tried}\n    {outcome.why}", file=sys.stderr, flush=True)
-    print(
-        f"| {name} | {kinds.total()} | {kinds['refused']} | {kinds['survived']} | {len(broken)} | {longest_s:.1f} s |"
-    )
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    counts = f"{kinds.total()} | {kinds['refused']} | {kinds['survived']} | {len(broken)}"
+    print(f"| {name} | {counts} | {longest_s:.1f} s | {memory_mb:.0f} MB |")
     return broken
 
 

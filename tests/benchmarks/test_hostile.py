@@ -26,6 +26,16 @@ def test_random_command_lines_end_in_words(hostile, tmp_path, monkeypatch):
     assert {outcome.kind for outcome in outcomes} == {"refused", "survived"}
 
 
+@pytest.mark.parametrize("family", ["tracks", "arrays"])
+def test_damaged_recordings_end_in_words(hostile, tmp_path, monkeypatch, family):
+    monkeypatch.setattr(hostile, "LONGEST_S", 600)
+    monkeypatch.setattr(hostile, "SMOOTHED", COUNT + 1)  # the search takes seconds
+    outcomes = list(hostile.FAMILIES[family](COUNT, SEED, tmp_path))
+
+    assert [outcome for outcome in outcomes if outcome.kind == "broken"] == []
+    assert {outcome.kind for outcome in outcomes} == {"refused", "survived"}
+
+
 @pytest.mark.parametrize(
     ("raised", "why"),
     [(ValueError("x"), "ValueError: x"), (SystemExit(1), "without a word"), (RecursionError("deep"), "deep")],
