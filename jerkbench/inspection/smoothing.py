@@ -92,7 +92,7 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     if velocity is not None and velocity.frame != "enu":
         velocity = None  # without an attitude nothing says where it points
     own = Reference(position.t_s, "the fixes themselves", independent=False, enu_m=position.enu_m)
-    alone = replace(recording, imu=None, heading=None, velocity=velocity, reference=own)
+    alone = replace(recording, position=position, imu=None, heading=None, velocity=velocity, reference=own)
     smoother, scale, freedom = _most_likely(alone)
     estimate = _robust(alone, smoother, scale, freedom)
     distance_m = np.sqrt(np.nansum((position.enu_m - estimate.position_m) ** 2, axis=1))
@@ -126,9 +126,15 @@ def _robust(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: fl
 
 
 def _fixes(recording: Recording) -> Position:
-    if recording.position is None or len(recording.position.t_s) < FEWEST_FIXES:
+    """The fixes from the first one with all axes on, where a filter starts."""
+    position = recording.position
+    if position is not None:
+        first = int(np.argmax(np.isfinite(position.enu_m).all(axis=1)))
+        parts = {name: values[first:] for name, values in vars(position).items() if values is not None}
+        position = Position(**parts)
+    if position is None or len(position.t_s) < FEWEST_FIXES:
         raise RecordingError(f"{recording.name} has fewer than {FEWEST_FIXES} fixes: there is no track to smooth.")
-    return recording.position
+    return position
 
 
 def _declaring(alone: Recording, covariance_m2: FloatArray) -> Recording:

@@ -170,3 +170,14 @@ def test_an_ending_alone_names_the_file_after_the_log(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "Track: field_white_smooth.tum" in done.stdout
     assert (tmp_path / "field_white_smooth.tum").is_file()
+
+
+def test_a_track_starts_with_the_first_fix_that_has_a_height():
+    recording = driven(fixes=60)
+    enu_m = recording.position.enu_m.copy()
+    enu_m[[0, 1, 30], 2] = np.nan
+    late = replace(recording, position=replace(recording.position, enu_m=enu_m))
+
+    track = smooth_fixes(late)
+    np.testing.assert_array_equal(track.recording.reference.t_s, recording.position.t_s[2:])
+    assert np.isfinite(track.recording.reference.enu_m).all()
