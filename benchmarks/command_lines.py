@@ -209,7 +209,6 @@ class CommandLines:
             (
                 ["data", "inspect", source, *given, *seed],
                 ["data", "convert", source, self._one(("a.csv", "a.bag", "a.x", "", "/proc/x/a.csv")), *given, *seed],
-                ["data", "salvage", source, "a.bag"],
                 ["data", "fetch", self._one(("nope", ""))],
                 ["data", "fetch"],
                 ["data", "cache"],

@@ -45,9 +45,8 @@ def bag_errors(path: Path, topic: str = "") -> Iterator[None]:
 
 def way_out(path: Path) -> str:
     """Return what to do about a damaged bag."""
-    if path.suffix == ".bag":
-        return "Copy it again; `jerkbench data salvage` saves what is whole in a damaged ROS 1 bag."
-    return "Copy it again from where it was recorded, or let `ros2 bag reindex` and `mcap recover` mend it."
+    repair = {".bag": "`rosbag reindex`", ".mcap": "`mcap recover`"}.get(path.suffix, "`ros2 bag reindex`")
+    return f"Copy it again from where it was recorded, or repair it with {repair}."
 
 
 _MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mcap"}

@@ -15,13 +15,12 @@ SUITE = group(
 
 DATA = group(
     "data",
-    "work with recordings: inspect, receiver, convert, export, salvage, fetch, trace, cache",
+    "work with recordings: inspect, receiver, convert, export, fetch, trace, cache",
     *(
         inspecting.inspect_verb,
         inspecting.receiver_verb,
         recordings.convert_verb,
         recordings.data_export_verb,
-        recordings.salvage_verb,
     ),
     *(recordings.fetch_verb, recordings.trace_verb, recordings.cache_verb),
 )

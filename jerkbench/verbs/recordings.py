@@ -209,28 +209,6 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
             print(own / "reference.csv")
 
 
-@verb(
-    argument("source", type=Path, help="a ROS 1 bag that was cut off or damaged"),
-    argument("target", type=Path, help="the bag to write"),
-)
-def salvage_verb(chosen: argparse.Namespace) -> None:
-    """Write a fresh bag from what is whole in a ROS 1 bag that was cut off or damaged.
-
-    A power loss leaves a .bag.active: that is read, too.
-
-      jerkbench data salvage cut.bag whole.bag
-      jerkbench data salvage drive.bag.active saved.bag
-    """
-    from jerkbench.io.bag_salvage import salvage
-
-    saved = salvage(chosen.source, chosen.target)
-    print(f"{chosen.target}: {sum(saved.messages.values())} messages from {saved.chunks} chunks")
-    for topic, count in sorted(saved.messages.items()):
-        print(f"  {topic}: {count}")
-    if saved.cut_chunks or saved.lost_bytes:
-        print(f"Chunks that were not whole: {saved.cut_chunks}; bytes that belong to none: {saved.lost_bytes}.")
-
-
 @verb(argument("name", nargs="?", help="the recording; without it: what there is, and where it is kept"))
 def fetch_verb(chosen: argparse.Namespace) -> None:
     """Download a public recording, check it, and keep it.
