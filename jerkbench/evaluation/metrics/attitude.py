@@ -125,7 +125,9 @@ def _floor_rad(recording: Recording) -> float:
         return float("nan")
     known = np.isfinite(reference.euler_rad[:, :2]).all(axis=1)
     truth = vertical_in_body(np.nan_to_num(reference.euler_rad[known]))
-    windows = np.arange(np.floor(imu.t_s[0] / _WINDOW_S), np.ceil(imu.t_s[-1] / _WINDOW_S) + 1) * _WINDOW_S
+    sampled_windows = np.floor(imu.t_s / _WINDOW_S)  # a gap is one long window without a sample
+    windows = np.union1d(sampled_windows, sampled_windows + 1)
+    windows = windows[windows <= np.ceil(imu.t_s[-1] / _WINDOW_S)] * _WINDOW_S
     vertical, known_rows = _means(truth, np.searchsorted(windows, reference.t_s[known], side="right"), len(windows))
     starts = np.searchsorted(imu.t_s, windows[:-1])
     force, sampled = _means(imu.accel_mps2, np.searchsorted(windows, imu.t_s, side="right"), len(windows))
