@@ -258,8 +258,7 @@ class Bag:
         def flush(name: str) -> None:
             times, raw = zip(*waiting[name], strict=True)
             with bag_errors(self.path, name):
-                cdr, deserialise = self._reader.is2, self._reader.deserialize
-                block = decode(raw, types[name], wanted[name], deserialise, cdr=cdr)
+                block = decode(raw, types[name], wanted[name], self._reader.deserialize)
             read[name].append((np.array(times, dtype=np.int64), block))
             waiting[name].clear()
 

@@ -1,51 +1,36 @@
-"""Serialised messages -> arrays: by their fixed layout where they have one, else one after the other.
-
-After its strings a message has the same bytes at the same places, so that equal strings make equal layouts. Whatever
-does not fit (strings that change, another byte order) is left to the deserialiser of rosbags, which
-`jerkbench.io.bag_decode` falls back on, and which the tests compare with.
-"""
+"""Serialised messages -> arrays, by the deserialiser of rosbags."""
 
 import re
-import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from jerkbench.arrays import FloatArray, IntArray
-
-# Messages of a known type as arrays, by their fixed layout: numpy reads all of them at once.
-
-_STRING = "string"
 
 
 @dataclass(frozen=True)
 class MessagePart:
-    """A run of equal numbers in a message, or a string.
+    """Numbers of a message.
 
     Attributes:
         name: of the field in `Messages`.
-        path: where the number is in the deserialised message.
-        code: numpy's code of one number, or `STRING`.
+        path: where the numbers are in the deserialised message.
         count: how many numbers.
     """
 
     name: str
     path: str
-    code: str = "f8"
     count: int = 1
 
 
 def _parts(text: str) -> tuple[MessagePart, ...]:
-    """The parts of a message, each as ``path:code*count``, the name being the path's end, or ``name=path*count``."""
-    found = [re.fullmatch(r"(?:(\w+)=)?([\w.]+)(?::(\w+))?(?:\*(\d+))?", part) for part in text.split()]
+    """The parts of a message, each as ``path*count``, the name being the path's end, or as ``name=path*count``."""
+    found = [re.fullmatch(r"(?:(\w+)=)?([\w.]+)(?:\*(\d+))?", part) for part in text.split()]
     return tuple(
-        MessagePart(part[1] or part[2].rpartition(".")[2], part[2], part[3] or "f8", int(part[4] or 1))
-        for part in found
-        if part
+        MessagePart(part[1] or part[2].rpartition(".")[2], part[2], int(part[3] or 1)) for part in found if part
     )
 
 
@@ -58,10 +43,9 @@ LAYOUTS: dict[str, tuple[MessagePart, ...]] = {
         " linear_acceleration*3 linear_acceleration_covariance*9"
     ),
     "sensor_msgs/msg/NavSatFix": _parts(
-        "status.status:i1 status.service:u2 latitude longitude altitude position_covariance*9"
-        " position_covariance_type:u1"
+        "status.status status.service latitude longitude altitude position_covariance*9 position_covariance_type"
     ),
-    "nav_msgs/msg/Odometry": _parts(f"child_frame_id:{_STRING} {_POSE} {_TWIST}"),
+    "nav_msgs/msg/Odometry": _parts(f"{_POSE} {_TWIST}"),
     "geometry_msgs/msg/PoseStamped": _parts("pose.position*3 pose.orientation*4"),
     "geometry_msgs/msg/PoseWithCovarianceStamped": _parts(_POSE),
     "geometry_msgs/msg/TwistStamped": _parts("twist.linear*3 twist.angular*3"),
@@ -85,7 +69,7 @@ def source_of(msgtype: str, name: str) -> tuple[MessagePart, int | None]:
     Raises:
         KeyError: messages of this type have no such field.
     """
-    parts = {part.name: part for part in LAYOUTS[msgtype] if part.code != _STRING}
+    parts = {part.name: part for part in LAYOUTS[msgtype]}
     whole, first = (name, None) if name in parts else BLOCKS[name]
     return parts[whole], first
 
@@ -104,79 +88,12 @@ class MessageBlock(NamedTuple):
     values: dict[str, FloatArray]
 
 
-def decode_grid(grid: npt.NDArray[np.uint8], msgtype: str, fields: Sequence[str], *, cdr: bool) -> MessageBlock | None:
-    """Return the ``fields`` of messages (n, size) of equal length, n at least one; None where their layouts differ.
-
-    Args:
-        grid: the serialised messages.
-        msgtype: one of `LAYOUTS`.
-        fields: which are wanted.
-        cdr: ROS 2's serialisation; else ROS 1's.
-    """
-    first, size = bytes(grid[0]), grid.shape[1]
-    if cdr and first[:2] != b"\x00\x01":
-        return None
-    try:
-        layout, strings, fixed = _layout(first, msgtype, cdr=cdr)
-    except (struct.error, UnicodeDecodeError):
-        return None
-    if size - layout.itemsize not in range(4 if cdr else 1):  # CDR may pad the end
-        return None
-    if any((grid[:, begin:end] != grid[0, begin:end]).any() for begin, end in fixed):
-        return None
-    rows = np.ascontiguousarray(grid[:, : layout.itemsize]).view(layout)[:, 0]
-    sources = {name: source_of(msgtype, name) for name in fields}
-    values = {
-        name: _block(rows[part.name].reshape(len(rows), -1), begins).astype(np.float64)
-        for name, (part, begins) in sources.items()
-    }
-    stamp_ns = rows["sec"].astype(np.int64) * 1_000_000_000 + rows["nanosec"]
-    return MessageBlock((strings[0], strings[1] if strings[1:] else ""), stamp_ns, values)
-
-
-def _layout(first: bytes, msgtype: str, *, cdr: bool) -> tuple[np.dtype[Any], list[str], list[tuple[int, int]]]:
-    """The places of the numbers, the strings, and the places of bytes that all messages must have in common."""
-    base = 4 if cdr else 0  # the encapsulation; alignment counts from behind it
-    at = base + (0 if cdr else 4)  # ROS 1 begins with a running number
-    names, formats, offsets = ["sec", "nanosec"], ["<u4" if not cdr else "<i4", "<u4"], [at, at + 4]
-    strings: list[str] = []
-    fixed: list[tuple[int, int]] = [(0, base)] if cdr else []
-    at += 8
-    for part in (MessagePart("frame_id", "", _STRING), *LAYOUTS[msgtype]):
-        width = 4 if part.code == _STRING else np.dtype(part.code).itemsize
-        begin = base + -(-(at - base) // width) * width if cdr else at
-        if part.code == _STRING:
-            at = begin + 4 + int(struct.unpack_from("<I", first, begin)[0])
-            if at > len(first):
-                raise struct.error
-            strings.append(first[begin + 4 : at].decode().rstrip("\0"))
-            fixed.append((begin, at))
-        else:
-            names.append(part.name)
-            formats.append(f"({part.count},)<{part.code}" if part.count > 1 else f"<{part.code}")
-            offsets.append(begin)
-            at = begin + part.count * width
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at}), strings, fixed
-
-
 Deserialise = Callable[[bytes, str], Any]
 """The deserialiser of rosbags: a message and its type -> an instance of a class made at run time."""
 
 
-def decode(
-    raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise, *, cdr: bool
-) -> MessageBlock:
-    """Return the ``fields`` of the messages, at least one, fast where their layout is fixed."""
-    size, joined = len(raw[0]), b"".join(raw)
-    block = None
-    if size and len(joined) == size * len(raw):
-        grid = np.frombuffer(joined, dtype=np.uint8).reshape(len(raw), size)
-        block = decode_grid(grid, msgtype, fields, cdr=cdr)
-    return block or decode_each(raw, msgtype, fields, deserialise)
-
-
-def decode_each(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> MessageBlock:
-    """Return the same with the ordinary deserialiser, message by message."""
+def decode(raw: Sequence[bytes], msgtype: str, fields: Sequence[str], deserialise: Deserialise) -> MessageBlock:
+    """Return the ``fields`` of the messages, at least one."""
     sources = {name: source_of(msgtype, name) for name in fields}
     messages = [deserialise(serialised, msgtype) for serialised in raw]
     values = {

@@ -78,7 +78,7 @@ def survey(bag: Bag) -> Iterator[str]:
 
 def _fields(topic: Topic) -> list[str]:
     unused = ("service", "orientation_covariance", "angular", *BLOCKED)
-    names = [part.name for part in LAYOUTS[topic.msgtype] if part.code != "string"]
+    names = [part.name for part in LAYOUTS[topic.msgtype]]
     return [name for name in names if name not in unused] + [BLOCKED[name] for name in names if name in BLOCKED]
 
 

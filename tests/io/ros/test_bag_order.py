@@ -6,7 +6,7 @@ from rosbags.highlevel import AnyReader
 
 from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, imu, write_bag
 from jerkbench.io.bag import open_bag
-from jerkbench.io.bag_decode import decode_each
+from jerkbench.io.bag_decode import decode
 
 FIELDS = {
     "/fixposition/poiimu": ("angular_velocity", "linear_acceleration"),
@@ -32,7 +32,7 @@ def read(path, wanted):
         for topic, fields in wanted.items():
             connections = [c for c in reader.connections if c.topic == topic]
             _, times, raw = zip(*reader.messages(connections), strict=True)
-            expected = decode_each(raw, connections[0].msgtype, fields, reader.deserialize)
+            expected = decode(raw, connections[0].msgtype, fields, reader.deserialize)
             assert (found[topic].topic, found[topic].msgtype) == (topic, connections[0].msgtype)
             assert (found[topic].frame_id, found[topic].child_frame_id) == expected.strings
             np.testing.assert_array_equal(found[topic].bag_ns, times)
