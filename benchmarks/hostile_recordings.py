@@ -1,4 +1,4 @@
-"""Damaged recordings, field by field: tracks (NMEA, GPX, gpsd's JSON) and arrays (HDF5, MATLAB)."""
+"""Damaged recordings, field by field: tracks (NMEA, GPX, gpsd's JSON, CSV) and arrays (HDF5, MATLAB)."""
 
 import json
 import random
@@ -106,11 +106,28 @@ GPSD_ROWS = [
     ["3", f'"{stamp}"', f"{48 + k * 1e-5}", "11.5", "545.4", "2", "3", "5", "4.0", "90", "0"]
     for k, stamp in enumerate(STAMPS)
 ]
+TABLE = "t,lat,lon,height,ax,ay,az,gx,gy,gz,ve,vn,vu"
+TABLE_ROWS = [
+    [
+        f"{1.7e9 + k / 10:.1f}",
+        f"{48 + k * 1e-5}",
+        "11.5",
+        "545.4",
+        *["0.1", "0.2", "9.81", "0", "0", "0.1", "1", "0", "0"],
+    ]
+    for k in range(ROWS)
+]
+
+
+def _csv(rows: Sequence[Sequence[str]]) -> str:
+    return "\n".join([TABLE, *map(",".join, rows), ""])
+
 
 FORMATS: tuple[tuple[str, list[list[str]], int, Callable[[Sequence[Sequence[str]]], str], tuple[str, ...]], ...] = (
     (".nmea", NMEA_ROWS, 15, _nmea, TEXTS),
     (".gpx", GPX_ROWS, 5, _gpx, TEXTS),
     (".json", GPSD_ROWS, len(GPSD_KEYS), _gpsd, VALUES),
+    (".csv", TABLE_ROWS, len(TABLE_ROWS[0]), _csv, TEXTS),
 )
 """Of each format: the ending, whole rows of fields, the number of fields, how they become a text, what damages them."""
 

@@ -226,7 +226,8 @@ def guess_time_unit(stamps: FloatArray, named: str) -> Guess:
     for unit in STAMPS:
         if is_date(stamps, unit):
             return Guess("time_unit", unit, "measured", f"{stamps[0]:.0f} is a date of our time in {unit}")
-    rates = {unit: scale / step for unit, scale in {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}.items()}
+    scales = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9} if step > 0 else {}
+    rates = {unit: scale / step for unit, scale in scales.items()}
     fitting = [unit for unit, rate_hz in rates.items() if RATES_HZ[0] <= rate_hz <= RATES_HZ[1]]
     if len(fitting) == 1:
         why = f"the median step is {step:g}, which makes {rates[fitting[0]]:g} Hz"

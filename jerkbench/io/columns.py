@@ -14,7 +14,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
 from jerkbench.io.clocks import GPS_EPOCH_NS, WEEK_NS, calendar_ns
 from jerkbench.io.limits import MAX_DATE_NS, MIN_DATE_NS, require_size
-from jerkbench.io.text import LARGEST_NUMBER, TextFormat, read_lines, read_text, require_content
+from jerkbench.io.text import LARGEST_NUMBER, TextFormat, is_number, read_lines, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
@@ -266,7 +266,10 @@ class Columns:
         column = self._table.iloc[:, self._place(name)]
         if pd.api.types.is_bool_dtype(column) or pd.api.types.is_complex_dtype(column):
             raise RecordingError(f"{self.where}, column {name} holds {column.dtype} values; numbers are expected.")
-        numeric = pd.to_numeric(column, errors="coerce")
+        try:
+            numeric = pd.to_numeric(column, errors="coerce")
+        except OverflowError:  # a whole number with hundreds of digits
+            numeric = column.map(lambda cell: float(str(cell)) if is_number(str(cell)) else math.nan)
         self._require(numeric.notna() | column.isna(), name, column, "'{}' is no number")
         whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
         fits = whole and (numeric.empty or numeric.max() <= np.iinfo(np.int64).max)

@@ -22,6 +22,7 @@ from jerkbench.datasets.table import Tables
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.inspection.evidence import common_edges
 from jerkbench.inspection.facts import facts_text
+from jerkbench.inspection.guesses import guess_time_unit
 from jerkbench.inspection.receiver import receiver_errors, receiver_figure
 from jerkbench.io.columns import read_columns
 from jerkbench.io.limits import off_earth
@@ -321,6 +322,18 @@ def test_a_damaged_sentence_is_dropped_and_counted(tmp_path, lines, dropped):
 
     assert len(recording.position.t_s) == 3
     assert dropped in " ".join(recording.notes)
+
+
+def test_a_number_of_400_digits_is_named(tmp_path):
+    (tmp_path / "a.csv").write_text("t,x\n0,1\n1,x\n2," + "9" * 400 + "\n")
+    columns = read_columns((tmp_path / "a.csv",), TextFormat())
+    with pytest.raises(RecordingError, match="row 2, column x: 'x' is no number"):
+        columns.numbers(["x"])
+
+
+def test_stamps_that_do_not_change_have_no_rate():
+    guess = guess_time_unit(np.zeros(5), "")
+    assert (guess.value, guess.grade) == ("s", "unsure")
 
 
 DEEP = "[" * 30_000
