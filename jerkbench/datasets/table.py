@@ -78,8 +78,10 @@ class Tables(FromFiles, TimedColumns):
     one file may hold several streams. A file of positions, velocities or the reference that ends in .pos is RTKLIB's:
     it needs no columns, and has its own covariances.
 
-    Fixes that leap are dropped (``drop_leaps``). A latitude and longitude without a height are a fix of the plane, at a
-    height between those before and after.
+    Rows with a place that is not on Earth, or with a date that is not between 1980 and 2100, are dropped and counted.
+    If all stamps are before 1980, they are taken as times since an unknown start. Fixes that leap are dropped
+    (``drop_leaps``). A latitude and longitude without a height are a fix of the plane, at a height between those before
+    and after.
 
     In a .mat (version 5 to 7.3) the columns of a matrix ``acc`` are acc_1, acc_2, acc_3, and a field ``t`` of a
     structure ``imu`` is imu.t; variables may be of different lengths. A first and a last row that were cut off are
