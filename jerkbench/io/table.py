@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray, positive_definite, require_lengths
+from jerkbench.arrays import BoolArray, FloatArray, IntArray, positive_definite, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH

@@ -74,7 +74,7 @@ def run_missing(
                 bar.advance([*statuses.values()], count=not to_do[key])
 
 
-class Rows(NamedTuple):
+class ComputedRows(NamedTuple):
     """The rows of some tasks.
 
     Attributes:
@@ -86,7 +86,9 @@ class Rows(NamedTuple):
     table: pa.Table
 
 
-def run_tasks(tasks: Sequence[Task], *, made_by: Mapping[str, Any], strict: bool, threads: int) -> tuple[int, Rows]:
+def run_tasks(
+    tasks: Sequence[Task], *, made_by: Mapping[str, Any], strict: bool, threads: int
+) -> tuple[int, ComputedRows]:
     """Run tasks for `MAX_CHUNK_S`. Returns how many are finished, and their rows."""
     began, blocks, count = time.monotonic(), list[RowBlock](), 0
     for task in tasks:
@@ -99,14 +101,14 @@ def run_tasks(tasks: Sequence[Task], *, made_by: Mapping[str, Any], strict: bool
     return count, _rows(blocks)
 
 
-def _failed(task: Task, error: Exception, made_by: Mapping[str, Any]) -> Rows:
+def _failed(task: Task, error: Exception, made_by: Mapping[str, Any]) -> ComputedRows:
     reason = f"{type(error).__name__}: {error}"
     return _rows([block_of(job, Result(failed_rows(job, task.draws, reason), []), made_by) for job in task.jobs])
 
 
-def _rows(blocks: Sequence[RowBlock]) -> Rows:
+def _rows(blocks: Sequence[RowBlock]) -> ComputedRows:
     statuses = [(block.key, {row["seed"]: row["status"] for row in block.rows}) for block in blocks]
-    return Rows(statuses, table_of(blocks))
+    return ComputedRows(statuses, table_of(blocks))
 
 
 class Writer:
