@@ -130,7 +130,6 @@ def study_words(study: Path, whole: Path) -> dict[str, list[str]]:
         "cite": ["cite", folder],
         "figures": ["figures", folder],
         "report": ["report", folder, "--scenarios", "1"],
-        "pack": ["pack", folder],
     }
 
 

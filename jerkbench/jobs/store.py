@@ -49,8 +49,6 @@ SMALL_ROWS = 10_000
 """Rows of a part that is not worth joining with others."""
 JOINED = 100_000
 """About as many rows has a joined part: so many are in memory at once."""
-MANY_PARTS = 16
-"""Small parts from which on they are joined."""
 
 OLD = re.compile("[0-9a-f]{20}")
 """The name of a file with one cell, as it was stored before there were parts: its key."""
@@ -171,29 +169,20 @@ class Store:
         keys = {*damaged, *(key for table in tables for key in pc.unique(table[KEY]).to_pylist())}
         return sorted(key for key in keys if key.startswith(beginning))
 
-    def compact(self) -> None:
-        """Join small parts, where there are many, unless another process is just doing so."""
+    def compact(self, least: int = 2) -> None:
+        """Join small parts if there are at least so many, without rows that exist twice.
+
+        Parts that another process adds or joins meanwhile stay as they are.
+        """
         small = {name: len(table) for name, table in self._each([KEY]) if table is not None and len(table) < SMALL_ROWS}
         joined = dict(zip(small, np.cumsum(list(small.values())) // JOINED, strict=True))
-        for _, group in groupby(small if len(small) >= MANY_PARTS else (), joined.get):
+        for _, group in groupby(small if len(small) >= least else (), joined.get):
             names = list(group)
             with suppress(FileNotFoundError):
                 tables = [table for name in names if (table := self.load(name)) is not None]
-                if len(tables) == len(names):
-                    self._replace(names, concatenated(tables))
-
-    def pack(self) -> Path:
-        """Join all whole cells into one part, each run once, and delete every other file; returns that part's path.
-
-        Raises:
-            JerkbenchError: there is no cell, or a file is damaged.
-        """
-        cells, damaged = self.read(shown={})
-        if damaged:
-            raise JerkbenchError(f"{self.folder} holds damaged files: {', '.join(map(plain, damaged))}. Delete them.")
-        if not cells:
-            raise JerkbenchError(f"{self.folder} holds no results.")
-        return self._replace(self._names(), cells[0].whole)
+                if len(tables) == len(names) > 1:
+                    table = concatenated(tables)
+                    self._replace(names, table.take(pa.array(ordered_runs(table))))
 
     # Its files: listed, loaded, written atomically, replaced.
 

@@ -176,6 +176,10 @@ class RunRules:
     numbers: tuple[str, ...] = NUMBERS
 
 
+MANY_PARTS = 16
+"""Small files of rows that are joined into one: a campaign writes many, and joins them now and then."""
+
+
 @dataclass(frozen=True)
 class Site:
     """Where settings are run and stored.
@@ -229,7 +233,7 @@ class Site:
         """
         store = Store(self.folder)
         run_missing(Plan(joined_jobs(jobs)), store, self.workers, **how)
-        store.compact()
+        store.compact(MANY_PARTS)
         return store.rows(jobs, numbers)
 
 

@@ -29,7 +29,7 @@ VERBS = (
     *(plugins.list_verb, plugins.show_verb, DATA),
     *(results.table_verb, results.figures_verb, results.report_verb, results.compare_verb, single_runs.score_verb),
     *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
-    *(single_runs.rerun_verb, single_runs.export_verb, results.pack_verb),
+    *(single_runs.rerun_verb, single_runs.export_verb),
     *(plugins.new_verb, plugins.check_verb, results.cite_verb, completing.completion_verb),
 )
 """In the order in which `jerkbench --help` names them."""

@@ -213,22 +213,6 @@ def report_verb(chosen: argparse.Namespace) -> None:
     print(path)
 
 
-@verb(argument("folder", type=Path, help="the study's folder"))
-def pack_verb(chosen: argparse.Namespace) -> None:
-    """Join the rows of a study into one file, without incomplete cells.
-
-      jerkbench pack results/first
-      jerkbench pack results/first/cells
-
-    Raises:
-        JerkbenchError: there are no results, or some are damaged.
-    """
-    from jerkbench.jobs.store import Store
-
-    path = Store(chosen.folder).pack()
-    print(f"{path}: {path.stat().st_size / 1024:.0f} KiB")
-
-
 @verb(argument("folder", nargs="?", type=Path, help="the study's folder (default: jerkbench alone)"))
 def cite_verb(chosen: argparse.Namespace) -> None:
     """Print BibTeX of every method and data set of a study, and of jerkbench.

@@ -12,7 +12,7 @@ from jerkbench.jobs import parts
 from jerkbench.jobs import store as store_of_cells
 from jerkbench.jobs.manifest import read_manifest, write_manifest
 from jerkbench.jobs.parts import RowBlock
-from jerkbench.jobs.store import MANY_PARTS, Store
+from jerkbench.jobs.store import Store
 from stored_cells import about, row, store_cell
 
 ROWS = [row()]
@@ -188,7 +188,7 @@ def test_what_is_no_number_is_not_stored(store, value):
 
 
 def test_many_small_parts_become_one_with_the_same_cells(store):
-    for k in range(MANY_PARTS):
+    for k in range(16):
         store_cell(store, f"a{k:x}", [row(0.1 * k), row(0.3, seed=1)], about(notes=[f"of {k}"]))
     before, _ = store.read()
     store.compact()
@@ -204,7 +204,7 @@ def test_many_small_parts_become_one_with_the_same_cells(store):
 
 
 def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, monkeypatch):
-    for k in range(MANY_PARTS):
+    for k in range(16):
         store_cell(store, f"a{k:x}", ROWS, ABOUT)
     load, calls = Store.load, []
 
@@ -215,17 +215,17 @@ def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, mon
         return load(opened, name, columns)
 
     monkeypatch.setattr(Store, "load", joined_meanwhile)
-    assert len(store.read()[0]) == MANY_PARTS
+    assert len(store.read()[0]) == 16
 
 
 def test_many_parts_are_joined_in_stretches(store, monkeypatch):
     monkeypatch.setattr(store_of_cells, "JOINED", 5)
-    for k in range(MANY_PARTS + 2):
+    for k in range(16 + 2):
         store_cell(store, f"a{k:x}", ROWS, ABOUT)
     before = [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]]
     store.compact()
 
-    assert len(files(store)) == -(-(MANY_PARTS + 2) // 5)
+    assert len(files(store)) == -(-(16 + 2) // 5)
     assert [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]] == before
 
 
@@ -250,7 +250,7 @@ def test_the_manifest_says_which_seeds_are_shown_and_a_cell_that_lacks_one_is_no
     assert cell.others == 2
     assert store.read(shown={"abc": [[0, 6]]}) == ([], [])
     assert list(store.read(shown={})[0][0].rows["seed"]) == [0, 1, 2, 3, 4]
-    store.pack()
+    store.compact()
     assert done(store) == [0, 1, 2, 3, 4]
 
 
@@ -276,6 +276,6 @@ def test_seeds_of_a_new_command_take_the_place_of_those_that_they_overlap_and_jo
 def test_a_cell_in_the_format_of_before_there_were_parts_is_a_sentence(store):
     store_cell(store, "0b", ROWS, ABOUT)
     (store.folder / f"{'0a' * 10}.parquet").write_bytes(b"PAR1")
-    for ask in (store.read, lambda: store.known(["0b"]), store.pack, lambda: store.keys_from("0")):
+    for ask in (store.read, lambda: store.known(["0b"]), lambda: store.keys_from("0")):
         with pytest.raises(JerkbenchError, match=r"0a0a\.parquet has a format .* no longer read; run .* \(study=NAME"):
             ask()
