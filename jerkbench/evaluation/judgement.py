@@ -51,7 +51,7 @@ NOT_EXCLUDED = "losses are not excluded"
 
 FAILED_MORE = "the method with the smaller errors was lost or locked out in more runs"
 
-FAR = 3.0
+MEDIAN_FACTOR = 3.0
 """A method that is better in the median by more than this is better, and does not only fail in fewer runs."""
 
 MAX_FACTOR = 1000.0
@@ -116,7 +116,7 @@ def judged(comparisons: Sequence[LogRatios], margin: float = MARGIN, level: floa
     ::
 
         fails ...   McNemar's exact test of the runs that either alone lost or locked out in says so, unless the sign
-                    test says "better" or "worse" by more than `FAR` times
+                    test says "better" or "worse" by more than `MEDIAN_FACTOR` times
         small ...   the interval lies within 1/(1 + margin) to 1 + margin, and excludes 1
         equal       it lies within them and holds 1, and of either less than the margin of the runs is lost or locked
                     out (`loss_bound`, of each comparison by itself)
@@ -160,7 +160,7 @@ def judgement_of(
     ours, theirs = lost[0] + locked[0], lost[1] + locked[1]
     decides = differ < level and (ours - theirs) * centre >= 0
     verdict, reason = Verdict.UNDECIDED, ""
-    if failed < level and not (decides and np.log(FAR) < abs(centre) < np.inf):
+    if failed < level and not (decides and np.log(MEDIAN_FACTOR) < abs(centre) < np.inf):
         verdict = Verdict.MORE_FAILED if ours > theirs else Verdict.FEWER_FAILED
     elif -np.log1p(margin) < low and high < np.log1p(margin):
         excluded = max(loss_bound(ours, runs.n), loss_bound(theirs, runs.n)) < margin
