@@ -121,8 +121,8 @@ def chunks_of(
 ) -> list[list[Task]]:
     """Cut a plan into chunks. The tasks of a chunk share their scenario and seeds, so a worker prepares them once.
 
-    A chunk has at most as many seeds as a process caches recordings, and fewer if there are not enough chunks for all
-    workers; then its methods are divided, too.
+    Scenarios of one data set follow each other, and each is finished before the next: an interrupted sweep has complete
+    combinations.
 
     Args:
         jobs: those of the plan.
@@ -130,24 +130,19 @@ def chunks_of(
         workers: number of processes.
     """
     wanted = {job.key: set(job.draws if remaining is None else remaining.get(job.key, ())) for job in jobs}
-    scenarios: dict[object, dict[object, list[Job]]] = {}  # those of one data set follow each other
+    data: dict[object, dict[object, list[Job]]] = {}
     for job in jobs:
         if wanted[job.key]:
             scenario = job.scenario
-            same_data = scenarios.setdefault((scenario.dataset, scenario.data), {})
-            same_data.setdefault((scenario.disturbances, scenario.attitude), []).append(job)
-    seeds = {
-        name: [sorted(set[int]().union(*(wanted[job.key] for job in own))) for own in of.values()]
-        for name, of in scenarios.items()
-    }
-    recordings = sum(len(own) for of in seeds.values() for own in of)
-    size = _seeds_of_chunk(recordings, workers)
+            scenarios = data.setdefault((scenario.dataset, scenario.data), {})
+            scenarios.setdefault((scenario.disturbances, scenario.attitude), []).append(job)
+    ordered = [own for scenarios in data.values() for own in scenarios.values()]
+    seeds = [sorted(set[int]().union(*(wanted[job.key] for job in own))) for own in ordered]
+    size = _seeds_of_chunk(sum(map(len, seeds)), sum(map(len, ordered)), workers)
     blocks = [
-        (own, block)
-        for name, of in scenarios.items()
-        for start in range(0, max(map(len, seeds[name])), size)
-        for own, every in zip(of.values(), seeds[name], strict=True)
-        if (block := every[start : start + size])
+        (own, every[start : start + size])
+        for own, every in zip(ordered, seeds, strict=True)
+        for start in range(0, len(every), size)
     ]
     pieces = math.ceil(MIN_CHUNKS * workers / max(len(blocks), 1)) if workers > 1 else 1
     chunks = []
@@ -158,12 +153,15 @@ def chunks_of(
     return chunks
 
 
-def _seeds_of_chunk(recordings: int, workers: int) -> int:
-    """As many as are cached; for several workers fewer, but full vectors of runs if there are enough."""
+def _seeds_of_chunk(recordings: int, jobs: int, workers: int) -> int:
+    """As many seeds as a process caches recordings, if there are enough chunks then; else full vectors of runs.
+
+    Methods are divided before seeds, so that an interrupted sweep has complete combinations.
+    """
     if workers == 1:
         return KEPT_INPUTS
-    size = min(max(recordings // (MIN_CHUNKS * workers), min(WIDE, math.ceil(recordings / workers))), KEPT_INPUTS)
-    return size - size % WIDE or size
+    size = min(max(recordings // (MIN_CHUNKS * workers) // WIDE * WIDE, WIDE), KEPT_INPUTS)
+    return size if jobs >= workers else max(1, min(size, recordings // workers))
 
 
 def _tasks_of(jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, Collection[int]]) -> list[Task]:

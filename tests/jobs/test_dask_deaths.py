@@ -12,6 +12,7 @@ import pytest
 from dask_site import dask_site
 
 from commands import environment, swept
+from jerkbench.jobs.store import Store
 
 CELLS = 100
 PLAIN = "engine=filterpy"  # so slow that a sweep is not over before anything can happen to it
@@ -38,7 +39,7 @@ def done_already(sweep):
 
 
 def started(folder, *words):
-    """Start a sweep in a group of its own; returns as soon as some cells are stored, and others are not."""
+    """Start a sweep in a group of its own; returns as soon as a cell is complete, and others are not."""
     command = [sys.executable, "-m", "jerkbench", "run", "-m", *WORDS, *words, "figures=false", "workers=2"]
     sweep = subprocess.Popen(
         command,
@@ -49,8 +50,8 @@ def started(folder, *words):
         text=True,
         start_new_session=True,
     )
-    while sweep.poll() is None and not any((folder / "results/adhoc/cells").glob("part-*.parquet")):
-        time.sleep(0.01)
+    while sweep.poll() is None and not Store(folder / "results/adhoc").read(shown={})[0]:
+        time.sleep(0.05)
     assert sweep.poll() is None, sweep.communicate()
     return sweep
 
