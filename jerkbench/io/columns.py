@@ -214,10 +214,14 @@ class Columns:
     def stamps_ns(self, name: str, unit: str) -> IntArray:
         """Return (n,) a column of times in ``unit`` as whole nanoseconds; whole numbers stay exact.
 
+        If all are unsigned numbers from 2^63 on, they count from there.
+
         Raises:
             RecordingError: as in `numbers`, or a time is missing or does not fit.
         """
         values = self._numeric(name)
+        if values.dtype == np.uint64:  # a counter that started at 2^63: the differences count
+            values = (values - np.uint64(2**63)).astype(np.int64)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
         fits = np.abs(values.astype(np.float64)) <= LARGEST_NS / scale  # NaN does not
         self._require(fits, name, values, f"'{{}}' is no time in {unit}, at most {LARGEST_NS / scale:.2g}")
@@ -273,6 +277,8 @@ class Columns:
         self._require(numeric.notna() | column.isna(), name, column, "'{}' is no number")
         whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
         fits = whole and (numeric.empty or numeric.max() <= np.iinfo(np.int64).max)
+        if whole and not fits and numeric.min() > np.iinfo(np.int64).max:
+            return numeric.to_numpy(dtype=np.uint64)
         return numeric.to_numpy(dtype=np.int64 if fits else np.float64)
 
     def _place(self, name: str) -> int:

@@ -258,6 +258,14 @@ def test_unsigned_numbers_of_64_bits_are_read(tmp_path):
     np.testing.assert_array_equal(columns.numbers(["x"], most=1e20)[:, 0], [3.0, float(most)])
 
 
+def test_a_counter_that_started_at_its_highest_bit_is_read(tmp_path):
+    savemat(tmp_path / "a.mat", {"t": 2**63 + np.array([0, 1, 5], np.uint64)})
+    columns = read_columns((tmp_path / "a.mat",), TextFormat())
+
+    assert columns.stamps_ns("t", "s").tolist() == [0, 1_000_000_000, 5_000_000_000]
+    np.testing.assert_array_equal(columns.numbers(["t"], most=1e20)[:, 0], [2.0**63] * 3)
+
+
 def test_quaternions_of_zeros_are_no_attitude(tmp_path):
     n = 50
     with h5py.File(tmp_path / "01_x.hdf5", "w") as file:
