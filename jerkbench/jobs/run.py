@@ -21,8 +21,9 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Result, Task, failed_rows, work
 from jerkbench.jobs.store import Store
 
-MAX_CHUNK_S = 2.0
-"""A worker returns its results after this time, and the rest of its chunk is sent again."""
+MAX_CHUNK_S = 10.0
+"""A worker returns its results after this time, and the rest of its chunk is sent again, maybe to another worker, which
+has to prepare its recordings once more."""
 
 MIN_FLUSH_S, MAX_FLUSH_S = 1.0, 5.0
 """Rows are written in batches. The interval is 10 % of the elapsed time within these limits, so that a long sweep does
