@@ -442,7 +442,7 @@ def pausing(writer, *task, add=run.Writer.add, count=[0]):
         signal.pause()  # until Ctrl-C, however slow its sender is
 
 run.Writer.add = pausing
-run.MAX_FLUSH_S = run.MAX_CHUNK_S = 0.0
+run.MAX_FLUSH_S = 0.0
 """
 
 

@@ -56,7 +56,6 @@ def run(plan, folder):
     store = Store(folder)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("jerkbench.jobs.run.MAX_FLUSH_S", 0.0)
-        patched.setattr("jerkbench.jobs.run.MAX_CHUNK_S", 0.0)
         code = 0
         try:
             run_missing(plan, store)

@@ -23,7 +23,7 @@ from jerkbench.jobs.store import Store
 
 MAX_CHUNK_S = 10.0
 """A worker returns its results after this time, and the rest of its chunk is sent again, maybe to another worker, which
-has to prepare its recordings once more."""
+has to prepare its recordings once more. In this process each task is stored as it is finished."""
 
 MIN_FLUSH_S, MAX_FLUSH_S = 1.0, 5.0
 """Rows are written in batches. The interval is 10 % of the elapsed time within these limits, so that a long sweep does
@@ -64,7 +64,8 @@ def run_missing(
     with nullcontext(progress) if progress else Progress(len(plan.jobs), done) as bar, Writer(store) as writer:
         bar.skip(done if progress else 0)
         pool = workers.pool(sum(map(len, chunks))) if workers and chunks else None
-        compute = partial(run_tasks, made_by=made_by, strict=strict, threads=threads)
+        limit_s = MAX_CHUNK_S if pool else 0.0
+        compute = partial(run_tasks, made_by=made_by, strict=strict, threads=threads, limit_s=limit_s)
         for tasks, outcome in outcomes(compute, chunks, pool, Task.parts):
             if strict and isinstance(outcome, Exception):
                 raise outcome
@@ -88,16 +89,16 @@ class ComputedRows(NamedTuple):
 
 
 def run_tasks(
-    tasks: Sequence[Task], *, made_by: Mapping[str, Any], strict: bool, threads: int
+    tasks: Sequence[Task], *, made_by: Mapping[str, Any], strict: bool, threads: int, limit_s: float
 ) -> tuple[int, ComputedRows]:
-    """Run tasks for `MAX_CHUNK_S`. Returns how many are finished, and their rows."""
+    """Run tasks for about ``limit_s``, at least one. Returns how many are finished, and their rows."""
     began, blocks, count = time.monotonic(), list[RowBlock](), 0
     for task in tasks:
         blocks += [
             block_of(*each, made_by) for each in zip(task.jobs, work(task, strict=strict, threads=threads), strict=True)
         ]
         count += 1
-        if time.monotonic() - began > MAX_CHUNK_S:
+        if time.monotonic() - began >= limit_s:
             break
     return count, _rows(blocks)
 

@@ -32,7 +32,6 @@ def interrupted_after(cells, monkeypatch):
 
     monkeypatch.setattr(run.Writer, "add", adding)
     monkeypatch.setattr(run, "MAX_FLUSH_S", 0.0)
-    monkeypatch.setattr(run, "MAX_CHUNK_S", 0.0)
 
 
 @pytest.mark.slow

@@ -79,7 +79,6 @@ def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
 
 def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
     plan = plan_of(seeds=KEPT_INPUTS + 2)
-    monkeypatch.setattr(loop, "MAX_CHUNK_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=1)
         with pytest.raises(KeyboardInterrupt):
@@ -94,7 +93,6 @@ def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
 
 def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(store, monkeypatch):
     plan = plan_of(seeds=4, filter={"name": "gnss_only"})
-    monkeypatch.setattr(loop, "MAX_CHUNK_S", 0.0)
     with monkeypatch.context() as patched:
         spied(patched, stop_after=3)
         with pytest.raises(KeyboardInterrupt):
