@@ -1,5 +1,6 @@
 """Array types, and the checks that every recorded array passes once, when it is made."""
 
+import dataclasses
 import math
 from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import Annotated, Any
@@ -191,3 +192,18 @@ def require_multiple(plugin: str, owner: object, high: str, low: str) -> None:
             f"{plugin}: {high} is {getattr(owner, high)} and {low} is {getattr(owner, low)}; the first must be a whole"
             " multiple of the second, so that their stamps coincide."
         )
+
+
+def identical(a: Any, b: Any) -> bool:  # noqa: ANN401 - anything that a plugin takes or returns
+    """Return whether ``a`` and ``b`` are equal to the bit; NaN is equal to NaN."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray):
+        return a.shape == b.shape and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+    if dataclasses.is_dataclass(a):
+        return all(identical(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
+    if isinstance(a, dict):
+        return list(a) == list(b) and all(identical(a[key], b[key]) for key in a)
+    if isinstance(a, (tuple, list)):
+        return len(a) == len(b) and all(map(identical, a, b))
+    return bool(a == b) or (a != a and b != b)  # noqa: PLR0124 - only NaN is not equal to itself

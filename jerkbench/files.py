@@ -1,13 +1,14 @@
-"""Files that are written as a whole or not at all, and YAML of anybody, measured before it is read."""
+"""Files that are written as a whole or not at all, YAML of anybody, measured before it is read, and JUnit files."""
 
 import os
 import stat
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
 
 import yaml
 from platformdirs import user_cache_path
@@ -220,3 +221,36 @@ def _too_large(path: Path) -> JerkbenchError:
         f"{path} stands for more than {MOST_VALUES} values, or has lists nested more than {DEEPEST} deep. An alias"
         " (*NAME) counts as all the values that it repeats. Make the file smaller."
     )
+
+
+# Results of checks in the JUnit format, which build servers read
+
+
+class JunitCase(NamedTuple):
+    """One check.
+
+    Attributes:
+        group: group of checks.
+        name: name of the check.
+        failures: messages. Empty if the check passed.
+        notes: messages that are not failures.
+    """
+
+    group: str
+    name: str
+    failures: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+
+def junit(suite: str, cases: Sequence[JunitCase]) -> str:
+    """Return the text of a JUnit file with one suite."""
+    failed = sum(bool(case.failures) for case in cases)
+    root = ET.Element("testsuite", name=suite, tests=str(len(cases)), failures=str(failed), errors="0")
+    for case in cases:
+        element = ET.SubElement(root, "testcase", classname=case.group, name=case.name)
+        for message in case.failures:
+            ET.SubElement(element, "failure", message=message).text = message
+        if case.notes:
+            ET.SubElement(element, "system-out").text = "\n".join(case.notes)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"

@@ -1,18 +1,28 @@
-"""Conformance checks for a plugin's author.
+"""Checks of plugins, for the tests of their authors.
 
-Each check raises an AssertionError whose sentence says what is not as it must be. In a test of your own::
+Each check raises an AssertionError whose message describes the problem. For example::
 
     from jerkbench.testing import check_plugin
     from my_package import MyAdaptation
 
-    def test_it_is_a_proper_adaptation():
+    def test_the_adaptation_satisfies_its_contract():
         check_plugin("adaptation", MyAdaptation())
 
-`check_plugin` looks at the class as well (frozen, documented, hashable); the others at what their kind promises.
+`check_plugin` checks the class (frozen, documented, hashable) and the methods; the other functions only the methods.
+`small_recording` and `true_attitude` return the inputs with which the checks call a plugin.
 """
 
-from jerkbench.plugins.checks import check_attitude, check_dataset, check_disturbance, check_metric, check_plugin
-from jerkbench.plugins.method_checks import check_adaptation, check_engine, check_filter
+from jerkbench.plugins.checks import (
+    check_adaptation,
+    check_attitude,
+    check_dataset,
+    check_disturbance,
+    check_engine,
+    check_filter,
+    check_metric,
+    check_plugin,
+)
+from jerkbench.plugins.samples import small_recording, true_attitude
 
 __all__ = [
     "check_adaptation",
@@ -23,4 +33,6 @@ __all__ = [
     "check_filter",
     "check_metric",
     "check_plugin",
+    "small_recording",
+    "true_attitude",
 ]

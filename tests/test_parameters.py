@@ -9,7 +9,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.parameters import DefaultOrigin, Range, origins_of, ranges_of
 from jerkbench.plugins.catalogue import show_text
-from jerkbench.plugins.checks import _check_ranges
+from jerkbench.plugins.checks import range_problems
 
 
 @pytest.mark.parametrize(
@@ -53,14 +53,15 @@ def made(annotation, default):
     ("annotation", "default", "sentence"),
     [
         (Annotated[float, Range(1.0, 2.0, source="x")], 3.0, "outside of its range 1 to 2"),
-        (Annotated[float, Range(2.0, 1.0, source="x")], 1.5, "makes no sense"),
-        (Annotated[float | None, Range(1.0, 2.0, source="x")], None, "needs a number to begin from"),
-        (Annotated[int, Range(0.5, 2.0, source="x")], 1, "whole numbers"),
+        (Annotated[float, Range(2.0, 1.0, source="x")], 1.5, "is not valid"),
+        (Annotated[float | None, Range(1.0, 2.0, source="x")], None, "needs a number to start from"),
+        (Annotated[int, Range(0.5, 2.0, source="x")], 1, "is an integer"),
     ],
 )
 def test_the_conformance_kit_refuses_a_range_that_does_not_fit(annotation, default, sentence):
-    with pytest.raises(AssertionError, match=sentence):
-        _check_ranges(made(annotation, default))
+    (problem,) = range_problems(made(annotation, default))
+
+    assert sentence in problem
 
 
 def test_show_prints_the_origin_of_a_default_and_its_range():

@@ -63,7 +63,7 @@ class Silent(NoAdaptation):
 def test_ours_have_to_say_it_and_others_may(monkeypatch):
     check_plugin("adaptation", Silent())
     monkeypatch.delattr(NoAdaptation, "provenance")
-    with pytest.raises(AssertionError, match="does not say what it is"):
+    with pytest.raises(AssertionError, match="has no provenance"):
         check_plugin("adaptation", NoAdaptation())
 
 

@@ -25,7 +25,7 @@ from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.jobs.labels import GROUPS, Labels, default_labels
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
-from jerkbench.plugins.optional import has_methods, on_request
+from jerkbench.plugins.optional import has_methods, missing_member, on_request
 from jerkbench.timeline import RScale, scale_of
 
 # The names of the metrics of a cell: those that are asked for, or those by default.
@@ -330,11 +330,6 @@ def _made(kind: str, cls: type, config: str) -> _Part:
 def _new_part(kind: str, config: Mapping[str, Any]) -> _Part:
     """Make a plugin; one from elsewhere that lacks a method is refused: it would show late and in nobody's words."""
     plugin = plugins.create(kind, config)
-    if not plugins.is_own(type(plugin)):
-        from jerkbench.plugins.requirements import require_methods
-
-        try:
-            require_methods(kind, plugin)
-        except AssertionError as error:
-            raise PluginError(str(error)) from error
+    if not plugins.is_own(type(plugin)) and (message := missing_member(kind, plugin)):
+        raise PluginError(message)
     return _Part(plugin, {"name": config["name"], **dataclasses.asdict(plugin)})

@@ -1,191 +1,450 @@
-"""Checks of plugins of each kind, with all samples, or with the few of a first look."""
+"""Checks of plugins: what every plugin must be, then what each kind must do.
 
+A thorough check (`jerkbench check`, `jerkbench.testing`) tries a plugin on all samples. The check before a run
+(`complaint`) uses the same functions with shorter samples. It takes hundredths of a second and only finds faults that
+would give plausible but wrong numbers.
+"""
+
+import copy
 import dataclasses
 import inspect
 import pickle
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import FrozenInstanceError
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from typing import Any, TypeVar
 
 import numpy as np
 
-from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.arrays import BoolArray
-from jerkbench.contracts import Filter
-from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.arrays import FloatArray, identical
+from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Batched, Estimator, Fading, Filter, Summarising
 from jerkbench.errors import require_known
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.gnss_only import GnssOnly
-from jerkbench.filters.kinematic import Baseline
+from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
+from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_strayed
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of
-from jerkbench.plugins import create, is_own
-from jerkbench.plugins.method_checks import (
-    axis_model_of,
-    check_adaptation,
-    check_engine,
-    check_filter,
-    probe_adaptation,
-    require_initial_variances,
-)
-from jerkbench.plugins.optional import is_attitude_only
-from jerkbench.plugins.requirements import (
-    Plugin,
-    Unfit,
-    changes_itself,
-    identical,
-    pure_result,
-    require_finite,
-    require_is,
-    require_methods,
-    require_shape,
-    require_that,
-    small_recording,
-    small_timeline,
-    true_attitude,
-)
+from jerkbench.plugins import create, is_own, samples
+from jerkbench.plugins.optional import changes_nothing, empty_memory, is_attitude_only, missing_member
 from jerkbench.recording import Recording
+from jerkbench.sums import RecordedRun
+from jerkbench.timeline import Timeline, build_timeline
 
-# The checks of a data set and of a disturbance.
+Plugin = Any
+"""A plugin of any kind."""
+T = TypeVar("T")
 
-LONG_S = 600.0
-"""Disturbances put several bursts or outages into a recording; they need room."""
+
+class Unfit(AssertionError):  # noqa: N818 - pytest shows the message of an assertion best
+    """A plugin does not satisfy its contract. Other assertion errors come from the plugin."""
 
 
-def check_dataset(plugin: Plugin) -> None:
-    """Check a data set.
+def require_that(ok: object, message: str) -> None:
+    """Raise `Unfit` unless ``ok``. Unlike `assert`, it also works with ``python -O``."""
+    if not ok:
+        raise Unfit(message)
 
-    Raises:
-        AssertionError: it loads something that is no recording, is not repeatable, or lies about ``seeded``.
-    """
-    subject = require_methods("dataset", plugin)
-    first = pure_result(f"{subject}.load(0)", plugin.load, 0)
-    require_is(Recording, f"{subject}.load()", first)
+
+def pure_result(kind: type[T], subject: str, call: Callable[..., Any], *arguments: Any) -> T:  # noqa: ANN401 - as above
+    """Call ``call(*arguments)`` twice, check that this is repeatable and has no side effects; returns the result."""
+    before, random = copy.deepcopy(arguments), pickle.dumps(np.random.get_state())  # noqa: NPY002 - only compared
+    first, second = call(*arguments), call(*arguments)
+    require_that(identical(before, arguments), f"{subject} changes its input in place; it must work on a copy.")
+    require_that(identical(first, second), f"{subject} gives another result the second time with the same input.")
+    require_that(
+        random == pickle.dumps(np.random.get_state()),  # noqa: NPY002 - only compared
+        f"{subject} draws from NumPy's global random numbers; they must come from jerkbench.random_streams.stream.",
+    )
+    right, wrong = kind.__name__, type(first).__name__
+    require_that(isinstance(first, kind), f"{subject} returns the type {wrong}; it must be {right}.")
+    return first  # type: ignore[no-any-return]  # checked in the line above
+
+
+def require_array(subject: str, array: Any, shape: tuple[int, ...], *, finite: bool = True) -> None:  # noqa: ANN401
+    """Raise `Unfit` unless ``array`` is a (finite) float64 array of this shape."""
+    require_that(isinstance(array, np.ndarray), f"{subject} is a {type(array).__name__}; it must be a NumPy array.")
+    require_that(array.dtype == np.float64, f"{subject} has the type {array.dtype}; it must be float64.")
+    require_that(array.shape == shape, f"{subject} has shape {array.shape}; it must be {shape}.")
+    require_that(not finite or np.isfinite(array).all(), f"{subject} holds NaN or infinity.")
+
+
+def require_covariance(subject: str, matrix: FloatArray) -> None:
+    """Raise `Unfit` unless ``matrix`` is finite, symmetric and positive semidefinite."""
+    require_array(subject, matrix, (len(matrix), len(matrix)))
+    variances, tolerance = np.diag(matrix), 1e-8  # with a diagonal that is scaled to one
+    require_that((variances >= 0).all(), f"{subject} has a negative variance, {variances.min(initial=0.0):.3g}.")
+    sigma = np.sqrt(np.where(variances > 0, variances, 1.0))
+    scaled = matrix / np.outer(sigma, sigma)
+    require_that(np.abs(scaled - scaled.T).max(initial=0.0) <= tolerance, f"{subject} is not symmetric.")
+    lowest = np.linalg.eigvalsh(scaled).min(initial=0.0)
+    semidefinite = lowest >= -tolerance * len(matrix)
+    require_that(semidefinite, f"{subject} is not positive semidefinite (eigenvalue {lowest:.3g}).")
+
+
+def require_members(kind: str, plugin: Plugin) -> str:
+    """Return the name of the class of ``plugin``; raise `Unfit` if it lacks a member that its kind needs."""
+    message = missing_member(kind, plugin)
+    require_that(not message, message)
+    return type(plugin).__name__
+
+
+def _builtin(kind: str, name: str) -> Plugin:
+    return create(kind, {"name": name})
+
+
+def _reference_run(timeline: Timeline, model: Filter, adaptation: Adaptation | None = None) -> Estimate:
+    run = _builtin("engine", "filterpy").run
+    return run(timeline, model, adaptation or _builtin("adaptation", "none"))  # type: ignore[no-any-return]  # a contract
+
+
+# Every plugin
+
+
+def class_problems(kind: str, plugin: Plugin) -> Iterator[str]:
+    """Yield what is wrong with the class of a plugin: frozen, documented, hashable, picklable, ranges, provenance."""
+    cls = type(plugin)
+    if not (dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]  # private to dataclasses
+        yield f"{cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
+        return
+    summary = inspect.cleandoc(cls.__doc__ or "").split("\n", 1)[0]
+    if not summary.endswith(".") or summary.startswith(f"{cls.__name__}("):  # the docstring of `dataclass`
+        yield f"{cls.__name__} has no docstring whose first line is one sentence; `jerkbench list` prints it."
+    documented = "\n".join(inspect.cleandoc(c.__doc__ or "") for c in cls.__mro__ if dataclasses.is_dataclass(c))
+    for f in dataclasses.fields(cls):
+        if f"{f.name}:" not in documented:
+            yield f"{cls.__name__} does not document its parameter {f.name} under Attributes."
+    yield from range_problems(cls)
+    known = provenance_of(cls)
+    if known and known.mistake():
+        yield f"The provenance of {cls.__name__} is not valid: {known.mistake()}."
+    elif kind in ("filter", "adaptation") and not known and (is_own(cls) or "provenance" in vars(cls)):
+        sentence = f'{cls.__name__} has no provenance; write provenance = Provenance("published", "doi:..."),'
+        yield f'{sentence} or "simplified" or "own" with a note.'
+    yield from filter(None, [_hash_problem(plugin), _pickle_problem(plugin)])
+
+
+def range_problems(cls: type) -> Iterator[str]:
+    """Yield what is wrong with the ranges of parameters and with the defaults in them."""
+    defaults = {f.name: f.default for f in dataclasses.fields(cls)}
+    for name, bounds in ranges_of(cls).items():
+        subject, default = f"{cls.__name__}.{name}", defaults[name]
+        if bounds.mistake():
+            yield f"The range of {subject} is not valid: {bounds.mistake()}."
+        elif not isinstance(default, int | float) or isinstance(default, bool) != is_switch(cls, name):
+            yield f"{subject} has a range and the default {default!r}; a search needs a number to start from."
+        elif not bounds.low <= default <= bounds.high:
+            yield f"The default of {subject} is {default}, outside of its range {bounds}."
+        elif is_whole(cls, name) and (bounds.low % 1 or bounds.high % 1):
+            yield f"{subject} is an integer; the bounds of its range are {bounds.low} and {bounds.high}."
+
+
+def _hash_problem(plugin: Plugin) -> str:
+    try:
+        hash(plugin)
+    except TypeError as error:
+        return f"{type(plugin).__name__} is not hashable ({error}); a field that is a list must be a tuple."
+    return ""
+
+
+def _pickle_problem(plugin: Plugin) -> str:
+    subject = type(plugin).__name__
+    try:
+        same = pickle.loads(pickle.dumps(plugin)) == plugin  # noqa: S301 - pickled in the same line
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        return f"{subject} cannot be pickled ({error}), so no worker process can run it."
+    return "" if same else f"{subject} is different after pickling; a worker process would run something else."
+
+
+# Data sets and disturbances
+
+
+def check_dataset(plugin: Plugin, *, thorough: bool = True) -> None:
+    """Check that a data set loads a repeatable recording and has a correct ``seeded``. A short check loads nothing."""
+    subject = require_members("dataset", plugin)
+    if not thorough:
+        return
+    first = pure_result(Recording, f"{subject}.load()", plugin.load, 0)
     require_that(
         is_attitude_only(plugin) or first.position is not None,
-        f"{subject}.load() gives no positions; a filter has nothing to start from. If there are none, say so with a"
-        " class attribute attitude_only = True.",
+        f"{subject}.load() gives no positions, so a filter has no start. If there are none, declare the class attribute"
+        " attitude_only = True.",
     )
-    mark = pure_result(f"{subject}.fingerprint()", plugin.fingerprint)
-    require_that(isinstance(mark, str), f"{subject}.fingerprint() is {mark!r}; it must be a string.")
-    alike = identical(first, plugin.load(1))
-    require_that(alike or plugin.seeded, f"{subject}.load() depends on the seed, but its seeded is False.")
-    require_that(
-        not alike or not plugin.seeded, f"{subject}.load() gives the same for seeds 0 and 1, but its seeded is True."
-    )
+    pure_result(str, f"{subject}.fingerprint()", plugin.fingerprint)
+    if identical(first, plugin.load(1)) == plugin.seeded:
+        result = "gives the same for" if plugin.seeded else "depends on the seed: it differs for"
+        raise Unfit(f"{subject}.load() {result} seeds 0 and 1, but its seeded is {plugin.seeded}.")
 
 
-def check_disturbance(plugin: Plugin) -> None:
-    """Check a disturbance on a small recording, with and without its optional parts.
-
-    Raises:
-        AssertionError: it returns no recording, changes its input, is not repeatable, or lies about ``seeded`` or
-            ``replicates``.
-    """
-    subject = require_methods("disturbance", plugin)
-    n = plugin.replicates()
-    require_that(isinstance(n, int), f"{subject}.replicates() is {n!r}; it must be a whole number.")
-    require_that(n >= 1, f"{subject}.replicates() is {n}; it must be at least 1.")
-    recording = small_recording(LONG_S)
-    for seed in (0, 3):
-        first = checked_disturbance(subject, plugin, recording, seed)
-        if not plugin.seeded:
-            require_that(
-                identical(first, plugin.apply(recording, seed + n)),
-                f"{subject}.apply() gives different results for seeds {seed} and {seed + n}, but it is not seeded and"
-                f" has {n} replicates.",
-            )
+def check_disturbance(plugin: Plugin, *, thorough: bool = True) -> None:
+    """Check that a disturbance is repeatable, does not change its input, and has correct seeds and replicates."""
+    subject, n = require_members("disturbance", plugin), plugin.replicates()
+    valid = not thorough or (isinstance(n, int) and n >= 1)
+    require_that(valid, f"{subject}.replicates() is {n!r}; it must be an integer, at least 1.")
+    recording = samples.small_recording(600.0 if thorough else 60.0)  # several bursts or outages need time
+    for seed in (0, 3) if thorough else (0,):
+        first = pure_result(Recording, f"{subject}.apply()", plugin.apply, recording, seed)
+        require_that(
+            not thorough or plugin.seeded or identical(first, plugin.apply(recording, seed + n)),
+            f"{subject}.apply() gives different results for seeds {seed} and {seed + n}, but it is not seeded and has"
+            f" {n} replicates.",
+        )
 
 
-def checked_disturbance(subject: str, plugin: Plugin, recording: Recording, seed: int) -> Recording:
-    """Return the disturbed recording, checked for being one, and for being the same the second time."""
-    result = pure_result(f"{subject}.apply()", plugin.apply, recording, seed)
-    require_is(Recording, f"{subject}.apply()", result)
-    return result  # type: ignore[no-any-return]  # it was asked
+# Attitude filters
+
+DURATION_S = {True: 24.0, False: 8.0}
+"""Duration of the recording for a thorough check and for a short check."""
 
 
-# The checks of an attitude filter.
-
-_SHAPES = {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}
-"""Of the arrays of an attitude, at each stamp."""
-
-
-def check_attitude(plugin: Plugin) -> None:
-    """Check an attitude filter on a small recording.
-
-    Raises:
-        AssertionError: stamps, shapes or types are wrong, a matrix is no rotation or does not belong to its angles.
-    """
-    subject = require_methods("attitude", plugin)
-    attitude = checked_attitude(subject, plugin, small_recording())
-    for name in _SHAPES:
-        require_finite(f"{subject}: {name}", getattr(attitude, name))
+def check_attitude(plugin: Plugin, *, thorough: bool = True) -> None:
+    """Check stamps, shapes and types of an attitude, and that its matrices are rotations that match its angles."""
+    subject, recording = require_members("attitude", plugin), samples.small_recording(DURATION_S[thorough])
+    attitude = pure_result(Attitude, f"{subject}.estimate()", plugin.estimate, recording)
+    t_s = recording.inertial.t_s
+    require_that(np.array_equal(attitude.t_s, t_s), f"{subject}: t_s must be the stamps of the IMU.")
+    for name, shape in {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}.items():
+        require_array(f"{subject}: {name}", getattr(attitude, name), (len(t_s), *shape), finite=thorough)
     triggered = np.asarray(attitude.triggered)
-    require_that(triggered.dtype == np.bool_, f"{subject}: triggered is of {triggered.dtype}; it must be of bool.")
-    _check_rotations(subject, attitude)
-
-
-def checked_attitude(subject: str, plugin: Plugin, recording: Recording) -> Attitude:
-    """Return the attitude, checked for stamps and shapes, and for being the same the second time."""
-    attitude = pure_result(f"{subject}.estimate()", plugin.estimate, recording)
-    require_is(Attitude, f"{subject}.estimate()", attitude)
-    n = len(recording.inertial.t_s)
-    require_that(np.array_equal(attitude.t_s, recording.inertial.t_s), f"{subject}: t_s must be the stamps of the IMU.")
-    for name, shape in _SHAPES.items():
-        require_shape(f"{subject}: {name}", getattr(attitude, name), (n, *shape))
-    triggered = np.shape(attitude.triggered)
-    require_that(triggered == (n,), f"{subject}: triggered has shape {triggered}; it must be ({n},).")
-    return attitude  # type: ignore[no-any-return]  # it was asked
-
-
-def _check_rotations(subject: str, attitude: Attitude) -> None:
+    require_that(
+        triggered.shape == t_s.shape and (triggered.dtype == np.bool_ or not thorough),
+        f"{subject}: triggered has shape {triggered.shape} and type {triggered.dtype}; it must be {t_s.shape}, bool.",
+    )
+    if not thorough:
+        return
     dcm = attitude.dcm
-    product = dcm @ dcm.transpose(0, 2, 1)
-    proper = np.allclose(product, np.eye(3), rtol=0.0, atol=1e-6) and (np.linalg.det(dcm) > 0).all()
-    require_that(proper, f"{subject}: dcm holds matrices that are no rotations.")
+    rotations = np.allclose(dcm @ dcm.transpose(0, 2, 1), np.eye(3), rtol=0.0, atol=1e-6) and np.linalg.det(dcm) > 0
+    require_that(np.all(rotations), f"{subject}: dcm contains matrices that are no rotations.")
     require_that(
         np.allclose(dcm, dcm_from_euler(attitude.euler_rad), rtol=0.0, atol=1e-6),
         f"{subject}: dcm is not Rz(yaw) Ry(pitch) Rx(roll) of euler_rad (roll, pitch, yaw; body FLU to ENU).",
     )
 
 
-# The checks of a metric.
+# Kinematic filters
+
+INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
+"""Pairs of dt and dt0: full samples and a divided one."""
 
 
-def check_metric(plugin: Plugin) -> None:
-    """Check a metric on a small run: all rows counted, few, none.
+def check_filter(plugin: Plugin, *, thorough: bool = True) -> None:
+    """Check the model of a kinematic filter, or the estimates of an estimator and of its compiled implementation."""
+    subject = require_members("filter", plugin)
+    if not isinstance(plugin, Filter):
+        _check_estimator(subject, plugin, thorough=thorough)
+        return
+    variances = pure_result(np.ndarray, f"{subject}.initial_variances()", plugin.initial_variances)
+    require_array(f"{subject}.initial_variances()", variances, (variances.size,), finite=thorough)
+    for dt, dt0 in INTERVALS_S if thorough else INTERVALS_S[:2]:
+        _check_model(f"{subject}.axis_model({dt:g}, {dt0:g})", plugin, 2 + variances.size, (dt, dt0), thorough=thorough)
+    if thorough:
+        require_covariance(f"{subject}.initial_variances()", np.diag(variances))
+        _check_instant(f"{subject}.axis_model()", plugin)
+        _check_estimate(subject, _reference_run(samples.small_timeline()[1], plugin))
 
-    Raises:
-        AssertionError: the values are no floats by name, or the names depend on the run.
-    """
-    subject = require_methods("metric", plugin)
-    recording, timeline = small_timeline()
-    estimate = FilterpyEngine().run(timeline, Baseline(), NoAdaptation())
-    every = np.ones(len(estimate.index), dtype=bool)
-    names = list(checked_values(subject, plugin, estimate, recording, every))
-    require_that(names, f"{subject}.evaluate() gives no value.")
-    for counted in (estimate.index > estimate.index[-10], ~every):
-        fewer = list(checked_values(subject, plugin, estimate, recording, counted))
+
+def _check_model(subject: str, plugin: Filter, n: int, interval_s: tuple[float, float], *, thorough: bool) -> None:
+    model = pure_result(tuple, subject, plugin.axis_model, *interval_s)
+    require_that(len(model) == 3, f"{subject} returns {len(model)} matrices; it must be the three A, b, Q.")
+    for name, part, shape in zip("AbQ", model, [(n, n), (n,), (n, n)], strict=True):
+        require_array(f"{name} of {subject}", part, shape, finite=thorough)
+    if thorough:
+        A, _, Q = model
+        require_covariance(f"Q of {subject}", Q)
         require_that(
-            fewer == names,
-            f"{subject}.evaluate() names {fewer} where fewer rows count, and {names} where all do; a value that does"
-            " not apply is NaN.",
+            np.allclose(A[0, :2], [1.0, interval_s[0]], rtol=1e-2, atol=0.0),
+            f"A of {subject} begins with {A[0, 0]:.6g}, {A[0, 1]:.6g}; position (the first state) must follow velocity"
+            f" (the second): 1, {interval_s[0]:g}.",
         )
 
 
-def checked_values(
-    subject: str, plugin: Plugin, estimate: Estimate, recording: Recording, counted: BoolArray
-) -> dict[str, float]:
-    """Return what the metric gives, checked for names and numbers, and for being the same the second time."""
-    values: dict[str, float] = pure_result(f"{subject}.evaluate()", plugin.evaluate, estimate, recording, counted)
-    require_is(dict, f"{subject}.evaluate()", values)
-    for name, value in values.items():
-        require_that(isinstance(name, str), f"{subject}.evaluate() has the name {name!r}; it must be a string.")
-        require_that(isinstance(value, float), f"{subject}.evaluate(): {name} is {value!r}; it must be a float.")
-    return values
+def _check_instant(subject: str, plugin: Filter) -> None:
+    """A step of a nanosecond must change almost nothing, because measurements may divide a sample anywhere."""
+    A, b, Q = plugin.axis_model(1e-9, 0.01)
+    _, b0, Q0 = plugin.axis_model(0.01, 0.01)
+    require_that(
+        np.allclose(A, np.eye(len(b)), rtol=0.0, atol=1e-4)
+        and (np.abs(b) <= 1e-4 * np.abs(b0)).all()
+        and (np.diag(Q) <= 1e-4 * np.diag(Q0)).all(),
+        f"{subject}: a step of a nanosecond changes the state or its covariance; A must approach I, and b and Q must"
+        " approach 0 with dt, also if dt0 is constant.",
+    )
 
 
-CHECKS: Mapping[str, Callable[[Plugin], None]] = {
+def _check_estimate(subject: str, estimate: Estimate) -> None:
+    require_that(not estimate.failure, f"{subject} fails on a small recording: {estimate.failure}.")
+    k = len(estimate.index)
+    require_that(k > 0, f"{subject} estimates nothing on a small recording.")
+    require_that((np.diff(estimate.index) > 0).all(), f"{subject}: the rows of the reference in index do not increase.")
+    for name in ("position_m", "velocity_mps", "euler_rad"):
+        finite = name == "euler_rad" or not estimate.attitude_only
+        require_array(f"{subject}: {name}", getattr(estimate, name), (k, 3), finite=finite)
+    require_array(f"{subject}: covariance", estimate.covariance, (k, 6, 6), finite=False)
+    for P in () if estimate.attitude_only else estimate.covariance[:: max(k // 50, 1)]:
+        require_covariance(f"{subject}: covariance", P)
+
+
+# Estimators
+
+AGREEMENT_M, AGREEMENT = 1e-6, 1e-6
+"""Allowed difference of positions [m] and velocities [m/s]; of covariances relative to sqrt(P_ii P_jj), and of sums."""
+
+BURN_IN_S = 0.5
+
+
+def _check_estimator(subject: str, plugin: Estimator, *, thorough: bool) -> None:
+    accepted = plugin.adaptations
+    valid = not thorough or (isinstance(accepted, tuple) and accepted)
+    require_that(valid, f"{subject}.adaptations is {accepted!r}; it must be a tuple of names, for example ('none',).")
+    recording = samples.small_recording(DURATION_S[thorough])
+    inputs = recording, samples.true_attitude(recording), _builtin("adaptation", accepted[0])
+    estimate = pure_result(Estimate, f"{subject}.estimate()", plugin.estimate, *inputs)
+    if thorough:
+        _check_estimate(subject, estimate)
+    if thorough and isinstance(plugin, Batched):
+        if (compiled := plugin.estimate_compiled(*inputs)) is not None:  # None: it is not possible
+            _check_agreement(f"{subject}.estimate_compiled()", compiled, estimate, "estimate()")
+        _check_sums(f"{subject}.run_settings()", plugin, *inputs, estimate)
+
+
+def _check_agreement(subject: str, got: Estimate, wanted: Estimate, reference: str) -> None:
+    require_that(np.array_equal(got.index, wanted.index), f"{subject} reaches other rows than {reference}.")
+    for name in ("position_m", "velocity_mps"):
+        off = np.abs(getattr(got, name) - getattr(wanted, name)).max()
+        require_that(off <= AGREEMENT_M, f"{name} of {subject} is {off:.3g} off {reference}; allowed: {AGREEMENT_M:g}.")
+    sigma = np.sqrt(np.einsum("nii->ni", wanted.covariance))
+    off = (np.abs(got.covariance - wanted.covariance) / (sigma[:, :, None] * sigma[:, None, :])).max()
+    require_that(off <= AGREEMENT, f"covariance of {subject} is {off:.3g} (relative) off {reference}.")
+
+
+def _check_sums(
+    subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
+) -> None:
+    """Compare the sums of runs with those of the trajectory; the limit on the error makes the runs diverge."""
+    timeline = build_timeline(recording, attitude)
+    limit_m = 0.5 * largest_norm(position_error_m(wanted, recording))
+    reference = prepare_reference(recording, timeline, BURN_IN_S, limit_m)
+    if reference is None:
+        return
+    expected = sums_of(wanted, recording, counted_rows(wanted, recording, BURN_IN_S))
+    diverged = run_status(wanted, recording, limit_m)[1]
+    run, settings = RecordedRun(recording, attitude, timeline, reference.scoring), ([plugin] * 2, [adaptation] * 2)
+    results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
+    require_that(len(results) == 2, f"{subject} returns {len(results)} results for 2 runs.")
+    for result in filter(None, results):
+        got, reason = sums_from(result, reference, recording), why_strayed(result, reference, recording)
+        for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
+            near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
+            require_that(near, f"{name} of {subject} differs from that of estimate().")
+        require_that(
+            reason == diverged, f"{subject} reports '{reason}' for a run that diverged; it must be '{diverged}'."
+        )
+
+
+# Engines
+
+
+def check_engine(plugin: Plugin, *, thorough: bool = True) -> None:
+    """Check that a run of the filter jerk with the adaptation mtf agrees with the reference engine."""
+    subject = require_members("engine", plugin)
+    timeline = samples.small_timeline(DURATION_S[thorough])[1]
+    inputs = timeline, _builtin("filter", "jerk"), _builtin("adaptation", "mtf")
+    estimate = pure_result(Estimate, f"{subject}.run()", plugin.run, *inputs)
+    if thorough:
+        _check_estimate(subject, estimate)
+        _check_agreement(subject, estimate, _reference_run(*inputs), "the reference engine")
+
+
+# Adaptations
+
+
+def check_adaptation(plugin: Plugin, *, thorough: bool = True) -> None:
+    """Check an adaptation over updates with different rows, outliers, a tiny and a huge R: inputs, memory, results."""
+    subject = require_members("adaptation", plugin)
+    updates = list(samples.tried_updates(thorough=thorough))
+    first, second = (_run_of(subject, plugin, updates, thorough=thorough) for _ in range(2))
+    require_that(
+        identical(first, second),
+        f"{subject} gives another result in a second run with the same updates; its state must be in memory.",
+    )
+
+
+def _run_of(
+    subject: str, plugin: Plugin, updates: Sequence[samples.TriedUpdate], *, thorough: bool
+) -> list[tuple[Any, ...]]:
+    """Return all results over a sequence of updates, in the order in which an engine calls the methods."""
+    memory, results = empty_memory(plugin, samples.TRIED_STATES), list[tuple[Any, ...]]()
+    for x, prior, F, Q, innovation, reported, rows in updates:
+        measured, factor, P, gain = {"R": reported, "rows": rows}, 1.0, prior, np.zeros(0)
+        if isinstance(plugin, Fading):
+            inputs = {"innovation": innovation, "HPHt": P[np.ix_(rows, rows)], **measured}
+            factor = float(_untouched(f"{subject}.fade()", plugin.fade, inputs, memory))
+            require_that(0 < factor < np.inf, f"{subject}.fade() is {factor}; it must be positive and finite.")
+            P = P * factor
+        if isinstance(plugin, AdaptingPrior):
+            inputs = {"x": x, "P": P, "F": F, "Q": Q, "innovation": innovation, **measured}
+            P = _untouched(f"{subject}.adapt_prior()", plugin.adapt_prior, inputs, memory)
+            require_array(f"{subject}.adapt_prior()", P, prior.shape, finite=thorough)
+            if thorough:
+                require_covariance(f"{subject}.adapt_prior()", P)
+        inputs = {"innovation": innovation, "HPHt": P[np.ix_(rows, rows)], **measured}
+        R = _untouched(f"{subject}.adapt()", plugin.adapt, inputs, memory)
+        require_array(f"{subject}.adapt()", R, reported.shape, finite=False)
+        require_that(not np.isnan(np.diag(R)).any(), f"{subject}.adapt() has NaN as a variance; infinity drops a row.")
+        kept = np.diag(R) != np.inf
+        few = R[np.ix_(kept, kept)]
+        if thorough:
+            require_covariance(f"{subject}.adapt()", few)
+        if isinstance(plugin, AdaptingGain) and kept.any():
+            inputs = {"x": x, "P": P, "innovation": innovation[kept], "R": few, "rows": rows[kept]}
+            gain = _untouched(f"{subject}.adapt_gain()", plugin.adapt_gain, inputs, memory)
+            require_array(f"{subject}.adapt_gain()", gain, (samples.TRIED_STATES, int(kept.sum())))
+        unchanged = np.array_equal(P, prior) and np.array_equal(R, reported) and not gain.size
+        honest = unchanged or not changes_nothing(plugin)
+        require_that(honest, f"{subject} declares changes_nothing, but changes R, P or the gain.")
+        require_array(f"the memory of {subject}", memory, memory.shape, finite=thorough)
+        results.append((factor, P.copy(), R.copy(), gain.copy()))
+    return results
+
+
+def _untouched(subject: str, method: Callable[..., Any], inputs: dict[str, Any], memory: FloatArray) -> Any:  # noqa: ANN401 - as above
+    before = copy.deepcopy(inputs)
+    result = method(*inputs.values(), memory)
+    for name, array in inputs.items():
+        require_that(identical(before[name], array), f"{subject} changes {name} in place; it must work on a copy.")
+    return result
+
+
+# Metrics
+
+
+def check_metric(plugin: Plugin, *, thorough: bool = True) -> None:
+    """Check the names and values of a metric on a small run with all, few, or no scored rows, and its `summarise`."""
+    subject = require_members("metric", plugin)
+    recording, timeline = samples.small_timeline(DURATION_S[thorough])
+    estimate = _reference_run(timeline, _builtin("filter", "baseline"))
+    evaluate, every, names = plugin.evaluate, np.ones(len(estimate.index), dtype=bool), list[str]()
+    for counted in (every, estimate.index > estimate.index[-10], ~every) if thorough else (every,):
+        values = pure_result(dict, f"{subject}.evaluate()", evaluate, estimate, recording, counted)
+        names = names or list(values)
+        require_that(names, f"{subject}.evaluate() returns no value.")
+        for name, value in values.items():
+            require_that(isinstance(value, float), f"{subject}.evaluate(): {name} is {value!r}; it must be a float.")
+        require_that(
+            list(values) == names,
+            f"{subject}.evaluate() names {list(values)} if fewer rows are scored, and {names} if all are; a value that"
+            " does not apply must be NaN.",
+        )
+    if thorough and isinstance(plugin, Summarising):
+        scored = counted_rows(estimate, recording, BURN_IN_S)
+        wanted, got = evaluate(estimate, recording, scored), plugin.summarise(sums_of(estimate, recording, scored))
+        require_that(
+            list(got) == names and np.allclose(list(got.values()), list(wanted.values()), AGREEMENT, equal_nan=True),
+            f"{subject}.summarise() returns {got}; evaluate() returns {wanted}.",
+        )
+
+
+# All kinds
+
+CHECKS: Mapping[str, Callable[..., None]] = {
     "dataset": check_dataset,
     "disturbance": check_disturbance,
     "attitude": check_attitude,
@@ -194,154 +453,43 @@ CHECKS: Mapping[str, Callable[[Plugin], None]] = {
     "engine": check_engine,
     "metric": check_metric,
 }
-"""The check of each kind of plugin."""
 
 
 def check_plugin(kind: str, plugin: Plugin) -> None:
-    """Check that ``plugin`` is a frozen, hashable, documented dataclass, and all that its ``kind`` promises.
+    """Check that ``plugin`` is a frozen, hashable, documented dataclass that satisfies the contract of its ``kind``.
 
     Raises:
-        PluginError: no such kind.
-        AssertionError: something is not as it must be; a sentence says what.
+        PluginError: there is no such kind.
+        AssertionError: something is wrong. The message lists all problems of the class and the first one of a method.
     """
     require_known("kind of plugin", kind, CHECKS)
-    for check in STAGES:
-        check(plugin)
-    require_methods(kind, plugin)
-    if kind in CLASSIFIED:
-        _check_provenance(type(plugin))
-    CHECKS[kind](plugin)
+    if found := [*class_problems(kind, plugin), *filter(None, [problem(kind, plugin)])]:
+        raise Unfit("\n".join(found))
 
 
-CLASSIFIED = ("filter", "adaptation")
-"""Kinds of plugins that are methods; each of this package says what it is."""
-
-
-def _check_provenance(cls: type) -> None:
-    known = provenance_of(cls)
-    require_that(
-        known is not None or not (is_own(cls) or "provenance" in vars(cls)),
-        f'{cls.__name__} does not say what it is; write provenance = Provenance("published", "doi:..."), or with'
-        ' "simplified" or "own" and a note.',
-    )
-    wrong = known.mistake() if known else ""
-    require_that(not wrong, f"The provenance of {cls.__name__} makes no sense: {wrong}.")
-
-
-def _check_class(plugin: Plugin) -> None:
-    cls = type(plugin)
-    subject = cls.__name__
-    frozen = dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen  # type: ignore[attr-defined]  # private to dataclasses
-    require_that(frozen, f"{subject} is not a frozen dataclass; write @dataclass(frozen=True) above it.")
-    doc = inspect.cleandoc(cls.__doc__ or "")
-    summary = doc.split("\n", 1)[0]
-    written = summary.endswith(".") and not summary.startswith(f"{subject}(")  # what dataclass puts there by itself
-    require_that(written, f"{subject} has no docstring whose first line is one sentence; `jerkbench list` prints it.")
-    family = "\n".join(inspect.cleandoc(c.__doc__ or "") for c in cls.__mro__ if dataclasses.is_dataclass(c))
-    for f in dataclasses.fields(cls):
-        require_that(f"{f.name}:" in family, f"{subject} does not document its parameter {f.name} under Attributes.")
-    _check_ranges(cls)
-
-
-def _check_ranges(cls: type) -> None:
-    """Check that each range has sense, and its field's default inside."""
-    defaults = {f.name: f.default for f in dataclasses.fields(cls)}
-    for name, bounds in ranges_of(cls).items():
-        subject = f"{cls.__name__}.{name}"
-        require_that(not bounds.mistake(), f"The range of {subject} makes no sense: {bounds.mistake()}.")
-        default = defaults[name]
-        number = isinstance(default, int | float) and isinstance(default, bool) == is_switch(cls, name)
-        require_that(
-            number, f"{subject} has a range and the default {default!r}; a search needs a number to begin from."
-        )
-        inside = bounds.low <= default <= bounds.high  # type: ignore[operator]  # it is a number
-        require_that(inside, f"The default of {subject} is {default}, outside of its range {bounds}.")
-        whole = not is_whole(cls, name) or (bounds.low % 1 == 0 and bounds.high % 1 == 0)
-        require_that(
-            whole, f"{subject} holds whole numbers; the bounds of its range are {bounds.low} and {bounds.high}."
-        )
-
-
-def _check_value(plugin: Plugin) -> None:
-    subject = type(plugin).__name__
+def problem(kind: str, plugin: Plugin, *, thorough: bool = True) -> str:
+    """Return the first problem of the methods of ``plugin``, or an empty string. Other exceptions pass through."""
     try:
-        hash(plugin)
-    except TypeError as error:
-        raise AssertionError(f"{subject} is not hashable ({error}); a field that is a list must be a tuple.") from error
-    try:
-        unpickled = pickle.loads(pickle.dumps(plugin))  # noqa: S301 - made the line before
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise AssertionError(f"{subject} cannot be pickled ({error}), so no worker process can run it.") from error
-    require_that(
-        unpickled == plugin, f"{subject} is another after pickling; a worker process would run something else."
-    )
-
-
-STAGES: Sequence[Callable[[Plugin], None]] = (_check_class, _check_value)
-"""The checks of a plugin of any kind, each for itself."""
-
-
-# A short check of a plugin from elsewhere before it runs, for faults that give a plausible table of wrong numbers.
-#
-# It asks for less than `jerkbench.testing`, and takes hundredths of a second: a plugin that passes may still be
-# wrong.
-
-SHORT_S, DRIVE_S = 8.0, 60.0
-"""Of recordings to try a plugin on: for what goes through every sample, and for disturbances, which need room."""
+        CHECKS[kind](plugin, thorough=thorough)
+    except Unfit as error:
+        return str(error)
+    except dataclasses.FrozenInstanceError as error:
+        name = str(error).rpartition(" ")[2].strip("'")
+        return (
+            f"{type(plugin).__name__} sets self.{name} while it runs, but a plugin never changes; the state of an"
+            " adaptation between updates belongs in memory, everything else in local variables."
+        )
+    return ""
 
 
 def complaint(kind: str, plugin: Hashable) -> str:
-    """Return what is the matter with ``plugin``, in a sentence; empty where nothing is."""
-    try:
-        return _complaint(kind, plugin)
-    except TypeError as error:
-        return f"{type(plugin).__name__} is not hashable ({error}); a field that is a list must be a tuple."
+    """Return the problem that a short check finds before a run, or an empty string."""
+    return _hash_problem(plugin) or _complaint(kind, plugin)
 
 
 @lru_cache(maxsize=1024)
 def _complaint(kind: str, plugin: Hashable) -> str:
-    """Say it once for each plugin with its parameters; what a plugin raises here it raises again in its run."""
     try:
-        require_methods(kind, plugin)
-        PROBES[kind](plugin)
-    except Unfit as error:
-        return str(error)
-    except FrozenInstanceError as error:
-        return changes_itself(plugin, error)
-    except Exception:  # noqa: BLE001 - a run over the user's data says what the matter is, or goes well
+        return problem(kind, plugin, thorough=False)
+    except Exception:  # noqa: BLE001 - the run over the user's data reports it, or succeeds
         return ""
-    return ""
-
-
-def _probe_filter(plugin: Plugin) -> None:
-    subject = type(plugin).__name__
-    if not isinstance(plugin, Filter):
-        recording, call = small_recording(SHORT_S), f"{subject}.estimate()"
-        adaptation = create("adaptation", {"name": plugin.adaptations[0]})
-        require_is(Estimate, call, pure_result(call, plugin.estimate, recording, true_attitude(recording), adaptation))
-        return
-    n = require_initial_variances(subject, plugin)
-    for dt in (0.01, 0.01 / 3.0):
-        axis_model_of(f"{subject}.axis_model({dt:g}, 0.01)", plugin, n, dt, 0.01)
-
-
-def _probe_engine(plugin: Plugin) -> None:
-    subject, (_, timeline) = f"{type(plugin).__name__}.run()", small_timeline(SHORT_S)
-    require_is(Estimate, subject, pure_result(subject, plugin.run, timeline, Baseline(), NoAdaptation()))
-
-
-def _probe_metric(plugin: Plugin) -> None:
-    recording = small_recording(SHORT_S)
-    estimate = GnssOnly().estimate(recording, true_attitude(recording), NoAdaptation())
-    checked_values(type(plugin).__name__, plugin, estimate, recording, np.ones(len(estimate.index), dtype=bool))
-
-
-PROBES: Mapping[str, Callable[[Plugin], object]] = {
-    "dataset": lambda _: None,  # to load it twice may take minutes
-    "disturbance": lambda it: checked_disturbance(type(it).__name__, it, small_recording(DRIVE_S), 0),
-    "attitude": lambda it: checked_attitude(type(it).__name__, it, small_recording(SHORT_S)),
-    "filter": _probe_filter,
-    "adaptation": probe_adaptation,
-    "engine": _probe_engine,
-    "metric": _probe_metric,
-}

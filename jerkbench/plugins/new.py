@@ -6,63 +6,50 @@ import keyword
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
-from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, entry_points, version
+from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points, version
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError, article, require_known
 from jerkbench.files import filled_template, write_text
 from jerkbench.jobs.preflight import reason_of
-from jerkbench.plugins.checks import CHECKS, STAGES
-from jerkbench.plugins.requirements import changes_itself
+from jerkbench.plugins.checks import class_problems, problem
 
-# The plugins that a package offers: by its distribution, its module or its folder.
+# The check of a package
 
 GROUP = "jerkbench."
-"""Entry points in groups that begin so are plugins."""
+"""Start of the names of groups of entry points that are plugins."""
 
 SOURCES = ("", "src")
-"""Where a folder's modules may lie."""
+"""Where the modules of a package may be in its folder."""
 
 
-class Candidate(NamedTuple):
-    """What may be a plugin.
-
-    Attributes:
-        kind: as its entry point says, right or wrong.
-        name: likewise.
-        load: imports it.
-    """
-
-    kind: str
-    name: str
-    load: Callable[[], Any]
-
-
-def candidates(package: str) -> list[Candidate]:
+def entry_points_of(package: str) -> list[EntryPoint]:
     """Return the plugins of ``package``: a folder with a pyproject.toml, a distribution, or a module.
 
     Raises:
         PluginError: there is no such package, or it has no plugin.
     """
-    if Path(package).is_dir():
-        plugins_of_package = _of_entry_points(_of_folder(Path(package)))
-    else:
-        plugins_of_package = _of_entry_points(_of_distribution(package)) or _of_module(package)
-    if not plugins_of_package:
+    try:
+        found = list(_of_folder(Path(package)) if Path(package).is_dir() else distribution(package).entry_points)
+    except PackageNotFoundError:
+        found = []
+    found = [entry for entry in found if entry.group.startswith(GROUP)]
+    if not found and not Path(package).is_dir():
+        found = _of_module(package)
+    if not found:
         raise PluginError(
             f'{package} has no plugin: write an entry point, [project.entry-points."jerkbench.KIND"] with NAME = '
-            '"MODULE:CLASS", into its pyproject.toml, and install it anew.'
+            '"MODULE:CLASS", into its pyproject.toml, and install it again.'
         )
-    return plugins_of_package
+    return found
 
 
 def _of_folder(folder: Path) -> Iterator[EntryPoint]:
-    """The entry points of its pyproject.toml; its modules come first from now on."""
+    """The entry points of its pyproject.toml. Its modules are imported before others from now on."""
     project = folder / "pyproject.toml"
     if not project.is_file():
         raise PluginError(f"{folder} has no pyproject.toml; give the folder of a package, or the name of one.")
@@ -75,131 +62,79 @@ def _of_folder(folder: Path) -> Iterator[EntryPoint]:
         yield from (EntryPoint(name, value, group) for name, value in names.items())
 
 
-def _of_distribution(name: str) -> Iterable[EntryPoint]:
+def _of_module(module: str) -> list[EntryPoint]:
+    """Entry points into a module, or else the plugins that the decorator `register` has registered in it."""
+
+    def inside(entries: Iterable[EntryPoint]) -> list[EntryPoint]:
+        return [entry for entry in entries if f"{entry.module}.".startswith(f"{module}.")]
+
+    if found := inside(entry for kind in plugins.KINDS for entry in entry_points(group=f"{GROUP}{kind}")):
+        return found
     try:
-        installed: Distribution = distribution(name)
-    except PackageNotFoundError:
-        return ()
-    return installed.entry_points
-
-
-def _of_entry_points(entries: Iterable[EntryPoint]) -> list[Candidate]:
-    return [
-        Candidate(entry.group.removeprefix(GROUP), entry.name, entry.load)
-        for entry in entries
-        if entry.group.startswith(GROUP)
-    ]
-
-
-def _of_module(name: str) -> list[Candidate]:
-    """Entry points into a module, and what the decorator `register` has registered in it."""
-    entries = [entry for kind in plugins.KINDS for entry in entry_points(group=f"{GROUP}{kind}")]
-    inside = _of_entry_points(entry for entry in entries if _inside(entry.module, name))
-    if inside:
-        return inside
-    try:
-        import_module(name)
+        import_module(module)
     except ImportError as error:
         raise PluginError(
-            f"There is no folder, no installed distribution and no module '{name}' ({error}); give one of these."
+            f"There is no folder, no installed distribution and no module '{module}' ({error}); give one of these."
         ) from error
-    classes = ((kind, known, plugins.get(kind, known)) for kind in plugins.KINDS for known in plugins.names(kind))
-    return [
-        Candidate(kind, known, partial(plugins.get, kind, known))
-        for kind, known, cls in classes
-        if _inside(cls.__module__, name)
-    ]
-
-
-def _inside(module: str, package: str) -> bool:
-    return module == package or module.startswith(f"{package}.")
-
-
-class PluginFinding(NamedTuple):
-    """What is the matter with a plugin.
-
-    Attributes:
-        severity: an "error" keeps it out of sweeps or spoils their numbers; a "notice" costs time or a check.
-        sentence: what was found, what it must be, what to do.
-    """
-
-    severity: Literal["error", "notice"]
-    sentence: str
+    known = ((kind, name, plugins.get(kind, name)) for kind in plugins.KINDS for name in plugins.names(kind))
+    return inside(EntryPoint(name, f"{c.__module__}:{c.__qualname__}", f"{GROUP}{kind}") for kind, name, c in known)
 
 
 class CheckedPlugin(NamedTuple):
-    """A plugin that was checked.
+    """The result of checking a plugin.
 
     Attributes:
-        kind: of plugin.
-        name: of the plugin.
-        findings: what is the matter with it, or nothing.
+        kind: kind of the plugin.
+        name: name of the plugin.
+        errors: messages. The plugin cannot run, or its results are wrong.
+        notices: messages. The plugin runs, but slowly or unchecked.
     """
 
     kind: str
     name: str
-    findings: tuple[PluginFinding, ...]
-
-    @property
-    def failed(self) -> bool:
-        """Whether there is any error."""
-        return any(finding.severity == "error" for finding in self.findings)
+    errors: list[str]
+    notices: list[str]
 
 
 def check_package(package: str) -> list[CheckedPlugin]:
-    """Run the conformance kit over every plugin of a folder, a distribution or a module.
+    """Check every plugin of a folder, a distribution or a module.
 
     Raises:
         PluginError: there is no such package, or it has no plugin.
     """
-    return [CheckedPlugin(c.kind, c.name, tuple(_findings(c))) for c in candidates(package)]
+    return [_checked(entry) for entry in entry_points_of(package)]
 
 
-def _findings(candidate: Candidate) -> Iterator[PluginFinding]:
+def _checked(entry: EntryPoint) -> CheckedPlugin:
+    kind = entry.group.removeprefix(GROUP)
+    checked = CheckedPlugin(kind, entry.name, [], [])
     try:
-        cls = candidate.load()
-    except Exception as error:  # noqa: BLE001 - whatever an author's module raises is a finding
-        yield PluginFinding("error", f"It cannot be imported: {type(error).__name__}: {' '.join(str(error).split())}.")
-        return
+        cls = entry.load()
+    except Exception as error:  # noqa: BLE001 - the module of an author may raise anything
+        reason = " ".join(str(error).split())
+        checked.errors.append(f"It cannot be imported: {type(error).__name__}: {reason}.")
+        return checked
     try:
-        plugins.register(candidate.kind, candidate.name)(cls)
+        plugins.register(kind, entry.name)(cls)
+        no = dataclasses.MISSING
+        if required := [f.name for f in dataclasses.fields(cls) if f.default is no and f.default_factory is no]:
+            text = f"{cls.__name__} has no default for {', '.join(required)}, so it was not tried; call check_plugin."
+            checked.notices.append(text)
+            return checked
+        plugin = plugins.create(kind, {"name": entry.name})
+        checked.errors.extend(class_problems(kind, plugin))
+        checked.errors.extend(filter(None, [problem(kind, plugin)]))
     except PluginError as error:
-        yield PluginFinding("error", str(error))
-        return
-    no = dataclasses.MISSING
-    if lacking := [f.name for f in dataclasses.fields(cls) if f.default is no and f.default_factory is no]:
-        text = f"{cls.__name__} has no default for {', '.join(lacking)}, so it was not tried; call check_plugin."
-        yield PluginFinding("notice", text)
-        return
-    try:
-        plugin = plugins.create(candidate.kind, {"name": candidate.name})
-    except Exception as error:  # noqa: BLE001 - as above
-        yield PluginFinding("error", str(error) if isinstance(error, PluginError) else _raised(cls, error))
-        return
-    sentences = [sentence for check in (*STAGES, CHECKS[candidate.kind]) if (sentence := _complaint(check, plugin))]
-    yield from (PluginFinding("error", sentence) for sentence in sentences)
-    if candidate.kind == "adaptation" and not sentences:
-        from jerkbench.kinematic.plugin_call import obstacle  # what it imports takes half a second
+        checked.errors.append(str(error))
+    except Exception as error:  # noqa: BLE001 - a plugin may raise anything
+        checked.errors.append(f"{cls.__name__} raises {reason_of(error)}.")
+    if kind == "adaptation" and not checked.errors:
+        from jerkbench.kinematic.plugin_call import obstacle  # its import takes half a second
 
         if reason := obstacle(plugin):
             text = f"{cls.__name__} cannot be compiled and runs on the engine filterpy, many times slower: {reason}"
-            yield PluginFinding("notice", text)
-
-
-def _complaint(check: Callable[[Any], None], plugin: Any) -> str:  # noqa: ANN401 - a plugin of any kind
-    try:
-        check(plugin)
-    except AssertionError as error:
-        return str(error)
-    except dataclasses.FrozenInstanceError as error:
-        return changes_itself(plugin, error)
-    except Exception as error:  # noqa: BLE001 - whatever a plugin raises is a finding
-        return _raised(type(plugin), error)
-    return ""
-
-
-def _raised(cls: type, error: Exception) -> str:
-    return f"{cls.__name__} raises {reason_of(error)}."
+            checked.notices.append(text)
+    return checked
 
 
 # A package for a plugin of one's own, to begin from.

@@ -20,7 +20,7 @@ from jerkbench.contracts import (
     Filter,
     Metric,
 )
-from jerkbench.errors import unknown
+from jerkbench.errors import article, unknown
 from jerkbench.parameters import Column
 from jerkbench.timeline import Timeline
 
@@ -158,6 +158,24 @@ def on_request(metric: object) -> bool:
 def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
     """The part of an estimate that a metric reads."""
     return getattr(metric, "reads", "everything")
+
+
+def missing_member(kind: str, plugin: object) -> str:
+    """Return which member a plugin lacks that its kind needs, in a sentence; empty if it has all of them."""
+    cls, sort, contract = type(plugin).__name__, kind, REQUIRED[kind][0]
+    if kind == "filter":
+        if not (hasattr(plugin, "axis_model") or hasattr(plugin, "estimate")):
+            return f"{cls} has neither axis_model() nor estimate(); it needs one of them."
+        kinematic = hasattr(plugin, "axis_model")
+        sort, contract = ("kinematic filter", Filter) if kinematic else ("estimator", Estimator)
+    for name in _public(name for name, value in vars(contract).items() if callable(value)):
+        if not callable(getattr(plugin, name, None)):
+            return f"{cls} has no method {name}(); {article(sort)} {sort} needs it (see jerkbench.contracts)."
+    if kind in ("dataset", "disturbance") and not isinstance(seeded := getattr(plugin, "seeded", None), bool):
+        return f"{cls}.seeded is {seeded!r}; it must be True or False."
+    if sort == "estimator" and not hasattr(plugin, "adaptations"):
+        return f"{cls} has no adaptations; it must name those that it accepts."
+    return ""
 
 
 def misfit(kind: str, cls: type) -> str:

@@ -12,7 +12,7 @@ from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import loss_bound
 from jerkbench.evaluation.judgement import Judgement, Verdict
-from jerkbench.plugins.requirements import JunitCase, junit
+from jerkbench.files import JunitCase, junit
 from jerkbench.report.columns import checked, quantity
 from jerkbench.report.comparisons import (
     RULE,

@@ -2,12 +2,8 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jerkbench.verbs.arguments import ANSWER_FORMAT, argument, output, print_json, verb
-
-if TYPE_CHECKING:
-    from jerkbench.plugins.new import CheckedPlugin
 
 
 @verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), ANSWER_FORMAT)
@@ -92,27 +88,33 @@ def check_verb(chosen: argparse.Namespace) -> None:
         PluginError: there is no such package, or it has no plugin.
         SystemExit: 1, where a plugin does not keep its contract.
     """
+    from jerkbench.files import JunitCase, junit
     from jerkbench.plugins.new import check_package
-    from jerkbench.plugins.requirements import JunitCase, junit
-
-    def sentences(plugin: "CheckedPlugin", severity: str) -> tuple[str, ...]:
-        return tuple(finding.sentence for finding in plugin.findings if finding.severity == severity)
 
     checked = check_package(chosen.package)
-    if chosen.format == "json":
+    ok = not any(plugin.errors for plugin in checked)
+    if chosen.format == "junit":
+        print(junit(f"jerkbench check {chosen.package}", [JunitCase(*plugin) for plugin in checked]).rstrip())
+    elif chosen.format == "json":
         plugins = [
-            {"kind": p.kind, "name": p.name, "ok": not p.failed, "findings": [f._asdict() for f in p.findings]}
-            for p in checked
+            {
+                "kind": kind,
+                "name": name,
+                "ok": not errors,
+                "findings": [
+                    {"severity": severity, "sentence": message}
+                    for severity, messages in (("error", errors), ("notice", notices))
+                    for message in messages
+                ],
+            }
+            for kind, name, errors, notices in checked
         ]
-        print_json({"package": chosen.package, "ok": all(p["ok"] for p in plugins), "plugins": plugins})
-    elif chosen.format == "junit":
-        cases = [JunitCase(p.kind, p.name, sentences(p, "error"), sentences(p, "notice")) for p in checked]
-        print(junit(f"jerkbench check {chosen.package}", cases).rstrip())
+        print_json({"package": chosen.package, "ok": ok, "plugins": plugins})
     else:
-        for plugin in checked:
-            for finding in plugin.findings:
-                print(f"{plugin.kind} {plugin.name}: {finding.severity}: {finding.sentence}")
-            if not plugin.failed:
-                print(f"{plugin.kind} {plugin.name}: keeps its contract.")
-    if any(plugin.failed for plugin in checked):
+        for kind, name, errors, notices in checked:
+            for line in (*(f"error: {e}" for e in errors), *(f"notice: {n}" for n in notices)):
+                print(f"{kind} {name}: {line}")
+            if not errors:
+                print(f"{kind} {name}: keeps its contract.")
+    if not ok:
         raise SystemExit(BROKEN)

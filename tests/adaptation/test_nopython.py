@@ -9,7 +9,7 @@ from jerkbench import plugins
 from jerkbench.compilation.methods import address_of, ask, compiled_method, fill_by, parameter_vector
 from jerkbench.kinematic.plugin_call import ADAPT, FADE, GAIN, PRIOR
 from jerkbench.plugins.optional import empty_memory
-from jerkbench.plugins.requirements import TRIED_STATES, ordinary
+from jerkbench.plugins.samples import TRIED_STATES, tried_update
 
 NAMES = plugins.names("adaptation")
 METHODS = {method.name: method for method in (FADE, PRIOR, ADAPT, GAIN)}
@@ -63,7 +63,8 @@ def calls(plugin):
     """Each method that the plugin has, in the order in which an engine asks them, over a sequence of updates."""
     rng = np.random.default_rng(1)
     for _, _, _, rows in sequence(1, 80):
-        (y, HPHt, R, _), (x, P, F, Q) = ordinary(rng, tuple(rows.tolist()), (0.3, 1.0, 5.0, 60.0)[rng.integers(4)])
+        x, P, F, Q, y, R, _ = tried_update(rng, tuple(rows.tolist()), (0.3, 1.0, 5.0, 60.0)[rng.integers(4)])
+        HPHt = P[np.ix_(rows, rows)]
         seen = {
             "fade": (y, HPHt, R, rows),
             "adapt_prior": (x, P, F, Q, y, R, rows),

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from jerkbench import plugins
-from jerkbench.plugins.requirements import small_recording
+from jerkbench.plugins.samples import small_recording
 from jerkbench.testing import check_plugin
 
 KINDS = ("disturbance", "attitude", "filter", "adaptation", "metric")

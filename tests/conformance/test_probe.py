@@ -105,7 +105,7 @@ class Listless(Plain):
 
 SENTENCES = [
     ("adaptation", InPlace(), r"InPlace.adapt\(\) changes R in place; it must work on a copy"),
-    ("adaptation", Growing(), "Growing gives another result in a second run .* must stand in memory"),
+    ("adaptation", Growing(), "Growing gives another result in a second run .* must be in memory"),
     ("adaptation", Slim(), r"Slim.adapt\(\) has shape \(6,\); it must be \(6, 6\)"),
     ("adaptation", Empty(), r"Empty has no method adapt\(\); an adaptation needs it"),
     ("filter", Empty(), r"Empty has neither axis_model\(\) nor estimate\(\)"),

@@ -14,7 +14,7 @@ from jerkbench.io.writing import write_table
 from jerkbench.jobs.names import choose
 from jerkbench.plugins import create
 from jerkbench.plugins.checks import check_plugin
-from jerkbench.plugins.requirements import small_recording
+from jerkbench.plugins.samples import small_recording
 from jerkbench.recording import Origin
 
 START_NS = 1_403_636_579_763_555_584

@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.noise import velocity_dependence
-from jerkbench.plugins.requirements import small_recording
+from jerkbench.plugins.samples import small_recording
 from jerkbench.recording import Position, Velocity
 
 

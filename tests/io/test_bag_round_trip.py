@@ -11,7 +11,7 @@ from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import RecordingError
 from jerkbench.io.bag_writing import write_bag
-from jerkbench.plugins.requirements import small_recording
+from jerkbench.plugins.samples import small_recording
 from jerkbench.recording import Reference, Velocity
 
 FIELD = {"duration_s": 20.0, "stand_s": 3.0}

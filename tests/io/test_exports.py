@@ -12,7 +12,7 @@ from pymap3d import enu2geodetic
 from commands import verb
 from jerkbench.errors import RecordingError
 from jerkbench.io.recording_folder import input_table, write_kf_gins, write_pyins
-from jerkbench.plugins.requirements import small_recording, true_attitude
+from jerkbench.plugins.samples import small_recording, true_attitude
 
 FRD = np.array([1.0, -1.0, -1.0])
 

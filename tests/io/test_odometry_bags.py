@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from bag_maker import ROS1, odometry
 from jerkbench.errors import RecordingError
 from jerkbench.io.trajectory import TrajectoryForm, read_trajectory
-from jerkbench.plugins.requirements import small_recording
+from jerkbench.plugins.samples import small_recording
 
 START_UTC = datetime(2024, 5, 14, 14, 0, 0, 250_000, tzinfo=UTC)
 START_NS = 1_715_695_200_250_000_000

@@ -8,7 +8,7 @@ import pytest
 from commands import verb
 from jerkbench.errors import RecordingError
 from jerkbench.io.writing import recording_table, write_kml, write_table, write_tum
-from jerkbench.plugins.requirements import small_recording
+from jerkbench.plugins.samples import small_recording
 from jerkbench.recording import Velocity
 
 EARTH = (6378137.0, 0.00669437999014)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jerkbench.errors import RecordingError
 from jerkbench.io.trajectory import TrajectoryForm, estimate_at_reference, read_trajectory
-from jerkbench.plugins.requirements import small_recording
+from jerkbench.plugins.samples import small_recording
 
 START, SPEED = np.array([10.0, -5.0, 2.0]), np.array([1.0, 2.0, -0.1])
 EULER = np.array([0.1, -0.2, 0.7])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bag_maker import Drive
+from jerkbench.arrays import identical
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.io import bag_extract as extract
-from jerkbench.plugins.requirements import identical
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def test_one_that_is_too_large_for_the_bound_is_kept_alone(bag, tmp_path, monkey
 
 def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):
     from jerkbench.io.bag_writing import write_bag
-    from jerkbench.plugins.requirements import small_recording
+    from jerkbench.plugins.samples import small_recording
 
     write_bag(small_recording(), tmp_path / "own.mcap")
     first = RosBag(str(tmp_path / "own.mcap")).load(0)
