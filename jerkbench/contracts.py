@@ -3,7 +3,7 @@
 Each kind (`Dataset`, `Disturbance`, `AttitudeFilter`, `Filter` (kinematic), `Estimator` (any other filter),
 `Adaptation`, `Engine`, `Metric`) has one protocol with the members that every plugin of this kind needs. Its docstring
 lists the optional attributes with their defaults. Optional methods with several arguments have protocols of their own.
-`jerkbench.plugins.optional` lists the optional members of each kind; a misspelt one is refused at registration.
+`jerkbench.plugins.members` lists the optional members of each kind; a misspelt one is refused at registration.
 
 Optional attributes of every kind:
 
@@ -13,7 +13,10 @@ Optional attributes of every kind:
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import ClassVar, Protocol, Self, runtime_checkable
+from functools import cache
+from typing import Any, ClassVar, Literal, Protocol, Self, TypeGuard, TypeVar, cast, runtime_checkable
+
+import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude, Estimate
@@ -378,3 +381,95 @@ class Summarising(Protocol):
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the same as `Metric.evaluate`, from the sums."""
+
+
+# Values of optional members, with their defaults
+
+P = TypeVar("P")
+
+
+def has_methods(plugin: object, protocol: type[P]) -> TypeGuard[P]:
+    """Return whether a plugin has the methods of a protocol without attributes. Faster than `isinstance`."""
+    return _has_methods(cast("type", type(plugin)), cast("type", protocol))
+
+
+@cache
+def _has_methods(cls: type, protocol: type) -> bool:
+    return issubclass(cls, protocol)
+
+
+def preferred_attitude(dataset: object) -> str | None:
+    """Return the name of the attitude filter that suits a data set or its class."""
+    return getattr(dataset, "default_attitude", None)
+
+
+def is_attitude_only(plugin: object) -> bool:
+    """Return whether a data set has no positions, or a filter estimates none."""
+    return getattr(plugin, "attitude_only", False) is True
+
+
+def lacks_imu(dataset: object) -> bool:
+    """Return whether the recordings of a data set have no IMU."""
+    return bool(getattr(dataset, "without_imu", False))
+
+
+def uses_imu(model: object) -> bool:
+    """Return whether a filter or its class uses the IMU. A class does if its parameters decide this."""
+    return getattr(model, "uses_imu", True) is not False
+
+
+def clocked(adaptation: P, timeline: Timeline) -> P:
+    """Return ``adaptation`` for the run over ``timeline``: its `at_updates` receives the update times."""
+    at_updates = getattr(adaptation, "at_updates", None)
+    return at_updates(timeline.update_times_s) if at_updates else adaptation
+
+
+def empty_memory(adaptation: object, states: int = 6) -> FloatArray:
+    """Return the memory of ``adaptation`` at the start of a run with a filter of ``states`` states: zeros."""
+    return np.zeros(memory_size(adaptation, states))
+
+
+def memory_size(adaptation: Any, states: int) -> int:  # noqa: ANN401 - has optional methods
+    """Return the length of the memory of ``adaptation`` with a filter of ``states`` states."""
+    if hasattr(adaptation, "memory_size_of"):
+        return int(adaptation.memory_size_of(states))
+    return int(adaptation.memory_size()) if hasattr(adaptation, "memory_size") else 0
+
+
+def wants_truth(adaptation: object) -> bool:
+    """Return whether an adaptation receives the true covariance as R."""
+    return bool(getattr(adaptation, "wants_true_covariance", False))
+
+
+def asked_in_lanes(adaptation: object) -> bool:
+    """Return whether an adaptation is called for several runs at once. One that fades is called for each run."""
+    return bool(getattr(adaptation, "lanes", False)) and not has_methods(adaptation, Fading)
+
+
+def changes_nothing(adaptation: object) -> bool:
+    """Return whether the class of an adaptation itself declares that R, P and the gain stay as they are."""
+    return bool(vars(type(adaptation)).get("changes_nothing", False))
+
+
+def on_request(metric: object) -> bool:
+    """Return whether a metric or its class is computed only on request."""
+    return not getattr(metric, "default", True)
+
+
+def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
+    """Return the part of an estimate that a metric reads."""
+    return getattr(metric, "reads", "everything")
+
+
+def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return A (k, n, n), b (k, n), Q (k, n, n) of ``lengths_s`` (k,). Steps that are not positive change nothing."""
+    n, k = 2 + len(model.initial_variances()), len(lengths_s)
+    A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
+    passing = np.flatnonzero(lengths_s > 0)
+    axis_models_of = getattr(model, "axis_models", None)
+    if axis_models_of and len(passing):
+        A[passing], b[passing], Q[passing] = axis_models_of(lengths_s[passing], dt0_s)
+        return A, b, Q
+    for row in passing.tolist():
+        A[row], b[row], Q[row] = model.axis_model(float(lengths_s[row]), dt0_s)
+    return A, b, Q

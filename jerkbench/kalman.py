@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Adaptation, Fading
-from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
+from jerkbench.contracts import Adaptation, Fading, clocked, empty_memory, wants_truth
 from jerkbench.timeline import Recorder, Timeline
 
 ROUNDING = 1e-12

@@ -8,7 +8,7 @@ import pytest
 from jerkbench import contracts, plugins
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.metrics.position import PositionRmse
-from jerkbench.plugins import optional
+from jerkbench.plugins import members
 
 
 def refusal(kind, cls):
@@ -71,9 +71,9 @@ def test_what_varies_between_runs_is_a_whole_number(varying):
         on: bool = False
 
     Varies.varying = varying
-    assert "varying must be a tuple of names" in optional.misfit("adaptation", Varies)
+    assert "varying must be a tuple of names" in members.misfit("adaptation", Varies)
     Varies.varying = ("window",)
-    assert optional.misfit("adaptation", Varies) == ""
+    assert members.misfit("adaptation", Varies) == ""
 
 
 def test_a_parameter_may_have_any_name_but_that_of_a_method():
@@ -85,8 +85,8 @@ def test_a_parameter_may_have_any_name_but_that_of_a_method():
     class Same:
         fade: float = 1.0
 
-    assert optional.misfit("adaptation", Near) == ""
-    assert "must be a method" in optional.misfit("adaptation", Same)
+    assert members.misfit("adaptation", Near) == ""
+    assert "must be a method" in members.misfit("adaptation", Same)
 
 
 def test_a_metric_reads_a_part_that_there_is():
@@ -96,34 +96,31 @@ def test_a_metric_reads_a_part_that_there_is():
 def test_no_plugin_of_the_tree_is_near_a_part_that_it_has_not():
     for kind in plugins.KINDS:
         for name in plugins.names(kind):
-            assert optional.misfit(kind, plugins.get(kind, name)) == "", (kind, name)
+            assert members.misfit(kind, plugins.get(kind, name)) == "", (kind, name)
 
 
 def test_what_holds_for_a_plugin_that_lacks_a_part():
     nothing = object()
 
-    assert optional.uses_imu(nothing)
-    assert not optional.lacks_imu(nothing)
-    assert not optional.is_attitude_only(nothing)
-    assert not optional.wants_truth(nothing)
-    assert not optional.on_request(nothing)
-    assert optional.preferred_attitude(nothing) is None
-    assert optional.part_read(nothing) == "everything"
+    assert contracts.uses_imu(nothing)
+    assert not contracts.lacks_imu(nothing)
+    assert not contracts.is_attitude_only(nothing)
+    assert not contracts.wants_truth(nothing)
+    assert not contracts.on_request(nothing)
+    assert contracts.preferred_attitude(nothing) is None
+    assert contracts.part_read(nothing) == "everything"
 
 
 def test_a_plugin_that_has_a_part_fits_its_protocol():
     class Without:
         uses_imu: ClassVar[bool] = False
 
-    assert optional.wants_truth(plugins.get("adaptation", "oracle"))
+    assert contracts.wants_truth(plugins.get("adaptation", "oracle"))
     assert isinstance(PositionRmse(), contracts.Summarising)
-    assert not optional.uses_imu(Without())
+    assert not contracts.uses_imu(Without())
 
 
 def test_every_kind_has_a_contract_and_a_list_of_optional_parts():
     assert (
-        set(optional.OPTIONAL_METHODS)
-        == set(optional.OPTIONAL_ATTRIBUTES)
-        == set(optional.REQUIRED)
-        == set(plugins.KINDS)
+        set(members.OPTIONAL_METHODS) == set(members.OPTIONAL_ATTRIBUTES) == set(members.REQUIRED) == set(plugins.KINDS)
     )

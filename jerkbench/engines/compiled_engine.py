@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.contracts import Adaptation, Filter
+from jerkbench.contracts import Adaptation, Filter, clocked
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate
 from jerkbench.notices import notify
 from jerkbench.plugins import register
-from jerkbench.plugins.optional import clocked
 from jerkbench.sums import Run, Streamed
 from jerkbench.timeline import Timeline
 

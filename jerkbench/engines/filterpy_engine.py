@@ -6,7 +6,16 @@ from typing import Any
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
+from jerkbench.contracts import (
+    Adaptation,
+    AdaptingGain,
+    AdaptingPrior,
+    Fading,
+    Filter,
+    clocked,
+    empty_memory,
+    wants_truth,
+)
 from jerkbench.errors import require_known
 from jerkbench.estimate import Estimate
 from jerkbench.filters.common import StepModels, initial
@@ -23,7 +32,6 @@ from jerkbench.kalman import (
     without_measured,
 )
 from jerkbench.plugins import register
-from jerkbench.plugins.optional import clocked, empty_memory, wants_truth
 from jerkbench.timeline import Recorder, Timeline
 
 COVARIANCE_FORMS = ("joseph", "paper")

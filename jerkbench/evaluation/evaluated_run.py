@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.contracts import Metric, Summarising
+from jerkbench.contracts import Metric, Summarising, has_methods, part_read
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import (
@@ -23,7 +23,6 @@ from jerkbench.evaluation.counted_rows import (
     rows_at,
 )
 from jerkbench.kinematic.trajectory_score import scored_trajectory
-from jerkbench.plugins.optional import has_methods, part_read
 from jerkbench.recording import Recording
 from jerkbench.sums import ErrorWeights, Streamed, Sums
 from jerkbench.timeline import Timeline

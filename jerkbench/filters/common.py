@@ -8,11 +8,10 @@ import numpy as np
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
-from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter
+from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter, clocked
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.kalman import AdaptedUpdates, updated
 from jerkbench.parameters import DefaultOrigin, Limited, Range
-from jerkbench.plugins.optional import clocked
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Timeline, kept_timeline

@@ -17,12 +17,12 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench import plugins
+from jerkbench.contracts import preferred_attitude
 from jerkbench.errors import PluginError, let_interrupt_through
 from jerkbench.hydra_app.configuration import Schema
 from jerkbench.jobs.job import Noise
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import choose, noise_of
-from jerkbench.plugins.optional import preferred_attitude
 from jerkbench.presets import config_folder
 
 COMPOSED_GROUPS = (*GROUPS, "disturbance", "noise")

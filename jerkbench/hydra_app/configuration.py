@@ -16,11 +16,11 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from yaml import YAMLError
 
 from jerkbench import plugins
+from jerkbench.contracts import preferred_attitude
 from jerkbench.errors import PluginError, require_known
 from jerkbench.files import require_small
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import GROUPS, labels_of
-from jerkbench.plugins.optional import preferred_attitude
 from jerkbench.presets import config_folder, environment_variable, require_harmless
 from jerkbench.renamed import RENAMED, new_name, refuse_removed
 from jerkbench.report import Choice, figures_choice

@@ -13,6 +13,7 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, require_known
 from jerkbench.files import write_text
 from jerkbench.hydra_app.composition import owner
@@ -24,7 +25,6 @@ from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
-from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.presets import user_folders
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.review import TUNED

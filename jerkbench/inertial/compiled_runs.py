@@ -10,7 +10,7 @@ import numpy as np
 from jerkbench.arrays import WIDE, FloatArray, IntArray
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.views import Lanes
-from jerkbench.contracts import Adaptation
+from jerkbench.contracts import Adaptation, clocked
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
 from jerkbench.inertial.run import InertialSolution
@@ -20,7 +20,6 @@ from jerkbench.kinematic.loop import APART, runs_of
 from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.kinematic.runs import run_alone, run_packs
-from jerkbench.plugins.optional import clocked
 from jerkbench.recording import Imu
 from jerkbench.sums import ErrorWeights, Run, Streamed
 from jerkbench.timeline import Timeline, step_lengths

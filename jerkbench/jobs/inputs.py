@@ -13,14 +13,13 @@ from typing import cast
 import numpy as np
 
 from jerkbench.arrays import BoolArray, Same
-from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric
+from jerkbench.contracts import AttitudeFilter, Dataset, Disturbance, Metric, part_read
 from jerkbench.estimate import Attitude, Estimate, no_attitude
 from jerkbench.evaluation.evaluated_run import outlined, prepare_reference
 from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_trusted, write_trusted
 from jerkbench.jobs.job import Scenario
 from jerkbench.jobs.key import code_digest, plugin_digest, require_data, versions
 from jerkbench.notices import notify
-from jerkbench.plugins.optional import part_read
 from jerkbench.recording import Recording
 from jerkbench.timeline import build_timeline, with_r_scale
 

@@ -18,6 +18,8 @@ from jerkbench.contracts import (
     Filter,
     Metric,
     ReadingFile,
+    has_methods,
+    on_request,
 )
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.evaluated_run import LIMIT_M
@@ -25,7 +27,7 @@ from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.jobs.labels import GROUPS, Labels, default_labels
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
-from jerkbench.plugins.optional import has_methods, missing_member, on_request
+from jerkbench.plugins.members import missing_member
 from jerkbench.timeline import RScale, scale_of
 
 # The names of the metrics of a cell: those that are asked for, or those by default.

@@ -25,7 +25,7 @@ COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "recording", "simulation", "measurements", "timeline"),
     *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("plugins/optional", "random_streams", "renamed", "sums", "tuning/splits"),
+    *("random_streams", "renamed", "sums", "tuning/splits"),
     *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )

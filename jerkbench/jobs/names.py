@@ -7,11 +7,10 @@ from functools import partial
 from typing import Any
 
 from jerkbench import plugins
-from jerkbench.contracts import Estimator, PerSeed
+from jerkbench.contracts import Estimator, PerSeed, is_attitude_only, lacks_imu, preferred_attitude, uses_imu
 from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import labels_of
-from jerkbench.plugins.optional import is_attitude_only, lacks_imu, preferred_attitude, uses_imu
 from jerkbench.presets import default_names, merged_values, preset, preset_names
 from jerkbench.renamed import new_name
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 
-from jerkbench.contracts import Remarking, Requiring
+from jerkbench.contracts import Remarking, Requiring, has_methods
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
 from jerkbench.inspection.evidence import imu_gap_notes
@@ -15,7 +15,6 @@ from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job
 from jerkbench.notices import plain
 from jerkbench.plugins import is_own
-from jerkbench.plugins.optional import has_methods
 from jerkbench.recording import Recording
 
 

@@ -18,6 +18,8 @@ from jerkbench.contracts import (
     Remarking,
     SideBySide,
     Summarising,
+    has_methods,
+    part_read,
 )
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
@@ -39,7 +41,6 @@ from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import processor_kind
 from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, unfit
 from jerkbench.notices import plain
-from jerkbench.plugins.optional import has_methods, part_read
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Timeline, build_timeline, told_timeline

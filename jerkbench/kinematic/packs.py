@@ -12,10 +12,9 @@ import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray, IntArray, Keyed, Same
 from jerkbench.compilation.vectors import aligned_room
-from jerkbench.contracts import Filter
+from jerkbench.contracts import Filter, axis_models
 from jerkbench.kinematic.arguments import Model, Steps, TruthRows
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart
-from jerkbench.plugins.optional import axis_models
 from jerkbench.sums import Run
 from jerkbench.timeline import Timeline
 

@@ -24,10 +24,18 @@ from jerkbench.compilation.methods import (
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes
-from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading
+from jerkbench.contracts import (
+    Adaptation,
+    AdaptingGain,
+    AdaptingPrior,
+    Fading,
+    asked_in_lanes,
+    changes_nothing,
+    memory_size,
+    wants_truth,
+)
 from jerkbench.kinematic.arguments import AT_ONCE, EACH, NEVER, Packed, Rules, Whole
 from jerkbench.notices import notify
-from jerkbench.plugins.optional import asked_in_lanes, changes_nothing, memory_size, wants_truth
 
 # The methods as the author of an adaptation writes them: what each is given, and what it returns.
 

@@ -227,7 +227,7 @@ def _add(kind: str, name: str, cls: type) -> None:
         raise PluginError(
             f"{kind} {name}: {cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
         )
-    from jerkbench.plugins.optional import misfit  # the contracts, which a first `--help` can do without
+    from jerkbench.plugins.members import misfit  # the contracts, which a first `--help` can do without
 
     if sentence := misfit(kind, cls):
         raise PluginError(f"{kind} {name}: {sentence}")

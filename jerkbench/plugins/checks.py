@@ -16,7 +16,19 @@ from typing import Any, TypeVar
 import numpy as np
 
 from jerkbench.arrays import FloatArray, identical
-from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Batched, Estimator, Fading, Filter, Summarising
+from jerkbench.contracts import (
+    Adaptation,
+    AdaptingGain,
+    AdaptingPrior,
+    Batched,
+    Estimator,
+    Fading,
+    Filter,
+    Summarising,
+    changes_nothing,
+    empty_memory,
+    is_attitude_only,
+)
 from jerkbench.errors import require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
@@ -24,7 +36,7 @@ from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, su
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of
 from jerkbench.plugins import create, is_own, samples
-from jerkbench.plugins.optional import changes_nothing, empty_memory, is_attitude_only, missing_member
+from jerkbench.plugins.members import missing_member
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun
 from jerkbench.timeline import Timeline, build_timeline

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from jerkbench.arrays import FloatArray
+from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError
 from jerkbench.jobs.executors import Workers
 from jerkbench.jobs.job import Job, Protocol
@@ -20,7 +21,6 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.run import run_missing
 from jerkbench.jobs.store import Store
 from jerkbench.parameters import ranges_of
-from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.tuning.space import Setting, Space, sampler_of, space_of
 
 ERROR = "position_rmse"

@@ -11,12 +11,11 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.contracts import Metric
+from jerkbench.contracts import Metric, is_attitude_only
 from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.rows import Row
-from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.recording import Recording
 from jerkbench.timeline import RScale
 from jerkbench.tuning.entrant import Site

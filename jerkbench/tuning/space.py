@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job
 from jerkbench.parameters import Range, is_switch, is_whole, ranges_of
-from jerkbench.plugins.optional import is_attitude_only
 from jerkbench.timeline import RScale
 
 R_RANGE = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")

@@ -8,8 +8,8 @@ import pytest
 from sequences import diagonal_sequence, sequence
 
 from decimals import cholesky, exact, numbers, solve
+from jerkbench.contracts import empty_memory
 from jerkbench.plugins import create
-from jerkbench.plugins.optional import empty_memory
 
 ADAPT = {
     "mtf": lambda: naive.NaiveMtf(naive.total_test),

@@ -7,10 +7,10 @@ import pytest
 import textbook
 
 from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.contracts import empty_memory
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.plugins import create
-from jerkbench.plugins.optional import empty_memory
 from plain_filter import assert_follows, run_plain
 from rough import rough_timeline
 

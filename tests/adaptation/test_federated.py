@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from jerkbench.contracts import empty_memory
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.plugins import create
-from jerkbench.plugins.optional import empty_memory
 
 BLOCKS = (slice(0, 3), slice(3, 6))
 

@@ -9,8 +9,8 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.sage_husa import SageHusa
 from jerkbench.adaptation.scalar_r import ScalarR
+from jerkbench.contracts import empty_memory
 from jerkbench.errors import PluginError
-from jerkbench.plugins.optional import empty_memory
 
 ALL_ROWS = np.arange(6)
 

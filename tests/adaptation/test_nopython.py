@@ -7,8 +7,8 @@ from sequences import sequence
 
 from jerkbench import plugins
 from jerkbench.compilation.methods import address_of, ask, compiled_method, fill_by, parameter_vector
+from jerkbench.contracts import empty_memory
 from jerkbench.kinematic.plugin_call import ADAPT, FADE, GAIN, PRIOR
-from jerkbench.plugins.optional import empty_memory
 from jerkbench.plugins.samples import TRIED_STATES, tried_update
 
 NAMES = plugins.names("adaptation")

@@ -8,9 +8,9 @@ from scipy.stats import chi2
 from sequences import sequence
 
 from jerkbench.adaptation.common import chi2_tail
+from jerkbench.contracts import empty_memory
 from jerkbench.errors import PluginError
 from jerkbench.plugins import create
-from jerkbench.plugins.optional import empty_memory
 
 ONE = np.array([0])
 POSITION, VELOCITY = np.arange(3), np.arange(3, 6)

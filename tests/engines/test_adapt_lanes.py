@@ -18,11 +18,11 @@ from jerkbench.adaptation.relaxing_gate import RelaxingGate
 from jerkbench.adaptation.variational_bayes import VariationalBayes
 from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
 from jerkbench.compilation.lanes import above, chosen
+from jerkbench.contracts import asked_in_lanes
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.plugins.optional import asked_in_lanes
 from jerkbench.sums import Run
 
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from jerkbench.contracts import axis_models
 from jerkbench.plugins import create
-from jerkbench.plugins.optional import axis_models
 
 DT0 = 0.01
 LENGTHS = [1e-9, 0.0007, 0.01, 0.0123, 0.5]

@@ -12,7 +12,7 @@ PACKAGE = Path(jerkbench.__file__).parent
 RUNNING = ("jobs/rows", "tuning/splits")
 NO_NUMBERS = {
     *("api", "errors", "fetching", "files", "notices", "parameters", "places", "presets"),
-    *(f"plugins/{name}" for name in ("__init__", "checks")),
+    *(f"plugins/{name}" for name in ("__init__", "checks", "members")),
     *(f"jobs/{name}" for name in ("key", "names", "preflight")),
 }
 """Rooms and modules that refuse, name or say something; what they import is not followed."""

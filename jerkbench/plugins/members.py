@@ -1,14 +1,11 @@
-"""Optional members of plugins: their defaults, and the refusal of a plugin with a misspelt one."""
+"""Members of plugins: names of the required and optional ones of each kind, and messages about wrong classes."""
 
 import difflib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, fields
 from functools import cache
-from typing import Any, Literal, TypeGuard, TypeVar, cast, get_type_hints
+from typing import get_type_hints
 
-import numpy as np
-
-from jerkbench.arrays import FloatArray
 from jerkbench.contracts import (
     Adaptation,
     AttitudeFilter,
@@ -16,16 +13,11 @@ from jerkbench.contracts import (
     Disturbance,
     Engine,
     Estimator,
-    Fading,
     Filter,
     Metric,
 )
 from jerkbench.errors import article, unknown
 from jerkbench.parameters import Column
-from jerkbench.timeline import Timeline
-
-A = TypeVar("A")
-_P = TypeVar("_P")
 
 REQUIRED: Mapping[str, tuple[type, ...]] = {
     "dataset": (Dataset,),
@@ -75,89 +67,6 @@ DEFAULT_TYPES = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
 
 MISSPELT = 0.8
 """Names that are more alike than this are one name, misspelt."""
-
-
-def has_methods(plugin: object, protocol: type[_P]) -> TypeGuard[_P]:
-    """Whether the class of a plugin has the methods of a ``protocol`` that asks for methods alone."""
-    kind, contract = cast("tuple[type, type]", (type(plugin), protocol))
-    return _has_methods(kind, contract)
-
-
-@cache
-def _has_methods(kind: type, protocol: type) -> bool:
-    """As `isinstance` says, which takes ten microseconds each time: of a sweep each run asks."""
-    return issubclass(kind, protocol)
-
-
-def preferred_attitude(dataset: object) -> str | None:
-    """The attitude filter that a data set, or its class, names."""
-    return getattr(dataset, "default_attitude", None)
-
-
-def is_attitude_only(plugin: object) -> bool:
-    """Whether a data set has no positions, or a filter estimates none."""
-    return getattr(plugin, "attitude_only", False) is True
-
-
-def lacks_imu(dataset: object) -> bool:
-    """Whether the recordings of a data set have no IMU."""
-    return bool(getattr(dataset, "without_imu", False))
-
-
-def uses_imu(model: object) -> bool:
-    """Whether a filter, or its class, uses the IMU. A class whose parameters decide this does."""
-    return getattr(model, "uses_imu", True) is not False
-
-
-def clocked(adaptation: A, timeline: Timeline) -> A:
-    """Return ``adaptation`` for the run over ``timeline``: its `at_updates` receives the update times."""
-    at_updates = getattr(adaptation, "at_updates", None)
-    return cast("A", at_updates(timeline.update_times_s)) if at_updates else adaptation
-
-
-MEASURED_STATES = 6
-"""States of position and velocity, which every filter has."""
-
-
-def empty_memory(adaptation: object, states: int = MEASURED_STATES) -> FloatArray:
-    """Return the memory of ``adaptation`` at the start of a run over a filter of ``states`` states.
-
-    It is zero, and of no length where the adaptation does not remember anything.
-    """
-    return np.zeros(memory_size(adaptation, states))
-
-
-def memory_size(adaptation: object, states: int) -> int:
-    """Return the length of the memory of ``adaptation`` with a filter of ``states`` states."""
-    plugin = cast("Any", adaptation)
-    if hasattr(plugin, "memory_size_of"):
-        return int(plugin.memory_size_of(states))
-    return int(plugin.memory_size()) if hasattr(plugin, "memory_size") else 0
-
-
-def wants_truth(adaptation: object) -> bool:
-    """Whether an adaptation gets the true covariance as R."""
-    return bool(getattr(adaptation, "wants_true_covariance", False))
-
-
-def asked_in_lanes(adaptation: object) -> bool:
-    """Whether many runs ask an adaptation at once; one that fades each asks by itself."""
-    return bool(getattr(adaptation, "lanes", False)) and not has_methods(adaptation, Fading)
-
-
-def changes_nothing(adaptation: object) -> bool:
-    """Whether the class of an adaptation states itself that it leaves R as it is."""
-    return bool(vars(type(adaptation)).get("changes_nothing", False))
-
-
-def on_request(metric: object) -> bool:
-    """Whether a metric, or its class, is computed only on request."""
-    return not getattr(metric, "default", True)
-
-
-def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
-    """The part of an estimate that a metric reads."""
-    return getattr(metric, "reads", "everything")
 
 
 def missing_member(kind: str, plugin: object) -> str:
@@ -255,17 +164,3 @@ def _members(protocols: tuple[type, ...]) -> frozenset[str]:
 
 def _public(names: Iterable[str]) -> list[str]:
     return [name for name in names if not name.startswith("_")]
-
-
-def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return A (k, n, n), b (k, n), Q (k, n, n) of ``lengths_s`` (k,). Steps that are not positive change nothing."""
-    n, k = 2 + len(model.initial_variances()), len(lengths_s)
-    A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
-    passing = np.flatnonzero(lengths_s > 0)
-    axis_models_of = getattr(model, "axis_models", None)
-    if axis_models_of and len(passing):
-        A[passing], b[passing], Q[passing] = axis_models_of(lengths_s[passing], dt0_s)
-        return A, b, Q
-    for row in passing.tolist():
-        A[row], b[row], Q[row] = model.axis_model(float(lengths_s[row]), dt0_s)
-    return A, b, Q
