@@ -8,7 +8,7 @@ A field that one would tune says within which bounds, and on which scale::
 import dataclasses
 import math
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -208,6 +208,21 @@ def is_whole(cls: type, name: str) -> bool:
 def is_switch(cls: type, name: str) -> bool:
     """Whether a field is on or off."""
     return typing.get_type_hints(cls)[name] is bool
+
+
+def range_problems(cls: type) -> Iterator[str]:
+    """Yield what is wrong with the ranges of parameters and with the defaults in them."""
+    defaults = {f.name: f.default for f in dataclasses.fields(cls)}
+    for name, bounds in ranges_of(cls).items():
+        subject, default = f"{cls.__name__}.{name}", defaults[name]
+        if bounds.mistake():
+            yield f"The range of {subject} is not valid: {bounds.mistake()}."
+        elif not isinstance(default, int | float) or isinstance(default, bool) != is_switch(cls, name):
+            yield f"{subject} has a range and the default {default!r}; a search needs a number to start from."
+        elif not bounds.low <= default <= bounds.high:
+            yield f"The default of {subject} is {default}, outside of its range {bounds}."
+        elif is_whole(cls, name) and (bounds.low % 1 or bounds.high % 1):
+            yield f"{subject} is an integer; the bounds of its range are {bounds.low} and {bounds.high}."
 
 
 def _bounded(bounds: Range, value: float) -> float:

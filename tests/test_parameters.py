@@ -7,9 +7,8 @@ from typing import Annotated
 import pytest
 
 from jerkbench import plugins
-from jerkbench.parameters import DefaultOrigin, Range, origins_of, ranges_of
+from jerkbench.parameters import DefaultOrigin, Range, origins_of, range_problems, ranges_of
 from jerkbench.plugins.catalogue import show_text
-from jerkbench.plugins.checks import range_problems
 
 
 @pytest.mark.parametrize(

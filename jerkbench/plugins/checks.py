@@ -34,7 +34,7 @@ from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
 from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_strayed
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.parameters import is_switch, is_whole, provenance_of, ranges_of
+from jerkbench.parameters import provenance_of, range_problems
 from jerkbench.plugins import create, is_own, samples
 from jerkbench.plugins.members import missing_member
 from jerkbench.recording import Recording
@@ -132,21 +132,6 @@ def class_problems(kind: str, plugin: Plugin) -> Iterator[str]:
         sentence = f'{cls.__name__} has no provenance; write provenance = Provenance("published", "doi:..."),'
         yield f'{sentence} or "simplified" or "own" with a note.'
     yield from filter(None, [_hash_problem(plugin), _pickle_problem(plugin)])
-
-
-def range_problems(cls: type) -> Iterator[str]:
-    """Yield what is wrong with the ranges of parameters and with the defaults in them."""
-    defaults = {f.name: f.default for f in dataclasses.fields(cls)}
-    for name, bounds in ranges_of(cls).items():
-        subject, default = f"{cls.__name__}.{name}", defaults[name]
-        if bounds.mistake():
-            yield f"The range of {subject} is not valid: {bounds.mistake()}."
-        elif not isinstance(default, int | float) or isinstance(default, bool) != is_switch(cls, name):
-            yield f"{subject} has a range and the default {default!r}; a search needs a number to start from."
-        elif not bounds.low <= default <= bounds.high:
-            yield f"The default of {subject} is {default}, outside of its range {bounds}."
-        elif is_whole(cls, name) and (bounds.low % 1 or bounds.high % 1):
-            yield f"{subject} is an integer; the bounds of its range are {bounds.low} and {bounds.high}."
 
 
 def _hash_problem(plugin: Plugin) -> str:
