@@ -227,10 +227,10 @@ def _add(kind: str, name: str, cls: type) -> None:
         raise PluginError(
             f"{kind} {name}: {cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
         )
-    from jerkbench.plugins.members import misfit  # the contracts, which a first `--help` can do without
+    from jerkbench.plugins.members import misfits  # imports the contracts, which `--help` does not need
 
-    if sentence := misfit(kind, cls):
-        raise PluginError(f"{kind} {name}: {sentence}")
+    if found := list(misfits(kind, cls)):
+        raise PluginError(f"{kind} {name}: {' '.join(found)}")
     owner = _registry[kind].get(name)
     if owner is not None and (owner.__module__, owner.__qualname__) != (cls.__module__, cls.__qualname__):
         raise PluginError(
