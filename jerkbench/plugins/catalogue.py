@@ -6,8 +6,6 @@ import itertools
 import json
 import typing
 from collections import Counter
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from jerkbench import plugins
@@ -36,6 +34,14 @@ class CatalogueEntry(NamedTuple):
     preset: bool = False
     package: str = "jerkbench"
     provenance: str = ""
+
+    @property
+    def line(self) -> str:
+        """Return the summary with the provenance and the package, or the word preset."""
+        if self.preset:
+            return f"{self.summary} (preset)"
+        notes = ", ".join(filter(None, [self.provenance, self.package if self.package != "jerkbench" else ""]))
+        return f"{self.summary} [{notes}]" if notes else self.summary
 
 
 def kinds_asked(kind: str | None) -> tuple[str, ...]:
@@ -72,14 +78,20 @@ def kind_of(name: str) -> str:
 
 
 def entries(kind: str) -> list[CatalogueEntry]:
-    """Return what there is of a kind, sorted by name; a plugin that cannot be loaded is left out, with a notice."""
-    by_name = {entry.name: entry for entry in _plugins(kind)} if kind in plugins.KINDS else {}
-    for sentence in plugins.left_out(kind).values() if kind in plugins.KINDS else ():
-        notify(sentence)
-    by_name |= {
-        name: CatalogueEntry(name, _first_comment(path), preset=True) for name, path in preset_files(kind).items()
-    }
-    return [by_name[name] for name in sorted(by_name)]
+    """Return the plugins and presets of a kind, sorted by name, with a notice for each plugin that cannot be loaded."""
+    found = {}
+    for name in plugins.names(kind) if kind in plugins.KINDS else ():
+        cls = plugins.get(kind, name)
+        summary, package = (inspect.getdoc(cls) or "").split("\n", 1)[0], cls.__module__.partition(".")[0]
+        known = provenance_of(cls)
+        found[name] = CatalogueEntry(name, summary, package=package, provenance=known.kind if known else "")
+    for message in plugins.left_out(kind).values() if kind in plugins.KINDS else ():
+        notify(message)
+    for name, path in preset_files(kind).items():
+        lines = itertools.takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
+        comment = " ".join(line.lstrip("# ") for line in lines if "@package" not in line)
+        found[name] = CatalogueEntry(name, comment.split(". ")[0].rstrip(".") + ".", preset=True)
+    return [found[name] for name in sorted(found)]
 
 
 def plugin_class(kind: str, name: str) -> type:
@@ -96,31 +108,23 @@ def plugin_class(kind: str, name: str) -> type:
     return plugins.get(kind, name)
 
 
-def _plugins(kind: str) -> Iterator[CatalogueEntry]:
-    for name in plugins.names(kind):
-        cls = plugins.get(kind, name)
-        summary, package = (inspect.getdoc(cls) or "").split("\n", 1)[0], cls.__module__.partition(".")[0]
-        known = provenance_of(cls)
-        yield CatalogueEntry(name, summary, package=package, provenance=known.kind if known else "")
-
-
-def _first_comment(path: Path) -> str:
-    """The first sentence of the comment at the top of a preset."""
-    comment = itertools.takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
-    text = " ".join(line.lstrip("# ") for line in comment if "@package" not in line)
-    return text.split(". ")[0].rstrip(".") + "."
-
-
-# The answers of `jerkbench list` and `jerkbench show` as a person reads them.
+# The output of `jerkbench list` and `jerkbench show`
 
 
 def list_text(kind: str | None = None) -> str:
-    """Every name with one line about it, of every kind or of ``kind``.
+    """Return every name with one line about it, of all kinds or of one.
 
     Raises:
-        PluginError: no such kind.
+        PluginError: there is no such kind.
     """
-    return "\n\n".join(_list_kind(name) for name in kinds_asked(kind))
+    blocks = []
+    for title in kinds_asked(kind):
+        listed = entries(title)
+        width = max((len(entry.name) for entry in listed), default=0)
+        counted = Counter(entry.provenance for entry in listed if entry.provenance)
+        counts = f" ({', '.join(f'{count} {name}' for name, count in counted.most_common())})" if counted else ""
+        blocks.append("\n".join([f"{title}{counts}", *(f"  {entry.name:<{width}}  {entry.line}" for entry in listed)]))
+    return "\n\n".join(blocks)
 
 
 def show_text(kind: str, name: str) -> str:
@@ -145,21 +149,6 @@ def docstrings(cls: type) -> list[str]:
     return [inspect.cleandoc(c.__doc__ or "It has no docstring.") for c in family]
 
 
-def _list_kind(kind: str) -> str:
-    listed = entries(kind)
-    width = max((len(entry.name) for entry in listed), default=0)
-    counted = Counter(entry.provenance for entry in listed if entry.provenance)
-    heading = f"{kind} ({', '.join(f'{count} {name}' for name, count in counted.most_common())})" if counted else kind
-    return "\n".join([heading, *(f"  {entry.name:<{width}}  {_line(entry)}" for entry in listed)])
-
-
-def _line(entry: CatalogueEntry) -> str:
-    if entry.preset:
-        return f"{entry.summary} (preset)"
-    said = ", ".join(filter(None, [entry.provenance, entry.package if entry.package != "jerkbench" else ""]))
-    return f"{entry.summary} [{said}]" if said else entry.summary
-
-
 def _defaults(cls: type) -> str:
     """Each default; where it comes from, and within which bounds `jerkbench tune` looks for a better one."""
     parameters, ranges = _parameters(cls), ranges_of(cls)
@@ -182,8 +171,7 @@ def home(cls: type) -> str:
     return f"{cls.__module__}.{cls.__qualname__}"
 
 
-# The answers of `jerkbench list` and `jerkbench show` as a program reads them: plain values, ready
-# for JSON.
+# The same as plain values for JSON
 
 
 def listed_json(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
@@ -218,15 +206,15 @@ def _parameters(cls: type) -> list[dict[str, Any]]:
     origins, ranges, types = origins_of(cls), ranges_of(cls), typing.get_type_hints(cls)
     parameters = []
     for f in dataclasses.fields(cls):
-        hint, default = types[f.name], f.default
-        if f.default_factory is not dataclasses.MISSING:
-            default = f.default_factory()
-        parameter: dict[str, Any] = {
-            "name": f.name,
-            "type": hint.__name__ if isinstance(hint, type) and not typing.get_args(hint) else str(hint),
-            **({} if default is dataclasses.MISSING else {"default": default}),
-            **({"origin": origins[f.name]} if f.name in origins else {}),
-            **({"range": dataclasses.asdict(ranges[f.name])} if f.name in ranges else {}),
-        }
+        hint = types[f.name]
+        default = f.default if f.default_factory is dataclasses.MISSING else f.default_factory()
+        named = isinstance(hint, type) and not typing.get_args(hint)
+        parameter: dict[str, Any] = {"name": f.name, "type": hint.__name__ if named else str(hint)}
+        if default is not dataclasses.MISSING:
+            parameter["default"] = default
+        if f.name in origins:
+            parameter["origin"] = origins[f.name]
+        if f.name in ranges:
+            parameter["range"] = dataclasses.asdict(ranges[f.name])
         parameters.append(parameter)
     return parameters

@@ -167,6 +167,7 @@ EXAMPLES: Mapping[str, Example] = {
 }
 """By what one says to `jerkbench new`."""
 
+TEMPLATES = Path(__file__).parent / "templates"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -185,14 +186,22 @@ def write_package(kind: str, name: str, folder: Path) -> list[Path]:
     _require_name(EXAMPLES[kind].group, name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise PluginError(f"{folder} is there already; give another folder: --out FOLDER.")
-    files = {
-        f"{name}.py": f"{kind}.py.jinja",
-        f"test_{name}.py": "test.py.jinja",
-        "pyproject.toml": "pyproject.toml.jinja",
-        "README.md": "README.md.jinja",
+    example = EXAMPLES[kind]
+    values = {
+        "kind": kind,
+        "name": name,
+        "group": example.group,
+        "group_word": f"{article(example.group)}_{example.group}",
+        "article": article(kind).capitalize(),
+        "title": example.title,
+        "usage": f"jerkbench run -m {example.usage.format(name)} seeds=3",
+        "class_name": class_name(name),
+        "distribution": name.replace("_", "-"),
+        "version": version("jerkbench"),
     }
+    files = {f"{name}.py": kind + ".py", f"test_{name}.py": "test.py"} | {f: f for f in ("pyproject.toml", "README.md")}
     for file, template in files.items():
-        write_text(folder / file, _filled(template, kind, name))
+        write_text(folder / file, filled_template(TEMPLATES / f"{template}.jinja", **values))
     return [folder / file for file in files]
 
 
@@ -212,20 +221,3 @@ def _require_name(group: str, name: str) -> None:
         raise PluginError(f"There is {article(group)} {group} '{name}' already; choose another name than that.")
     if importlib.util.find_spec(name) is not None:
         raise PluginError(f"There is a Python module '{name}' already; choose another name than that.")
-
-
-def _filled(template: str, kind: str, name: str) -> str:
-    example = EXAMPLES[kind]
-    return filled_template(
-        Path(__file__).parent / "templates" / template,
-        kind=kind,
-        name=name,
-        group=example.group,
-        group_word=f"{article(example.group)}_{example.group}",
-        article=article(kind).capitalize(),
-        title=example.title,
-        usage=f"jerkbench run -m {example.usage.format(name)} seeds=3",
-        class_name=class_name(name),
-        distribution=name.replace("_", "-"),
-        version=version("jerkbench"),
-    )
