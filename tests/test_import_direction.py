@@ -1,9 +1,8 @@
-"""The way of the data is one way: a stage imports only from stages before its own."""
+"""Data flow in one direction: a stage imports only from earlier stages."""
 
 import ast
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 import jerkbench
 
@@ -20,65 +19,79 @@ ORDER = [
         "compilation",
     ],
     ["recording"],
-    ["estimate"],
-    ["geometry", "measurements"],
+    ["estimate", "geometry"],
+    ["measurements"],
     ["timeline"],
     ["sums", "plugins.samples"],
     ["contracts"],
     ["kalman", "plugins.members"],
     ["kinematic"],
     ["inertial", "plugins", "simulation", "io"],
-    ["datasets", "disturbances", "attitude"],
+    ["datasets", "disturbances", "attitude", "plugins.catalogue"],
     ["filters", "adaptation"],
     ["engines", "evaluation"],
     ["plugins.checks", "report"],
-    ["testing"],
-    ["inspection"],
+    ["testing", "inspection"],
     ["jobs"],
     ["tuning"],
-    ["audit", "suite", "hydra_app", "plugins.catalogue", "api", "fetching", "plugins.new"],
+    ["audit", "suite", "hydra_app", "api", "fetching", "plugins.new"],
     ["verbs"],
     ["cli"],
     ["__main__"],
 ]
-"""The modules of `plugins` beside the registry have places of their own: their names have a dot."""
+"""The modules of `plugins` other than the registry have their own stages. Their names contain a dot."""
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}
+MAX_LEVELS = 20
+"""Length of the longest chain of parts in which each imports the next. It may be lowered, and is never raised."""
 PACKAGE = Path(jerkbench.__file__).parent
 
 
 def part(*names):
-    """The part of a module of the package, by the names on the way to it."""
-    return ".".join(names[:2]) if names[0] == "plugins" and len(names) > 1 else names[0]
+    """The part of a module or a name of the package."""
+    head = ".".join(names[:2])
+    return head if head in STAGE else names[0]
 
 
 def part_of(path):
-    return part(*path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
+    names = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(names[:2]).removesuffix(".__init__") if names[0] == "plugins" else names[0]
 
 
 def imports(path):
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("jerkbench."):
-            yield part(*node.module.split(".")[1:])
-        elif isinstance(node, ast.ImportFrom) and node.module == "jerkbench":
-            yield from (alias.name for alias in node.names)
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == "jerkbench":
+            yield from (part(*node.module.split(".")[1:], alias.name) for alias in node.names)
         elif isinstance(node, ast.Import):
             yield from (part(*a.name.split(".")[1:]) for a in node.names if a.name.startswith("jerkbench."))
 
 
+@cache
+def graph():
+    """The parts that each part imports."""
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        found.setdefault(part_of(path), set()).update(imports(path))
+    return {name: (found[name] & set(STAGE)) - {name} for name in found if name != "__init__"}
+
+
 def test_every_part_of_the_package_has_its_place():
-    parts = {part_of(path) for path in PACKAGE.rglob("*.py")}
-
-    assert parts - {"__init__"} <= set(STAGE)
+    assert set(graph()) == set(STAGE)
 
 
-@pytest.mark.slow
-def test_nothing_imports_from_a_later_stage():
-    backwards = []
-    for path in sorted(PACKAGE.rglob("*.py")):
-        own = part_of(path)
-        if own != "__init__":
-            later = [name for name in imports(path) if name in STAGE and STAGE[name] > STAGE[own]]
-            sideways = [n for n in imports(path) if n in STAGE and n != own and STAGE[n] == STAGE[own] > 0]
-            backwards += [f"{path.relative_to(PACKAGE)} imports {name}" for name in later + sideways]
+def test_nothing_imports_from_the_same_or_a_later_stage():
+    backwards = [
+        f"{name} imports {other}"
+        for name, others in graph().items()
+        for other in others
+        if STAGE[other] > STAGE[name] or STAGE[other] == STAGE[name] > 0
+    ]
 
     assert backwards == []
+
+
+def test_chains_of_imports_get_no_longer():
+    @cache
+    def level(name):
+        return 1 + max(map(level, graph()[name]), default=0)
+
+    assert max(map(level, graph())) <= MAX_LEVELS
