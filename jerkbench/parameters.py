@@ -35,11 +35,12 @@ class Range:
 
     def value(self, share: float) -> float:
         """Return the value at ``share`` of the way from low to high, 0 to 1, on the range's scale."""
+        value = self.low + share * (self.high - self.low)
         if self.log:
-            return _bounded(self, self.low * (self.high / self.low) ** share)
-        if self.toward_one:
-            return _bounded(self, 1.0 - (1.0 - self.low) * ((1.0 - self.high) / (1.0 - self.low)) ** share)
-        return _bounded(self, self.low + share * (self.high - self.low))
+            value = self.low * (self.high / self.low) ** share
+        elif self.toward_one:
+            value = 1.0 - (1.0 - self.low) * ((1.0 - self.high) / (1.0 - self.low)) ** share
+        return min(max(value, self.low), self.high)
 
     def share(self, value: float) -> float:
         """Return how much of the way from low to high ``value`` is, on the range's scale: the inverse of `value`."""
@@ -223,11 +224,6 @@ def range_problems(cls: type) -> Iterator[str]:
             yield f"The default of {subject} is {default}, outside of its range {bounds}."
         elif is_whole(cls, name) and (bounds.low % 1 or bounds.high % 1):
             yield f"{subject} is an integer; the bounds of its range are {bounds.low} and {bounds.high}."
-
-
-def _bounded(bounds: Range, value: float) -> float:
-    """The value without the rounding that takes it over a bound."""
-    return min(max(value, bounds.low), bounds.high)
 
 
 @cache

@@ -114,7 +114,7 @@ def _unknown_members(kind: str, cls: type) -> Iterator[str]:
     known = optional | required | {f.name for f in fields(cls)}
     for base in (base for base in cls.__mro__ if base.__module__ not in NOT_OURS):
         typed = vars(base).get("__annotations__", {})
-        for name in _public(vars(base).keys() - known):
+        for name in _public(name for name in vars(base) if name not in known):
             value, member = vars(base)[name], f"{cls.__name__}.{name}"
             if meant := difflib.get_close_matches(name, optional, 1, MISSPELT):
                 yield f"{member} is not used. Did you mean {meant[0]}? Rename it to that, or to a less similar name."
@@ -127,4 +127,4 @@ def _unknown_members(kind: str, cls: type) -> Iterator[str]:
 
 
 def _public(names: Iterable[str]) -> list[str]:
-    return sorted(name for name in names if not name.startswith("_"))
+    return [name for name in names if not name.startswith("_")]
