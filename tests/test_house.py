@@ -19,9 +19,9 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 192, 25
+MOST_FILES, MOST_FOLDERS = 190, 25
 """Modules, but for those of plugins, which may become more; and folders."""
-MOST_CODE = 24_417
+MOST_CODE = 23_679
 """Lines without docstrings, comments, blanks and imports, but for those of plugins."""
 MOST_LONE = 16
 """Modules that one other module imports; the aim is none."""
