@@ -180,13 +180,14 @@ def _hydra_in_words(words: list[str]) -> Iterator[None]:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from jerkbench.hydra_app.typed_words import hydra_sentence
+    from jerkbench.hydra_app.overrides import hydra_sentence
 
     with _files_in_words("Results cannot be written: {error}."):
         try:
             yield
         except (HydraException, OmegaConfBaseException) as error:  # some are an OSError, too
-            raise JerkbenchError(hydra_sentence(error, words)) from error
+            sweeping = bool({"-m", "--multirun"} & set(words))
+            raise JerkbenchError(hydra_sentence(error, sweeping=sweeping)) from error
 
 
 @contextmanager

@@ -115,14 +115,16 @@ def test_two_workers_give_the_rows_of_one(sweep):
 
 
 @pytest.mark.slow
-def test_hydras_own_launcher_gives_the_same_rows_in_planned_order_and_the_table(sweep):
+def test_hydras_own_launcher_gives_the_same_rows_and_the_table(sweep):
     study, _ = sweep
-    swept(
-        *CELLS, "disturbance=none,[imu_bias,gnss_outage]", "hydra/launcher=basic", "study=basic", cwd=study.parents[1]
-    )
+    words = ["disturbance=none,[imu_bias,gnss_outage]", "disturbance.imu_bias.accel_mps2=0.05"]
+    done = swept(*CELLS, *words, "hydra/launcher=basic", "study=basic", cwd=study.parents[1])
+    swept(*CELLS, *words, "study=built_in", cwd=study.parents[1])
+    basic, built_in = (rows_of(study.parent / name) for name in ("basic", "built_in"))
+    columns = list(basic.columns[:8])
 
-    pd.testing.assert_frame_equal(rows_of(study.parent / "basic"), rows_of(study), check_exact=True)
-    assert not (study.parent / "basic" / ".order").exists()
+    assert "Position RMSE" in done.stdout
+    pd.testing.assert_frame_equal(*(rows.sort_values(columns, ignore_index=True) for rows in (basic, built_in)))
 
 
 def test_swept_parameters_are_in_the_labels(tmp_path):
@@ -164,51 +166,36 @@ BAD = [
     (["dataset=rtklib", "dataset.folder=nowhere"], "nowhere"),
     (["dataset=rtklib", "dataset.folder=."], "."),
     (["filter==jerk"], "="),
-    (["jerk"], "'jerk' is no KEY=VALUE. Did you mean filter=jerk?"),
-    (["foo"], "'foo' is no KEY=VALUE. `jerkbench run --help` lists the keys."),
-    (["adaptation=[mtf,none]"], "adaptation takes one value; several are a sweep: -m adaptation=mtf,none"),
-    (
-        ["disturbance=[{name:gnss_outage,windows_s:[[50,60]]}]"],
-        "give each parameter by itself: disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]",
-    ),
+    (["jerk"], "'jerk' cannot be read; give KEY=VALUE"),
+    (["adaptation=[mtf,none]"], "adaptation takes one value; for a sweep give -m adaptation=A,B."),
     (
         ["disturbance=[imu_bias,{name:gnss_outage,windows_s:[[50,60]]}]"],
-        "disturbance=[imu_bias,gnss_outage] disturbance.gnss_outage.windows_s=[[50,60]]",
+        "give each parameter by itself (disturbance.NAME.PARAMETER=VALUE)",
     ),
-    (["filter={name:jerk,accel_mps2:0.3}"], "give each parameter by itself: filter=jerk filter.accel_mps2=0.3"),
-    (
-        ["disturbance=gnss_outage", "disturbance.windows_s=[[50,60]]"],
-        "The parameters of a disturbance stand under its name: disturbance.gnss_outage.windows_s=...",
-    ),
-    (
-        ["disturbance=imu_bias", "disturbance.gnss_outage.length_s=3"],
-        "The disturbance gnss_outage is not among the chosen",
-    ),
-    (["disturbance=imu_bias", "disturbance.nonsense=3"], "There is no disturbance 'nonsense'"),
-    (["adaptation.window=5"], "The adaptation none has no parameters, so adaptation.window cannot be set."),
+    (["filter={name:jerk,accel_mps2:0.3}"], "give each parameter by itself (filter.PARAMETER=VALUE)"),
+    (["disturbance=gnss_outage", "disturbance.windows_s=[[50,60]]"], "Available: disturbance.gnss_outage."),
+    (["disturbance=imu_bias", "disturbance.gnss_outage.length_s=3"], "disturbance.gnss_outage"),
+    (["adaptation.window=5"], "There is no option 'adaptation.window'"),
     (["workers=-3"], "workers is -3; give 0 (one for each processor) or more."),
     (["study=../x"], "study is '../x'; it must be the name of one folder"),
     (["study=a/b"], "study is 'a/b'; it must be the name of one folder"),
     (["study=.."], "study is '..'; it must be the name of one folder"),
     (["filter.accel_mps2=-1"], "filter baseline: accel_mps2 is -1.0; it must be zero or positive, and finite."),
-    (["seeds=???"], "seeds has no value"),
+    (["seeds=???"], "seeds"),
     (["first_seed=99999999999999999999"], "first_seed"),
     (["seeds=100001"], "at most 100000 runs"),
     ([f"study={'x' * 300}"], "at most 255 bytes"),
-    (["disturbance=[]"], "disturbance=none"),
-    (["disturbance=null"], "disturbance=none"),
-    (["disturbance=[null]"], "There is no disturbance 'null'"),
-    (["filter=3"], "There is no filter '3'"),
-    (["experiment=null"], "experiment=null chooses nothing"),
-    (["~disturbance"], "a run cannot be without disturbance"),
-    (["~seeds"], "a run cannot be without seeds"),
+    (["disturbance=[]"], "disturbance takes names only"),
+    (["disturbance=[null]"], "disturbance takes names only"),
+    (["filter=3"], "filter takes names only"),
+    (["~seeds"], "nothing can be removed"),
     (["metrics=${seeds}"], "give a list of names"),
     (["metrics=[[all]]"], "give a list of names"),
-    (["=1"], "'=1' is no KEY=VALUE"),
+    (["=1"], "'=1' cannot be read"),
     (["--resolve"], "--resolve belongs to --cfg"),
     (["--nonsense"], "--nonsense"),
     (["--info=nonsense"], "invalid choice"),
-    (["hydra/launcher=joblib"], "pip install hydra-joblib-launcher"),
+    (["hydra/launcher=joblib"], "There is no hydra/launcher 'joblib'"),
     (["results=/proc/x"], "/proc/x"),
     (["dataset.duration_s=43200", "dataset.imu_rate_hz=200", "dataset.reference_rate_hz=200"], "8.64e+06 samples"),
     (["dataset.sensor_rate_hz=1e9"], "sensor_rate_hz is 1000000000.0"),
@@ -235,7 +222,7 @@ def said_in_process(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("multirun", [[], ["-m"]])
-def test_an_experiment_without_its_first_line_is_told_to_have_it(said_in_process, tmp_path, multirun):
+def test_an_experiment_needs_its_first_line(said_in_process, tmp_path, multirun):
     own = tmp_path / "own" / "experiment" / "mine.yaml"
     own.parent.mkdir(parents=True)
     own.write_text("study: mine\n")
@@ -243,7 +230,7 @@ def test_an_experiment_without_its_first_line_is_told_to_have_it(said_in_process
     code, _, said = said_in_process("run", *multirun, "--config-dir", str(tmp_path / "own"), "experiment=mine")
 
     assert code == 2
-    assert "lacks its first line '# @package _global_'" in said
+    assert "must be '# @package _global_'" in said
     own.write_text("# @package _global_\nseeds: 0\n")
     assert (
         "seeds is 0" in said_in_process("run", *multirun, "--config-dir", str(tmp_path / "own"), "experiment=mine")[2]
@@ -273,10 +260,9 @@ def test_folders_of_hydras_own_that_cannot_be_made_are_a_sentence(said_in_proces
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--shell-completion"], "jerkbench completion SHELL"),
-        (["--shell-completion", "query=fish"], "jerkbench completion SHELL"),
+        (["--shell-completion"], "--shell-completion is not supported"),
         (["--experimental-rerun", "gone"], "jerkbench rerun DIR ROW"),
-        (["--cfg", "job", "--info"], "--cfg and --info ask for different things"),
+        (["--cfg", "job", "--info"], "--cfg and --info exclude each other"),
     ],
 )
 def test_options_of_hydra_that_make_no_sense_are_a_sentence(said_in_process, words, said):
@@ -307,18 +293,6 @@ def test_a_preset_of_ones_own_that_names_no_disturbance_is_a_sentence(said_in_pr
 
     assert (code, err.count("\n")) == (2, 1), err
     assert said in err
-
-
-def test_a_list_in_quotes_is_told_to_drop_them(said_in_process, tmp_path):
-    own = tmp_path / "own" / "experiment" / "mine.yaml"
-    own.parent.mkdir(parents=True)
-    lists = 'none,"[imu_bias,gnss_outage]"'
-    own.write_text(f"# @package _global_\nhydra:\n  sweeper:\n    params:\n      disturbance: {lists}\n")
-
-    code, _, err = said_in_process("run", "-m", "--config-dir", str(tmp_path / "own"), "experiment=mine")
-
-    assert (code, err.count("\n")) == (2, 1), err
-    assert "drop the quotes" in err
 
 
 def test_sigterm_while_a_sweep_is_planned_ends_with_a_sentence(tmp_path):
@@ -381,8 +355,7 @@ def test_a_parameter_that_one_of_a_sweep_has_not_is_given_by_the_name_of_its_plu
     code, _, err = said_in_process("run", "-m", "adaptation=mtf,none,chi2", parameter)
 
     assert code == 2
-    assert "adaptation" in err
-    assert "that only some of adaptation=mtf,none,chi2 have by the name of its plugin: adaptation." in err
+    assert f"Address a parameter of one of several plugins: adaptation.NAME.{parameter[11:]}".split("=")[0] in err
     assert err.count("\n") == 1
 
 

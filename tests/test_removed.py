@@ -4,8 +4,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.configuration import study_folder
-from jerkbench.hydra_app.words import cluster_named
+from jerkbench.hydra_app.configuration import cluster_named, study_folder
 from jerkbench.renamed import refuse_removed, removed
 
 TYPED = [

@@ -3,7 +3,7 @@
 import pytest
 
 from jerkbench import plugins
-from jerkbench.hydra_app.words import composed
+from jerkbench.hydra_app.composition import composed
 from jerkbench.jobs.names import choose
 from jerkbench.jobs.selection import named_study
 from jerkbench.presets import preset_names

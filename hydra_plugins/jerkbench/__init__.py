@@ -42,23 +42,21 @@ class JerkbenchSweeper(BasicSweeper):
     @staticmethod
     def split_arguments(overrides: list[Override], max_batch_size: int | None) -> list[list[list[str]]]:
         """List the values of ranges as they were typed; refuse more combinations than can be held."""
-        from jerkbench.hydra_app.sweep_words import ranges_listed
+        from jerkbench.hydra_app.overrides import ranges_listed
 
         return BasicSweeper.split_arguments(ranges_listed(overrides), max_batch_size)
 
     def get_job_batch(self) -> Sequence[Sequence[str]]:
-        """Leave to each job the parameters of the disturbances, and of other plugins, that it chooses."""
-        from jerkbench.errors import JerkbenchError, exit_with
-        from jerkbench.hydra_app.sweep_words import where_chosen
+        """Give another launcher overrides that Hydra can compose: each job has only parameters of its plugins."""
+        jobs = super().get_job_batch()
+        if isinstance(self.launcher, JerkbenchLauncher):
+            return jobs
+        from jerkbench.hydra_app.composition import compose_jobs
 
         assert self.hydra_context is not None  # noqa: S101 - Hydra has set it up
         assert self.config is not None  # noqa: S101
-        try:
-            return where_chosen(self.hydra_context.config_loader, self.config, super().get_job_batch())
-        except JerkbenchError as error:  # here, because Hydra would print more than the sentence
-            exit_with(error)
+        fitted = (tuple(job.overrides) for job in compose_jobs(self.hydra_context.config_loader, self.config, jobs))
+        return list(dict.fromkeys(fitted))
 
     def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
-        """Leave it to a foreign launcher's job only where there is one."""
-        if not isinstance(self.launcher, JerkbenchLauncher):
-            super().validate_batch_is_legal(batch)
+        """Do nothing: the jobs are composed anyway."""

@@ -1,11 +1,8 @@
 """The Hydra app behind `jerkbench run`: one job, or a sweep of many, planned, run and concluded."""
 
-import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 import hydra
@@ -18,25 +15,22 @@ from omegaconf import DictConfig, OmegaConf
 
 from jerkbench.contracts import Estimator
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
-from jerkbench.files import write_text
 from jerkbench.filters.command import Command
-from jerkbench.hydra_app.composition import compose_jobs
+from jerkbench.hydra_app.composition import Composed, compose_jobs
 from jerkbench.hydra_app.configuration import (
     LAUNCHER,
+    Options,
     check_options,
+    cluster_of,
     configured_job,
     register_hydra_parts,
     register_schemas,
     study_folder,
 )
 from jerkbench.hydra_app.looks import Look, forecast, looks_left, planned_looks, undecided
-from jerkbench.hydra_app.looks import typed as typed_seeds
-from jerkbench.hydra_app.sweep_words import ignored_combinations, swept_addresses, without_addresses
-from jerkbench.hydra_app.typed_words import arranged_words, refuse_mappings
-from jerkbench.hydra_app.words import Words, cluster_of
+from jerkbench.hydra_app.overrides import arranged_words, ignored_combinations
 from jerkbench.jobs.executors import LOCAL, Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
-from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import stretches
 from jerkbench.jobs.names import refusal, require_sensible
 from jerkbench.jobs.plan import Plan, planned
@@ -50,54 +44,46 @@ from jerkbench.report import Choice, figures_choice
 
 
 def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
-    """Return the app for Hydra's command line ``arguments``; it runs when it is called."""
+    """Return the app for the command line ``arguments``; it runs when it is called."""
     if {"-m", "--multirun"} & set(arguments) and {"-c", "--cfg"} & set(arguments):
-        exit_with(
-            PluginError("--cfg shows the configuration of one run: leave out -m, and give each option one value.")
-        )
-    refuse_mappings(arguments)
+        raise PluginError("--cfg shows the configuration of one run: leave out -m, and give each option one value.")
     register_schemas()
     register_hydra_parts()
     app: Callable[[], Any] = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(one)
     arguments = ["dry=true" if word == "--dry" else word for word in arguments]
-    words = [typed for word in arguments for typed in typed_seeds(word)]
-    words = swept_addresses(words) if {"-m", "--multirun"} & set(arguments) else without_addresses(words)
-    sys.argv = ["jerkbench run", *arranged_words([*folder_words(), *words])]
+    sys.argv = ["jerkbench run", *arranged_words([*folder_words(), *arguments])]
     return app
 
 
 class Conclude(Callback):
-    """Writes the table after a sweep that another launcher than ours has run."""
-
-    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
-        """Forget the order of an earlier sweep that did not come to its end."""
-        rmtree(study_folder(config) / ORDER_FOLDER, ignore_errors=True)
+    """Writes the table after a sweep that another launcher has run."""
 
     def on_multirun_end(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
-        """Write and print the table of the sweep, in planned order; exits as our own launcher would."""
-        if config.hydra.launcher["_target_"] != LAUNCHER:
-            store = Store(study_folder(config))
-            if config.max_seeds:
-                print("Seeds are added by our own launcher only; these are the first.", file=sys.stderr)
-            if cluster_of(config) != LOCAL:
-                print("cluster= is for our own launcher; this sweep ran where its launcher ran it.", file=sys.stderr)
-            study = conclude_study(store, take_order(store.folder.parent), config)
-            if code := (draw_and_report(study, config) if study else 0) or failed_code(study):
-                raise SystemExit(code)
+        """Write and print the table of all that is stored; exits as the built-in launcher would."""
+        if config.hydra.launcher["_target_"] == LAUNCHER or config.dry:
+            return
+        from jerkbench.report.terminal import print_beginning
 
-
-# One job: a single run, one combination of a sweep that another launcher has started, or a trajectory from elsewhere.
+        if config.max_seeds or cluster_of(config) != LOCAL:
+            print("cluster= and max_seeds= have no effect with another launcher.", file=sys.stderr)
+        try:
+            study, table = concluded(study_folder(config), {}, list(config.notes), sys.argv)
+        except JerkbenchError as error:  # Hydra would log more than the message
+            exit_with(error)
+        print_beginning(table)
+        if code := draw_and_report(study, config) or failed_code(study):
+            raise SystemExit(code)
 
 
 def one(config: DictConfig) -> None:
-    """Run one job; what is wrong with an option, or with the combination, is a sentence."""
+    """Run one job: a single run, or one combination of a sweep that another launcher has started."""
     task = HydraConfig.get()
     try:
-        check_options(config)
-        cluster_of(config)  # not needed here; an option that it has not is refused all the same
-        plain: Any = OmegaConf.to_container(config, resolve=True)
-        job = configured_job(plain, task.runtime.choices, list(task.overrides.task))
-        sweeping, store = task.mode == RunMode.MULTIRUN, Store(study_folder(config))
+        options: Any = OmegaConf.to_container(config, resolve=True)
+        job = configured_job(options, task.runtime.choices, list(task.overrides.task))
+        check_options(options)
+        cluster_of(options)  # not needed here, but its options are checked
+        sweeping, store = task.mode == RunMode.MULTIRUN, Store(study_folder(options))
         if not sweeping and (ignored := ignored_combinations(task.sweeper.get("params"), task.overrides.task)):
             swept = f"1 of the {ignored + 1} combinations of values that the experiment sweeps, and ignores {ignored}"
             print(f"This command runs {swept}; add -m to run all of them.", file=sys.stderr)
@@ -108,31 +94,32 @@ def one(config: DictConfig) -> None:
         plan = planned([job])
         for line in first_remarks(plan.jobs, shared_inputs()):
             print(line, file=sys.stderr)
-        if config.dry:
-            tell(plan, store, config)
-            return
-        if sweeping:
-            note_place(store.folder.parent, int(task.job.num), plan.jobs[0])
+        if options["dry"]:
+            tell(plan, store, options)
+        elif sweeping:
             run_missing(plan, store, progress=Progress(0))
-            return
-        drawing = figures_choice(config.figures) is not Choice.NONE
-        engine, model = job.method.engine, job.method.filter
-        if drawing and hasattr(engine, "prepare") and not isinstance(model, Estimator):
-            engine.prepare(model)  # what a trajectory needs and sums do not: to compile it takes as long as all else
-        with pulse(lambda seconds: f"Running for {duration(seconds)}."):
-            run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
-        _show(plan, store, config)
-        if not drawing:
-            return
-        from jerkbench.jobs.study_figures import draw_single
-
-        for path in draw_single(plan.jobs[0], study_folder(config), pdf=config.figures_pdf):
-            print(f"Figure: {path}")
-    except JerkbenchError as error:  # here, because Hydra would print more than its sentence
+        else:
+            _run_single(plan, store, options)
+    except JerkbenchError as error:  # Hydra would print more than the message
         exit_with(error)
 
 
-def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, Any] | None = None) -> None:
+def _run_single(plan: Plan, store: Store, options: Options) -> None:
+    drawing = figures_choice(options["figures"]) is not Choice.NONE
+    method = plan.jobs[0].method
+    if drawing and hasattr(method.engine, "prepare") and not isinstance(method.filter, Estimator):
+        method.engine.prepare(method.filter)  # the loop for trajectories, which takes as long as all else to compile
+    with pulse(lambda seconds: f"Running for {duration(seconds)}."):
+        run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
+    _show(plan, store, options)
+    if drawing:
+        from jerkbench.jobs.study_figures import draw_single
+
+        for path in draw_single(plan.jobs[0], study_folder(options), pdf=options["figures_pdf"]):
+            print(f"Figure: {path}")
+
+
+def score_files(words: Composed, pattern: str, label: str, dataset: Mapping[str, Any] | None = None) -> None:
     """Score the files of ``pattern``, store their rows, and print them.
 
     Args:
@@ -147,25 +134,23 @@ def score_files(words: Words, pattern: str, label: str, dataset: Mapping[str, An
     job = words.job(dataset or {}, file=pattern, label=label)
     require_sensible(job)
     plan = planned([job])
-    store = Store(study_folder(words.config))
+    store = Store(study_folder(words.plain))
     run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
-    _show(plan, store, words.config)
-    print(f"\nRows, tables and manifest: {study_folder(words.config)}")
+    _show(plan, store, words.plain)
+    print(f"\nRows, tables and manifest: {study_folder(words.plain)}")
 
 
-def _show(plan: Plan, store: Store, config: DictConfig) -> None:
+def _show(plan: Plan, store: Store, options: Options) -> None:
     """Print rows and notes at once, for files and figures take longer than the run; then write the study."""
     from jerkbench.report.terminal import print_run
 
-    folder = study_folder(config)
+    folder = study_folder(options)
     (stored,), _ = store.read(plan.draws, {key: stretches(own) for key, own in plan.draws.items()})
     print_run(stored.rows)
     for note in stored.metadata["notes"]:
         print(note, flush=True)
-    concluded(folder, plan.draws, list(config.notes), sys.argv)
+    concluded(folder, plan.draws, list(options["notes"]), sys.argv)
 
-
-# The end of a sweep: manifest, tables, figures, report, and the exit code that they come to.
 
 FAILED = 1
 """Exit code of a sweep of which a run failed."""
@@ -241,15 +226,12 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     return 0
 
 
-# The answer of a dry run: what would run, and for how long.
-
-
-def tell(plan: Plan, store: Store, config: DictConfig) -> None:
-    """Say what would run."""
-    for line in forecast(plan, store, config.workers or processors()):
+def tell(plan: Plan, store: Store, options: Options) -> None:
+    """Print what would run, and for how long."""
+    for line in forecast(plan, store, options["workers"] or processors()):
         print(line)
-    if config.max_seeds:
-        print(f"That is the first look; seeds are added up to {config.max_seeds} where a comparison is undecided.")
+    if maximum := options["max_seeds"]:
+        print(f"That is the first look; seeds are added up to {maximum} where a comparison is undecided.")
 
 
 def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]]) -> list[JobReturn]:
@@ -297,7 +279,7 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
     with pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
         composed = compose_jobs(loader, config, jobs)
         config.notes = list(dict.fromkeys(note for job in composed for note in job.plain["notes"]))
-        plan = planned(configured_job(job.plain, job.choices, job.overrides) for job in composed)
+        plan = planned(job.job() for job in composed)
     cluster = cluster_of(config)
     for line in (*plan.refused, *first_complaints(plan.jobs), *first_remarks(plan.jobs, shared_inputs())):
         print(line, file=sys.stderr)
@@ -318,25 +300,3 @@ def _concluded(look: Look, code: int, store: Store, config: DictConfig) -> int:
         asked = any(isinstance(job.method.filter, Command) for job in plan.jobs)
         code = draw_and_report(study, config, run_programs=asked)
     return code or failed_code(study) or lost(store, plan.draws)
-
-
-# The planned order of a sweep whose jobs another launcher than ours runs, each in a process of its
-# own.
-
-ORDER_FOLDER = ".order"
-"""In the study's folder: a file for each job, named by its number."""
-
-
-def note_place(folder: Path, number: int, job: Job) -> None:
-    """Note what the job ``number`` is: a cell, and its seeds."""
-    write_text(folder / ORDER_FOLDER / f"{number:07d}", json.dumps([job.key, list(job.draws)]))
-
-
-def take_order(folder: Path) -> dict[str, list[int]]:
-    """Return the cells of all jobs in order, each with its seeds, and delete the notes."""
-    found: dict[str, set[int]] = {}
-    for path in sorted(path for path in (folder / ORDER_FOLDER).glob("*") if path.name.isdecimal()):
-        key, draws = json.loads(path.read_text(encoding="utf-8"))
-        found.setdefault(key, set()).update(draws)
-    rmtree(folder / ORDER_FOLDER, ignore_errors=True)
-    return {key: sorted(draws) for key, draws in found.items()}

@@ -2,10 +2,12 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache, cached_property
+from inspect import signature
 from pathlib import Path
+from pydoc import locate
 from typing import Any, cast
 
 from hydra._internal.sources_registry import SourcesRegistry
@@ -19,9 +21,10 @@ from jerkbench import plugins
 from jerkbench.contracts import preferred_attitude
 from jerkbench.errors import PluginError, require_known
 from jerkbench.files import require_small
+from jerkbench.jobs.executors import Cluster
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.jobs.labels import GROUPS, labels_of
-from jerkbench.presets import config_folder, environment_variable, require_harmless
+from jerkbench.presets import config_folder, environment_variable, preset, require_harmless
 from jerkbench.renamed import RENAMED, new_name, refuse_removed
 from jerkbench.report import Choice, figures_choice
 from jerkbench.timeline import RScale
@@ -93,10 +96,14 @@ def register_schemas() -> None:
             store.store(group=kind, name=old, node={"defaults": [new]})
 
 
-def study_folder(config: DictConfig) -> Path:
+Options = Mapping[Any, Any]
+"""A configuration of Hydra, or the same as plain data."""
+
+
+def study_folder(options: Options) -> Path:
     """Return the folder of the configuration's study."""
-    refuse_removed([f"results={config.results}"])
-    return Path(str(config.results)) / str(config.study)
+    refuse_removed([f"results={options['results']}"])
+    return Path(str(options["results"])) / str(options["study"])
 
 
 def configured_job(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Job:
@@ -233,24 +240,59 @@ _LONGEST_NAME = 255
 """Bytes of a folder's name, on the file systems that there are."""
 
 
-def check_options(config: DictConfig) -> None:
-    """Check where the results go, how many processes work and which seeds are added, before anything is written.
+def check_options(options: Options) -> None:
+    """Check where the results go, the number of processes and the seeds, before anything is written.
 
     Raises:
-        PluginError: the study's name is no name of a folder, or a number of workers or seeds makes no sense.
+        PluginError: the study is not the name of a folder, or a number of workers or seeds is invalid.
         MissingMandatoryValue: one of them has no value.
     """
-    study = str(config.study)
-    if not re.fullmatch(r"[^/\\\x00-\x1f\x7f]+", study) or study in (".", ".."):
+    study, seeds, max_seeds, workers = (options[name] for name in ("study", "seeds", "max_seeds", "workers"))
+    if not re.fullmatch(r"[^/\\\x00-\x1f\x7f]+", str(study)) or str(study) in (".", ".."):
         raise PluginError(
-            f"study is '{study}'; it must be the name of one folder, which is made in results={config.results}."
+            f"study is '{study}'; it must be the name of one folder, which is made in results={options['results']}."
         )
-    if len(os.fsencode(study)) > _LONGEST_NAME:
+    if len(os.fsencode(str(study))) > _LONGEST_NAME:
         raise PluginError(f"study has {len(study)} letters ('{study[:20]}...'); a folder's name has at most 255 bytes.")
-    if config.max_seeds and config.max_seeds < config.seeds:
-        raise PluginError(f"max_seeds is {config.max_seeds}; give as many as seeds={config.seeds}, or 0 for no more.")
-    if config.workers < 0:
-        raise PluginError(f"workers is {config.workers}; give 0 (one for each processor) or more.")
-    for note in config.notes:
+    if max_seeds and max_seeds < seeds:
+        raise PluginError(f"max_seeds is {max_seeds}; give as many as seeds={seeds}, or 0 for no more.")
+    if workers < 0:
+        raise PluginError(f"workers is {workers}; give 0 (one for each processor) or more.")
+    for note in options["notes"]:
         if not isinstance(note, str):
             raise PluginError(f"notes has the entry {note}; each note must be text: notes=['tuned on seeds 0 to 9'].")
+
+
+CLUSTERS = tuple(f"jerkbench.jobs.executors.{name}" for name in ("Local", "Dask", "JobQueue"))
+"""The classes that a preset of the group `cluster` may name."""
+
+
+def cluster_of(options: Options) -> Cluster:
+    """Create the cluster of a sweep.
+
+    Raises:
+        PluginError: no cluster is chosen, its class is not one of `CLUSTERS`, or the class does not have the options.
+    """
+    chosen = options["cluster"]
+    if not (isinstance(chosen, Mapping) and chosen.get("_target_")):
+        raise PluginError("No cluster is chosen; give cluster=NAME, for example cluster=local.")
+    own: Any = OmegaConf.to_container(chosen, resolve=True) if isinstance(chosen, DictConfig) else dict(chosen)
+    name = own.pop("_target_")
+    require_known("class of the cluster", str(name), CLUSTERS)
+    cls = cast("Callable[..., Cluster]", locate(name))
+    for key in own:
+        require_known("option", f"cluster.{key}", [f"cluster.{name}" for name in signature(cls).parameters])
+    try:
+        return cls(**own)
+    except TypeError as error:
+        raise PluginError(f"The cluster {name} cannot be created: {error}.") from error
+
+
+def cluster_named(name: str) -> Cluster:
+    """Create the cluster of the preset conf/cluster/``name``.yaml.
+
+    Raises:
+        PluginError: there is none, or it cannot be created.
+    """
+    refuse_removed([f"cluster={name}"])
+    return cluster_of({"cluster": preset("cluster", name)})

@@ -8,18 +8,15 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, require_known
 from jerkbench.files import write_text
-from jerkbench.hydra_app.composition import owner
-from jerkbench.hydra_app.configuration import study_folder
-from jerkbench.hydra_app.typed_words import no_assignment
-from jerkbench.hydra_app.words import cluster_of, composed
+from jerkbench.hydra_app.composition import composed
+from jerkbench.hydra_app.configuration import cluster_of, study_folder
+from jerkbench.hydra_app.overrides import owner, parsed_override
 from jerkbench.jobs.executors import LOCAL, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
@@ -108,10 +105,7 @@ def _combinations(words: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """Return every combination of the values that are separated by commas."""
     several = []
     for word in words:
-        try:
-            override = OverridesParser.create().parse_override(word)
-        except HydraException as error:
-            raise PluginError(no_assignment(word)) from error
+        override = parsed_override(word)
         key, sweeps = override.get_key_element(), override.is_sweep_override()
         several.append([f"{key}={value}" for value in override.sweep_string_iterator()] if sweeps else [word])
     return tuple(itertools.product(*several))
@@ -138,10 +132,10 @@ def tune_all(words: Sequence[str], *, several: bool) -> None:
     shared = [word for word in others if owner(word) not in groups]
     options, words_of_scenarios = _options(own), _combinations(shared)
     methods = [[composed([*scenario, *method]) for scenario in words_of_scenarios] for method in words_of_methods]
-    config = methods[0][0].config
+    config = methods[0][0].plain
     jobs = [[composition.job() for composition in scenarios] for scenarios in methods]
     chosen = cluster_of(config)
-    count = config.workers or processors()
+    count = config["workers"] or processors()
     workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
     usual = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
     objective = objective_of(usual if options.objective == "auto" else options.objective)
@@ -152,7 +146,7 @@ def tune_all(words: Sequence[str], *, several: bool) -> None:
     drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
     measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
     spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in jobs]
-    cases = [cases_of(scenarios, options, config.first_seed) for scenarios in jobs]
+    cases = [cases_of(scenarios, options, config["first_seed"]) for scenarios in jobs]
     folder = study_folder(config) / "tune"
     names = _names([scenarios[0] for scenarios in jobs])
     settings = len(names) * budget.trials * effort.restarts
@@ -163,7 +157,7 @@ def tune_all(words: Sequence[str], *, several: bool) -> None:
     for tuning, method in zip(tunings, words_of_methods, strict=True):
         into = folder / tuning.name
         command = _command(tuning, into / "conf", shared, method, several=len(words_of_scenarios) > 1)
-        _write(tuning, into, command, figures=figures_choice(config.figures) is not Choice.NONE)
+        _write(tuning, into, command, figures=figures_choice(config["figures"]) is not Choice.NONE)
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
 

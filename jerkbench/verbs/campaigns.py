@@ -88,7 +88,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.audit.answer import AUDIT_FOLDER, compare_audits, judged_audit
     from jerkbench.audit.protocol import read_protocol
     from jerkbench.audit.runs import run_audit
-    from jerkbench.hydra_app.words import cluster_named
+    from jerkbench.hydra_app.configuration import cluster_named
     from jerkbench.jobs.executors import processors
 
     workers = chosen.workers or processors()
@@ -131,7 +131,7 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
-    from jerkbench.hydra_app.words import cluster_named
+    from jerkbench.hydra_app.configuration import cluster_named
     from jerkbench.jobs.executors import Workers, processors
     from jerkbench.suite.entry import enter
     from jerkbench.tuning.entrant import Entrant, Site
@@ -150,8 +150,8 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
 
 def _spec(words: Sequence[str]) -> "Mapping[str, Any]":
     from jerkbench.errors import PluginError
-    from jerkbench.hydra_app.composition import owner
-    from jerkbench.hydra_app.words import composed
+    from jerkbench.hydra_app.composition import composed
+    from jerkbench.hydra_app.overrides import owner
 
     for word in words:
         if owner(word) not in ENTRANT_GROUPS:

@@ -189,7 +189,7 @@ def data_export_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: the folder is there, a format or a word is unknown, or a format lacks something.
     """
-    from jerkbench.hydra_app.words import composed
+    from jerkbench.hydra_app.composition import composed
     from jerkbench.io.recording_folder import FORMATS, write_recording, write_reference
     from jerkbench.jobs.inputs import shared_inputs
 

@@ -108,7 +108,7 @@ def score_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: no file is given or there is none, or the words describe no recording.
     """
     from jerkbench.hydra_app.app import score_files
-    from jerkbench.hydra_app.words import composed
+    from jerkbench.hydra_app.composition import composed
     from jerkbench.io.trajectory import SEED, pattern_of, seeds_of
 
     files = [word for word in chosen.words if not WORD.match(word)]

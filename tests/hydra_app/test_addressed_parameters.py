@@ -4,7 +4,8 @@ import pandas as pd
 import pytest
 
 from commands import SHORT, swept, verb
-from jerkbench.hydra_app.sweep_words import address, without_addresses
+from jerkbench.errors import PluginError
+from jerkbench.hydra_app.overrides import arranged_words
 
 
 def adaptations(folder):
@@ -34,8 +35,8 @@ def test_a_preset_is_addressed_by_its_own_name_and_by_that_of_its_plugin(tmp_pat
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["adaptation=none,mtf", "adaptation.huber.k=1"], "nothing that is to run has adaptation=huber; choose it too"),
-        (["adaptation=mtf,student_t", "adaptation.window=1,4"], "by the name of its plugin: adaptation.mtf.window=..."),
+        (["adaptation=none,mtf", "adaptation.huber.k=1"], "No combination has adaptation=huber"),
+        (["adaptation=mtf,student_t", "adaptation.window=1,4"], "adaptation.NAME.window=VALUE"),
         (["adaptation=none,mtf", "adaptation.mtf.windw=1"], "There is no option 'adaptation.windw'"),
     ],
 )
@@ -48,14 +49,12 @@ def test_what_fits_nowhere_is_a_sentence(tmp_path, words, sentence):
 
 
 def test_a_single_run_takes_the_address_of_what_it_has():
-    assert without_addresses(["adaptation=mtf", "adaptation.mtf.window=4"]) == ["adaptation=mtf", "adaptation.window=4"]
-    assert without_addresses(["filter.baseline.accel_mps2=1"]) == ["filter.accel_mps2=1"]
-    with pytest.raises(Exception, match="has adaptation=mtf; choose it too"):
-        without_addresses(["adaptation.mtf.window=4"])
+    assert arranged_words(["adaptation=mtf", "adaptation.mtf.window=4"]) == ["adaptation=mtf", "adaptation.window=4"]
+    assert arranged_words(["filter.baseline.accel_mps2=1"]) == ["filter.accel_mps2=1"]
+    with pytest.raises(PluginError, match="adaptation=mtf is not chosen"):
+        arranged_words(["adaptation.mtf.window=4"])
 
 
-@pytest.mark.parametrize(
-    "word", ["adaptation.window=4", "disturbance.imu_bias.accel_mps2=1", "-m", "hydra.sweep.dir=x.y"]
-)
+@pytest.mark.parametrize("word", ["adaptation.window=4", "disturbance.imu_bias.accel_mps2=1", "hydra.sweep.dir=x.y"])
 def test_other_words_have_no_address(word):
-    assert address(word) is None
+    assert arranged_words([word]) == [word]

@@ -5,7 +5,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from hydra_plugins.jerkbench import JerkbenchSweeper
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app import sweep_words
+from jerkbench.hydra_app import overrides
 
 
 def jobs(*words):
@@ -36,5 +36,5 @@ def test_more_combinations_than_can_be_held_are_refused_at_once(words):
 
 
 def test_a_key_that_is_given_twice_counts_once(monkeypatch):
-    monkeypatch.setattr(sweep_words, "MOST_COMBINATIONS", 3)
+    monkeypatch.setattr(overrides, "MAX_COMBINATIONS", 3)
     assert jobs("seeds=1,2", "seeds=3,4") == ["seeds=3", "seeds=4"]

@@ -3,8 +3,8 @@
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from jerkbench.hydra_app.typed_words import quoted
-from jerkbench.hydra_app.words import composed
+from jerkbench.hydra_app.composition import composed
+from jerkbench.hydra_app.overrides import arranged_words
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from jerkbench.hydra_app.words import composed
     ],
 )
 def test_a_command_is_one_value_with_its_braces_and_quotation_marks(text):
-    (word,) = quoted([f"filter.command={text}"])
+    (word,) = arranged_words([f"filter.command={text}"])
 
     assert OverridesParser.create().parse_override(word).value() == text
 
@@ -26,12 +26,11 @@ def test_other_words_and_those_in_quotation_marks_stay_as_they_are():
     words = [
         "filter=command",
         "filter.time_limit_s=3",
-        "filter.command='a','b'",
         'filter.label="x y"',
         "filter.command=",
     ]
 
-    assert quoted(words) == words
+    assert arranged_words(words) == words
 
 
 def test_the_words_of_run_describe_the_same_cell():

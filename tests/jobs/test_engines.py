@@ -8,7 +8,7 @@ import pytest
 import pages
 from commands import swept
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.typed_words import arranged_words
+from jerkbench.hydra_app.overrides import arranged_words
 from jerkbench.jobs.executors import ClusterError, required
 from jerkbench.presets import config_folder, preset_names
 
