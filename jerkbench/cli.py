@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, cast
 
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with, let_interrupt_through
 from jerkbench.notices import plain_output
@@ -65,6 +66,10 @@ SMALLER = "take fewer seeds or workers, shorter data, or a larger machine."
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
+    if "_ARGCOMPLETE" in os.environ:
+        from argcomplete import autocomplete
+
+        autocomplete(parser(), default_completer=cast("Any", _overrides))
     words = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
         _collect_seldom()
@@ -88,6 +93,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
             with _files_in_words("{path} cannot be read or written: {reason}; correct the path."):
                 chosen = _chosen(words)
                 chosen.answer(chosen)
+
+
+def _overrides(prefix: str, **_: object) -> list[str]:
+    """Return the overrides that begin with ``prefix``, for the completion of a shell: GROUP= and GROUP=NAME."""
+    from jerkbench.hydra_app.overrides import NAMED_GROUPS, names_in
+
+    group, equals, _names = prefix.partition("=")
+    words = [f"{group}={name}" for name in names_in(group)] if equals else [f"{group}=" for group in NAMED_GROUPS]
+    return [word for word in words if word.startswith(prefix)]
 
 
 @contextmanager

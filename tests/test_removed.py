@@ -28,6 +28,7 @@ TYPED = [
     (("audit", "--attribution"), "what each step brings"),
     (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
     (("audit", "attitude", "--settings", "3"), "filter=attitude_only"),
+    (("completion", "bash"), "argcomplete"),
     (("run", "-m", "tags=[thesis]"), "study=NAME"),
     (("table", "results/a", "--tag", "thesis"), "study=NAME"),
     (("run", "-m", "filter=eskf15,fgo"), "examples/fgo"),

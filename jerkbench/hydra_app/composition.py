@@ -1,10 +1,9 @@
 """The jobs of a sweep: Hydra composes a base configuration once; the choices and values of each job are put into it."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 from hydra import compose, initialize_config_dir
 from hydra.core.config_loader import ConfigLoader
@@ -13,9 +12,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError, PluginError, let_interrupt_through
+from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.hydra_app.configuration import (
-    Schema,
     check_options,
     configured_job,
     register_hydra_parts,
@@ -36,15 +34,8 @@ from jerkbench.contracts import preferred_attitude
 from jerkbench.presets import config_folder, folder_words, user_folders
 from jerkbench.renamed import new_name
 
-PLACED_GROUPS = (*GROUPS, "disturbance", "noise")
-"""Groups whose choices are put into a base configuration."""
-
-DEPTH = {
-    **dict.fromkeys({f.name for f in fields(Schema)} - {*PLACED_GROUPS, "cluster"}, 1),
-    **dict.fromkeys((*GROUPS, "noise", "r_scale"), 2),
-    "disturbance": 3,
-}
-"""For each option and group the number of names in the key of a value."""
+DEPTH = {**dict.fromkeys((*GROUPS, "noise", "r_scale"), 2), "disturbance": 3}
+"""The groups that are put into a base configuration, and the number of names in the key of a value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +87,7 @@ def composed(words: Sequence[str]) -> Composed:
 
 
 def compose_jobs(loader: ConfigLoader, sweep: DictConfig, jobs: Sequence[Sequence[str]]) -> list[Composed]:
-    """Compose every job of a sweep.
+    """Compose every job of a sweep once.
 
     A parameter with the name of its plugin (``adaptation.mtf.window=4``, ``disturbance.gnss_outage.first_s=8``) is
     given to the jobs that choose this plugin, and removed from the overrides of the others.
@@ -106,118 +97,86 @@ def compose_jobs(loader: ConfigLoader, sweep: DictConfig, jobs: Sequence[Sequenc
         PluginError: there is no such parameter, or no job chooses its plugin.
     """
     composer = _Composer(loader, sweep)
-    return composer.compose_all(jobs)
-
-
-class _Setting(NamedTuple):
-    """An override that is put into a base configuration.
-
-    Attributes:
-        path: the names in its key.
-        value: of a choice the tuple of its names.
-        addressed: whether the second name is that of a plugin or preset, which a job may choose or not.
-    """
-
-    path: tuple[str, ...]
-    value: Any
-    addressed: bool
-
-    @property
-    def choice(self) -> str:
-        """The group in which it chooses; empty for a value."""
-        return self.path[0] if len(self.path) == 1 and self.path[0] in PLACED_GROUPS else ""
+    composed_jobs = [composer.compose(job) for job in jobs]
+    for group, name, parameter in sorted(composer.unused - composer.used):
+        raise PluginError(
+            f"No combination has {group}={name}, so {group}.{name}.{parameter} has no effect; add {name} to {group} or"
+            " leave the parameter out."
+        )
+    return list({tuple(job.overrides): job for job in composed_jobs}.values())
 
 
 class _Composer:
+    """Puts choices and values into bases that Hydra has composed.
+
+    An override that can be put into a base is a path and a value: ``(group,)`` and the chosen names,
+    ``(group, parameter)`` or ``(group, name, parameter)`` and the value. Hydra applies all other overrides.
+    """
+
     def __init__(self, loader: ConfigLoader, sweep: DictConfig) -> None:
         self._loader, self._sweep = loader, sweep
         self._base, self._setting = cache(self._of_hydra), cache(self._read)
         self._unchanged, self._alone = cache(self._is_unchanged), cache(_alone)
-        self._options = OmegaConf.structured(Schema)
-        sources = [
-            source for source in sweep.hydra.runtime.config_sources if source.provider not in ("hydra", "schema")
-        ]
+        sources = [one for one in sweep.hydra.runtime.config_sources if one.provider not in ("hydra", "schema")]
         only_ours = len(sources) == 1 + len(user_folders())
-        self._names = {group: _names_of(group) if only_ours else set() for group in PLACED_GROUPS}
+        self._names = {group: _names_of(group) if only_ours else set() for group in DEPTH}
         self._similar: dict[str | None, str] = {}
-        self._used, self._unused = set[tuple[str, ...]](), set[tuple[str, ...]]()
+        self.used, self.unused = set[tuple[str, ...]](), set[tuple[str, ...]]()
 
-    def compose_all(self, jobs: Sequence[Sequence[str]]) -> list[Composed]:
-        composed = [self._compose(job) for job in jobs]
-        for group, name, parameter in sorted(self._unused - self._used):
-            raise PluginError(
-                f"No combination has {group}={name}, so {group}.{name}.{parameter} has no effect; add {name} to {group}"
-                " or leave the parameter out."
-            )
-        return list({tuple(one.overrides): one for one in composed}.values())
-
-    def _compose(self, job: Sequence[str]) -> Composed:
-        settings = [(word, self._setting(word)) for word in job]
-        choices = {setting.choice: setting.value for _, setting in settings if setting and setting.choice}
-        base = self._base(self._others(settings, choices))
+    def compose(self, job: Sequence[str]) -> Composed:
+        choices = {path[0]: names for path, names in filter(None, map(self._setting, job)) if len(path) == 1}
+        base = self._base(self._others(job, choices))
         kept = {group: names for group, names in choices.items() if self._unchanged(base, group)}
         if kept != choices:  # an experiment sets parameters of whatever is chosen: only Hydra knows which
-            base, choices = self._base(self._others(settings, kept)), kept
+            base, choices = self._base(self._others(job, kept)), kept
         plain = base.plain | {group: self._alone(group, names) for group, names in choices.items()}
         named = base.choices | {group: ",".join(names) for group, names in choices.items()}
         overrides = list[str]()
-        for word, setting in settings:
+        for word in job:
+            path, value = self._setting(word) or ((), None)
             typed = word
-            if setting and not setting.choice:
-                path = setting.path
-                if setting.addressed:
-                    group, name, parameter = path
-                    part = plain[group] or {}
-                    if name not in (part if group == "disturbance" else (named[group], part.get("name"))):
-                        self._unused.add(path)
-                        continue
-                    self._used.add(path)
-                    if group != "disturbance":
-                        path, typed = (group, parameter), f"{group}.{word.split('.', 2)[2]}"
-                plain = _with(plain, path, setting.value)
+            if len(path) == 3:
+                group, name, parameter = path
+                part = plain[group] or {}
+                if name not in (part if group == "disturbance" else (named[group], part.get("name"))):
+                    self.unused.add(path)
+                    continue
+                self.used.add(path)
+                if group != "disturbance":
+                    path, typed = (group, parameter), f"{group}.{word.split('.', 2)[2]}"
+            if len(path) > 1:
+                plain = _with(plain, path, value)
             overrides.append(typed)
         if "${" in repr(plain):
             plain = _plain(OmegaConf.create(plain), resolve=True)
         return Composed(plain, named, overrides)
 
-    def _read(self, word: str) -> _Setting | None:
-        """Read an override; None: only Hydra can apply it."""
+    def _read(self, word: str) -> tuple[tuple[str, ...], Any] | None:
+        """Return path and value of an override; None: only Hydra can apply it."""
         key, equals, _ = word.partition("=")
         path = tuple(key.split("."))
         group = path[0]
-        if not equals or not re.fullmatch(r"\w+(\.\w+)*", key) or group not in DEPTH:
+        if not equals or group not in DEPTH:
             return None
         value: Any = parsed_override(word).value()
-        if len(path) == 1 and group in PLACED_GROUPS:
+        if len(path) == 1:
             names = tuple(value) if isinstance(value, list) and group == "disturbance" else (value,)
             known = all(isinstance(name, str) and new_name(group, name) in self._names[group] for name in names)
-            return _Setting(path, names, addressed=False) if names and known else None
-        addressed = is_address(path)
-        if (len(path) != DEPTH[group] and not addressed) or isinstance(value, dict):
-            return None
-        if group not in plugins.KINDS:
-            if "${" in repr(value) or value == "???":
-                return None
-            try:
-                OmegaConf.update(self._options, key, value)
-            except OmegaConfBaseException as error:
-                let_interrupt_through(error)
-                return None
-            value = OmegaConf.select(self._options, key)
-            value = OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
-        return _Setting(path, value, addressed)
+            return (path, names) if names and known else None
+        fits = len(path) == DEPTH[group] or is_address(path)
+        return (path, value) if fits and not isinstance(value, dict) else None
 
-    def _others(self, settings: Sequence[tuple[str, _Setting | None]], choices: Mapping[str, Any]) -> tuple[str, ...]:
+    def _others(self, job: Sequence[str], choices: Mapping[str, Any]) -> tuple[str, ...]:
         """Return the overrides for Hydra: all but values and ``choices``.
 
         A data set may prefer an attitude filter. So one of the data sets with the same preference stands for the chosen
         one, unless an attitude filter is chosen.
         """
-        others = [word for word, one in settings if one is None or (one.choice and one.choice not in choices)]
-        if "dataset" in choices and not any(word.startswith("attitude=") for word, _ in settings):
-            (name,) = choices["dataset"]
-            preferred = preferred_attitude(plugins.get("dataset", self._alone("dataset", (name,))["name"]))
-            others.append(f"dataset={self._similar.setdefault(preferred, name)}")
+        settings = ((word, self._setting(word)) for word in job)
+        others = [word for word, one in settings if one is None or (len(one[0]) == 1 and one[0][0] not in choices)]
+        if "dataset" in choices and not any(word.startswith("attitude=") for word in job):
+            preferred = preferred_attitude(plugins.get("dataset", self._alone("dataset", choices["dataset"])["name"]))
+            others.append(f"dataset={self._similar.setdefault(preferred, choices['dataset'][0])}")
         return tuple(others)
 
     def _of_hydra(self, overrides: tuple[str, ...]) -> Composed:
@@ -226,11 +185,9 @@ class _Composer:
 
     def _is_unchanged(self, base: Composed, group: str) -> bool:
         """Whether a group of a base has what its choice alone brings."""
-        chosen = base.choices.get(group)
-        names = (
-            tuple(base.plain[group] or ()) if group == "disturbance" and chosen not in self._names[group] else (chosen,)
-        )
-        return all(name in self._names[group] for name in names) and base.plain[group] == self._alone(group, names)
+        chosen, part = base.choices.get(group), base.plain[group]
+        names = (chosen,) if group != "disturbance" or chosen in self._names[group] else tuple(part or ())
+        return all(name in self._names[group] for name in names) and part == self._alone(group, names)
 
 
 def _with(plain: dict[str, Any], path: Sequence[str], value: object) -> dict[str, Any]:

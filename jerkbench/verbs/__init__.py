@@ -4,7 +4,7 @@ import argparse
 from functools import cache
 from importlib.metadata import version
 
-from jerkbench.verbs import campaigns, completing, inspecting, plugins, recordings, results, single_runs
+from jerkbench.verbs import campaigns, inspecting, plugins, recordings, results, single_runs
 from jerkbench.verbs.arguments import group
 
 SUITE = group(
@@ -30,14 +30,14 @@ VERBS = (
     *(results.table_verb, results.figures_verb, results.report_verb, results.compare_verb, single_runs.score_verb),
     *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
     *(single_runs.rerun_verb, single_runs.export_verb),
-    *(plugins.new_verb, plugins.check_verb, results.cite_verb, completing.completion_verb),
+    *(plugins.new_verb, plugins.check_verb, results.cite_verb),
 )
 """In the order in which `jerkbench --help` names them."""
 
 
 @cache
 def parser() -> argparse.ArgumentParser:
-    """Return the parser of every verb; of `run` it knows the name, and options for completion."""
+    """Return the parser of every command; of `run`, which Hydra parses, it has what a shell completes."""
     whole = argparse.ArgumentParser(
         prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
     )
@@ -48,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
     run = verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
     for option in ("-m", "--dry", "--cfg"):
         run.add_argument(option)
+    run.add_argument("words", nargs="*")
     for declare in VERBS:
         declare(verbs)
     return whole

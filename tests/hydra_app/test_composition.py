@@ -93,9 +93,9 @@ GRIDS = {
             dataset__duration_s=["20", "30.5"],
             burn_in_s=[0, 7],
         ),
-        1,
+        2,  # options are left to Hydra
     ),
-    "options": (grid(seeds=[2, 3], metrics=["[all]", "[position_rmse]"], r_scale__position=[1, 2]), 1),
+    "options": (grid(seeds=[2, 3], metrics=["[all]", "[position_rmse]"], r_scale__position=[1, 2]), 4),
     "disturbances": (
         grid(
             disturbance=[

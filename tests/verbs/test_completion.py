@@ -1,83 +1,29 @@
-"""The words that a shell offers, asked of Python and of a real bash."""
+"""The words that a shell offers through argcomplete."""
 
-import os
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from commands import verb
-from jerkbench.errors import PluginError
-from jerkbench.verbs.completing import completions
+from commands import environment
+
+pytest.importorskip("argcomplete")
 
 
 @pytest.mark.parametrize(
-    ("line", "some"),
+    ("line", "offered"),
     [
-        ("jerkbench ", {"run", "tune", "smooth", "data", "completion"}),
         ("jerkbench data fe", {"fetch"}),
-        ("jerkbench data fetch ta", {"taroz"}),
-        ("jerkbench suite run adaptation=mtf_", {"adaptation=mtf_block", "adaptation=mtf_nis"}),
-        ("jerkbench run filter=const", {"filter=constant_turn", "filter=constant_velocity"}),
-        ("jerkbench run -m filter=jerk,base", {"filter=jerk,baseline", "filter=jerk,baseline_untuned"}),
-        ("jerkbench run disturbance=[imu_bias,gnss_o", {"disturbance=[imu_bias,gnss_outage"}),
-        ("jerkbench run experiment=pap", {"experiment=paper"}),
-        ("jerkbench run filter=jerk filter.j", {"filter.jerk_mps3_per_sqrt_s="}),
-        ("jerkbench run filter.accel", {"filter.accel_mps2="}),
-        ("jerkbench run disturbance=gnss_outage disturbance.gnss_outage.w", {"disturbance.gnss_outage.windows_s="}),
-        ("jerkbench run dataset=taroz dataset.position_sh", {"dataset.position_shift_s="}),
-        ("jerkbench show filter okf", {"okf"}),
         ("jerkbench tune --mul", {"--multirun"}),
-        ("jerkbench data inspect taro", {"taroz"}),
-        ("jerkbench table results/f", set()),
-        ("jerkbench run nosuch=", set()),
-        ("jerkbench", {"run"}),
+        ("jerkbench run exp", {"experiment="}),
+        ("jerkbench run filter=const", {"filter=constant_turn", "filter=constant_velocity"}),
+        ("jerkbench suite run adaptation=mtf_", {"adaptation=mtf_block", "adaptation=mtf_nis"}),
     ],
 )
-def test_what_may_stand_there_is_offered(line, some):
-    offered = set(completions(line))
+def test_commands_options_and_plugins_are_offered(line, offered, tmp_path):
+    reply = tmp_path / "reply"
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": str(reply), "_ARGCOMPLETE_IFS": "\n"}
+    asked |= {"COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_COMP_WORDBREAKS": " \t"}
+    subprocess.run([sys.executable, "-m", "jerkbench"], env=environment(**asked), check=False, timeout=300)
 
-    assert some <= offered
-    if line.count(" ") > 1:
-        assert offered == some
-
-
-def test_presets_of_ones_own_are_offered(tmp_path):
-    (tmp_path / "dataset").mkdir()
-    (tmp_path / "dataset" / "my_drive.yaml").write_text("defaults: [field, _self_]\n")
-
-    assert completions(f"jerkbench run --config-dir {tmp_path} dataset=my") == ["dataset=my_drive"]
-    assert completions("jerkbench run dataset=my") == []
-    with pytest.raises(PluginError, match="no folder"):
-        completions("jerkbench run --config-dir nowhere dataset=my")
-
-
-@pytest.mark.skipif(not shutil.which("bash"), reason="there is no bash")
-@pytest.mark.parametrize(
-    ("line", "reply"),
-    [
-        ("jerkbench data fe", "fetch"),
-        ("jerkbench run filter=jer", "jerk"),  # readline begins behind =
-        ("jerkbench run -m filter=bias,jer", "bias,jerk"),
-        ("jerkbench run filter=jerk filter.jer", "filter.jerk_mps3_per_sqrt_s="),
-    ],
-)
-def test_bash_completes(line, reply, tmp_path):
-    script = verb("completion", "bash", cwd=tmp_path).stdout
-    asked = f"{script}\nCOMP_LINE='{line}'; COMP_POINT={len(line)}; _jerkbench; printf '%s\\n' \"${{COMPREPLY[@]}}\""
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    done = subprocess.run(
-        ["bash", "-c", asked], env={**os.environ, "PATH": path}, capture_output=True, text=True, check=True
-    )
-
-    assert done.stdout.split() == [reply], done.stderr
-
-
-@pytest.mark.parametrize("shell", ["bash", "fish", "zsh"])
-def test_the_script_of_each_shell_says_where_it_goes(shell, tmp_path):
-    done = verb("completion", shell, cwd=tmp_path)
-
-    assert f"jerkbench completion {shell}" in done.stdout.splitlines()[0]
-    assert f"jerkbench completion {'bash' if shell == 'zsh' else shell} --line" in done.stdout
+    assert {word.strip() for word in reply.read_text(encoding="utf-8").splitlines()} == offered
