@@ -6,14 +6,13 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from jerkbench.hydra_app.configuration import configured_job, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import configured_job, register_schemas
 from jerkbench.presets import config_folder
 
 
 @cache
 def cell(*overrides):
     register_schemas()
-    register_hydra_parts()
     with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}

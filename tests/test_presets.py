@@ -8,7 +8,7 @@ from omegaconf import OmegaConf
 
 from jerkbench import plugins, presets
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import register_schemas
 from jerkbench.presets import config_folder, merged_values, preset, preset_names
 
 KINDS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine")
@@ -18,7 +18,6 @@ SHIPPED = [(kind, name) for kind in KINDS for name in preset_names(kind)]
 @cache
 def by_hydra(kind, name):
     register_schemas()
-    register_hydra_parts()
     with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
         return OmegaConf.to_container(compose("config", [f"{kind}={name}"])[kind], resolve=True)
 

@@ -23,11 +23,10 @@ from jerkbench.hydra_app.configuration import (
     check_options,
     cluster_of,
     configured_job,
-    register_hydra_parts,
     register_schemas,
     study_folder,
 )
-from jerkbench.hydra_app.looks import Look, forecast, looks_left, planned_looks, undecided
+from jerkbench.hydra_app.looks import forecast, looks_left, undecided
 from jerkbench.hydra_app.overrides import arranged_words, ignored_combinations
 from jerkbench.jobs.executors import LOCAL, Cluster, ClusterError, Workers, processors
 from jerkbench.jobs.inputs import shared_inputs
@@ -48,7 +47,6 @@ def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
     if {"-m", "--multirun"} & set(arguments) and {"-c", "--cfg"} & set(arguments):
         raise PluginError("--cfg shows the configuration of one run: leave out -m, and give each option one value.")
     register_schemas()
-    register_hydra_parts()
     app: Callable[[], Any] = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")(one)
     arguments = ["dry=true" if word == "--dry" else word for word in arguments]
     sys.argv = ["jerkbench run", *arranged_words([*folder_words(), *arguments])]
@@ -71,6 +69,7 @@ class Conclude(Callback):
         except JerkbenchError as error:  # Hydra would log more than the message
             exit_with(error)
         print_beginning(table)
+        print(f"\nRows, tables and manifest: {study.folder}", flush=True)
         if code := draw_and_report(study, config) or failed_code(study):
             raise SystemExit(code)
 
@@ -245,17 +244,17 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
     if config.dry:
         tell(plan, store, config)
         return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
-    every = planned_looks(plan, config.seeds, config.max_seeds)
-    code, look = 0, every[0]
+    every = looks_left(plan, config.seeds, config.max_seeds, store)
+    code, (plan, level) = 0, every[0]
     try:
         with Workers(cluster, config.workers or processors()) as workers:
-            for look in looks_left(every, store):
-                run_missing(look.plan, store, workers)
-                if look.last or not undecided(load_study(store.folder.parent, look.plan.draws), look.level):
+            for plan, level in every:
+                run_missing(plan, store, workers)
+                if plan is every[-1][0] or not undecided(load_study(store.folder.parent, plan.draws), level):
                     break
     except (KeyboardInterrupt, OSError, JerkbenchError) as error:
         code = ended_by(error)
-    if code := _concluded(look, code, store, config):
+    if code := _concluded(plan, level if config.max_seeds else None, code, store, config):
         raise SystemExit(code)
     return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
 
@@ -288,11 +287,10 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
     return plan, cluster
 
 
-def _concluded(look: Look, code: int, store: Store, config: DictConfig) -> int:
-    """Write and print what came of a sweep that ended with ``code`` in a look; returns its exit code."""
-    plan = look.plan
+def _concluded(plan: Plan, level: float | None, code: int, store: Store, config: DictConfig) -> int:
+    """Write and print the results of a sweep that ended with ``code``; returns its exit code."""
     try:
-        study = conclude_study(store, plan.draws, config, look.level if config.max_seeds else None)
+        study = conclude_study(store, plan.draws, config, level)
     except OSError as error:
         print(f"jerkbench: the tables cannot be written: {error}. What is done is stored.", file=sys.stderr)
         return FAILED

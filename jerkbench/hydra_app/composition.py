@@ -16,7 +16,6 @@ from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.hydra_app.configuration import (
     check_options,
     configured_job,
-    register_hydra_parts,
     register_schemas,
 )
 from jerkbench.hydra_app.overrides import (
@@ -74,7 +73,6 @@ def composed(words: Sequence[str]) -> Composed:
         JerkbenchError: an override is unknown or has a wrong type, or an option is invalid.
     """
     register_schemas()
-    register_hydra_parts()
     overrides = arranged_words(words)
     try:
         with initialize_config_dir(str(config_folder()), version_base="1.3"):

@@ -82,8 +82,13 @@ class Schema:
     r_scale: Any = field(default_factory=ToldR)
 
 
+LAUNCHER = "hydra_plugins.jerkbench.JerkbenchLauncher"
+SWEEPER = "hydra_plugins.jerkbench.JerkbenchSweeper"
+
+
 def register_schemas() -> None:
-    """Put the schema and every plugin into Hydra's ConfigStore."""
+    """Put the schema, every plugin, and our launcher, sweeper and callback into Hydra's ConfigStore."""
+    _check_files()
     OmegaConf.register_new_resolver("oc.env", environment_variable, replace=True)
     store = ConfigStore.instance()
     store.store(name="schema", node=Schema)
@@ -94,6 +99,13 @@ def register_schemas() -> None:
     for kind, names in RENAMED.items():
         for old, new in names.items():
             store.store(group=kind, name=old, node={"defaults": [new]})
+    parts: dict[str, dict[str, Any]] = {
+        "launcher": {"_target_": LAUNCHER},
+        "sweeper": {"_target_": SWEEPER, "max_batch_size": None, "params": {}},
+        "callbacks": {"conclude": {"_target_": "jerkbench.hydra_app.app.Conclude"}},
+    }
+    for group, node in parts.items():
+        store.store(group=f"hydra/{group}", name="jerkbench", node=node)
 
 
 Options = Mapping[Any, Any]
@@ -117,10 +129,7 @@ def configured_job(plain: Mapping[str, Any], choices: Mapping[str, Any], overrid
     Raises:
         PluginError: a plugin does not take its parameters, or something is not chosen.
     """
-    require_whole(plain)
-    for group in GROUPS:
-        if group not in choices:
-            raise PluginError(f"{group} takes one plugin; to run several, give -m and {group}=A,B.")
+    _require_complete(plain, choices)
     spec = {group: plain[group] for group in GROUPS}
     spec["disturbance"] = list(plain["disturbance"].values())
     spec.update({name: plain[name] for name in ("noise", "r_scale", "metrics")})
@@ -129,42 +138,28 @@ def configured_job(plain: Mapping[str, Any], choices: Mapping[str, Any], overrid
     return build(spec, protocol, labels_of(spec, today, overrides))
 
 
-def require_whole(plain: Mapping[str, Any]) -> None:
-    """Check that a composed configuration has a value for each option, and a plugin for each group.
-
-    Raises:
-        PluginError: it has not; a preset of one's own may set anything. There is no such option or choice of figures.
-    """
-    _require_known(plain, Schema)
+def _require_complete(plain: Mapping[str, Any], choices: Mapping[str, Any]) -> None:
+    """Refuse unknown options (``+KEY=...``), options without a value, and groups without a plugin."""
+    for owner, values, schema in (("", plain, Schema), ("noise.", plain.get("noise", {}), Noise)):
+        for key in values:
+            require_known("option", f"{owner}{key}", [f"{owner}{f.name}" for f in fields(schema)])
     for f in fields(Schema):
         if plain.get(f.name, MISSING) == MISSING:
             raise PluginError(f"{f.name} has no value; give {f.name}=...")
-    _require_known(plain["noise"], Noise, "noise.")
     figures_choice(plain["figures"])
     for kind in GROUPS:
-        if not (isinstance(plain[kind], Mapping) and plain[kind].get("name")):
-            raise PluginError(f"No {kind} is chosen; give {kind}=NAME (`jerkbench list {kind}` says what there is).")
-    _require_disturbances(plain["disturbance"])
+        if kind not in choices or not _is_named(plain[kind]):
+            raise PluginError(f"No {kind} is chosen, or several; give {kind}=NAME (`jerkbench list {kind}`).")
+    chosen = plain["disturbance"]
+    if not (isinstance(chosen, Mapping) and chosen and all(map(_is_named, chosen.values()))):
+        raise PluginError(
+            "No disturbance is chosen, or one has no name. Give disturbance=none for no disturbance. A preset of"
+            " disturbances begins with the line '# @package disturbance' and names them in its defaults."
+        )
 
 
-def _require_known(plain: Mapping[str, Any], schema: type, owner: str = "") -> None:
-    """Refuse an option that was added (``+KEY=...``): the schema, whose ``owner`` goes before each key, has it not."""
-    options = [f"{owner}{f.name}" for f in fields(schema)]
-    for key in plain:
-        require_known("option", f"{owner}{key}", options)
-
-
-def _require_disturbances(chosen: object) -> None:
-    if not (isinstance(chosen, Mapping) and chosen):
-        raise PluginError("No disturbance is chosen; where there is none, give disturbance=none.")
-    for key, value in chosen.items():
-        if not isinstance(value, Mapping):
-            raise PluginError(
-                f"The chosen preset of disturbance sets {key}={value}, where each disturbance stands under its name;"
-                " begin the file with the line '# @package disturbance.NAME', or put its parameters below NAME."
-            )
-        if not value.get("name"):
-            raise PluginError(f"disturbance.{key} has parameters and no name; write {key} into the preset's defaults.")
+def _is_named(part: object) -> bool:
+    return isinstance(part, Mapping) and bool(part.get("name"))
 
 
 class PluginNode(ConfigNode):
@@ -195,19 +190,13 @@ def _schema(kind: str, plugin: str, attitude: str | None) -> DictConfig:
     return cast("DictConfig", schema)
 
 
-# Our launcher, sweeper and callback, by the names under which the configuration chooses them.
-
-SWEEPER = "hydra_plugins.jerkbench.JerkbenchSweeper"
-LAUNCHER = "hydra_plugins.jerkbench.JerkbenchLauncher"
-
-
-def _measure_files() -> None:
-    """Let Hydra read a file only after it was measured; Hydra loads its class of files itself, from its plugins."""
+def _check_files() -> None:
+    """Let Hydra read a file only if it is small and harmless; the class of files comes from Hydra's plugins."""
     Plugins.instance()
     source = SourcesRegistry.instance().resolve("file")
     load = source.load_config
 
-    def measured(self: Any, config_path: str) -> ConfigResult:  # noqa: ANN401 - the class that Hydra has loaded
+    def checked(self: Any, config_path: str) -> ConfigResult:  # noqa: ANN401 - the class that Hydra has loaded
         path = Path(self.path) / self._normalize_file_name(config_path)
         try:
             if path.is_file():
@@ -219,25 +208,8 @@ def _measure_files() -> None:
             require_harmless(path, OmegaConf.to_container(result.config), config_path, result.header["package"])
         return result
 
-    if load.__name__ != measured.__name__:
-        setattr(source, "load_config", measured)  # noqa: B010 - mypy lets no method be replaced
-
-
-def register_hydra_parts() -> None:
-    """Put them into Hydra's ConfigStore, and a measure of each file before Hydra reads it."""
-    _measure_files()
-    store = ConfigStore.instance()
-    store.store(group="hydra/launcher", name="jerkbench", node={"_target_": LAUNCHER})
-    sweeper: dict[str, Any] = {"_target_": SWEEPER, "max_batch_size": None, "params": {}}
-    store.store(group="hydra/sweeper", name="jerkbench", node=sweeper)
-    callback = {"conclude": {"_target_": "jerkbench.hydra_app.app.Conclude"}}
-    store.store(group="hydra/callbacks", name="jerkbench", node=callback)
-
-
-# Checks of options that belong to no cell.
-
-_LONGEST_NAME = 255
-"""Bytes of a folder's name, on the file systems that there are."""
+    if load.__name__ != checked.__name__:
+        setattr(source, "load_config", checked)  # noqa: B010 - mypy lets no method be replaced
 
 
 def check_options(options: Options) -> None:
@@ -252,8 +224,6 @@ def check_options(options: Options) -> None:
         raise PluginError(
             f"study is '{study}'; it must be the name of one folder, which is made in results={options['results']}."
         )
-    if len(os.fsencode(str(study))) > _LONGEST_NAME:
-        raise PluginError(f"study has {len(study)} letters ('{study[:20]}...'); a folder's name has at most 255 bytes.")
     if max_seeds and max_seeds < seeds:
         raise PluginError(f"max_seeds is {max_seeds}; give as many as seeds={seeds}, or 0 for no more.")
     if workers < 0:

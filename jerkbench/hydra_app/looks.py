@@ -3,9 +3,9 @@
 import dataclasses
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import compress
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,20 +27,6 @@ MOST_AUTO_SEEDS = 400
 """Seeds where ``seeds=auto`` says no more."""
 
 
-class Look(NamedTuple):
-    """What is run before the results are looked at.
-
-    Attributes:
-        plan: with the seeds of this look.
-        level: what this look may spend of the study's 5 %.
-        last: whether no other follows.
-    """
-
-    plan: Plan
-    level: float
-    last: bool
-
-
 def typed(word: str) -> list[str]:
     """Return ``seeds=auto(max=400)`` as the two options that it stands for; another word as it is.
 
@@ -56,20 +42,19 @@ def typed(word: str) -> list[str]:
     return [f"seeds={FIRST}", f"max_seeds={most}"]
 
 
-def planned_looks(plan: Plan, first: int, most: int) -> list[Look]:
-    """Return every look, from ``first`` seeds to ``most``; where nothing is random, one."""
-    if most <= first or not any(job.scenario.seeded for job in plan.jobs):
-        return [Look(plan, 0.05, last=True)]
-    sizes = looks(most, first)
-    plans = (Plan(tuple(_with_seeds(job, size) for job in plan.jobs), plan.refused) for size in sizes)
-    return [Look(own, float(level), size == most) for own, size, level in zip(plans, sizes, levels(sizes), strict=True)]
+def looks_left(plan: Plan, first: int, most: int, store: Store) -> list[tuple[Plan, float]]:
+    """Return the last look whose runs are all stored, and those after it; the runs of a look are in the next one.
 
-
-def looks_left(planned: Sequence[Look], store: Store) -> Sequence[Look]:
-    """Return the last look whose runs are all stored, and those after it; the runs of a look are in the next one."""
-    known = store.known(planned[-1].plan.draws)
-    done = [not any(missing(job, known.get(job.key, ())) for job in look.plan.jobs) for look in planned]
-    return planned[max((k for k, whole in enumerate(done) if whole), default=0) :]
+    A look is a plan and the part of the study's 5 % that its verdicts may spend.
+    """
+    sizes, plans = [first], [plan]
+    if most > first and any(job.scenario.seeded for job in plan.jobs):
+        sizes = looks(most, first)
+        plans = [Plan(tuple(_with_seeds(job, size) for job in plan.jobs), plan.refused) for size in sizes]
+    known = store.known(plans[-1].draws)
+    done = [not any(missing(job, known.get(job.key, ())) for job in own.jobs) for own in plans]
+    start = max((k for k, whole in enumerate(done) if whole), default=0)
+    return list(zip(plans, map(float, levels(sizes)), strict=True))[start:]
 
 
 def undecided(study: Study, level: float) -> int:

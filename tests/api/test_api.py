@@ -11,7 +11,7 @@ from omegaconf import OmegaConf
 import jerkbench
 from commands import verb as command_line
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import Schema, configured_job, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import Schema, configured_job, register_schemas
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import job_of_parts
@@ -26,7 +26,6 @@ DRIVE = {"name": "rtklib", "folder": "anywhere"}
 def by_words(*overrides):
     """The cell that the command line makes of its words."""
     register_schemas()
-    register_hydra_parts()
     with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
         config = compose("config", list(overrides), return_hydra_config=True)
         bare = {key: value for key, value in config.items() if key != "hydra"}

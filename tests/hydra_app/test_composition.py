@@ -12,14 +12,13 @@ from omegaconf import OmegaConf
 from jerkbench import plugins
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.composition import compose_jobs
-from jerkbench.hydra_app.configuration import configured_job, register_hydra_parts, register_schemas
+from jerkbench.hydra_app.configuration import configured_job, register_schemas
 from jerkbench.presets import config_folder, folder_words, preset_names, take_folders
 
 
 @pytest.fixture
 def loader():
     register_schemas()
-    register_hydra_parts()
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         yield GlobalHydra.instance().config_loader()
 
