@@ -188,22 +188,13 @@ class _Composer:
         return all(name in self._names[group] for name in names) and part == self._alone(group, names)
 
 
-def _with(plain: dict[str, Any], path: Sequence[str], value: object) -> dict[str, Any]:
-    """Return a copy of ``plain`` with a value at ``path``, where there has to be one.
-
-    Raises:
-        PluginError: there is none.
-    """
-
-    def put(inside: object, depth: int) -> Any:  # noqa: ANN401 - plain data
-        if depth == len(path):
-            return value
-        known = inside if isinstance(inside, dict) else {}
-        if path[depth] not in known:
-            raise PluginError(no_option(".".join(path), known, sweeping=True))
-        return {**known, path[depth]: put(known[path[depth]], depth + 1)}
-
-    return cast("dict[str, Any]", put(plain, 0))
+def _with(plain: object, path: Sequence[str], value: object, owner: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return a copy of ``plain`` with another value at ``path``, of which ``owner`` is the part before ``plain``."""
+    known = plain if isinstance(plain, dict) else {}
+    key, *rest = path
+    if key not in known:
+        raise PluginError(no_option(".".join((*owner, *path)), known, sweeping=True))
+    return {**known, key: _with(known[key], rest, value, (*owner, key)) if rest else value}
 
 
 def _alone(group: str, names: Sequence[str]) -> dict[str, Any]:

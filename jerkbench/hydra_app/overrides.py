@@ -24,11 +24,8 @@ from jerkbench.renamed import new_word, renamed_notice
 NAMED_GROUPS = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 """Groups of which a name is chosen."""
 
-FLAGS = ("help", "hydra_help", "resolve", "run", "multirun")
-VALUED = ("cfg", "package", "config_dir", "info")
 REFUSED = {
-    "config_path": "every run starts from conf/config.yaml; write a preset DIR/experiment/NAME.yaml and give"
-    " --config-dir DIR experiment=NAME",
+    "config_path": "give --config-dir DIR for presets of your own",
     "config_name": "every run starts from conf/config.yaml; give experiment=NAME",
     "experimental_rerun": "use `jerkbench rerun DIR ROW`",
     "shell_completion": "docs/everyday.md describes completion",
@@ -52,7 +49,8 @@ def arranged_words(words: Sequence[str]) -> list[str]:
             print(notice, file=sys.stderr)
     parser = get_args_parser()
     setattr(parser, "error", _refuse)  # noqa: B010 - mypy lets no method be replaced
-    known = parser.parse_intermixed_args([_quoted(new_word(word)) for word in words])
+    words = [_quoted(new_word(word)) for word in words]
+    known = parser.parse_intermixed_args(words)
     for name, reason in REFUSED.items():
         if getattr(known, name):
             raise PluginError(f"{_option(name)} is not supported: {reason}.")
@@ -65,9 +63,7 @@ def arranged_words(words: Sequence[str]) -> list[str]:
     for word in overrides:
         _check(word, sweeping=known.multirun)
     overrides = _hidden_addresses(overrides) if known.multirun else _without_addresses(overrides)
-    flags = [_option(name) for name in FLAGS if getattr(known, name)]
-    values = [(name, getattr(known, name)) for name in VALUED if getattr(known, name) is not None]
-    return [*flags, *(part for name, value in values for part in (_option(name), value)), *overrides]
+    return [*(word for word in words if word not in known.overrides), *overrides]
 
 
 def _refuse(message: str) -> NoReturn:
