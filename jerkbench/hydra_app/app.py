@@ -53,27 +53,6 @@ def prepared_app(arguments: Sequence[str]) -> Callable[[], Any]:
     return app
 
 
-class Conclude(Callback):
-    """Writes the table after a sweep that another launcher has run."""
-
-    def on_multirun_end(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
-        """Write and print the table of all that is stored; exits as the built-in launcher would."""
-        if config.hydra.launcher["_target_"] == LAUNCHER or config.dry:
-            return
-        from jerkbench.report.terminal import print_beginning
-
-        if config.max_seeds or cluster_of(config) != LOCAL:
-            print("cluster= and max_seeds= have no effect with another launcher.", file=sys.stderr)
-        try:
-            study, table = concluded(study_folder(config), {}, list(config.notes), sys.argv)
-        except JerkbenchError as error:  # Hydra would log more than the message
-            exit_with(error)
-        print_beginning(table)
-        print(f"\nRows, tables and manifest: {study.folder}", flush=True)
-        if code := draw_and_report(study, config) or failed_code(study):
-            raise SystemExit(code)
-
-
 def one(config: DictConfig) -> None:
     """Run one job: a single run, or one combination of a sweep that another launcher has started."""
     task = HydraConfig.get()
@@ -108,9 +87,7 @@ def _run_single(plan: Plan, store: Store, options: Options) -> None:
     method = plan.jobs[0].method
     if drawing and hasattr(method.engine, "prepare") and not isinstance(method.filter, Estimator):
         method.engine.prepare(method.filter)  # the loop for trajectories, which takes as long as all else to compile
-    with pulse(lambda seconds: f"Running for {duration(seconds)}."):
-        run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
-    _show(plan, store, options)
+    _run_and_show(plan, store, options)
     if drawing:
         from jerkbench.jobs.study_figures import draw_single
 
@@ -132,97 +109,22 @@ def score_files(words: Composed, pattern: str, label: str, dataset: Mapping[str,
     """
     job = words.job(dataset or {}, file=pattern, label=label)
     require_sensible(job)
-    plan = planned([job])
-    store = Store(study_folder(words.plain))
-    run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
-    _show(plan, store, words.plain)
-    print(f"\nRows, tables and manifest: {study_folder(words.plain)}")
+    folder = study_folder(words.plain)
+    _run_and_show(planned([job]), Store(folder), words.plain)
+    print(f"\nRows, tables and manifest: {folder}")
 
 
-def _show(plan: Plan, store: Store, options: Options) -> None:
-    """Print rows and notes at once, for files and figures take longer than the run; then write the study."""
+def _run_and_show(plan: Plan, store: Store, options: Options) -> None:
+    """Run one job and print its rows and notes at once, because files and figures take longer; then write the study."""
     from jerkbench.report.terminal import print_run
 
-    folder = study_folder(options)
+    with pulse(lambda seconds: f"Running for {duration(seconds)}."):
+        run_missing(plan, store, strict=True, progress=Progress(0), threads=os.cpu_count() or 1)
     (stored,), _ = store.read(plan.draws, {key: stretches(own) for key, own in plan.draws.items()})
     print_run(stored.rows)
     for note in stored.metadata["notes"]:
         print(note, flush=True)
-    concluded(folder, plan.draws, list(options["notes"]), sys.argv)
-
-
-FAILED = 1
-"""Exit code of a sweep of which a run failed."""
-
-
-def conclude_study(
-    store: Store, seeds: Mapping[str, Sequence[int]], config: DictConfig, level: float | None = None
-) -> Study | None:
-    """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
-    from jerkbench.report.terminal import print_beginning, print_table
-
-    folder = store.folder.parent
-    gone = _not_whole(store, seeds)
-    if len(gone) == len(seeds):
-        return None
-    store.compact()
-    there = {key: () if key in gone else own for key, own in seeds.items()}
-    study, table = concluded(folder, there, list(config.notes), sys.argv, level)
-    shown = study.only(seeds)
-    if len(shown.rows) == len(study.rows):
-        print_beginning(table)
-    else:
-        print_table(shown.rows, shown.notes)
-    print(f"\nRows, tables and manifest: {folder}", flush=True)
-    return shown
-
-
-def failed_code(study: Study | None) -> int:
-    """The exit code for a study of which a run failed, or 0."""
-    return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
-
-
-def _not_whole(store: Store, seeds: Mapping[str, Sequence[int]]) -> list[str]:
-    """Return the cells of which a run is neither done nor failed."""
-    known = store.known(seeds, failed=True)
-    return [key for key, own in seeds.items() if not known.get(key, set()).issuperset(own)]
-
-
-def lost(store: Store, seeds: Mapping[str, Sequence[int]]) -> int:
-    """The exit code for cells that have run and are not there, or 0."""
-    gone = len(_not_whole(store, seeds))
-    if gone:
-        print(
-            f"jerkbench: {gone} of {len(seeds)} cells are not in {store.folder}, although they have run: somebody has"
-            " deleted or damaged their files. The same command runs them again.",
-            file=sys.stderr,
-        )
-    return FAILED if gone else 0
-
-
-def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = False) -> int:
-    """Draw the figures and write the report where they are asked for; returns the exit code, or 0.
-
-    Args:
-        study: the study.
-        config: the configuration.
-        run_programs: whether the command itself has asked for a program; those of cells found in the folder are a
-            stranger's.
-    """
-    if not config.report:
-        return 0
-    from jerkbench.jobs.study_figures import present
-
-    try:
-        choice = figures_choice(config.figures)
-        present(study, config.workers or processors(), choice, pdf=config.figures_pdf, run_programs=run_programs)
-    except KeyboardInterrupt:
-        print(f"Interrupted. The results are complete; `jerkbench report {study.folder}` draws again.", file=sys.stderr)
-        return INTERRUPTED
-    except OSError as error:
-        print(f"jerkbench: the figures and the report cannot be written: {error}. The results are.", file=sys.stderr)
-        return FAILED
-    return 0
+    concluded(study_folder(options), plan.draws, list(options["notes"]), sys.argv)
 
 
 def tell(plan: Plan, store: Store, options: Options) -> None:
@@ -259,20 +161,6 @@ def launch(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str
     return [JobReturn(status=JobStatus.COMPLETED) for _ in jobs]
 
 
-def ended_by(error: KeyboardInterrupt | OSError | JerkbenchError) -> int:
-    """Say why a sweep does not come to its end, and return its exit code; an input at fault ends the command."""
-    if isinstance(error, KeyboardInterrupt):
-        print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
-        return INTERRUPTED
-    if isinstance(error, ClusterError | ChildProcessError):
-        print(f"jerkbench: the sweep ends here: {error}", file=sys.stderr)
-    elif isinstance(error, OSError):
-        print(f"jerkbench: the sweep ends here, because a result cannot be stored: {error}.", file=sys.stderr)
-    else:
-        exit_with(error)
-    return FAILED
-
-
 def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[str]]) -> tuple[Plan, Cluster]:
     """The cells of a sweep, and where they run; says what is left out, and what is to be known of the rest."""
     with pulse(lambda seconds: f"Planning {len(jobs)} combinations for {duration(seconds)}."):
@@ -287,6 +175,24 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
     return plan, cluster
 
 
+FAILED = 1
+"""Exit code of a sweep of which a run failed."""
+
+
+def ended_by(error: KeyboardInterrupt | OSError | JerkbenchError) -> int:
+    """Say why a sweep does not come to its end, and return its exit code; an input at fault ends the command."""
+    if isinstance(error, KeyboardInterrupt):
+        print("Interrupted. What is done is stored; the same command goes on from there.", file=sys.stderr)
+        return INTERRUPTED
+    if isinstance(error, ClusterError | ChildProcessError):
+        print(f"jerkbench: the sweep ends here: {error}", file=sys.stderr)
+    elif isinstance(error, OSError):
+        print(f"jerkbench: the sweep ends here, because a result cannot be stored: {error}.", file=sys.stderr)
+    else:
+        exit_with(error)
+    return FAILED
+
+
 def _concluded(plan: Plan, level: float | None, code: int, store: Store, config: DictConfig) -> int:
     """Write and print the results of a sweep that ended with ``code``; returns its exit code."""
     try:
@@ -298,3 +204,94 @@ def _concluded(plan: Plan, level: float | None, code: int, store: Store, config:
         asked = any(isinstance(job.method.filter, Command) for job in plan.jobs)
         code = draw_and_report(study, config, run_programs=asked)
     return code or failed_code(study) or lost(store, plan.draws)
+
+
+def conclude_study(
+    store: Store, seeds: Mapping[str, Sequence[int]], config: DictConfig, level: float | None = None
+) -> Study | None:
+    """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
+    from jerkbench.report.terminal import print_beginning, print_table
+
+    folder = store.folder.parent
+    gone = _not_whole(store, seeds)
+    if len(gone) == len(seeds):
+        return None
+    store.compact()
+    there = {key: () if key in gone else own for key, own in seeds.items()}
+    study, table = concluded(folder, there, list(config.notes), sys.argv, level)
+    shown = study.only(seeds)
+    if len(shown.rows) == len(study.rows):
+        print_beginning(table)
+    else:
+        print_table(shown.rows, shown.notes)
+    print(f"\nRows, tables and manifest: {folder}", flush=True)
+    return shown
+
+
+def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = False) -> int:
+    """Draw the figures and write the report where they are asked for; returns the exit code, or 0.
+
+    Args:
+        study: the study.
+        config: the configuration.
+        run_programs: whether the command itself has asked for a program; those of cells found in the folder are a
+            stranger's.
+    """
+    if not config.report:
+        return 0
+    from jerkbench.jobs.study_figures import present
+
+    try:
+        choice = figures_choice(config.figures)
+        present(study, config.workers or processors(), choice, pdf=config.figures_pdf, run_programs=run_programs)
+    except KeyboardInterrupt:
+        print(f"Interrupted. The results are complete; `jerkbench report {study.folder}` draws again.", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:
+        print(f"jerkbench: the figures and the report cannot be written: {error}. The results are.", file=sys.stderr)
+        return FAILED
+    return 0
+
+
+def failed_code(study: Study | None) -> int:
+    """The exit code for a study of which a run failed, or 0."""
+    return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
+
+
+def lost(store: Store, seeds: Mapping[str, Sequence[int]]) -> int:
+    """The exit code for cells that have run and are not there, or 0."""
+    gone = len(_not_whole(store, seeds))
+    if gone:
+        print(
+            f"jerkbench: {gone} of {len(seeds)} cells are not in {store.folder}, although they have run: somebody has"
+            " deleted or damaged their files. The same command runs them again.",
+            file=sys.stderr,
+        )
+    return FAILED if gone else 0
+
+
+def _not_whole(store: Store, seeds: Mapping[str, Sequence[int]]) -> list[str]:
+    """Return the cells of which a run is neither done nor failed."""
+    known = store.known(seeds, failed=True)
+    return [key for key, own in seeds.items() if not known.get(key, set()).issuperset(own)]
+
+
+class Conclude(Callback):
+    """Writes the table after a sweep that another launcher has run."""
+
+    def on_multirun_end(self, config: DictConfig, **_: Any) -> None:  # noqa: ANN401 - Hydra's signature
+        """Write and print the table of all that is stored; exits as the built-in launcher would."""
+        if config.hydra.launcher["_target_"] == LAUNCHER or config.dry:
+            return
+        from jerkbench.report.terminal import print_beginning
+
+        if config.max_seeds or cluster_of(config) != LOCAL:
+            print("cluster= and max_seeds= have no effect with another launcher.", file=sys.stderr)
+        try:
+            study, table = concluded(study_folder(config), {}, list(config.notes), sys.argv)
+        except JerkbenchError as error:  # Hydra would log more than the message
+            exit_with(error)
+        print_beginning(table)
+        print(f"\nRows, tables and manifest: {study.folder}", flush=True)
+        if code := draw_and_report(study, config) or failed_code(study):
+            raise SystemExit(code)
