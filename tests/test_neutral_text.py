@@ -118,5 +118,5 @@ def test_a_list_of_plugins_where_one_is_taken_is_refused(tmp_path):
     done = verb("run", *SHORT, "attitude=[field,real]", "--dry", cwd=tmp_path)
 
     assert done.returncode == 2
-    assert "attitude takes one plugin" in done.stderr
+    assert "attitude takes one value" in done.stderr
     assert "Traceback" not in done.stderr

@@ -175,7 +175,7 @@ def test_the_same_command_goes_on_where_it_was(tuned):
         (["knobs=[filter.acel_mps2]"], "Did you mean 'filter.accel_mps2'"),
         (["test_seeds=0"], "at least one seed to tune and one to test"),
         (["filter.sigma=3"], "sigma"),
-        (["jerk"], "is no KEY=VALUE"),
+        (["jerk"], "give KEY=VALUE"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_a_sentence(tmp_path, words, sentence):
