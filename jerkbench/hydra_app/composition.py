@@ -12,6 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench import plugins
+from jerkbench.contracts import preferred_attitude
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.hydra_app.configuration import (
     check_options,
@@ -29,7 +30,6 @@ from jerkbench.hydra_app.overrides import (
 from jerkbench.jobs.job import Job, Noise
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import choose, noise_of
-from jerkbench.contracts import preferred_attitude
 from jerkbench.presets import config_folder, folder_words, user_folders
 from jerkbench.renamed import new_name
 

@@ -263,8 +263,11 @@ def cells_of(tables: Sequence[pa.Table], shown: ShownSeeds) -> list[Stored]:
     columns = [parsed(text) for text in first[COLUMNS].to_pylist()]
     own = list(starmap(range, pairwise(edges.tolist())))
     metadata = _metadata(first)
-    for place in _in_blocks(table, edges):
+    for place in _differing(table, edges, [*OF_BLOCKS, *({PROCESSOR} & {*table.column_names})]):
         metadata[place] |= _of_blocks(table.slice(own[place].start, len(own[place])))
+    for place in _differing(table, edges, [COLUMNS]):  # drives draw different numbers
+        texts = pc.unique(table[COLUMNS].slice(own[place].start, len(own[place]))).to_pylist()
+        columns[place] = list(dict.fromkeys(chain.from_iterable(map(parsed, texts))))
     return list(map(Stored, first[KEY].to_pylist(), metadata, repeat(table), own, columns, others))
 
 
@@ -335,10 +338,10 @@ def _decoded(column: pa.ChunkedArray) -> list[Any]:
     return [None if text is None else parsed(text) for text in column.to_pylist()]
 
 
-def _in_blocks(table: pa.Table, edges: IntArray) -> list[int]:
-    """The cells of which not all rows were stored together."""
+def _differing(table: pa.Table, edges: IntArray, names: Sequence[str]) -> list[int]:
+    """The cells whose rows differ in some columns, because they were not stored together."""
     changes = np.zeros(table.num_rows, bool)
-    for name in (*OF_BLOCKS, *({PROCESSOR} & {*table.column_names})):
+    for name in names:
         changes[1:] |= np.diff(codes_of(table[name])) != 0
     changes[edges[:-1]] = False
     return sorted(set((np.searchsorted(edges, np.flatnonzero(changes), side="right") - 1).tolist()))

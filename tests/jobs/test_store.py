@@ -187,6 +187,15 @@ def test_what_is_no_number_is_not_stored(store, value):
     assert not store.folder.exists()
 
 
+def test_a_cell_has_the_columns_of_all_its_parts(store):
+    """The seeds of a random drive draw different numbers."""
+    store_cell(store, "abc", [{**ROWS[0], "drawn.a": 1.0}], about())
+    store_cell(store, "abc", [{**row(seed=1), "drawn.b": 2.0}], about())
+    (cell,), _ = store.read(["abc"], shown={"abc": [[0, 2]]})
+
+    assert cell.rows[["drawn.a", "drawn.b"]].sum().tolist() == [1.0, 2.0]
+
+
 def test_many_small_parts_become_one_with_the_same_cells(store):
     for k in range(16):
         store_cell(store, f"a{k:x}", [row(0.1 * k), row(0.3, seed=1)], about(notes=[f"of {k}"]))
