@@ -82,17 +82,6 @@ def test_an_edit_of_a_helper_in_another_file_is_noticed_and_undoing_it_is_too(pr
     assert process(constant=1.0)[0] == (3.0, 0, 1)
 
 
-SWAPPED = PLUGIN.replace("factor: float = 2.0", "{first}: float = 2.0\n    {second}: float = 7.0")
-
-
-@pytest.mark.slow
-def test_fields_that_change_their_order_are_noticed(process):
-    plugin = SWAPPED.replace("self.factor", "self.low")
-
-    assert process(plugin=plugin.format(first="low", second="high"))[0] == (3.0, 1, 0)
-    assert process(plugin=plugin.format(first="high", second="low"))[0] == (8.0, 1, 0)
-
-
 COUNTING = """
 LEAF = 0.0
 

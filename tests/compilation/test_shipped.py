@@ -45,15 +45,6 @@ def test_what_a_wheel_ships_is_not_compiled_again(shipped, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_what_the_user_has_compiled_comes_first(shipped, tmp_path):
-    (own,) = (path.name for path in shipped.glob("*.compiled"))
-    (tmp_path / "user" / "compiled").mkdir(parents=True)
-    (shipped / own).rename(tmp_path / "user" / "compiled" / own)
-    (shipped / own).write_bytes(b"damaged")
-
-    assert tripled() == (6.0, 1)
-
-
 def test_what_is_damaged_is_said_and_compiled_by_the_user(shipped, tmp_path, capsys):
     (own,) = shipped.glob("*.compiled")
     own.write_bytes(own.read_bytes()[:-7])
