@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from test_side_by_side import BURN_IN_S, assert_same, one, side_by_side, trajectory
 
-from jerkbench import plugins
 from jerkbench.adaptation.chi2 import Chi2Gate
 from jerkbench.adaptation.iae import InnovationBased
 from jerkbench.adaptation.mtf import Mtf
@@ -22,7 +21,6 @@ from jerkbench.contracts import asked_in_lanes
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.filters.kinematic import Baseline, Jerk
-from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.sums import Run
 
 
@@ -30,47 +28,6 @@ from jerkbench.sums import Run
 def rough():
     """Runs of the same steps, of which some lack velocities for a while."""
     return [one(seed) for seed in range(6)]
-
-
-def test_the_methods_that_are_asked_at_once():
-    lanes = {name for name in plugins.names("adaptation") if asked_in_lanes(plugins.get("adaptation", name))}
-
-    assert lanes >= {
-        "student_t",
-        "huber",
-        "vbakf_pr",
-        "variational_bayes",
-        "cerkf_r",
-        "maximum_correntropy",
-        "maximum_correntropy_r",
-        "sif",
-        "ssmkf",
-        "ssmkf_r",
-        "mtf",
-        "mtf_block",
-        "mtf_nis",
-        "iae",
-        "chi2",
-        "relaxing_gate",
-    }
-
-
-@dataclass(frozen=True)
-class Unasked(NoAdaptation):
-    """Says that it leaves R as it is, and would not."""
-
-    changes_nothing: ClassVar[bool] = True
-
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        return 4.0 * R
-
-
-def test_who_says_that_nothing_changes_is_not_asked(rough):
-    """Neither alone nor side by side."""
-    plain, unasked = (CompiledEngine().run(rough[0][1], Jerk(), rule) for rule in (NoAdaptation(), Unasked()))
-    np.testing.assert_array_equal(unasked.covariance, plain.covariance)
-    (plain,), (unasked,) = (side_by_side(rough[:1], Jerk(), [rule]) for rule in (NoAdaptation(), Unasked()))
-    np.testing.assert_array_equal(list(unasked.values()), list(plain.values()))
 
 
 @pytest.mark.parametrize("cls", [VariationalBayes, pytest.param(VariationalPriorAndNoise, marks=pytest.mark.slow)])
@@ -86,42 +43,25 @@ def test_each_run_has_its_own_numbers_and_its_own_memory(rough, cls):
         assert_same(a, trajectory(*pair, Jerk(), rule), {})
 
 
-@pytest.mark.parametrize("cls", [Mtf, MtfNis, MtfBlock, InnovationBased])
-def test_runs_of_other_windows_are_asked_at_once_all_the_same(rough, cls):
-    rules = [cls(window=window) for window in (1, 2, 3, 7, 30, 4)]
-    if cls is not InnovationBased:
-        rules = [replace(rule, guard=guard) for rule, guard in zip(rules, (0, 1, 0, 2, 0, 5), strict=True)]
-
-    together = {compiled_rule(rule, side_by_side=True).together for rule in rules}
-
-    assert len(together) == 1
-    assert None not in together
-    for got, pair, rule in zip(side_by_side(rough, Jerk(), rules), rough, rules, strict=True):
-        assert_same(got, trajectory(*pair, Jerk(), rule), {})
+WINDOWS, GUARDS = (1, 2, 3, 7, 30, 4), (0, 1, 0, 2, 0, 5)
+GATES = ((0.9, 0), (0.5, 1), (0.2, 3), (0.2, 25), (0.99, 2))
+WIDTHS = ((1.0, 0), (0.5, 1), (0.2, 3), (0.7, 25), (3.0, 2))
 
 
 @pytest.mark.parametrize(
-    "make",
+    "rules",
     [
-        lambda: [Chi2Gate(probability=p, longest=n) for p, n in ((0.9, 0), (0.5, 1), (0.2, 3), (0.2, 25), (0.99, 2))],
-        lambda: [RelaxingGate(width=w, patience=n) for w, n in ((1.0, 0), (0.5, 1), (0.2, 3), (0.7, 25), (3.0, 2))],
+        *([cls(window=w, guard=g) for w, g in zip(WINDOWS, GUARDS, strict=True)] for cls in (Mtf, MtfNis, MtfBlock)),
+        [InnovationBased(window=window) for window in WINDOWS],
+        [Chi2Gate(probability=p, longest=n) for p, n in GATES],
+        [RelaxingGate(width=w, patience=n) for w, n in WIDTHS],
+        [VariationalBayes(passes=passes) for passes in (1, 2, 5)],
     ],
+    ids=lambda rules: type(rules[0]).__name__,
 )
-def test_gates_of_other_lengths_are_asked_at_once_all_the_same(rough, make):
-    rules = make()
-
-    together = {compiled_rule(rule, side_by_side=True).together for rule in rules}
-
-    assert len(together) == 1
-    assert None not in together
-    for got, pair, rule in zip(side_by_side(rough[:5], Jerk(), rules), rough, rules, strict=False):
-        assert_same(got, trajectory(*pair, Jerk(), rule), {})
-
-
-def test_runs_with_other_whole_numbers_go_apart(rough):
-    rules = [VariationalBayes(passes=passes) for passes in (1, 2, 5)]
-
-    for got, pair, rule in zip(side_by_side(rough[:3], Jerk(), rules), rough, rules, strict=False):
+def test_runs_with_other_whole_numbers_are_each_its_own(rough, rules):
+    pairs = rough[: len(rules)]
+    for got, pair, rule in zip(side_by_side(pairs, Jerk(), rules), pairs, rules, strict=True):
         assert_same(got, trajectory(*pair, Jerk(), rule), {})
 
 
@@ -205,52 +145,3 @@ def test_one_that_cannot_be_asked_at_once_is_asked_by_each_run_and_a_sentence_sa
         assert_same(got, trajectory(*pair, Baseline(), Branches()), {})
 
     assert "Branches is asked by each run, not by eight at once:" in capsys.readouterr().err
-
-
-@dataclass(frozen=True)
-class Fades(Bounded):
-    """Fades as well, which nobody does at once."""
-
-    def fade(self, innovation, HPHt, R, rows, memory):
-        return 1.5
-
-
-def test_one_that_fades_is_asked_by_each_run(rough):
-    assert not asked_in_lanes(Fades())
-    for got, pair in zip(side_by_side(rough[:2], Baseline(), Fades()), rough, strict=False):
-        assert_same(got, trajectory(*pair, Baseline(), Fades()), {})
-
-
-def test_a_row_of_infinite_variance_is_dropped(rough):
-    rules = [Bounded(limit) for limit in (4.0, 5.0, 6.0)]
-
-    for got, pair, rule in zip(side_by_side(rough[:3], Baseline(), rules), rough, rules, strict=False):
-        assert_same(got, trajectory(*pair, Baseline(), rule), {})
-
-
-@dataclass(frozen=True)
-class Timid(Bounded):
-    """Takes a share of the gain, and more of it with every update; drops what `Bounded` drops."""
-
-    share: float = 0.5
-
-    def memory_size(self):
-        return 1
-
-    def adapt_gain(self, x, P, innovation, R, rows, memory):
-        memory[0] += 1.0
-        K = np.zeros((len(x), len(rows)), P.dtype)
-        for i in range(len(rows)):
-            K[rows[i], i] = (
-                self.share * memory[0] / (1.0 + memory[0]) * P[rows[i], rows[i]] / (P[rows[i], rows[i]] + R[i, i])
-            )
-        return K
-
-
-@pytest.mark.slow
-def test_a_gain_of_its_own_is_that_of_each_run(rough):
-    assert asked_in_lanes(Timid())
-    rules = [Timid(limit, share) for limit, share in ((1e9, 0.5), (5.0, 0.9), (4.0, 0.4))]
-
-    for got, pair, rule in zip(side_by_side(rough[:3], Jerk(), rules), rough, rules, strict=False):
-        assert_same(got, trajectory(*pair, Jerk(), rule), {})

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from test_side_by_side import BURN_IN_S, one, side_by_side, trajectory
+from test_side_by_side import BURN_IN_S, one, side_by_side
 
 from jerkbench import plugins
 from jerkbench.compilation.lanes import chosen
@@ -15,7 +15,6 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import evaluate_run, prepare_reference, sums_from
 from jerkbench.kinematic import packs, runs
-from jerkbench.measurements import TURNING_NOISE, Measurements, axes_apart
 from jerkbench.sums import Run
 from jerkbench.timeline import build_timeline, step_lengths
 from synthetic import level_attitude, recording_at_rest
@@ -147,41 +146,7 @@ class CouplesInLanes:
         return adapted
 
 
-@dataclass(frozen=True)
-class CouplesPriorInLanes(CouplesInLanes):
-    """The same in the prior, of which it goes over each axis by itself otherwise."""
-
-    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
-        memory[0] += 1.0
-        grown = P.copy()
-        grown[0, 1] = chosen(memory[0], self.after, AXES * 0.01 * math.sqrt(P[0, 0] * P[1, 1]), P[0, 1])
-        grown[1, 0] = grown[0, 1]
-        for s in range(len(x)):
-            grown[s, s] *= AXES
-        return grown
-
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        return R
-
-
-@dataclass(frozen=True)
-class CouplesGainInLanes(CouplesInLanes):
-    """The same in the gain."""
-
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        return R
-
-    def adapt_gain(self, x, P, innovation, R, rows, memory):
-        memory[0] += 1.0
-        K = np.zeros((len(x), len(rows)), P.dtype)
-        for i in range(len(rows)):
-            K[rows[i], i] = AXES * P[rows[i], rows[i]] / (P[rows[i], rows[i]] + R[i, i])
-        if len(rows) > 1:
-            K[0, 1] += chosen(memory[0], self.after, 0.1, 0.0)
-        return K
-
-
-COUPLING = (Couples, CouplesPrior, CouplesGain, CouplesInLanes, CouplesPriorInLanes, CouplesGainInLanes)
+COUPLING = (Couples, CouplesPrior, CouplesGain, CouplesInLanes)
 
 
 @pytest.mark.parametrize("rows", ["all", "some"])
@@ -193,41 +158,6 @@ def test_an_adaptation_that_couples_axes_has_all_together(several, strides, adap
         estimate = FilterpyEngine().run(timeline, model, adaptation)
         assert got == pytest.approx(evaluate_run(estimate, recording, BURN_IN_S, ERRORS), rel=1e-9, nan_ok=True)
     assert strides == [3, 1]
-
-
-@dataclass(frozen=True)
-class Loses(CouplesInLanes):
-    """Finds no answer for any run, from an update on: numbers that are none, between axes, too."""
-
-    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
-        memory[0] += 1.0
-        grown, factor = P.copy(), chosen(memory[0], self.after, math.nan, 1.0 + 0.0 * AXES)
-        for s in range(len(x)):
-            for t in range(len(x)):
-                grown[s, t] *= factor
-        return grown
-
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        adapted = R.copy()
-        for i in range(len(rows)):
-            adapted[i, i] *= chosen(memory[0], self.after, math.nan, 1.0)
-        return adapted
-
-
-def test_a_run_that_is_lost_is_not_run_again_with_all_axes(several, strides):
-    bare = [Run(t, prepare_reference(recording, t, BURN_IN_S).errors_alone) for recording, t in several]
-    models = [plugins.create("filter", {"name": "jerk"})] * len(bare)
-    results = CompiledEngine().run_settings(bare, models, [Loses()] * len(bare), updates=False, threads=1)
-    assert results == [None] * len(bare)
-    assert strides == [3]
-
-
-def test_what_reads_covariances_has_all_axes_together(several, strides):
-    model, adaptation = plugins.create("filter", {"name": "jerk"}), plugins.create("adaptation", {"name": "none"})
-    assert all(timeline.measurements.apart for _, timeline in several)
-    for (recording, timeline), got in zip(several, side_by_side(several, model, adaptation), strict=True):
-        assert got == pytest.approx(trajectory(recording, timeline, model, adaptation), rel=1e-9, nan_ok=True)
-    assert strides == [1]
 
 
 @pytest.mark.parametrize("rule", ["none", "mtf", "huber"])
@@ -263,17 +193,6 @@ def test_a_state_that_is_no_number_at_the_end_is_run_alone_whatever_is_scored(se
     for scoring in (score.errors_alone, score.positions_alone):
         run = [Run(broken, scoring)]
         assert CompiledEngine().run_settings(run, [model], [adaptation], updates=False, threads=1) == [None]
-
-
-def test_what_rounding_leaves_couples_nothing_and_what_is_absent_neither():
-    R = np.stack([np.diag([1.0, 4.0, 9.0, 1.0, 4.0, 9.0])] * 2)
-    R[0, 0, 1] = R[0, 1, 0] = TURNING_NOISE
-    R[1, 3:, 3:] = np.nan
-    R[1, 0, 3] = R[1, 3, 0] = 0.5
-    assert axes_apart(R).all()
-    assert Measurements(np.arange(2), np.zeros((2, 6)), R, R).apart
-    R[0, 0, 1] = R[0, 1, 0] = 1e-9
-    np.testing.assert_array_equal(axes_apart(R), [False, True])
 
 
 def even(seed):

@@ -15,7 +15,6 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.kinematic import Baseline, Jerk
-from jerkbench.timeline import step_lengths
 from rough import rough_timeline
 
 FILTERS = [name for name in plugins.names("filter") if hasattr(plugins.get("filter", name), "axis_model")]
@@ -216,44 +215,20 @@ class Dictionary(NoAdaptation):
         return dict.fromkeys(("R", "Q"), 2.0 * R).popitem()[1]
 
 
-def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(timeline, capsys):
-    engine = CompiledEngine()
-    first, second = engine.run(timeline, Baseline(), Dictionary()), engine.run(timeline, Jerk(), Dictionary())
-    said = capsys.readouterr().err
-
-    agree(timeline, Baseline(), Dictionary(), first)
-    agree(timeline, Jerk(), Dictionary(), second)
-    (line,) = [line for line in said.splitlines() if "compiling" not in line]
-    assert line.startswith("jerkbench: Dictionary runs on the engine filterpy: ")
-    assert len(line) > len("jerkbench: Dictionary runs on the engine filterpy: ") + 10
-
-
 @dataclass(frozen=True)
 class Formatted(NoAdaptation):
     def adapt(self, innovation, HPHt, R, rows, memory):
         return R * len(f"{R[0, 0]:.3f}")
 
 
-@dataclass(frozen=True)
-class Imports(NoAdaptation):
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        import math
-
-        return R * math.sqrt(4.0)
-
-
-@pytest.mark.parametrize("adaptation", [Formatted(), Imports()], ids=["a format", "an import"])
-def test_what_numba_refuses_as_bytecode_runs_on_the_reference_engine_with_one_line(timeline, capsys, adaptation):
-    run = CompiledEngine().run(timeline, Baseline(), adaptation)
+@pytest.mark.parametrize("adaptation", [Dictionary(), Formatted()], ids=["types", "bytecode"])
+def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(timeline, capsys, adaptation):
+    engine, models = CompiledEngine(), (Baseline(), Jerk())
+    runs = [engine.run(timeline, model, adaptation) for model in models]
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "compiling" not in line]
 
-    agree(timeline, Baseline(), adaptation, run)
-    assert line.startswith(f"jerkbench: {type(adaptation).__name__} runs on the engine filterpy: ")
-    assert "supported" in line
-
-
-def test_step_lengths_are_those_of_whole_nanoseconds_and_the_first_of_each():
-    lengths, which = step_lengths(np.array([0.0, 0.01, 0.01 + 1e-12, 0.02, 0.01, 0.01 + 2e-9]))
-
-    np.testing.assert_array_equal(which, [-1, 1, 1, 3, 1, 2])
-    np.testing.assert_array_equal(lengths[which[1:]], [0.01, 0.01, 0.02, 0.01, 0.01 + 2e-9])
+    for model, run in zip(models, runs, strict=True):
+        agree(timeline, model, adaptation, run)
+    start = f"jerkbench: {type(adaptation).__name__} runs on the engine filterpy: "
+    assert line.startswith(start)
+    assert len(line) > len(start) + 10

@@ -109,38 +109,6 @@ def with_fewer_updates(recording, timeline):
 
 
 @dataclass(frozen=True)
-class Raising(NoAdaptation):
-    """Raises in one of its methods where the innovation is large."""
-
-    limit: float = 0.6
-    in_gain: bool = False
-
-    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
-        if not self.in_gain and np.abs(innovation).max() > self.limit:
-            raise ValueError("prior: too far")
-        return P.copy()
-
-    def adapt_gain(self, x, P, innovation, R, rows, memory):
-        if self.in_gain and np.abs(innovation).max() > self.limit:
-            raise ValueError("gain: too far")
-        return np.linalg.solve(P[rows][:, rows] + R, P[rows]).T.copy()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("in_gain", [False, True])
-def test_what_raises_in_one_run_harms_no_other(in_gain):
-    pairs = [one(seed) for seed in range(3)]
-    rules = [Raising(1e9, in_gain), Raising(0.6, in_gain), Raising(1e9, in_gain)]
-    healthy, lost, other = side_by_side(pairs, Jerk(), rules)
-
-    assert lost is None
-    with pytest.raises(ValueError, match="too far"):
-        CompiledEngine().run(pairs[1][1], Jerk(), rules[1])
-    for got, pair in ((healthy, pairs[0]), (other, pairs[2])):
-        assert_same(got, trajectory(*pair, Jerk(), NoAdaptation()), {})
-
-
-@dataclass(frozen=True)
 class Indefinite(NoAdaptation):
     def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
         return -P if np.abs(innovation).max() > 0.6 else P.copy()
@@ -150,19 +118,6 @@ def test_a_prior_that_is_no_covariance_ends_the_run_in_both_engines(timeline):
     runs = [engine.run(timeline, Jerk(), Indefinite()) for engine in (FilterpyEngine(), CompiledEngine())]
 
     assert runs[0].failure == runs[1].failure != ""
-
-
-@dataclass(frozen=True)
-class Formatted(NoAdaptation):
-    def adapt_prior(self, x, P, F, Q, innovation, R, rows, memory):
-        return P * len(f"{R[0, 0]:.3f}")
-
-
-def test_a_prior_that_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(timeline, capsys):
-    run = CompiledEngine().run(timeline, Jerk(), Formatted())
-
-    assert "Formatted runs on the engine filterpy" in capsys.readouterr().err
-    assert run.failure == ""
 
 
 def test_no_estimator_takes_what_changes_more_than_r():

@@ -1,11 +1,9 @@
 """Runs side by side, without trajectories, against the metrics of the reference engine's trajectories."""
 
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from numba import njit
 from test_compiled_engine import ADAPTATIONS, FILTERS, Damped, Faded, slow_where_dense
 
 from engine_agreement import with_other_last_bits
@@ -14,14 +12,10 @@ from jerkbench.adaptation.huber import Huber
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
-from jerkbench.compilation.compiled_loop import signature_of
-from jerkbench.compilation.jitted import jitted
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, prepare_reference, sums_from
 from jerkbench.filters.kinematic import Baseline, Jerk
-from jerkbench.kinematic.arguments import run_type
-from jerkbench.kinematic.loop import ALONE, APART, run_steps
 from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements
 from jerkbench.sums import Run
 from jerkbench.timeline import build_timeline
@@ -76,12 +70,6 @@ def assert_same(got, wanted, tolerance):
     for name, value in wanted.items():
         allowed = tolerance.get(name, 0.0) if np.isfinite(tolerance.get(name, 0.0)) else 0.0
         assert got[name] == pytest.approx(value, rel=1e-9, abs=max(allowed, 1e-15), nan_ok=True), name
-
-
-def test_every_sort_of_metric_is_there():
-    assert {"position_rmse", "velocity_rmse", "consistency", "outage", "attitude_rmse"} <= {
-        name for name, metric in zip(plugins.names("metric"), METRICS, strict=True) if metric in STREAMED
-    }
 
 
 @pytest.mark.parametrize("adaptation", slow_where_dense(ADAPTATIONS))
@@ -223,12 +211,6 @@ class Loose:
         return variances
 
 
-def test_a_filter_that_changes_is_asked_again(several):
-    model = Loose()
-    for model.scale in (1.0, 100.0):
-        assert_same(side_by_side(several[:1], model, Mtf())[0], trajectory(*several[0], model, Mtf()), {})
-
-
 @dataclass(frozen=True)
 class Broken(NoAdaptation):
     """A variance that makes the covariance lose its sign where the innovation is large."""
@@ -249,12 +231,6 @@ def test_a_run_that_fails_is_left_to_the_run_alone_and_harms_no_other(several):
 
 
 @pytest.mark.slow
-def test_a_model_that_is_not_triangular(several):
-    for got, pair in zip(side_by_side(several[:2], Damped(), Mtf()), several[:2], strict=True):
-        assert_same(got, trajectory(*pair, Damped(), Mtf()), {})
-
-
-@pytest.mark.slow
 def test_each_run_may_have_its_own_filter_and_adaptation(several):
     """Other numbers, another class, another memory, another number of states, the true covariance or not."""
     models = [Jerk(0.1), Jerk(0.3), Jerk(0.1, 2.0), Loose(10.0), Baseline(0.5), Damped(), Baseline(0.2), Jerk(0.3)]
@@ -264,16 +240,6 @@ def test_each_run_may_have_its_own_filter_and_adaptation(several):
 
     for result, pair, model, rule in zip(got, several, models, rules, strict=False):
         assert_same(result, trajectory(*pair, model, rule), {})
-
-
-def test_runs_that_share_all_but_their_filter_give_what_each_gives_alone(several):
-    pairs, models = [several[0]] * 5, [Jerk(sigma) for sigma in (0.05, 0.1, 0.2, 0.4, 0.8)]
-    together = side_by_side(pairs, models, Mtf())
-    alone = [side_by_side(pairs[:1], model, Mtf())[0] for model in models]
-
-    assert len({tuple(result.values()) for result in together}) == 5
-    for a, b in zip(together, alone, strict=True):
-        np.testing.assert_array_equal(list(a.values()), list(b.values()))
 
 
 @dataclass(frozen=True)
@@ -306,19 +272,6 @@ def test_an_adaptation_that_raises_in_one_run_harms_no_other(several, fades):
         assert_same(got, trajectory(*pair, Jerk(), NoAdaptation()), {})
 
 
-@dataclass(frozen=True)
-class WithoutModel(Baseline):
-    """Raises where it is asked for its models."""
-
-    def axis_models(self, dt, dt0):
-        raise ValueError("no model")
-
-
-def test_what_the_engine_itself_raises_reaches_the_caller(several):
-    with pytest.raises(ValueError, match="no model"):
-        side_by_side(several[:2], WithoutModel(), Mtf())
-
-
 def test_a_reference_with_holes_needs_a_trajectory(several):
     recording, timeline = several[0]
     truth = recording.reference.enu_m.copy()
@@ -327,21 +280,6 @@ def test_a_reference_with_holes_needs_a_trajectory(several):
 
     assert prepare_reference(holed, timeline, BURN_IN_S) is None
     assert prepare_reference(recording, timeline, burn_in_s=100.0) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("width", "elsewhere"), [(1, ["predict_covariance"]), (8, [])])
-def test_what_stands_apart_in_the_loop_is_there_once_and_not_in_what_calls_it(width, elsewhere):
-    """Two copies of `mahalanobis` may round differently: then a run's last bits depend on a neighbour's update."""
-    loop = jitted(run_steps, __name__, {"RUN": run_type(3, width)}, kernel=True, apart=APART)
-
-    @njit(signature_of(run_steps), error_model="numpy", nogil=True)
-    def entry(steps, score, model, rules, kept, runs):
-        return loop(steps, score, model, rules, kept, runs)
-
-    (text,) = entry.inspect_llvm().values()
-    made = " ".join(line for line in text.splitlines() if line.startswith("define"))
-    assert [name for name in ALONE if not re.search(rf"\d{name}B\d", made)] == elsewhere
 
 
 def test_a_run_without_consistency_has_all_other_sums(several):
