@@ -9,7 +9,6 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.plugins.catalogue import docstrings
 from jerkbench.recording import Heading, Imu, Recording, Reference
 
 G = 9.81
@@ -85,8 +84,3 @@ def test_what_makes_no_sense_is_one_sentence():
             GyroOnly(**wrong)
     with pytest.raises(RecordingError, match="no dual-antenna heading"):
         GyroOnly(yaw_source="dual_antenna").estimate(recording(np.zeros((300, 3))))
-
-
-def test_every_parameter_is_documented():
-    described = "".join(docstrings(GyroOnly))
-    assert all(f"\n    {f.name}: " in described for f in dataclasses.fields(GyroOnly))

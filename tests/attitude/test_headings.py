@@ -82,9 +82,3 @@ def test_a_source_that_is_asked_for_is_taken():
 def test_a_source_that_is_not_there_is_one_sentence(source, velocity, reason):
     with pytest.raises(RecordingError, match=reason):
         select(source, velocity=velocity)
-
-
-@pytest.mark.parametrize("source", ["dual_antenna", "course"])
-def test_the_sentence_says_what_the_headings_are_from(source):
-    with pytest.raises(RecordingError, match=r"odometry.*yaw_source"):
-        select(source, heading=ODOMETRY)

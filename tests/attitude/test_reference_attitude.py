@@ -1,6 +1,3 @@
-import dataclasses
-import inspect
-
 import numpy as np
 import pytest
 
@@ -69,8 +66,3 @@ def test_what_the_reference_lacks_is_said_before_a_sweep_begins():
         ReferenceAttitude().require(lambda: recording_at_rest(1.0))
     with pytest.raises(RecordingError, match="raise gap_s"):
         ReferenceAttitude().require(lambda: made([0.0], np.zeros((1, 3))))
-
-
-def test_every_parameter_is_documented():
-    doc = inspect.getdoc(ReferenceAttitude)
-    assert all(f"\n    {f.name}: " in doc for f in dataclasses.fields(ReferenceAttitude))

@@ -14,7 +14,6 @@ from jerkbench.attitude.common import TiltStart
 from jerkbench.attitude.gravity_update import ADAPTATIONS
 from jerkbench.attitude.tilt import PROPAGATIONS, Tilt, run_tilt
 from jerkbench.geometry import roll_pitch
-from jerkbench.recording import Imu, Recording, Reference
 
 LEVEL = np.array([0.0, 0.0, 1.0])
 
@@ -105,21 +104,6 @@ def test_a_run_equals_the_equations_one_by_one(adapt, propagation):
         assert 0 < triggered.sum() < 80
 
 
-@pytest.mark.parametrize("adapt", ADAPTATIONS)
-def test_without_a_compiler_the_same_loop_runs(adapt, monkeypatch):
-    gyro, accel, dt = shaken(200)
-    reference = Reference([1.0], "made up", independent=True)
-    drive = Recording("shaken", Imu(np.cumsum(dt), accel, gyro), reference)
-    p = Tilt(adapt, 0.05, 0.3, 0.6, 4, propagation="exact")
-    x, triggered = p.verticals(drive)
-    monkeypatch.setattr(common, "can_compile", lambda: False)
-    monkeypatch.setattr(common, "_compiled", lambda *_: pytest.fail("it was compiled"))
-    plain_x, plain_triggered = p.verticals(drive)
-
-    np.testing.assert_allclose(plain_x, x, rtol=0, atol=1e-13)
-    np.testing.assert_array_equal(plain_triggered, triggered)
-
-
 def test_exact_propagation_follows_a_fast_constant_rotation():
     # The accelerometer counts for nothing here, so that the gyro alone carries the tilt.
     rate, dt, n = np.array([9.0, -20.0, 11.0]), 1 / 285.71, 2000
@@ -153,33 +137,3 @@ def test_mtf_keeps_a_level_robot_level_while_it_accelerates():
 def test_without_adaptation_the_tilt_goes_to_the_apparent_vertical():
     pitch, _ = accelerating("none", 200, 3000)
     assert pitch[-1] == pytest.approx(-math.atan2(1.0, G), abs=1e-4)
-
-
-@pytest.mark.parametrize("adapt", ADAPTATIONS)
-def test_external_variance_is_never_negative_and_x_has_length_one(adapt):
-    samples = shaken(300, seed=1)
-    p = Tilt(adapt, sigma_accel_mps2=0.3, external_memory=0.6, window=3)
-    for n in (1, 2, 101, 102, 150, 299, 300):
-        state, update, *_ = after([array[:n] for array in samples], p)
-        assert update.M.min() >= p.sigma_accel_mps2**2
-        assert np.linalg.norm(state.x) == pytest.approx(1.0, abs=1e-14)
-        np.testing.assert_array_equal(state.P, state.P.T)
-
-
-def test_after_mtf_no_axis_lies_outside_its_own_variance():
-    samples, p, hits = shaken(200, seed=2), Tilt(sigma_accel_mps2=0.1), 0
-    for n in range(60, 200):
-        _, update, _, triggered = after([array[:n] for array in samples], p, loop=compiled())
-        if triggered[-1]:
-            S = update.C0 - p.sigma_accel_mps2**2 + update.M
-            assert (update.e**2 <= S * (1 + 1e-12)).all()
-            hits += 1
-    assert hits > 10
-
-
-def test_a_run_does_not_change_its_arguments():
-    samples, start = shaken(20), TiltStart(LEVEL.copy(), 0.03)
-    before = [array.copy() for array in (start.x, *samples)]
-    run_tilt(Tilt(window=3).state(start), *samples, np.empty((20, 3)), np.empty(20, dtype=bool))
-    for array, copy in zip((start.x, *samples), before, strict=True):
-        np.testing.assert_array_equal(array, copy)

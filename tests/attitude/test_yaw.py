@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jerkbench.attitude.yaw import estimate_yaw, filter_offset, yaw_rate
+from jerkbench.attitude.yaw import estimate_yaw, yaw_rate
 from jerkbench.geometry import dcm_from_euler, euler_from_dcm
 from jerkbench.recording import Heading, Imu
 
@@ -88,32 +88,6 @@ def test_a_heading_changes_nothing_before_its_own_time():
     same = t < headings.t_s[10]
     np.testing.assert_array_equal(before[same], after[same])
     assert (before[~same] != after[~same]).all()
-
-
-def test_a_heading_at_a_stamp_counts_at_that_stamp():
-    t = np.array([1.0, 2.0, 3.0])
-    headings = Heading([1.0, 2.0], [0.0, 0.4], [0.1, 0.1])
-    yaw = level_yaw(t, np.zeros(3), headings, 0.0)
-    np.testing.assert_allclose(yaw, [0.0, 0.2, 0.2], atol=1e-15)
-
-
-def test_a_heading_within_the_first_sample():
-    headings = Heading([0.75], [1.0], [0.1])
-    yaw = level_yaw(np.array([1.0, 2.0]), np.array([0.4, 0.8]), headings, 0.0)
-    np.testing.assert_allclose(yaw, [1.1, 1.9], atol=1e-15)
-
-
-def test_equal_headings_without_walk_average():
-    z = np.array([0.3, 0.5, 0.1, 0.7])
-    offsets, variances = filter_offset(Heading(np.arange(4.0), z, np.full(4, 0.2)), np.zeros(4), 0.0)
-    np.testing.assert_allclose(offsets, np.cumsum(z) / np.arange(1, 5), atol=1e-15)
-    np.testing.assert_allclose(variances, 0.04 / np.arange(1, 5), rtol=1e-12)
-
-
-def test_the_innovation_is_wrapped():
-    headings = Heading([0.0, 1.0], [3.1, -3.0], [0.1, 0.1])
-    yaw = level_yaw(np.array([0.0, 1.0]), np.zeros(2), headings, 0.0)
-    np.testing.assert_allclose(yaw, [3.1, (3.1 - 3.0) / 2 - np.pi], atol=1e-12)
 
 
 def test_without_headings_yaw_starts_at_zero():
