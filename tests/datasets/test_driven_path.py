@@ -1,14 +1,9 @@
-import dataclasses
-import inspect
-
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.plugins import create, get
 
 PERFECT = {"noise": False, "accel_range_g": None}
 SMOOTH = {**PERFECT, "vibration_mps2": 0.0, "vibration_rad": 0.0}
@@ -140,26 +135,6 @@ def test_where_it_stands_the_heading_goes_on_and_vibration_waits(table):
     assert late.std() == pytest.approx(0.3, rel=0.2)  # vibration at its full strength
 
 
-def test_sensors_noise_and_streams_are_those_of_the_field():
-    """The same seed gives the same noise: noisy less clean is equal for both data sets."""
-    long = ((0.0, 0.0), (100.0, 0.0))
-
-    def noises(cls, **parameters):
-        noisy, clean = (cls(**parameters, noise=noise, accel_range_g=None).load(3) for noise in (True, False))
-        return [
-            noisy.imu.accel_mps2 - clean.imu.accel_mps2,
-            noisy.imu.gyro_radps - clean.imu.gyro_radps,
-            noisy.position.enu_m - clean.position.enu_m,
-            noisy.velocity.mps - clean.velocity.mps,
-        ]
-
-    # Streams are read in order, so the shorter one is the beginning of the longer one.
-    for ours, theirs in zip(noises(DrivenPath, waypoints_m=long), noises(FieldWhite, duration_s=60.0), strict=True):
-        n = min(len(ours), len(theirs))
-        np.testing.assert_allclose(ours[:n], theirs[:n], atol=1e-9)
-        assert ours.std() > 0
-
-
 def test_seeds_and_fingerprint(table):
     t_s = np.arange(0, 20.1, 0.5)
     file = table(t_s, circle(t_s))
@@ -170,12 +145,6 @@ def test_seeds_and_fingerprint(table):
     table(t_s, circle(t_s) + 1)
     assert DrivenPath(file=file).fingerprint() != before
     assert DrivenPath().fingerprint() == ""
-
-
-def test_it_reads_waypoints_from_a_configuration():
-    made = create("dataset", {"name": "path", "waypoints_m": [[0, 0], [10, 0], [20, 10]]})
-    assert made.waypoints_m == ((0, 0), (10, 0), (20, 10))
-    assert get("dataset", "path") is DrivenPath
 
 
 @pytest.mark.parametrize(
@@ -218,8 +187,3 @@ def test_files_that_hold_no_drive_are_sentences(table, tmp_path):
     (tmp_path / "odd.csv").write_text("t,e,n,u\n0,0,0,0\n1,1,x,0\n")
     with pytest.raises(RecordingError, match="line 3, field 3 is 'x'"):
         DrivenPath(file=str(tmp_path / "odd.csv")).load(0)
-
-
-def test_every_parameter_is_documented():
-    text = "\n".join(inspect.getdoc(c) for c in DrivenPath.__mro__ if dataclasses.is_dataclass(c))
-    assert all(f"\n    {f.name}: " in text for f in dataclasses.fields(DrivenPath))

@@ -3,14 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jerkbench.datasets import field as field_white
 from jerkbench.datasets.field import Field, FieldHeadland, FieldRuts, FieldVibration, FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.plugins import create, get
-from jerkbench.random_streams import stream
-from jerkbench.simulation import imu
-from jerkbench.simulation import sensors as simulated
+from jerkbench.plugins import create
 
 FIELDS = {
     "field": Field,
@@ -58,24 +54,6 @@ def test_integrating_the_imu_returns_the_true_velocity_and_position(name):
         v = v + 0.01 * u
     np.testing.assert_allclose(v, reference.velocity_mps[-1], rtol=0, atol=1e-3)
     np.testing.assert_allclose(p, reference.enu_m[-1], rtol=0, atol=1e-3)
-
-
-@pytest.mark.parametrize("name", FIELDS)
-def test_each_is_registered_under_its_name_and_drives_for_150_s(name):
-    assert get("dataset", name) is FIELDS[name]
-    recording = create("dataset", {"name": name}).load(0)
-    assert (recording.name, recording.duration_s) == (name, 150.0)
-    assert FIELDS[name].seeded
-    assert FIELDS[name]().fingerprint() == ""
-
-
-def test_variants_differ_from_the_field_as_documented():
-    def own(cls):
-        return {key: value for key, value in vars(cls()).items() if value != getattr(Field(), key)}
-
-    assert own(FieldRuts) == {"ruts": True}
-    assert own(FieldVibration) == {"roughness": 2.5, "vibration_mps2": 2.0, "impacts_per_s": 0.3}
-    assert own(FieldHeadland) == {"pass_s": 10.0, "turn_s": 3.5, "speed_mps": 2.0, "turn_speed_mps": 1.6}
 
 
 def test_stamps_coincide_exactly(drive):
@@ -187,17 +165,6 @@ def test_a_silent_sensor_is_still_believed_as_before():
         FieldWhite(silent=("positon",))
 
 
-def test_switching_vibration_off_moves_neither_terrain_nor_noise(drive):
-    calm, calm_clean = (
-        FieldWhite(vibration_mps2=0.0, vibration_rad=0.0, noise=noise).load(1) for noise in (True, False)
-    )
-    clean = FieldWhite(noise=False).load(1)
-    for name in ("position", "velocity"):
-        with_vibration = sensors(drive)[name] - sensors(clean)[name]
-        np.testing.assert_allclose(sensors(calm)[name] - sensors(calm_clean)[name], with_vibration, atol=1e-12)
-    np.testing.assert_allclose(calm.reference.enu_m, drive.reference.enu_m, atol=3e-4)
-
-
 def test_switching_false_forces_off_changes_the_accelerometer_after_the_ramp_only():
     with_them, without = FieldVibration().load(4), FieldVibration(false_forces=False).load(4)
     assert changed(with_them, without) == {"accelerometer"}
@@ -257,21 +224,3 @@ def test_a_value_that_makes_no_sense_is_one_sentence(parameter, sentence):
     with pytest.raises(PluginError, match="dataset field") as error:
         FieldWhite(**parameter)
     assert sentence in str(error.value)
-
-
-def test_ruts_out_of_time_do_not_matter_while_they_are_off():
-    assert FieldWhite(rut_times_s=(1.0,)).ruts is False
-
-
-def test_no_two_sources_of_randomness_share_a_stream(monkeypatch):
-    asked = []
-
-    def noted(seed, *names):
-        asked.append(names)
-        return stream(seed, *names)
-
-    for module in (field_white, simulated, imu):
-        monkeypatch.setattr(module, "stream", noted)
-    FieldVibration(duration_s=10.0, imu="consumer").load(1)
-    assert len(asked) == len(set(asked)) >= 8
-    assert {names[0] for names in asked} == {"dataset"}

@@ -325,18 +325,6 @@ def test_another_unit_or_damage_is_a_sentence(tmp_path):
         Tables(str(tmp_path), **GIVEN).load(0)
 
 
-def test_a_fix_that_leaps_is_dropped_and_said(tmp_path):
-    write(tmp_path / "imu.csv", PLAIN)
-    fixes = pd.DataFrame({"t": FIX_S, "latitude": LATITUDE, "longitude": LONGITUDE, "height": 110.0})
-    fixes.loc[3, "height"] = np.nan
-    fixes.loc[40, "latitude"] = 94.0 - LATITUDE
-    fixes.to_csv(tmp_path / "fix.csv", index=False)
-    recording = Tables(str(tmp_path), **GIVEN, position_file="fix.csv").load(0)
-    assert len(recording.position.t_s) == 94
-    assert other_notes(recording) == ("1 of 95 fixes leaps out of its neighbours by more than 50 m: dropped.",)
-    assert np.isnan(recording.position.enu_m[:, 2]).sum() == 1
-
-
 @pytest.mark.parametrize("every", [2, 5])
 def test_fixes_without_a_height_do_not_leap(tmp_path, every):
     write(tmp_path / "imu.csv", PLAIN)
@@ -397,20 +385,6 @@ def test_a_first_fix_that_leaps_is_not_the_origin(tmp_path, frame, leap):
     assert other_notes(recording) == ("2 of 95 fixes leap out of their neighbours by more than 50 m: dropped.",)
 
 
-def test_a_first_fix_of_a_solution_that_leaps_is_not_the_origin(tmp_path):
-    urbannav(tmp_path)
-    lines = (tmp_path / "rover.pos").read_text().splitlines()
-    lines[1] = lines[1].replace(" 49.0", " 50.0")
-    (tmp_path / "rover.pos").write_text("\n".join(lines))
-    recording = loaded("urbannav", tmp_path)
-    second = geodetic(circle(FIX_S)[0])[1]
-    assert recording.origin.latitude_deg == pytest.approx(second[0], abs=1e-9)
-    enu = circle(FIX_S)[0]
-    np.testing.assert_allclose(recording.position.enu_m, (enu - enu[1])[1:], atol=2e-3)
-    np.testing.assert_allclose(recording.reference.enu_m, enu - enu[1], atol=2e-3)
-    assert "1 of 95 fixes leaps" in recording.notes[-1]
-
-
 def test_a_pattern_of_solutions_reads_all_files(tmp_path):
     urbannav(tmp_path)
     whole = loaded("urbannav", tmp_path)
@@ -434,17 +408,6 @@ def test_marks_of_events_beside_a_solution_are_not_read(tmp_path):
     np.testing.assert_array_equal(loaded("urbannav", tmp_path).position.enu_m, whole.position.enu_m)
     named = loaded("urbannav", tmp_path, position_file="rover_events.pos")
     np.testing.assert_array_equal(named.position.enu_m, whole.position.enu_m)
-
-
-def test_a_pattern_of_texts_and_dates_reads_all_files(tmp_path):
-    kitti(tmp_path)
-    whole = loaded("kitti", tmp_path)
-    lines = (tmp_path / "oxts" / "timestamps.txt").read_text().splitlines()
-    for name, part in (("timestamps.txt", lines[:40]), ("timestamps_2.txt", lines[40:])):
-        (tmp_path / "oxts" / name).write_text("\n".join(part))
-    parted = loaded("kitti", tmp_path, time_file="oxts/timestamps*.txt")
-    np.testing.assert_array_equal(parted.imu.t_s, whole.imu.t_s)
-    np.testing.assert_array_equal(parted.position.enu_m, whole.position.enu_m)
 
 
 def test_files_of_a_pattern_with_other_columns_are_refused(tmp_path):
