@@ -6,11 +6,10 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from stepping import mechanise, transition
 
-from jerkbench.inertial.mechanisation import FLAT, SensorNoise, calibrated, process_noise, propagated, step_noise
-from jerkbench.inertial.state import ErrorLayout, NavigationState, added, corrected, nominal_numbers
+from jerkbench.inertial.mechanisation import FLAT, SensorNoise, calibrated, process_noise
+from jerkbench.inertial.state import NavigationState, corrected
 from jerkbench.inertial.update import (
     carried_over,
-    correction,
     heading,
     point_in_enu,
     reset,
@@ -118,23 +117,6 @@ def test_the_noise_of_two_halves_is_that_of_the_whole():
     np.testing.assert_allclose(Phi @ half @ Phi.T + half, whole, atol=1e-18)
 
 
-def test_the_noise_has_the_densities_of_its_definition():
-    Q = process_noise(NOISE, 0.1)
-
-    np.testing.assert_allclose(np.diag(Q)[3:], np.repeat([1e-4, 3e-7, 2e-10, 4e-8], 3))
-
-
-def test_propagation_is_that_of_samples():
-    rng = np.random.default_rng(1)
-    root = rng.normal(size=(15, 15))
-    Phi, Q = np.eye(15) + 0.1 * rng.normal(size=(15, 15)), np.diag(np.arange(1.0, 16.0))
-    x = rng.normal(size=(200_000, 15)) @ root.T
-    after = x @ Phi.T + rng.normal(size=x.shape) * np.sqrt(np.diag(Q))
-    expected = propagated(root @ root.T, Phi, Q)
-
-    np.testing.assert_allclose(np.cov(after.T), expected, atol=0.02 * np.abs(expected).max())
-
-
 def rate_of(state):
     return GYRO - state.gyro_bias_radps
 
@@ -169,50 +151,8 @@ def test_the_speed_of_a_wheel_of_another_size_and_its_derivative():
     np.testing.assert_allclose(H, derivative(shown, 3, states=16, about=unworn), atol=1e-8)
 
 
-def test_the_scale_of_a_wheel_is_constant():
-    force, Q = np.array([1.0, -2.0, 12.0]), step_noise(NOISE, 0.5, 16)
-    Phi = transition(0.5, STATE.dcm, force, 16)
-
-    np.testing.assert_array_equal(Phi[:15, :15], transition(0.5, STATE.dcm, force))
-    np.testing.assert_array_equal([*Phi[15], *Phi[:, 15]], 2 * [*np.zeros(15), 1.0])
-    assert not Q[15].any()
-    assert not Q[:, 15].any()
-
-
 def test_heading_and_its_derivative():
     yaw, H = heading(STATE)
 
     assert yaw == pytest.approx(2.0)
     np.testing.assert_allclose(H, derivative(lambda s: np.array([heading(s)[0]]), 1), atol=1e-8)
-
-
-def test_the_update_is_that_of_the_information_form():
-    rng = np.random.default_rng(2)
-    root, H = rng.normal(size=(15, 15)), rng.normal(size=(4, 15))
-    P, R, y = root @ root.T + np.eye(15), np.diag([1.0, 2.0, 0.5, 3.0]), rng.normal(size=4)
-    dx, posterior = correction(P, y, H, R)
-    information = np.linalg.inv(P) + H.T @ np.linalg.inv(R) @ H
-
-    np.testing.assert_allclose(posterior, np.linalg.inv(information), atol=1e-9)
-    np.testing.assert_allclose(dx, np.linalg.solve(information, H.T @ np.linalg.solve(R, y)), atol=1e-9)
-    np.testing.assert_array_equal(posterior, posterior.T)
-
-
-@pytest.mark.parametrize(
-    ("state", "layout", "size"),
-    [
-        (STATE, ErrorLayout(), 15),
-        (WORN, ErrorLayout(("wheel_scale",)), 16),
-    ],
-)
-def test_a_state_has_errors_of_what_is_estimated_in_it(state, layout, size):
-    assert state.layout == layout
-    assert layout.size == size
-
-
-def test_the_nominal_numbers_stand_as_their_errors_do_but_for_the_nine_of_the_attitude():
-    about, dx = WORN, 1e-3 * np.arange(1.0, 17.0)
-    change = nominal_numbers(added(about, dx)) - nominal_numbers(about)
-
-    np.testing.assert_allclose(change[:6], dx[:6], atol=1e-12)
-    np.testing.assert_allclose(change[15:], dx[9:], atol=1e-12)

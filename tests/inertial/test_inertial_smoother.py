@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, lstsq, solve_triangular
 from stepping import mechanise
-from test_error_state import STATE, WORN, derivative, difference
+from test_error_state import derivative, difference
 
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -16,7 +16,6 @@ from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
 from jerkbench.inertial.mechanisation import FLAT, process_noise
 from jerkbench.inertial.smoother import ForwardRun, backward
-from jerkbench.inertial.state import corrected, error_between
 from synthetic import level_attitude, recording_at_rest
 
 
@@ -99,14 +98,6 @@ def test_it_is_the_least_squares_solution_of_the_whole_run():
         assert np.abs((nodes[k].covariance - covariance) / np.outer(sigma, sigma)).max() < 2e-3
         np.testing.assert_array_equal(estimate.position_m[k], nodes[k].state.position_m)
         np.testing.assert_array_equal(estimate.covariance[k], nodes[k].covariance[:6, :6])
-
-
-@pytest.mark.parametrize(("about", "states"), [(STATE, 15), (WORN, 16)])
-def test_the_error_between_two_states_takes_one_to_the_other(about, states):
-    dx = 0.02 * np.sin(np.arange(1.0, states + 1.0))
-    after = corrected(about, dx)
-
-    np.testing.assert_allclose(error_between(after, about), dx, atol=1e-12)
 
 
 def drive(seed):

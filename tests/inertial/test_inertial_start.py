@@ -14,7 +14,6 @@ from jerkbench.inertial.run_inputs import (
     MOVING_TILT_RAD,
     StartSigmas,
     align,
-    deviation,
     merge_events,
     still_samples,
 )
@@ -83,13 +82,6 @@ def test_the_tilt_that_an_accelerometer_bias_makes_is_in_the_covariance():
     np.testing.assert_allclose(P[6:8, 6:8], 0.01 * J[:2] @ J[:2].T + noise * np.eye(2), atol=1e-7)
 
 
-def test_the_scale_of_a_wheel_is_the_last_state():
-    _, P = start_of(tilted(0.1, -0.2), sigmas=SIGMAS._replace(wheel_scale=0.02))
-
-    assert P.shape == (16, 16)
-    np.testing.assert_allclose(P[15], [*np.zeros(15), 0.0004])
-
-
 def test_moving_it_starts_with_the_attitude_and_the_velocity_that_are_given():
     recording = tilted(0.1, -0.2, static_start_s=0.0)
     moving = replace(recording.velocity, mps=recording.velocity.mps + np.array([1.0, 2.0, 3.0]))
@@ -118,16 +110,6 @@ def test_an_accelerometer_without_gravity_is_a_sentence():
         start_of(replace(recording, imu=imu))
 
 
-def test_the_deviation_is_that_of_each_window():
-    values = np.random.default_rng(1).normal(5.0, 2.0, (60, 3)) * [1.0, 2.0, 3.0]
-    naive = [np.sqrt(values[k - 9 : k + 1].var(axis=0).sum()) for k in range(9, 60)]
-
-    spread = deviation(values, 10)
-    np.testing.assert_allclose(spread[9:], naive, rtol=1e-9)
-    assert np.isinf(spread[:9]).all()
-    assert np.isinf(deviation(values, 100)).all()
-
-
 @pytest.mark.parametrize(("sensor", "column"), [("accel_mps2", 0), ("gyro_radps", 2)])
 def test_it_stands_still_where_both_sensors_are_quiet(sensor, column):
     imu = recording_at_rest(duration_s=10.0).imu
@@ -139,12 +121,6 @@ def test_it_stands_still_where_both_sensors_are_quiet(sensor, column):
     assert not still[:99].any()
     assert not still[405:590].any()
     assert still[600:].all()
-
-
-def test_a_constant_error_does_not_hide_stillness():
-    imu = recording_at_rest(duration_s=3.0).imu
-
-    assert still_samples(replace(imu, gyro_radps=imu.gyro_radps + 0.5), 1.0, 0.1, 0.01)[99:].all()
 
 
 def test_headings_split_the_steps_and_keep_everything_else():
@@ -163,11 +139,3 @@ def test_headings_split_the_steps_and_keep_everything_else():
     np.testing.assert_array_equal(events.reference[events.reference >= 0], timeline.reference[timeline.reference >= 0])
     np.testing.assert_allclose(events.dt_s, np.diff(events.t_s, prepend=0.5), atol=1e-12)
     assert recording.imu.t_s[events.sample[events.heading == 1]] == pytest.approx(0.8)
-
-
-def test_constraints_are_due_once_an_interval():
-    recording = recording_at_rest(duration_s=3.0)
-    timeline = build_timeline(recording, level_attitude(recording))
-    events = merge_events(*steps_of(timeline), recording.imu, None, 0.25)
-
-    np.testing.assert_allclose(events.t_s[events.constrained], np.arange(1, 13) * 0.25)

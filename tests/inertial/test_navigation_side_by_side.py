@@ -115,7 +115,7 @@ def test_runs_of_one_vector_have_their_own_lever_arms_constraints_and_earth():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["lever arms", "heading", "scales and wheel"])
+@pytest.mark.parametrize("case", ["lever arms", "heading", "all with a wheel"])
 def test_the_invariant_one_too(case):
     kind, fields = CASES[case]
     (recording, attitude), model = recorded(kind), InvariantEkf(**fields, initial_yaw_sigma_rad=0.5)

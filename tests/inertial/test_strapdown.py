@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from stepping import mechanise
 
 from jerkbench.inertial.mechanisation import FLAT, RADIUS_M, RATE_RADPS, earth_at, gravity_enu
-from jerkbench.inertial.state import NavigationState, cross, orthonormal, rotation_exp, skew
+from jerkbench.inertial.state import NavigationState, rotation_exp
 from jerkbench.recording import GRAVITY_MPS2, Origin
 
 AMES = Origin(42.0, -93.6, 300.0)
@@ -22,26 +22,6 @@ def test_the_exponential_is_that_of_scipy(length):
     phi = length * np.array([0.48, -0.6, 0.64])
 
     np.testing.assert_allclose(rotation_exp(phi), Rotation.from_rotvec(phi).as_matrix(), atol=1e-15)
-
-
-def test_many_rotations_at_once_are_those_of_each():
-    phi = np.array([[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [0.3, -0.2, 1.0]])
-
-    np.testing.assert_array_equal(rotation_exp(phi), [rotation_exp(one) for one in phi])
-
-
-def test_skew_and_cross_are_those_of_numpy():
-    a, b = np.array([1.0, -2.0, 3.0]), np.array([0.5, 4.0, -1.0])
-
-    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
-    np.testing.assert_array_equal(skew(a) @ b, np.cross(a, b))
-
-
-def test_a_matrix_that_is_almost_a_rotation_becomes_one():
-    C = Rotation.from_rotvec([0.3, 0.2, -1.0]).as_matrix()
-    spoiled = C + 1e-6 * np.arange(9).reshape(3, 3)
-
-    assert np.abs(orthonormal(spoiled) @ orthonormal(spoiled).T - np.eye(3)).max() < 1e-9
 
 
 def test_circular_motion_comes_out_as_a_circle():

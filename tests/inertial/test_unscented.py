@@ -4,11 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
-from scipy.linalg import expm, sqrtm
-from scipy.spatial.transform import Rotation
-from stepping import mechanise
-from test_error_state import STATE, difference
 
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
@@ -16,47 +11,9 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.ukf import Ukf, UnscentedRun, step_all
+from jerkbench.filters.ukf import Ukf
 from jerkbench.geometry import dcm_from_euler
-from jerkbench.inertial.mechanisation import FLAT
-from jerkbench.inertial.state import added
 from jerkbench.recording import Heading, Velocity
-
-POINTS = MerweScaledSigmaPoints(15, 0.1, 2.0, 0.0)
-SPREAD = np.diag(np.repeat([1.0, 0.5, 0.3, 0.01, 0.1], 3) ** 2)
-
-
-def test_every_sigma_point_goes_the_way_of_the_mechanisation():
-    sigmas = POINTS.sigma_points(np.zeros(15), SPREAD)
-    sensed = np.array([1.0, -2.0, 9.0]), np.array([0.3, -0.2, 0.5])
-    after, errors = step_all(STATE, sigmas, *sensed, 0.01)
-
-    nominal = mechanise(STATE, *sensed, 0.01, FLAT)[0]
-    np.testing.assert_allclose(difference(after, nominal), np.zeros(15), atol=1e-14)
-    for dx, error in zip(sigmas, errors, strict=True):
-        alone = mechanise(added(STATE, dx), *sensed, 0.01, FLAT)[0]
-        np.testing.assert_allclose(error, difference(alone, nominal), atol=1e-9)
-
-
-def test_the_sigma_points_hold_mean_and_covariance():
-    A = np.random.default_rng(1).normal(size=(15, 15))
-    P = A @ A.T
-    sigmas = POINTS.sigma_points(np.zeros(15), P)
-    root = np.real(sqrtm(P))
-
-    mean, covariance = unscented_transform(sigmas, POINTS.Wm, POINTS.Wc)
-    np.testing.assert_allclose(mean, np.zeros(15), atol=1e-12)
-    np.testing.assert_allclose(covariance, root @ root, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(sigmas[1:] @ np.linalg.inv(root), axis=1), 0.1 * np.sqrt(15), rtol=1e-9)
-
-
-def test_an_error_of_attitude_is_a_rotation_vector():
-    dx = np.zeros(15)
-    dx[6:9] = [0.4, -1.2, 2.0]
-    state = added(STATE, dx)
-
-    np.testing.assert_allclose(state.dcm, Rotation.from_rotvec(dx[6:9]).as_matrix() @ STATE.dcm, atol=1e-12)
-    np.testing.assert_allclose(state.dcm, expm(np.cross(dx[6:9], np.eye(3)).T) @ STATE.dcm, atol=1e-12)
 
 
 @pytest.fixture(scope="module")
@@ -136,17 +93,6 @@ def test_it_learns_a_yaw_that_is_wrong_by_sixty_degrees(field):
 
     off = estimate.euler_rad[-1, 2] - recording.reference.euler_rad[estimate.index[-1], 2]
     assert abs(np.remainder(off + np.pi, 2 * np.pi) - np.pi) < np.deg2rad(3.0)
-
-
-def test_a_long_run_says_how_far_it_has_come(field, monkeypatch, capsys):
-    monkeypatch.setattr("jerkbench.filters.ukf.TELL_EVERY_S", 0.0)
-    recording, attitude = field
-    model = Ukf()
-    journey = model.journey(recording, attitude)
-    short = journey.events._replace(**{name: part[:120] for name, part in journey.events._asdict().items()})
-    UnscentedRun(journey, NoAdaptation(), POINTS).over(short)
-
-    assert "ukf: 1 of 1 s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
