@@ -1,7 +1,6 @@
 """The filter without input, against closed forms."""
 
 import numpy as np
-import pytest
 from scipy.linalg import solve_discrete_are
 
 from jerkbench.adaptation.none import NoAdaptation
@@ -55,7 +54,3 @@ def test_the_imu_is_not_used():
     np.testing.assert_array_equal(
         run(recording, (0.0, 0.0, 0.0)).position_m, run(recording, (5.0, -3.0, 1.0)).position_m
     )
-
-
-def test_the_initial_variance_is_that_of_the_acceleration():
-    assert Acceleration(initial_accel_mps2=3.0).initial_variances() == pytest.approx([9.0])

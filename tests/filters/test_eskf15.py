@@ -11,13 +11,11 @@ from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.contracts import Estimator
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.outages import GnssOutage, PositionOutage
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.iekf import InvariantEkf
-from jerkbench.inertial import run
 from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
 from jerkbench.simulation.imu import GRADES
@@ -41,10 +39,6 @@ def position_errors(model, recording):
     estimate = model.estimate(recording, Tilt().estimate(recording), NoAdaptation())
     assert estimate.failure == ""
     return estimate, np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
-
-
-def test_it_is_an_estimator():
-    assert isinstance(Eskf15(), Estimator)
 
 
 def test_a_perfect_recording_gives_the_truth(field):
@@ -115,11 +109,6 @@ def test_a_wheel_stands_on_its_own_point_and_its_absent_axes_are_no_rows(field):
 
     assert np.nanmax(estimate.updates.nis) < 0.1
     assert set(estimate.updates.rows) <= {1.0, 4.0}
-
-
-def test_the_scale_needs_a_wheel(field):
-    with pytest.raises(RecordingError, match="wheel's speed"):
-        Eskf15(wheel_scale=True).estimate(field, Tilt().estimate(field), NoAdaptation())
 
 
 def test_the_lever_arm_carries_the_antenna_to_the_imu_and_back(field):
@@ -221,24 +210,6 @@ def test_headings_turn_it_the_short_way():
     np.testing.assert_allclose(unused, 3.0, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "more", [{}, {"earth_rotation": True, "earth_curvature": True, "reference_point_m": (1.0, 0, 0)}]
-)
-def test_it_does_not_matter_how_many_steps_are_made_at_once(field, monkeypatch, more):
-    attitude = Tilt().estimate(field)
-    recording = GnssOutage(windows_s=((10.0, 20.0),), heading=True).apply(field, 0)
-    solutions = []
-    for stretch in (512, 7, 1):
-        monkeypatch.setattr(run, "STRETCH", stretch)
-        solutions.append(Eskf15(**more).solve(recording, attitude, NoAdaptation()))
-
-    for other in solutions[1:]:
-        for name in ("position_m", "velocity_mps", "covariance", "euler_rad"):
-            np.testing.assert_allclose(
-                getattr(other.estimate, name), getattr(solutions[0].estimate, name), rtol=1e-9, atol=1e-11
-            )
-
-
 def drifting(seed=3, length_s=30.0):
     """A body at rest whose accelerometer drifts away without fixes."""
     rest = recording_at_rest(duration_s=length_s, velocity=None, static_start_s=2.0)
@@ -296,13 +267,6 @@ def test_the_fix_sigma_replaces_the_reported_covariance(noisy_field):
 
     np.testing.assert_allclose(estimate.updates.R_diagonal[:, :3], 0.25)
     np.testing.assert_allclose(estimate.updates.R_diagonal[:, 3:5], 0.03**2)
-
-
-def test_without_velocity_only_position_is_an_update(noisy_field):
-    estimate, error = position_errors(Eskf15(use_velocity=False), noisy_field)
-
-    assert (estimate.updates.rows == 3).all()
-    assert error.max() < 0.1
 
 
 def test_an_adaptation_sees_the_rows_of_position_and_velocity(noisy_field):

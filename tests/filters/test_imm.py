@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from filterpy.kalman import IMMEstimator, KalmanFilter
-from scipy.stats import multivariate_normal
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.adaptation.oracle import Oracle
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
-from jerkbench.filters.imm import InteractingMultipleModels, combined, log_density, mixed, weighed
+from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.kinematic import Baseline, Jerk
 from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
@@ -114,38 +113,6 @@ def test_the_model_that_fits_gets_the_weight():
     assert np.abs(estimate.position_m[late]).max() < 1.5 * np.abs(wide.position_m[late]).max()
     assert np.abs(narrow.position_m[late]).max() > 10 * np.abs(estimate.position_m[late]).max()
     assert sigma[late].mean() > 1.5 * sigma[~late].mean()
-
-
-def test_mixing_keeps_the_mean_and_the_covariance_of_the_whole():
-    rng = np.random.default_rng(2)
-    x, root = rng.normal(size=(2, 4)), rng.normal(size=(2, 4, 4))
-    P, mu = root @ root.transpose(0, 2, 1), np.array([0.3, 0.7])
-    x0, P0, c = mixed(x, P, mu, np.array([[0.9, 0.1], [0.25, 0.75]]))
-
-    np.testing.assert_allclose(c, [0.3 * 0.9 + 0.7 * 0.25, 0.3 * 0.1 + 0.7 * 0.75])
-    for before, after in zip(combined(x, P, mu), combined(x0, P0, c), strict=True):
-        np.testing.assert_allclose(after, before, atol=1e-12)
-
-
-def test_the_moments_of_a_mixture_are_those_of_its_samples():
-    rng = np.random.default_rng(3)
-    x, P = np.array([[0.0, 1.0], [4.0, -1.0]]), np.array([np.eye(2), np.diag([0.25, 4.0])])
-    which = rng.random(200_000) < 0.3
-    samples = np.where(
-        which[:, None], rng.multivariate_normal(x[0], P[0], 200_000), rng.multivariate_normal(x[1], P[1], 200_000)
-    )
-    mean, covariance = combined(x, P, np.array([0.3, 0.7]))
-
-    np.testing.assert_allclose(samples.mean(axis=0), mean, atol=0.02)
-    np.testing.assert_allclose(np.cov(samples.T), covariance, atol=0.06)
-
-
-def test_the_likelihood_is_that_of_the_normal_distribution_and_never_underflows():
-    S, y = np.array([[2.0, 0.3], [0.3, 1.0]]), np.array([0.4, -1.0])
-
-    assert log_density(y, S) == pytest.approx(multivariate_normal.logpdf(y, cov=S))
-    np.testing.assert_allclose(weighed(np.array([0.5, 0.5]), np.log([0.2, 0.6])), [0.25, 0.75])
-    np.testing.assert_allclose(weighed(np.array([0.5, 0.5]), np.array([-5000.0, -5001.0])), [0.7310586, 0.2689414])
 
 
 def test_the_oracle_gets_the_true_covariance():

@@ -36,11 +36,6 @@ def test_it_is_refused_with_a_sentence_that_names_it(name, field, value):
         plugins.create("filter", {"name": name, field: value})
 
 
-@pytest.mark.parametrize(("name", "field"), [pair for pair in EVERY if pair[0] in KINEMATIC])
-def test_zero_is_a_noise(name, field):
-    assert getattr(plugins.create("filter", {"name": name, field: 0.0}), field) == 0.0
-
-
 def test_no_kinematic_filter_is_forgotten():
     kinematic = {name for name in plugins.names("filter") if hasattr(plugins.get("filter", name), "axis_model")}
     assert kinematic <= set(KINEMATIC)

@@ -16,7 +16,6 @@ from engine_agreement import (
 from jerkbench import plugins
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.adaptation.scalar_q import ScalarQ
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import Field
 from jerkbench.disturbances.noise import NoiseStep
@@ -69,13 +68,6 @@ def test_it_agrees_with_numpy_over_fixes_alone(name):
     compare(SmoothedFixes(name), NoAdaptation())
 
 
-def test_over_a_constant_turn_nothing_is_compiled():
-    recording, attitude = recorded()
-    model = SmoothedFixes("constant_turn")
-
-    assert model.estimate_compiled(recording, attitude, NoAdaptation()) is None
-
-
 @pytest.mark.parametrize("name", RauchTungStriebel().adaptations)
 def test_it_agrees_with_numpy_with_each_adaptation(name):
     compare(RauchTungStriebel("jerk"), plugins.create("adaptation", {"name": name}))
@@ -94,12 +86,6 @@ def test_in_a_gap_the_covariance_has_the_digits_that_the_difference_of_two_large
     mine, theirs, prior = variances
     assert (prior / theirs).max() > 100.0
     assert np.abs((mine - theirs) / prior).max() < 1e-12
-
-
-def test_it_keeps_what_an_adaptation_fades():
-    (_, faded, _), (_, plain, _) = (compare(RauchTungStriebel(), rule) for rule in (ScalarQ(), NoAdaptation()))
-
-    assert np.abs(faded.position_m - plain.position_m).max() > 1e-3
 
 
 @pytest.mark.slow
