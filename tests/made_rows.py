@@ -1,4 +1,4 @@
-"""Rows of an audit whose numbers are made, not run: so many methods, tunings and drives as a test needs."""
+"""Rows of an audit or a study whose numbers are made, not run: as many methods, tunings and drives as a test needs."""
 
 import dataclasses
 
@@ -14,6 +14,27 @@ SMALL = dataclasses.replace(
 )
 LOST = 0.02
 """The share of lost runs."""
+FACTORS = {
+    "dataset": "field",
+    "attitude": "tilt",
+    "noise": "default",
+    "replicate": "seed",
+    "status": "ok",
+    "reason": "",
+}
+"""What all rows of a study have in common."""
+
+
+def study_rows(seeds, times):
+    """Rows of two filters and mtf in two scenarios, mtf so many times better than the baseline."""
+    rng = np.random.default_rng(5)
+    made = []
+    for name, adaptation, factor in (("baseline", "none", 1.0), ("jerk", "none", 0.9), ("jerk", "mtf", 1 / times)):
+        for disturbance in ("none", "bias"):
+            values = factor * np.exp(0.1 * rng.standard_normal(seeds))
+            head = {**FACTORS, "filter": name, "adaptation": adaptation, "disturbance": disturbance}
+            made += [{**head, "seed": seed, "position_rmse_m": value} for seed, value in enumerate(values)]
+    return pd.DataFrame(made)
 
 
 def made_rows(protocol=SMALL, seed=0, ratio=None):

@@ -1,27 +1,12 @@
 """The combined field and the sweep of outages are presets: what Hydra makes of them."""
 
-from functools import cache
-
 import pytest
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 
-from jerkbench.hydra_app.configuration import configured_job, register_schemas
-from jerkbench.presets import config_folder
-
-
-@cache
-def cell(*overrides):
-    register_schemas()
-    with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
-        config = compose("config", list(overrides), return_hydra_config=True)
-        bare = {key: value for key, value in config.items() if key != "hydra"}
-        plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
-        return configured_job(plain, config.hydra.runtime.choices, list(overrides))
+from made_jobs import job_of_words
 
 
 def test_everything_at_once_as_the_page_says():
-    one = cell("experiment=field_combined")
+    one = job_of_words("experiment=field_combined")
     assert one.labels.dataset == "field_combined"
     dataset = one.scenario.dataset
     assert (dataset.ruts, dataset.vibration_mps2, dataset.impacts_per_s, dataset.roughness) == (
@@ -38,13 +23,13 @@ def test_everything_at_once_as_the_page_says():
 
 
 def test_it_can_be_put_together_by_hand_too():
-    by_hand = cell("dataset=field_combined", "disturbance=combined")
-    assert by_hand.scenario.disturbances == cell("experiment=field_combined").scenario.disturbances
-    assert cell("disturbance=combined", "disturbance.rtk_float.time_s=5.0").scenario.disturbances[2].time_s == 5
+    by_hand = job_of_words("dataset=field_combined", "disturbance=combined")
+    assert by_hand.scenario.disturbances == job_of_words("experiment=field_combined").scenario.disturbances
+    assert job_of_words("disturbance=combined", "disturbance.rtk_float.time_s=5.0").scenario.disturbances[2].time_s == 5
 
 
 def test_the_sweep_of_outages_has_a_seed_for_each_phase():
-    one = cell("experiment=outage_sweep", "disturbance.outage_sweep.length_s=30")
+    one = job_of_words("experiment=outage_sweep", "disturbance.outage_sweep.length_s=30")
     assert one.scenario.disturbances[0].length_s == 30
     assert len(one.draws) == one.scenario.disturbances[0].replicates()
     assert one.labels.disturbance == "outage_sweep(length_s=30)"
@@ -52,12 +37,12 @@ def test_the_sweep_of_outages_has_a_seed_for_each_phase():
 
 @pytest.mark.parametrize("attitude", ["gyro_only", "reference"])
 def test_attitudes_and_the_path_are_chosen_by_name(attitude):
-    one = cell("dataset=path", "dataset.waypoints_m=[[0,0],[9,0]]", f"attitude={attitude}")
+    one = job_of_words("dataset=path", "dataset.waypoints_m=[[0,0],[9,0]]", f"attitude={attitude}")
     assert one.scenario.dataset.waypoints_m == ((0, 0), (9, 0))
     assert one.spec["attitude"]["name"] == attitude
 
 
 def test_two_of_the_same_disturbance_under_keys_of_their_own():
     words = ["disturbance=imu_bias", "+disturbance@disturbance.second=imu_bias", "disturbance.second.stream=second"]
-    first, second = cell(*words).scenario.disturbances
+    first, second = job_of_words(*words).scenario.disturbances
     assert (first.stream, second.stream) == ("", "second")

@@ -1,25 +1,19 @@
 """A preset as plain data is what Hydra makes of the same file."""
 
-from functools import cache
-
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from jerkbench import plugins, presets
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import register_schemas
-from jerkbench.presets import config_folder, merged_values, preset, preset_names
+from jerkbench.presets import preset, preset_names
+from made_jobs import composed
 
 KINDS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise", "engine")
 SHIPPED = [(kind, name) for kind in KINDS for name in preset_names(kind)]
 
 
-@cache
 def by_hydra(kind, name):
-    register_schemas()
-    with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
-        return OmegaConf.to_container(compose("config", [f"{kind}={name}"])[kind], resolve=True)
+    return OmegaConf.to_container(composed(f"{kind}={name}")[kind], resolve=True)
 
 
 def completed(kind, part):
@@ -38,11 +32,6 @@ def test_every_preset_that_is_shipped_is_what_hydra_makes_of_it(kind, name):
         assert {key: completed(kind, one) for key, one in part.items()} == wanted
     else:
         assert completed(kind, part) == wanted
-
-
-def test_there_are_presets_to_compare():
-    assert {("filter", "baseline_untuned"), ("disturbance", "combined"), ("attitude", "real")} <= set(SHIPPED)
-    assert {("noise", "tuned"), ("noise", "paper")} <= set(SHIPPED)
 
 
 def test_the_papers_noise_is_its_filters_own_and_the_same_sigma_a_for_both():
@@ -94,13 +83,6 @@ def test_disturbances_of_presets_are_merged_by_their_names(conf):
         "imu_bias": {"name": "imu_bias", "accel_mps2": 1.0, "gyro_radps": 3.0},
         "gnss_outage": {"name": "gnss_outage"},
     }
-
-
-def test_neither_side_of_a_merge_is_changed():
-    below, above = {"a": {"b": 1, "c": 2}}, {"a": {"b": 3}, "d": 4}
-
-    assert merged_values(below, above) == {"a": {"b": 3, "c": 2}, "d": 4}
-    assert (below, above) == ({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}, "d": 4})
 
 
 def test_a_preset_that_reaches_into_another_group_is_a_sentence(conf):

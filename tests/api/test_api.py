@@ -1,36 +1,23 @@
 """`jerkbench.run` and `jerkbench run` are two ways to ask the same question."""
 
 import inspect
-from functools import cache
 
 import pandas as pd
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 import jerkbench
 from commands import verb as command_line
 from jerkbench.errors import PluginError
-from jerkbench.hydra_app.configuration import Schema, configured_job, register_schemas
+from jerkbench.hydra_app.configuration import Schema
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.study import load_study
 from jerkbench.presets import config_folder, default_names
-from made_jobs import with_data
+from made_jobs import job_of_words, with_data
 
 DRIVE = {"name": "rtklib", "folder": "anywhere"}
-
-
-@cache
-def by_words(*overrides):
-    """The cell that the command line makes of its words."""
-    register_schemas()
-    with initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
-        config = compose("config", list(overrides), return_hydra_config=True)
-        bare = {key: value for key, value in config.items() if key != "hydra"}
-        plain = OmegaConf.to_container(OmegaConf.create(bare), resolve=True)
-        return configured_job(plain, config.hydra.runtime.choices, list(overrides))
 
 
 def by_parts(disturbance=(), noise=None, **single):
@@ -99,7 +86,7 @@ def test_its_rows_are_those_of_the_command_line(tmp_path):
     ],
 )
 def test_the_same_names_are_the_same_cell_as_on_the_command_line(words, arguments):
-    theirs, ours = by_words(*words), by_parts(**arguments)
+    theirs, ours = job_of_words(*words), by_parts(**arguments)
 
     assert ours.labels == theirs.labels
     assert with_data(ours, "data").key == with_data(theirs, "data").key  # of all that the rows depend on

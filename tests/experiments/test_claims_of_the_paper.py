@@ -6,7 +6,7 @@ import pytest
 
 from experiment_scripts import experiment
 from jerkbench.audit.answer import NO_FAULT
-from made_rows import made_rows
+from made_rows import FACTORS, made_rows, study_rows
 
 of_paper = experiment("paper/claims.py")
 ten_times = experiment("paper/ten_times.py")
@@ -44,27 +44,6 @@ def test_resilience_is_asked_under_a_fault_only():
     assert "| resilient: under a fault better | baseline |" in claim_table([claim])
 
 
-FACTORS = {
-    "dataset": "field",
-    "attitude": "tilt",
-    "noise": "default",
-    "replicate": "seed",
-    "status": "ok",
-    "reason": "",
-}
-
-
-def rows(seeds, times):
-    rng = np.random.default_rng(5)
-    made = []
-    for name, adaptation, factor in (("baseline", "none", 1.0), ("jerk", "none", 0.9), ("jerk", "mtf", 1 / times)):
-        for disturbance in ("none", "bias"):
-            values = factor * np.exp(0.1 * rng.standard_normal(seeds))
-            head = {**FACTORS, "filter": name, "adaptation": adaptation, "disturbance": disturbance}
-            made += [{**head, "seed": seed, "position_rmse_m": value} for seed, value in enumerate(values)]
-    return pd.DataFrame(made)
-
-
 def cell_rows(filter_name, adaptation, values):
     head = {**FACTORS, "filter": filter_name, "adaptation": adaptation, "disturbance": "none"}
     return [{**head, "seed": seed, "position_rmse_m": value} for seed, value in enumerate(values)]
@@ -90,8 +69,8 @@ def test_few_seeds_neither_hold_a_claim_nor_refute_it():
 
 
 def test_a_study_says_of_each_opponent_in_how_many_cases_the_claim_holds():
-    assert "it holds in 2" in ten_times.said(rows(20, 30.0))[0]
+    assert "it holds in 2" in ten_times.said(study_rows(20, 30.0))[0]
 
 
 def test_where_nothing_is_shown_the_claim_does_not_hold_either():
-    assert ten_times.said(rows(2, 12.0)) == [ten_times.NOTHING_SHOWN]
+    assert ten_times.said(study_rows(2, 12.0)) == [ten_times.NOTHING_SHOWN]

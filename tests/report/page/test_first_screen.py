@@ -6,26 +6,7 @@ import pandas as pd
 from jerkbench.report.findings import answer
 from jerkbench.report.page_content import matrix, settings
 from jerkbench.report.study_verdicts import study_verdicts
-
-FACTORS = {
-    "dataset": "field",
-    "attitude": "tilt",
-    "noise": "default",
-    "replicate": "seed",
-    "status": "ok",
-    "reason": "",
-}
-
-
-def rows(seeds, times):
-    rng = np.random.default_rng(5)
-    made = []
-    for name, adaptation, factor in (("baseline", "none", 1.0), ("jerk", "none", 0.9), ("jerk", "mtf", 1 / times)):
-        for disturbance in ("none", "bias"):
-            values = factor * np.exp(0.1 * rng.standard_normal(seeds))
-            head = {**FACTORS, "filter": name, "adaptation": adaptation, "disturbance": disturbance}
-            made += [{**head, "seed": seed, "position_rmse_m": value} for seed, value in enumerate(values)]
-    return pd.DataFrame(made)
+from made_rows import study_rows
 
 
 def standings(frame):
@@ -33,14 +14,14 @@ def standings(frame):
 
 
 def test_where_nothing_is_shown_nobody_is_said_to_lead():
-    seen = standings(rows(2, 12.0))
+    seen = standings(study_rows(2, 12.0))
     assert answer(seen).title.startswith("None of 3 methods was shown to beat another")
     assert not any(cell.leads for _, cells in matrix(seen).lines for cell in cells)
     assert {cell.style for _, cells in matrix(seen).lines for cell in cells} == {"undecided", "reference"}
 
 
 def test_the_picture_has_ratios_to_the_baseline_and_colours_what_was_shown():
-    frame = rows(20, 30.0)
+    frame = study_rows(20, 30.0)
     seen = matrix(standings(frame))
     assert seen.reference == "baseline+none"
     assert seen.columns == ("none", "bias")
@@ -58,7 +39,7 @@ def test_the_picture_has_ratios_to_the_baseline_and_colours_what_was_shown():
 
 
 def test_a_method_that_loses_runs_is_marked_and_at_its_worst_there():
-    frame = rows(20, 1.0)
+    frame = study_rows(20, 1.0)
     lost = (frame["adaptation"] == "mtf") & (frame["disturbance"] == "bias")
     frame.loc[lost, "status"] = "diverged"
     seen = matrix(standings(frame))
@@ -68,7 +49,7 @@ def test_a_method_that_loses_runs_is_marked_and_at_its_worst_there():
 
 
 def test_many_scenarios_stand_in_rows():
-    frame = pd.concat([rows(6, 12.0).assign(attitude=f"tilt{k}") for k in range(5)])
+    frame = pd.concat([study_rows(6, 12.0).assign(attitude=f"tilt{k}") for k in range(5)])
     seen = matrix(standings(frame))
     assert seen.corner == "scenario"
     assert len(seen.lines) == 10
