@@ -8,7 +8,6 @@ import pytest
 import jerkbench
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.rosbag import Fixposition, RosBag
-from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.errors import RecordingError
 from jerkbench.io.bag_writing import write_bag
 from jerkbench.plugins.samples import small_recording
@@ -121,16 +120,6 @@ def test_what_has_no_place_in_a_bag_is_said(tmp_path):
     reference = dataclasses.replace(field.reference, euler_rad=known, scored=np.arange(2000) > 5)
     said = write_bag(dataclasses.replace(field, position=position, reference=reference), tmp_path / "b.bag")
     assert [sentence.split(" ")[0] for sentence in said] == ["10", "Which", "True"]
-
-
-def test_the_real_drive_comes_back(tmp_path, shared_folder):
-    drive = RtklibDrive(str(shared_folder / "data" / "rtklib_drive_0708")).load(0)
-    write_bag(drive, tmp_path / "drive.mcap")
-    back = RosBag(str(tmp_path / "drive.mcap")).load(0)
-    same(back, drive, "imu", "t_s", "accel_mps2")
-    same(back, drive, "position", "t_s", "enu_m", "covariance_m2")
-    same(back, drive, "velocity", "t_s", "mps")
-    assert back.static_start_s == drive.static_start_s
 
 
 def test_a_recording_that_is_nowhere_on_the_earth_says_what_to_write_instead(tmp_path):

@@ -68,11 +68,6 @@ def test_a_damaged_tag_is_named(tmp_path, content, said):
     assert str(path) in str(error.value)
 
 
-def test_a_missing_tag_is_named(tmp_path):
-    with pytest.raises(RecordingError, match=r"There is no file .*gone\.tag"):
-        read_time_tag(tmp_path / "gone.tag")
-
-
 @pytest.mark.parametrize(
     ("first", "last", "said"),
     [

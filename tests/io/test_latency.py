@@ -8,13 +8,6 @@ ENU = np.arange(9.0).reshape(3, 3)
 COVARIANCE = np.tile(np.array([[4.0, 1.0, 0.5], [1.0, 5.0, 0.25], [0.5, 0.25, 6.0]]), (3, 1, 1))
 
 
-def test_equal_latencies_give_whole_rows():
-    velocity = velocity_when_true(T_S, ENU, COVARIANCE, (0.1, 0.1, 0.1))
-    np.testing.assert_allclose(velocity.t_s, T_S - 0.1, atol=1e-9)
-    np.testing.assert_array_equal(velocity.mps, ENU)
-    np.testing.assert_array_equal(velocity.covariance_m2ps2, COVARIANCE)
-
-
 @pytest.mark.parametrize("latency_s", [(0.125, 0.125, 0.275), (0.0, 0.1, 0.2), (0.0, 0.0, 0.25)])
 def test_each_value_stands_once_at_its_own_time(latency_s):
     velocity = velocity_when_true(T_S, ENU, COVARIANCE, latency_s)

@@ -42,13 +42,6 @@ def test_covariances_take_sign_and_square_of_the_roots(tmp_path):
     np.testing.assert_allclose(solution.velocity_covariance_m2ps2[0], velocity, rtol=1e-12)
 
 
-def test_rows_can_be_selected(tmp_path):
-    solution = read_rtklib_pos(written(tmp_path, HEADER + ROW.format(ms=499) + ROW.format(ms=749)))
-    second = solution.select(np.array([False, True]))
-    assert second.gpst_ns.tolist() == [solution.gpst_ns[1]]
-    assert second.covariance_m2.shape == (1, 3, 3)
-
-
 PLACE = (40.0, -105.0, 1600.0)
 NEAR = [(0.0, 0.0, 0.0), (10.0, -20.0, 0.5), (300.0, 400.0, -3.0)]
 SD, SDV = [0.02, 0.01, 0.04, -0.005, 0.003, -0.002], [0.3, 0.2, 0.4, 0.05, -0.06, 0.07]
@@ -167,13 +160,6 @@ def test_files_that_cannot_be_joined_are_a_sentence(tmp_path):
     (tmp_path / "b.pos").write_text("\n".join([*text[:2], text[4]]))
     with pytest.raises(RecordingError, match="velocities"):
         read_pos_files((first, tmp_path / "b.pos"))
-
-
-def test_a_solution_without_velocities_has_none(tmp_path):
-    solution = read_rtklib_pos(written(tmp_path, solution_text("deg", velocity=False)))
-    assert solution.velocity_enu_mps is None
-    assert solution.speed_mps is None
-    assert solution.select(np.array([True, False, True])).velocity_covariance_m2ps2 is None
 
 
 def test_south_of_the_equator_minutes_go_south_too(tmp_path):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.io.frames import body_from_sensor, first_rest_s, scaled_to_gravity, without_gyro_bias
+from jerkbench.io.frames import body_from_sensor, scaled_to_gravity
 from jerkbench.recording import Imu
 
 T_S = np.arange(400) * 0.01
@@ -12,26 +12,6 @@ def imu_at_rest(accel=(0.0, 6.0, 8.0), gyro=(0.01, -0.02, 0.03)):
     ripple = np.where(np.arange(400) % 2, 0.5, -0.5)[:, None]
     moving = (T_S >= 2.0)[:, None]
     return Imu(T_S, np.array(accel) + ripple + 5 * moving, np.array(gyro) + ripple + moving)
-
-
-def test_the_rest_ends_a_second_before_the_first_motion():
-    t_s = np.arange(40) * 0.25 - 1.0
-    speed = np.where(t_s >= 5.0, 1.0, 0.02)
-    assert first_rest_s(t_s, speed, 9.0) == 4.0
-    assert first_rest_s(t_s, np.full(40, 0.02), 9.0) == 9.0
-    assert first_rest_s(t_s, np.full(40, 3.0), 9.0) == 0.0
-
-
-def test_only_the_rest_decides_about_bias_and_scale():
-    imu = imu_at_rest()
-    np.testing.assert_allclose(imu.gyro_radps - without_gyro_bias(imu, 2.0).gyro_radps, [[0.01, -0.02, 0.03]] * 400)
-    scaled = scaled_to_gravity(imu, 2.0)  # |(0, 6, 8)| = 10
-    np.testing.assert_allclose(scaled.accel_mps2, imu.accel_mps2 * 0.981, rtol=1e-12)
-
-
-def test_without_rest_the_calibration_says_what_to_do():
-    with pytest.raises(RecordingError, match="remove_gyro_bias"):
-        without_gyro_bias(imu_at_rest(), 0.5)
 
 
 @pytest.mark.parametrize("accel", [(0.0, 0.0, 1.01), (0.0, 0.0, 96.0), (0.0, 0.0, 0.0)])

@@ -1,7 +1,5 @@
 """A large bag is read once: the second time from the cache, equal to the bit."""
 
-import os
-
 import numpy as np
 import pytest
 
@@ -34,14 +32,6 @@ def test_the_second_reading_is_the_first_without_the_bag(bag, tmp_path, monkeypa
     assert identical(Fixposition(str(bag)).load(0), first)
     moved = bag.rename(tmp_path / "b.bag")  # it is the content that counts
     np.testing.assert_array_equal(Fixposition(str(moved)).load(0).imu.accel_mps2, first.imu.accel_mps2)
-
-
-def test_what_changes_nothing_of_the_reading_takes_it_from_the_cache(bag, tmp_path, monkeypatch):
-    Fixposition(str(bag)).load(0)
-    monkeypatch.setattr(extract, "open_bag", never)
-    changed = {"imu_axes": ("z", "y", "-x"), "imu_shift_s": 0.1, "sanitise": "drop", "earliest_utc": "2001-01-01"}
-    turned = Fixposition(str(bag), **changed).load(0)
-    assert np.abs(turned.imu.accel_mps2[:, 0] - 9.81).max() < 0.1
 
 
 @pytest.mark.parametrize("changed", [{"velocity": "none"}, {"covariance_order": "enu"}, {"heading": "odometry"}])
@@ -93,39 +83,6 @@ def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):
     with pytest.warns(UserWarning, match="cannot be written"):
         recording = Fixposition(str(bag)).load(0)
     assert len(recording.imu.t_s) == 200
-
-
-def test_the_longest_unused_make_room(bag, tmp_path, monkeypatch):
-    Fixposition(str(bag)).load(0)
-    (first,) = kept(tmp_path)
-    monkeypatch.setattr(extract, "MOST_BYTES", int(2.5 * first.stat().st_size))
-    os.utime(first, (1, 1))
-    Fixposition(str(bag), velocity="none").load(0)
-    (second,) = set(kept(tmp_path)) - {first}
-    os.utime(second, (2, 2))
-    Fixposition(str(bag)).load(0)  # used: younger than the second now
-    Fixposition(str(bag), heading="odometry").load(0)
-    assert first in kept(tmp_path)
-    assert second not in kept(tmp_path)
-    assert len(kept(tmp_path)) == 2
-
-
-def test_one_that_is_too_large_for_the_bound_is_kept_alone(bag, tmp_path, monkeypatch):
-    monkeypatch.setattr(extract, "MOST_BYTES", 10)
-    Fixposition(str(bag), velocity="none").load(0)
-    Fixposition(str(bag)).load(0)
-    assert len(kept(tmp_path)) == 1
-
-
-def test_what_our_own_writer_said_is_kept_too(bag, tmp_path, monkeypatch):
-    from jerkbench.io.bag_writing import write_bag
-    from jerkbench.plugins.samples import small_recording
-
-    write_bag(small_recording(), tmp_path / "own.mcap")
-    first = RosBag(str(tmp_path / "own.mcap")).load(0)
-    monkeypatch.setattr(extract, "open_bag", never)
-    assert identical(RosBag(str(tmp_path / "own.mcap")).load(0), first)
-    assert (first.name, first.static_start_s) == ("conformance", 4.0)
 
 
 def test_a_bag_that_changes_while_it_is_read_is_not_kept(bag, tmp_path, monkeypatch):

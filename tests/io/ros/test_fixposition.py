@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bag_maker import ROS1, ROS2, SPEED_MPS, START_NS, Drive, at, odometry
+from bag_maker import ROS1, ROS2, SPEED_MPS, START_NS, Drive, odometry
 from jerkbench import plugins
 from jerkbench.datasets.rosbag import Fixposition
 from jerkbench.errors import PluginError, RecordingError
@@ -201,12 +201,3 @@ def test_of_two_sensors_the_namespace_chooses(tmp_path):
     path = str(drive.write(tmp_path / "a.bag"))
     assert len(Fixposition(path, namespace="/second").load(0).reference.t_s) == 15
     assert len(Fixposition(path, namespace="fixposition").load(0).reference.t_s) == 30
-
-
-def test_the_maker_of_the_bags_itself():
-    from scipy.spatial.transform import Rotation
-
-    lon, p, q = at(0.0)
-    east, up = Rotation.from_quat(q).apply([[1, 0, 0], [0, 0, 1]])
-    np.testing.assert_allclose(east, [-np.sin(np.radians(lon)), np.cos(np.radians(lon)), 0], atol=1e-12)
-    np.testing.assert_allclose(up, p / np.linalg.norm(p), atol=1e-12)

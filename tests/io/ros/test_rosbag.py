@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bag_maker import ROS1, ROS2, START_NS, fix, imu, message, odometry, vector, write_bag
+from bag_maker import ROS1, START_NS, fix, imu, message, odometry, vector, write_bag
 from jerkbench.datasets.rosbag import RosBag
 from jerkbench.errors import PluginError, RecordingError
 
@@ -201,7 +201,3 @@ def test_courses_are_headings_from_fix_to_fix(tmp_path):
     np.testing.assert_allclose(heading.t_s, [0.5, 1.5, 2.5], atol=1e-6)
     np.testing.assert_allclose(heading.sigma_rad, np.sqrt(0.02) / 5, rtol=1e-3)
     assert heading.source == "course"
-
-
-def test_ros_2_is_guessed_alike(tmp_path):
-    assert len(RosBag(bag(tmp_path / "a.mcap", store=ROS2)).load(0).imu.t_s) == 200
