@@ -3,9 +3,8 @@
 import itertools
 
 import numpy as np
-import pytest
 
-from jerkbench.report.plots.style import coinciding, thinned
+from jerkbench.report.plots.style import thinned
 
 T_S = 0.01 * np.arange(50_000)
 
@@ -33,23 +32,3 @@ def test_a_gap_stays_a_gap():
     assert kept[gap - 1] == kept[gap + 1] == 1.0
     assert t_s[gap - 1] <= T_S[19_999] < t_s[gap + 1]
     assert t_s[gap + 1] >= T_S[30_000]
-
-
-def test_a_short_curve_is_left_alone():
-    assert thinned(T_S[:2000], T_S[:2000])[0].tolist() == T_S[:2000].tolist()
-
-
-@pytest.mark.parametrize(("apart", "groups"), [(1.009, [["jerk", "bias"]]), (1.02, [["jerk"], ["bias"]])])
-def test_curves_within_a_hundredth_coincide(apart, groups):
-    jerk = 1.0 + np.sin(T_S) ** 2
-    assert coinciding({"jerk": jerk, "bias": apart * jerk}) == groups
-
-
-def test_a_curve_that_ends_earlier_does_not_coincide():
-    jerk = np.ones(4)
-    assert coinciding({"jerk": jerk, "bias": np.r_[1.0, 1.0, 1.0, np.nan], "other": jerk[:3]}) == [
-        ["jerk"],
-        ["bias"],
-        ["other"],
-    ]
-    assert coinciding({"jerk": np.r_[1.0, np.nan], "bias": np.r_[1.0, np.nan]}) == [["jerk", "bias"]]

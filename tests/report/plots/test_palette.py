@@ -102,20 +102,3 @@ def test_every_figure_of_rows_draws_a_method_as_the_figures_of_runs_do(cell_rows
     assert {(to_hex(bar.get_facecolor()).upper(), bar.get_hatch() or "") for bar in bars} == {
         (palette.look(method_of(name)).colour.upper(), palette.look(method_of(name)).hatch) for name in METHODS
     }
-
-
-def test_none_has_the_full_line_wherever_it_stands():
-    palette = Palette.of([("jerk", "mtf"), ("jerk", "none")])
-    assert palette.look(("jerk", "none")).stroke["linestyle"] == "-"
-    assert palette.look(("jerk", "mtf")).dash
-
-
-def test_a_method_that_the_study_has_not_looks_like_none_of_it():
-    look = STUDY.look(("tilt", "mtf"))
-    assert look.colour not in {STUDY.look((name, "mtf")).colour for name in STUDY.filters}
-    assert look.dash == STUDY.look(("jerk", "mtf")).dash
-
-
-def test_looks_are_frozen():
-    with pytest.raises(AttributeError):
-        STUDY.filters = ()

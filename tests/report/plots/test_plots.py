@@ -2,7 +2,6 @@
 
 import dataclasses
 import html
-import math
 
 import matplotlib as mpl
 import numpy as np
@@ -180,24 +179,6 @@ def test_the_zoom_is_around_an_outage_or_the_largest_error():
     assert quiet.get_ylim()[1] < 1.0 < axes.get_ylim()[1]
 
 
-def test_the_zoom_ends_with_the_recording():
-    one = make_estimate()
-    position_m = one.position_m.copy()
-    position_m[-1] += 5.0
-    low, high = disturbed_window_s(make_recording(), {"a": dataclasses.replace(one, position_m=position_m), "b": one})
-    assert low < high == T_S[-1]
-
-
-def test_the_inset_shows_where_the_horizontal_error_is_largest():
-    recording, one = make_recording(), make_estimate(0.01)
-    position_m = one.position_m.copy()
-    position_m[123, 0] += 1.0
-    figure = inset_trajectory_figure(recording, {"a": dataclasses.replace(one, position_m=position_m)})
-    low, high = figure.axes[1].get_xlim()
-    assert low < recording.reference.enu_m[123, 0] < high
-    assert high - low == pytest.approx(10.0, rel=0.1)
-
-
 @pytest.mark.parametrize("error_m", [0.001, 1.0, 20.0])
 def test_the_inset_enlarges_and_its_box_is_inside_the_axes(error_m):
     position_m = make_estimate(0.001).position_m.copy()
@@ -279,13 +260,6 @@ def test_of_several_noises_the_best_is_shown(cell_rows):
     assert lost.loc[lost["filter"] == "jerk", "position_rmse_m"].tolist() == [0.1, 0.2, 0.12]
 
 
-def test_costs_are_means_and_what_was_lost_is_infinite(cell_rows):
-    values, scenarios, methods = costs(study(cell_rows), "position_rmse_m")
-    assert (scenarios, methods) == (["none", "bias"], ["baseline", "jerk", "gnss_only"])
-    roots = np.sqrt([[2.0 * 2.2, 1.0 * 1.1, 50.0 * 55.0], [6.0 * 6.6, 3.0 * 3.3, math.inf]])
-    np.testing.assert_allclose(values, roots)
-
-
 def test_the_bars_and_the_heat_map_show_the_same_means(cell_rows):
     """One cell has a seed more, and the errors of each scatter: arithmetic means of common seeds are others."""
     rows = study(cell_rows)
@@ -358,11 +332,6 @@ def test_references_are_shown_and_not_crowned(cell_rows):
     assert named == ["baseline + none", "jerk + none", "(jerk + oracle)", "(gnss_only + none)"]
     labels = [line.get_label() for line in drawn["profile"].figure.axes[0].get_lines()]
     assert sorted(labels) == ["baseline + none (mean rank 2.0)", "jerk + none (mean rank 1.0)"]
-
-
-def test_costs_are_over_the_seeds_that_all_methods_have(cell_rows):
-    rows = pd.DataFrame([*cell_rows("jerk", "none", [1.0, 1.0, 100.0]), *cell_rows("baseline", "none", [2.0, 2.0])])
-    np.testing.assert_allclose(costs(rows, "position_rmse_m")[0], [[1.0, 2.0]])
 
 
 def test_who_was_not_run_in_a_scenario_has_not_lost_it(cell_rows):

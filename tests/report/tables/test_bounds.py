@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.report.summary import summarise, write_tables
-from jerkbench.report.writers import markdown, tidy_csv
+from jerkbench.report.summary import summarise
+from jerkbench.report.writers import markdown
 
 
 @pytest.fixture
@@ -54,13 +54,3 @@ def test_other_tables_have_none(bounded):
     assert not any("Cramér" in note for note in (*without.footnotes, *own.footnotes))
     assert any("Cramér" in note for note in across.footnotes)
     assert not any(cell.best for row in own.cells for cell in row)
-
-
-def test_the_file_of_all_metrics_has_each_table_as_it_is_alone(bounded, tmp_path):
-    rows = bounded.assign(velocity_rmse_mps=[0.1 * k for k in range(len(bounded))])
-    write_tables(rows, tmp_path)
-    lines = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()
-
-    for metric in ("position_rmse_m", "position_bound_m", "velocity_rmse_mps"):
-        alone = tidy_csv([summarise(rows, metric)]).splitlines()[1:]
-        assert [line for line in lines if line.startswith(f"{metric},")] == alone

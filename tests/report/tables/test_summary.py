@@ -9,7 +9,6 @@ from scipy.stats import binomtest, gmean
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.report.summary import summarise
-from jerkbench.report.table_model import Ratio
 from roots import mean_ends
 
 
@@ -70,13 +69,6 @@ def test_lost_runs_leave_the_median_of_all(rows, cell_rows):
     low, high = binomtest(2, 7).proportion_ci(0.95, method="exact")
     share = f"Lost runs, 95 % (Clopper and Pearson): 2/7 {100 * low:.0f} to {100 * high:.0f} %."
     assert share in table.footnotes
-
-
-def test_a_lock_out_leaves_the_median(cell_rows):
-    frame = pd.DataFrame(cell_rows("jerk", "none", [1.0, 1.1, 0.9, 1.05, 0.95, 60.0]))
-    cell = summarise(frame, "position_rmse_m").cells[0][0]
-    assert cell.mean == pytest.approx(1.025)
-    assert cell.text.endswith("gm 1.97 (1/6 locked out)")
 
 
 def test_a_missing_combination_is_none_and_said(rows):
@@ -170,12 +162,6 @@ def test_phases_have_a_range_and_no_confidence_interval(cell_rows):
     assert "BCa" not in said
 
 
-def test_one_run_is_a_number_alone(cell_rows):
-    for replicate in ("seed", "phase"):
-        one = pd.DataFrame(cell_rows("jerk", "none", [0.5], replicate=replicate))
-        assert summarise(one, "position_rmse_m").cells[0][0].text == "0.500"
-
-
 @pytest.mark.parametrize(
     ("statuses", "text"),
     [
@@ -191,11 +177,6 @@ def test_what_went_wrong_is_in_the_cell(cell_rows, statuses, text):
     cell = table.cells[0][0]
     assert f"{cell.number} {cell.trouble}".strip() == text
     assert ("Failed: ValueError: no." in table.footnotes) == ("failed" in statuses)
-
-
-def test_a_study_in_which_everything_failed_still_has_a_table(row):
-    frame = pd.DataFrame([row(filter="jerk", adaptation="none", status="failed", reason="ValueError: no.")])
-    assert summarise(frame, "position_rmse_m").cells[0][0].text == "failed 1/1"
 
 
 def test_a_metric_that_does_not_apply_is_said(rows):
@@ -238,42 +219,6 @@ def test_only_runs_that_went_well_are_missing(cell_rows, statuses, values, text,
     assert told == text
 
 
-def test_how_many_outages_an_error_at_their_end_is_from_is_said(rows):
-    said = "Outages of a run with a known error at the end: {}."
-    counted = rows.assign(outage_end_m=0.5, outage_end_max_m=0.7, outages_counted=3.0)
-    lost = counted["status"] == "diverged"
-    counted.loc[lost, "outages_counted"] = 1.0  # of no run that is in the table
-    for metric in ("outage_end_m", "outage_end_max_m"):
-        assert said.format(3) in summarise(counted, metric).footnotes
-    assert not any("known error at the end" in note for note in summarise(counted, "position_rmse_m").footnotes)
-    assert said.format("1 to 3") in summarise(counted.assign(status="ok"), "outage_end_m").footnotes
-    without = summarise(counted.assign(outages_counted=np.nan), "outage_end_m").footnotes
-    assert not any("known error at the end" in note for note in without)
-
-
-def test_nothing_is_best_in_a_count(rows):
-    counted = rows.assign(outages_counted=np.where(rows["adaptation"] == "none", 2.0, 3.0))
-    (jerk, _) = summarise(counted, "outages_counted").cells
-    assert [cell.text for cell in jerk] == ["2.00 [2.00, 2.00]", "3.00 [3.00, 3.00]"]
-    assert not any(cell.best for cell in jerk)
-
-
-def test_what_stands_in_a_cell_is_said(rows, cell_rows):
-    many = pd.DataFrame(cell_rows("jerk", "none", np.linspace(1, 2, 12), anees=6.0))
-    assert (
-        "Geometric mean [low, high] of the runs that went well: Student's 95 % interval of the logarithms over 5 seeds."
-        " Of fewer than 20 it is widened for skewed errors." in summarise(many[:5], "position_rmse_m").footnotes
-    )
-    assert (
-        "Median [low, high]: of all 12 seeds, a lost run larger than every number; 95 % by order statistics."
-        " gm: geometric mean of the runs that went well." in summarise(many, "position_rmse_m").footnotes
-    )
-    assert (
-        "Mean [low, high]: 95 % BCa bootstrap interval over 12 seeds, of fewer than 5 Student's."
-        in summarise(many, "anees").footnotes
-    )
-
-
 def test_a_factor_that_varies_is_never_averaged_over(rows):
     both = pd.concat([rows, rows.assign(disturbance="bias", position_rmse_m=rows["position_rmse_m"] * 10)])
     table = summarise(both, "position_rmse_m", row_keys=["filter"])
@@ -303,12 +248,6 @@ def test_rows_that_repeat_a_seed_are_refused(rows):
         summarise(pd.concat([rows, rows]), "position_rmse_m")
 
 
-def test_the_rows_stay_as_they_were(rows):
-    before = rows.copy()
-    summarise(rows, "position_rmse_m")
-    pd.testing.assert_frame_equal(rows, before)
-
-
 def test_the_references_own_attitude_never_leads(cell_rows):
     cells = {"tilt": 2.0, "gyro_only": 3.0, "reference": 1.0}
     rows = [
@@ -336,17 +275,3 @@ def test_beside_what_a_consistent_filter_gives_the_mean_stays_arithmetic(cell_ro
     frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
     table = summarise(frame.assign(anees=[2.0, 6.0, 10.0] * 2), "anees", baseline={"adaptation": "none"})
     assert [cell.mean for cell in table.cells[0]] == [6.0, 6.0]
-
-
-def test_that_there_is_no_ratio_is_said(cell_rows):
-    frame = pd.DataFrame([*cell_rows("jerk", "none", [0.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
-    table = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"})
-    said = " ".join(table.footnotes)
-    assert "There is no ratio to adaptation=none" in said
-    assert "×r" not in said  # noqa: RUF001
-
-
-def test_a_star_stands_beside_a_digit_that_shows_the_difference():
-    assert Ratio(1.0004, 1.0003, 1.0005, 0.01, "*").text == "×1.0004*"  # noqa: RUF001
-    assert Ratio(0.9996, 0.9995, 0.9997, 0.01, "*").text == "×0.9996*"  # noqa: RUF001
-    assert Ratio(1.0004, 0.9, 1.1, 0.5).text == "×1.00"  # noqa: RUF001

@@ -12,12 +12,12 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.parameters import Column
-from jerkbench.report import summary, terminal
+from jerkbench.report import terminal
 from jerkbench.report.columns import quantity
 from jerkbench.report.summary import summarise, write_tables
 from jerkbench.report.table_model import number
 from jerkbench.report.terminal import print_run, print_table
-from jerkbench.report.writers import latex, latex_escaped, markdown, tidy_csv
+from jerkbench.report.writers import latex, markdown, tidy_csv
 
 
 @pytest.mark.parametrize(
@@ -124,11 +124,6 @@ def test_latex_is_balanced_and_escaped(rows):
     assert r"100\% of R\_k \& \{x\} \#1 \textasciitilde{} \textasciicircum{} \textless{}\$\textgreater{}" in text
 
 
-def test_latex_line_break_meets_no_bracket():
-    """After a line break, LaTeX would read [0.1, 0.2] as a length."""
-    assert latex_escaped("[0.1, 0.2]") == "{[}0.1, 0.2{]}"
-
-
 def test_csv_reads_back_with_all_digits(rows):
     table = summarise(rows, "position_rmse_m")
     lines = list(csv.DictReader(io.StringIO(tidy_csv([table, summarise(rows, "anees")]))))
@@ -139,22 +134,6 @@ def test_csv_reads_back_with_all_digits(rows):
     (one,) = [line for line in lines if line["filter"] == "baseline" and line["metric"] == "position_rmse_m"]
     assert (one["runs"], one["diverged"], one["failed"], one["missing"], one["unit"]) == ("8", "4", "0", "0", "m")
     assert (one["dataset"], one["adaptation"], one["noise"]) == ("field", "none", "default")
-
-
-def test_csv_counts_the_runs_without_the_metric(rows):
-    holed = rows.assign(anees=rows["anees"].where(rows["seed"] > 0))
-    lines = list(csv.DictReader(io.StringIO(tidy_csv([summarise(holed, "anees")]))))
-    assert [(line["runs"], line["diverged"], line["missing"]) for line in lines] == [
-        ("8", "0", "1"),
-        ("8", "0", "1"),
-        ("8", "4", "1"),
-    ]
-
-
-def test_csv_leaves_a_number_empty_that_is_not_there(rows):
-    lost = rows.assign(status="diverged")
-    (line, *_) = list(csv.DictReader(io.StringIO(tidy_csv([summarise(lost, "position_rmse_m")]))))
-    assert (line["mean"], line["low"], line["diverged"]) == ("", "", "8")
 
 
 def test_terminal_shows_brackets_and_says_a_row_header_once(rows, capsys):
@@ -190,20 +169,6 @@ def test_the_three_files(rows, tmp_path):
     )
 
 
-def test_with_very_many_cells_only_the_first_table_is_judged(cell_rows, tmp_path, monkeypatch):
-    """No number changes; what is gone are the marks, and what they mean, in the others."""
-    scattered = np.exp(0.05 * np.random.default_rng(1).standard_normal((2, 20)))
-    runs = [*cell_rows("jerk", "a", scattered[0]), *cell_rows("jerk", "b", 1.5 * scattered[1])]
-    frame = pd.DataFrame(runs).assign(velocity_rmse_mps=lambda rows: rows["position_rmse_m"] / 10)
-    write_tables(frame, tmp_path / "few")
-    monkeypatch.setattr(summary, "FEW_CELLS", 1)
-    write_tables(frame, tmp_path / "many")
-    few, many = ((tmp_path / name / "table.md").read_text(encoding="utf-8") for name in ("few", "many"))
-    assert (few.count("**") // 2, many.count("**") // 2) == (2, 1)
-    assert few.partition("## ")[0] == many.partition("## ")[0]
-    assert (tmp_path / "few" / "table.csv").read_bytes() == (tmp_path / "many" / "table.csv").read_bytes()
-
-
 @pytest.fixture
 def without_position(rows):
     return rows.drop(columns="position_rmse_m").assign(step_us=3, velocity_rmse_mps=0.25)
@@ -220,19 +185,6 @@ def test_without_the_main_metric_the_first_that_was_computed_leads(without_posit
     assert r"\caption{ANEES of position and velocity}" in (tmp_path / "table.tex").read_text(encoding="utf-8")
     print_table(without_position)
     assert capsys.readouterr().out.startswith("ANEES of position and velocity")
-
-
-def test_where_no_run_went_well_the_table_is_of_the_main_metric(without_position, tmp_path, capsys):
-    lost = without_position.assign(status="failed", reason="ValueError: no.")
-    write_tables(lost, tmp_path)
-    assert (tmp_path / "table.md").read_text(encoding="utf-8").startswith("# Position RMSE (3-D) [m]")
-    print_table(lost)
-    assert capsys.readouterr().out.startswith("Position RMSE (3-D) [m]")
-
-
-def test_the_main_metric_leads_wherever_its_column_stands(rows, capsys):
-    print_table(rows[[*rows.columns.drop("position_rmse_m"), "position_rmse_m"]])
-    assert capsys.readouterr().out.startswith("Position RMSE (3-D) [m]")
 
 
 def test_the_terminal_shows_the_metric_that_is_asked_for(rows, capsys):
