@@ -7,7 +7,7 @@ import pytest
 
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.inspection.facts import findings_text
-from jerkbench.inspection.noise import allan_deviation, longest_rest, nearest_grade, rest_noise
+from jerkbench.inspection.noise import allan_deviation, longest_rest, rest_noise
 from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.simulation.imu import GRADES
 
@@ -55,12 +55,6 @@ def test_a_long_rest_shows_the_instability_as_well():
     lowest = np.degrees(noise.gyro_radps.min(axis=0).max()) * 3600
     assert noise.gyro_instability_deg_per_h == pytest.approx(lowest / 0.664)
     assert rest_noise(dataclasses.replace(recording, static_start_s=4.0)) is None
-
-
-def test_the_nearest_grade_is_nearest_in_ratio():
-    assert nearest_grade(5.0, 1.0) == "consumer"
-    assert nearest_grade(0.12, 0.062) == "tactical"
-    assert nearest_grade(0.0, 0.0) in GRADES
 
 
 def halting(begin_s, end_s, *, fixes_stop=True):

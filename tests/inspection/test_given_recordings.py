@@ -100,11 +100,6 @@ def test_no_clock_is_blamed_for_another_mistake(recorded, name):
         assert is_found(mistake, diagnoses(MISTAKES[mistake](recording)))
 
 
-def test_at_least_45_of_50_are_found():
-    real = ("drive", "comma2k19", "xsens", "husky", "zurich_mav")
-    assert sum(len(MISTAKES) - len(NOT_FOUND[name]) for name in real) >= 45
-
-
 @pytest.mark.parametrize("name", [name for name, missed in NOT_FOUND.items() if CLOCK not in missed])
 def test_the_clock_is_set_right(recorded, name):
     """As far as the recording itself is right: xsens has .21 s of its own, by the turning of its track."""

@@ -7,7 +7,7 @@ from logs import GAP_S, LATE_S, SIGMA_M, car_log, columns, kitti_like, ned_degre
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import enu_to_geodetic
-from jerkbench.inspection.guesses import is_date, parse_name
+from jerkbench.inspection.guesses import parse_name
 from jerkbench.inspection.guessing import guess_tables
 from jerkbench.recording import Origin
 
@@ -67,10 +67,6 @@ def test_stamps_of_ros_and_of_autopilots_are_no_measurements_that_are_too_large(
 
     assert (draft.guesses["time_unit"].value, draft.guesses["epoch"].value) == (unit, "unix")
     assert draft.load().start_utc.year == 2025
-
-
-def test_a_time_in_a_unit_that_is_none_of_time_is_no_date():
-    assert not is_date(np.array([1.7517e9]), "m")
 
 
 @pytest.mark.parametrize(

@@ -203,28 +203,3 @@ def test_the_interval_has_room_for_the_filter_of_a_sensor(car, late_s):
     assert lag.lag_s - as_it_is.lag_s == pytest.approx(late_s, abs=0.005)
     assert as_it_is.lag_s == pytest.approx(0.050, abs=0.005)
     assert "to mend it" not in findings_text(car(0.0))
-
-
-def test_an_offset_is_told_with_its_uncertainty_and_in_metres(car):
-    """By fixes at 1 Hz alone; 8.4 m/s is the median of the speeds from fix to fix."""
-    lag = late_imu(car(0.3, attitude=False))
-    assert abs(lag.lag_s - 0.3) < lag.within_s < 0.5
-    line = f"{lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s"
-    metres = f"at 8.4 m/s (median) it shifts places by {8.4 * lag.lag_s:.2g} m along the track"
-    text = findings_text(car(0.3, attitude=False))
-    assert f"{line} (correlation {lag.correlation:.3f}, without a shift {lag.at_none:.3f}); {metres}" in text
-    assert f"to try it add {-lag.lag_s:+.2f} to imu_shift_s" in text
-
-
-def test_a_weak_relation_has_a_number_too():
-    recording, draw = driving(0.0, 0.3), np.random.default_rng(2)
-    imu = recording.imu
-    noisy = Imu(imu.t_s, imu.accel_mps2 + 20.0 * draw.normal(size=imu.accel_mps2.shape), imu.gyro_radps)
-    recording = dataclasses.replace(recording, imu=noisy)
-    lag = estimated_lags(recording)[-1]
-    assert 0.2 < lag.correlation < 0.5
-    assert np.isnan(lag.lag_s)
-    assert abs(lag.best_s - 0.3) < lag.within_s
-    text = findings_text(recording)
-    assert f"weak, and not sure; {lag.best_s:+.2f} s fits best, and lags within {lag.within_s:.2f} s fit alike" in text
-    assert "imu_shift_s" not in text

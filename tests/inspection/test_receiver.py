@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from given import LOADED, given
 
 from commands import verb
 from jerkbench.inspection.receiver import receiver_errors
@@ -64,15 +63,6 @@ def test_the_levels_of_the_declared_sigma_stand_apart():
 
     assert factors["below 0.05 m"] == pytest.approx(1.0, rel=0.05)
     assert factors["below 5 m"] == pytest.approx(0.01, rel=0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [*(name for name in LOADED if name != "broad"), "taroz"])
-def test_every_given_recording_with_sigmas_has_a_factor(name, shared_folder):
-    errors = receiver_errors(given(shared_folder / "data", name))
-
-    assert errors is not None
-    assert all(np.isfinite(axis.factor) and axis.factor > 0 for axis in errors.overall[:2])
 
 
 def test_the_verb_says_what_to_put_into_a_filter_and_draws(tmp_path):

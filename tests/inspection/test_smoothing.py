@@ -95,7 +95,7 @@ def test_a_gpx_brings_places_and_times_back(tmp_path):
         write_gpx(replace(recording, origin=None), tmp_path / "b.gpx")
 
 
-JOURNEYS = ("taroz/nagoya_20240720", "urbannav_hk/wp_novatel", "urbannav_hk/wp_ublox", "ppc/nagoya_run2")
+JOURNEYS = ("taroz/nagoya_20240720", "ppc/nagoya_run2")
 
 
 @pytest.mark.slow
