@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from jerkbench import plugins
 from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.errors import PluginError
 from jerkbench.recording import Heading, Velocity
@@ -43,23 +42,6 @@ def test_outages_add_up_and_windows_outside_are_left_out(recording):
 def test_regular_windows_replace_the_given_ones(recording):
     done = GnssOutage(count=3, length_s=5.0, first_s=20.0, every_s=30.0).apply(recording, 0)
     assert done.outages_s.tolist() == [[20, 25], [50, 55], [80, 85]]
-
-
-def test_streams_that_are_absent_stay_absent(make):
-    done = GnssOutage(heading=True).apply(make(velocity=None, heading=None), 0)
-    assert done.velocity is None
-    assert done.heading is None
-
-
-def test_no_window_is_no_outage(recording):
-    done = GnssOutage(windows_s=()).apply(recording, 0)
-    assert len(done.position.t_s) == len(recording.position.t_s)
-    assert done.outages_s.shape == (0, 2)
-
-
-def test_it_reads_its_windows_from_a_configuration():
-    made = plugins.create("disturbance", {"name": "gnss_outage", "windows_s": [[1, 2], [3, 4]]})
-    assert made.windows_s == ((1, 2), (3, 4))
 
 
 @pytest.mark.parametrize(

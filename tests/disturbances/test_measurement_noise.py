@@ -144,9 +144,3 @@ def test_multipath_moves_all_axes_each_by_its_own(make):
 def test_parameters_that_make_no_sense_are_refused(plugin, wrong):
     with pytest.raises(PluginError):
         plugin(**wrong)
-
-
-@pytest.mark.parametrize("plugin", [Outliers(), MultipathAllAxes()])
-def test_no_position_is_a_sentence(make, plugin):
-    with pytest.raises(RecordingError, match="made has no position fixes"):
-        plugin.apply(make(position=None), 0)

@@ -54,14 +54,6 @@ def test_only_the_true_covariance_knows(recording):
         np.testing.assert_allclose(true, reported + np.diag(moved**2), atol=1e-9)
 
 
-def test_a_true_covariance_that_is_there_is_the_base(recording):
-    position = dataclasses.replace(recording.position, true_covariance_m2=9 * recording.position.covariance_m2)
-    done = MultipathSingleAxis().apply(dataclasses.replace(recording, position=position), 1).position
-    still = (done.enu_m == recording.position.enu_m).all(axis=1)
-    assert still.any()
-    np.testing.assert_array_equal(done.true_covariance_m2[still], position.true_covariance_m2[still])
-
-
 def test_what_is_not_measured_stays_so(make, recording):
     enu_m = recording.position.enu_m.copy()
     enu_m[:, 2] = np.nan

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from jerkbench import plugins
 from jerkbench.disturbances.outages import OutageSweep, PositionOutage, VelocityOutage
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.estimate import Estimate
@@ -19,19 +18,6 @@ def test_one_goes_and_the_others_stay(recording, plugin, gone, stays):
     assert getattr(done, gone).t_s.tolist() == expected
     assert all(getattr(done, name) is getattr(recording, name) for name in (*stays, "imu", "reference"))
     assert done.outages_s.tolist() == [[40, 50], [115, 120]]
-
-
-def test_both_together_are_an_outage_of_gnss(recording):
-    windows = ((20.0, 30.0),)
-    both = VelocityOutage(windows).apply(PositionOutage(windows).apply(recording, 0), 0)
-    whole = plugins.create("disturbance", {"name": "gnss_outage", "windows_s": [[20.0, 30.0]]}).apply(recording, 0)
-    np.testing.assert_array_equal(both.position.t_s, whole.position.t_s)
-    np.testing.assert_array_equal(both.velocity.t_s, whole.velocity.t_s)
-
-
-def test_regular_windows(recording):
-    done = PositionOutage(count=2, length_s=5.0, first_s=20.0, every_s=30.0).apply(recording, 0)
-    assert done.outages_s.tolist() == [[20, 25], [50, 55]]
 
 
 @pytest.mark.parametrize(

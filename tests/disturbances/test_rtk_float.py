@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -64,14 +62,6 @@ def test_moving_a_window_does_not_change_the_process(recording):
     other = RtkFloat(windows_s=((50.0, 90.0),)).apply(recording, 0).position.enu_m
     both = (recording.position.t_s >= 50) & (recording.position.t_s < 60)
     np.testing.assert_array_equal(one[both], other[both])
-
-
-def test_a_true_covariance_that_is_there_is_the_base(recording):
-    position = dataclasses.replace(recording.position, true_covariance_m2=9 * recording.position.covariance_m2)
-    done = RtkFloat().apply(dataclasses.replace(recording, position=position), 0).position
-    at = 4 * 40
-    np.testing.assert_allclose(done.true_covariance_m2[at], 9e-4 * np.eye(3) + FLOAT_M2)
-    np.testing.assert_allclose(done.covariance_m2[at], 1e-4 * np.eye(3) + FLOAT_M2)
 
 
 def test_no_position_and_wrong_parameters_are_sentences(make):

@@ -7,21 +7,11 @@ T = np.arange(1001) / 100
 INNER = inner_times(T, 10)
 
 
-def test_inner_times_lie_evenly_in_each_sample():
-    np.testing.assert_allclose(INNER.ravel(), 0.0005 + np.arange(10000) / 1000, atol=1e-12)
-
-
 def test_samples_are_the_mean_of_the_decaying_force():
     sample = rut_force(INNER, (5.0,), (0.7, 0.4, 1.0), 0.3).mean(axis=1)
     decay = np.exp(-np.maximum(T - 5.0, 0) / 0.3)
     mean = 0.3 * (decay[:-1] - decay[1:]) / 0.01 * (T[1:] > 5.0)
     np.testing.assert_allclose(sample, np.outer(mean, [0.7, 0.4, 1.0]), atol=1e-5)
-
-
-def test_forces_of_two_ruts_add_up():
-    both = rut_force(INNER, (5.0, 6.0), (0.7, 0.4, 1.0), 0.3)
-    apart = sum(rut_force(INNER, (t,), (0.7, 0.4, 1.0), 0.3) for t in (5.0, 6.0))
-    np.testing.assert_allclose(both, apart, atol=1e-12)
 
 
 @pytest.mark.parametrize("start", [2.0, 2.0037])
@@ -43,7 +33,3 @@ def test_impacts_are_a_poisson_process():
     assert np.var(counts) == pytest.approx(30.0, rel=0.3)
     assert (min(times), max(times)) == (pytest.approx(6.0, abs=0.1), pytest.approx(106.0, abs=0.1))
     assert (np.diff(hits) > 0).all()
-
-
-def test_no_impacts_when_the_drive_ends_before_the_ramp():
-    assert draw_impacts(np.random.default_rng(0), 5.0, 6.0, 4.0).size == 0

@@ -1,11 +1,8 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from jerkbench.datasets.field import FieldHeadland, FieldWhite
-from jerkbench.simulation.motion import Path
 
 FIELD = FieldWhite()._path()
 HEADLAND = FieldHeadland()._path()
@@ -52,18 +49,3 @@ def test_distance_is_the_integral_of_speed():
         corners = [t for t in (3, 6, 24, 26, 32, 34, 50, 52, 58) if t < end]
         length, _ = quad(lambda t: one(FIELD.speed_mps_at, t), 0.0, end, points=corners, limit=200)
         assert one(FIELD.distance_m_at, end) == pytest.approx(length, abs=1e-8)
-
-
-def test_speed_has_two_continuous_derivatives():
-    t = np.arange(60001) / 1000
-    second = np.diff(FIELD.speed_mps_at(t), 2) * 1e6
-    third = 60 * max(1.5 / 3.0**3, 0.7 / 2.0**3)  # of a smoothstep: 60 at its ends; ramp, change of speed
-    assert np.abs(np.diff(second)).max() < 1.1 * third / 1000
-
-
-def test_a_drive_shorter_than_its_first_pass_has_no_turn():
-    path = replace(FIELD, heading_rad=1.0)
-    t = np.array([0.0, 10.0, 20.0])
-    assert path.turn_starts_s(20.0).size == 0
-    assert path.yaw_rad_at(t).tolist() == [1.0, 1.0, 1.0]
-    assert isinstance(path, Path)

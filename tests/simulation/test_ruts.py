@@ -1,28 +1,12 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
-from scipy.special import expit
 
 from jerkbench.datasets.field import FieldRuts, FieldWhite
 from jerkbench.simulation.truth import drive_course
 
 RUTS = FieldRuts()._ruts()
 T = np.arange(15001) / 100
-
-
-def test_step_and_pulse_are_logistic():
-    t = np.array([40.0, 44.92, 45.0, 45.08, 60.0, 89.0, 90.0, 100.0])
-    logistic = expit(2 * (t[:, None] - [45.0, 90.0]) / 0.08)
-    np.testing.assert_allclose(RUTS.steps(t), logistic.sum(axis=1), atol=1e-12)
-    np.testing.assert_allclose(RUTS.pulse(t), (4 * logistic * (1 - logistic)).sum(axis=1), atol=1e-12)
-
-
-def test_no_ruts_no_change():
-    none = replace(RUTS, times_s=())
-    assert not none.steps(T).any()
-    assert not none.pulse(T).any()
 
 
 def test_speed_dips_and_distance_is_still_its_integral():

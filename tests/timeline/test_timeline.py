@@ -6,7 +6,7 @@ import pytest
 from jerkbench.errors import RecordingError
 from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2
 from jerkbench.recording import Position, Reference, Velocity
-from jerkbench.timeline import build_timeline, merged_times
+from jerkbench.timeline import build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 COVARIANCE = 0.01 * np.eye(3)
@@ -145,11 +145,3 @@ def test_a_body_velocity_is_turned_with_the_attitude_of_its_time():
 def test_without_a_fix_there_is_a_sentence():
     with pytest.raises(RecordingError, match="rest has no complete position fix"):
         timeline_of(position=None)
-
-
-def test_times_in_order_are_those_of_a_set():
-    rng = np.random.default_rng(3)
-    times = [np.sort(rng.integers(0, 60, n)) for n in (40, 0, 25)]
-
-    np.testing.assert_array_equal(merged_times(*times), sorted(set(np.concatenate(times).tolist())))
-    assert len(merged_times(times[1])) == 0
