@@ -5,9 +5,8 @@ import dataclasses
 import pytest
 
 from jerkbench import plugins
-from jerkbench.audit.protocol import PUBLISHED, AuditMethod, audit_protocol, read_protocol
+from jerkbench.audit.protocol import PUBLISHED, audit_protocol, read_protocol
 from jerkbench.errors import PluginError
-from jerkbench.evaluation import drives_and_tunings
 from jerkbench.parameters import provenance_of
 from jerkbench.presets import preset, preset_names
 
@@ -55,22 +54,10 @@ def test_protocols_share_no_drive():
     assert len(set(seeds)) == len(seeds)
 
 
-def test_the_margin_and_the_resampled_audits_are_those_of_the_statements(full):
-    assert (full.margin, full.resampled_audits) == (drives_and_tunings.SMALL_MARGIN, drives_and_tunings.AUDITS)
-
-
 def test_the_laws_of_the_drives_are_part_of_the_digest(full):
     assert full.laws == preset("dataset", "mixture")
     milder = {**full.laws, "fault_shares": [0.95, 0.05]}
     assert dataclasses.replace(full, laws=milder).digest != full.digest
-
-
-def test_an_inertial_filter_runs_with_what_it_takes(full):
-    adapted = [method.adaptation for method in full.beside if method.filter == "eskf15"]
-
-    assert adapted[0] == "none"
-    assert set(adapted[1:]) == set(plugins.get("filter", "eskf15")().adaptations) & set(full.adaptations)
-    assert AuditMethod("imm", "none") in full.beside
 
 
 @pytest.mark.parametrize(("more", "less"), [({"trails": 3}, ()), ({}, ("trials",))], ids=["unknown", "missing"])

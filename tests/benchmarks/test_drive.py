@@ -32,18 +32,6 @@ def test_what_is_not_there_is_named(drive, given, monkeypatch):
     assert "pip install python-ins" in drive.python_ins(*given, 1.0)
 
 
-def test_the_options_of_the_loop_are_the_first_fix_and_its_attitude_north_east_down(drive, given):
-    _, attitude = given
-    fixes = np.array([[3.0, 0.7, 0.1, 50.0, 0.01, 0.01, 0.01]])
-    options = drive._options(attitude, fixes)
-
-    roll, pitch, yaw = attitude.euler_rad[np.searchsorted(attitude.t_s, 3.0)]
-    assert len(options) == 37
-    np.testing.assert_allclose(options[:9], [0.7, 0.1, 50.0, 0.0, 0.0, 0.0, roll, -pitch, np.pi / 2.0 - yaw])
-    assert options[18] == pytest.approx(np.radians(drive.ARW_DEG_PER_SQRT_H) / 60.0)
-    assert options[36] == 3600.0
-
-
 def test_the_error_is_that_at_the_stamps_of_the_reference_after_a_minute(drive, monkeypatch, given):
     recording, _ = given
     monkeypatch.setattr(drive, "SETTLED_S", 4.0)

@@ -56,17 +56,3 @@ def test_a_library_that_is_not_installed_is_named_with_what_to_type(script, time
         ["simdkalman", "not", "installed:", "pip", "install", "simdkalman"],
         ["torch-kf", "not", "installed:", "pip", "install", "torch-kf"],
     ]
-
-
-def test_the_lines_hold_the_agreement_and_the_time_of_one_run(script, timeline, monkeypatch):
-    pytest.importorskip("simdkalman")
-    peers, loop = script("peers"), script("plain_loops").filterpy_loop
-    monkeypatch.setattr(peers, "PEERS", [peers.PEERS[0]._replace(many=3)])
-    monkeypatch.setattr(peers, "timed", lambda run, repeats: (6.0, run()))
-    x, _ = loop(timeline, create("filter", {"name": "jerk"}))
-
-    one, many = peers.peer_lines(timeline, x, 1.0, 1)
-
-    assert (one.name, many.name) == ("simdkalman", "simdkalman, 3 at once")
-    assert max(one.difference, many.difference) < 1e-12
-    assert (one.seconds, many.seconds) == (6.0, 2.0)

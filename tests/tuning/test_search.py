@@ -102,13 +102,6 @@ def test_test_data_are_never_read_while_tuning(objective, evaluator_of):
         score(evaluator, found.setting, cases.test)
 
 
-def test_the_parts_share_no_seed():
-    tune, choose, test = Seeds(5, 3, 7, first=2).parts
-
-    assert (len(tune), len(choose), len(test)) == (5, 3, 7)
-    assert len({*tune, *choose, *test}) == 15
-
-
 def test_an_interrupted_search_goes_on_where_it_was_with_the_same_result(tmp_path, monkeypatch, evaluator_of):
     cell, tried = cell_of(), []
     cases = by_seeds([cell], Seeds(1, 1, 1))
@@ -192,14 +185,6 @@ def test_equal_budgets_are_checked_and_said(evaluator_of):
 def test_what_has_no_range_cannot_be_tuned():
     with pytest.raises(PluginError, match="neither the filter gnss_only nor the adaptation none"):
         space_of(cell_of(model="gnss_only"))
-
-
-def test_the_likelihood_of_an_estimator_that_keeps_none_is_refused(evaluator_of):
-    cell = cell_of(model="eskf15")
-    rows, (case,) = [{"status": "ok", "innovation_log_loss": float("nan")}], by_seeds([cell], Seeds(1, 0, 1)).tune
-
-    with pytest.raises(PluginError, match=r"eskf15 has no innovation_log_loss .*take another objective"):
-        evaluator_of(cell, "likelihood")._worth([rows, rows], case)
 
 
 def test_another_restart_is_another_scramble(tmp_path):

@@ -186,14 +186,6 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(tmp_path, words, sentence)
     assert "Traceback" not in done.stderr
 
 
-def test_help_says_what_there_is(tmp_path):
-    done = verb("tune", "--help", cwd=tmp_path)
-
-    assert done.returncode == 0
-    for word in ("trials=64", "sampler=sobol", "objective=rmse", "split=auto", "restarts=1", "knobs="):
-        assert word in done.stdout
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", ["local", "dask"])
 def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path, cluster):

@@ -149,9 +149,3 @@ def test_exit_codes_tell_worse_from_what_cannot_be_compared_and_from_wrong_input
     }
 
     assert codes == {"before": 0, "after": 3, "part": 4, "other": 4, "bad": 3, "absent": 2}
-
-
-def test_the_help_names_each_exit_code(tmp_path):
-    text = verb("compare", "--help", cwd=tmp_path).stdout
-
-    assert all(f"\n  {code}  " in text for code in (0, 1, 2, 3, 4))
