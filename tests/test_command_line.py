@@ -327,29 +327,6 @@ def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_sam
     assert (end.value.code, capsys.readouterr().err) == (130, "jerkbench: interrupted.\n")
 
 
-def test_two_thousand_values_are_planned_without_composing_each(loader_calls, said_in_process, monkeypatch):
-    from jerkbench.hydra_app import app
-
-    def full(*_):
-        raise OSError("no room")
-
-    monkeypatch.setattr(app, "run_missing", full)
-    monkeypatch.setattr(app, "conclude_study", lambda *_: None)
-    code, _, _ = said_in_process("run", "-m", "noise.accel_mps2=range(1,2001)")
-
-    assert code == 1
-    assert len(loader_calls) < 10
-
-
-@pytest.fixture
-def loader_calls(monkeypatch):
-    from hydra._internal.config_loader_impl import ConfigLoaderImpl
-
-    calls, original = [], ConfigLoaderImpl.load_configuration
-    monkeypatch.setattr(ConfigLoaderImpl, "load_configuration", lambda *a, **k: calls.append(a) or original(*a, **k))
-    return calls
-
-
 @pytest.mark.parametrize("parameter", ["adaptation.window=5", "adaptation.threshold=5"])
 def test_a_parameter_that_one_of_a_sweep_has_not_is_given_by_the_name_of_its_plugin(said_in_process, parameter):
     code, _, err = said_in_process("run", "-m", "adaptation=mtf,none,chi2", parameter)
@@ -375,13 +352,6 @@ def test_several_values_without_a_sweep_are_a_sentence(said_in_process):
         err
         == "jerkbench: filter=jerk,bias has several values; add -m to run them all, or put a list into [brackets].\n"
     )
-
-
-def test_what_the_process_says_is_what_a_person_sees(tmp_path):
-    done = jerkbench("run", "filter=jrk", cwd=tmp_path)
-
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("jerkbench: There is no filter 'jrk'.")
 
 
 def test_a_combination_that_makes_no_sense_is_a_sentence(said_in_process):

@@ -9,12 +9,9 @@ from hypothesis import strategies as st
 
 from decimals import exact, numbers, solve
 from jerkbench.kalman import (
-    EXPOSED,
-    FLOOR,
     AdaptedUpdates,
     gain_and_rest,
     innovation_factor,
-    rounding_noise,
     spread_by,
 )
 from jerkbench.timeline import build_timeline
@@ -65,11 +62,6 @@ def test_a_nearly_singular_innovation_covariance_makes_the_spread_more_than_the_
     plain = np.diag([4.0, 9.0, 1.0])
     np.testing.assert_allclose(spread_of(plain, np.diag([8.0, 16.0])), [4.0 + 16 / 12, 9.0 + 81 / 25, 1.0])
     np.testing.assert_allclose(spread_of(plain, np.diag([1.0, 1.0])), [1 / 5, 1 / 10, 1.0])
-
-
-def test_rounding_is_added_only_where_little_is_left():
-    left = np.array([0.5, 2.0 * EXPOSED, 0.5 * EXPOSED, -1e-17])
-    np.testing.assert_array_equal(rounding_noise(left, np.ones(4)), [0.0, 0.0, FLOOR, FLOOR])
 
 
 class Halved:

@@ -1,13 +1,11 @@
 """The optional parts of plugins: kept by every plugin of the tree, refused in words where they are misspelt."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import pytest
 
-from jerkbench import contracts, plugins
+from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.plugins import members
 
 
@@ -109,29 +107,3 @@ def test_no_plugin_of_the_tree_is_near_a_part_that_it_has_not():
     for kind in plugins.KINDS:
         for name in plugins.names(kind):
             assert not list(members.misfits(kind, plugins.get(kind, name))), (kind, name)
-
-
-def test_what_holds_for_a_plugin_that_lacks_a_part():
-    nothing = object()
-
-    assert contracts.uses_imu(nothing)
-    assert not contracts.lacks_imu(nothing)
-    assert not contracts.is_attitude_only(nothing)
-    assert not contracts.wants_truth(nothing)
-    assert not contracts.on_request(nothing)
-    assert contracts.preferred_attitude(nothing) is None
-    assert contracts.part_read(nothing) == "everything"
-
-
-def test_a_plugin_that_has_a_part_fits_its_protocol():
-    class Without:
-        uses_imu: ClassVar[bool] = False
-
-    assert contracts.wants_truth(plugins.get("adaptation", "oracle"))
-    assert isinstance(PositionRmse(), contracts.Summarising)
-    assert not contracts.uses_imu(Without())
-
-
-def test_every_kind_has_a_contract_and_a_list_of_optional_parts():
-    assert set(members.OPTIONAL_METHODS) == set(members.OPTIONAL_ATTRIBUTES) == set(plugins.KINDS)
-    assert set(members.CONTRACTS) == {*plugins.KINDS, "estimator"}

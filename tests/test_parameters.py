@@ -7,7 +7,7 @@ from typing import Annotated
 import pytest
 
 from jerkbench import plugins
-from jerkbench.parameters import DefaultOrigin, Range, origins_of, range_problems, ranges_of
+from jerkbench.parameters import Range, origins_of, range_problems
 from jerkbench.plugins.catalogue import show_text
 
 
@@ -80,11 +80,3 @@ def test_every_number_of_our_filters_and_adaptations_says_where_its_default_come
             if plugins.is_own(cls):
                 numbers = {field.name for field in fields(cls) if type(field.default) in (int, float)}
                 assert numbers - switches <= set(origins_of(cls)), name
-
-
-def test_a_plain_type_has_neither_range_nor_origin():
-    cls = made(float, 1.0)
-
-    assert not ranges_of(cls)
-    assert not origins_of(cls)
-    assert origins_of(made(Annotated[float, DefaultOrigin("data sheet")], 1.0)) == {"knob": "data sheet"}

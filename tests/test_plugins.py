@@ -56,11 +56,6 @@ def test_zeros_of_both_signs_are_two_values():
     assert [math.copysign(1.0, sign) for sign in signs] == [1.0, -1.0, 1.0]
 
 
-def test_a_wrong_type_names_the_plugin_and_the_parameter():
-    with pytest.raises(PluginError, match=r"window.*three"):
-        plugins.create("adaptation", {"name": "mtf", "window": "three"})
-
-
 def test_what_equals_the_default_is_still_converted_or_refused():
     assert Mtf().window == 1
     assert type(plugins.create("dataset", {"name": "field", "duration_s": 60}).duration_s) is float

@@ -1,6 +1,5 @@
 """Anybody's package of two files brings an adaptation into sweeps, lists and pages."""
 
-import importlib
 import subprocess
 import sys
 
@@ -8,11 +7,9 @@ import pandas as pd
 import pytest
 
 from commands import SHORT, jerkbench, swept
-from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.errors import PluginError
 from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.key import plugin_digest
 from jerkbench.jobs.preflight import TRACEBACK
 from jerkbench.jobs.rows import job_rows
 from made_jobs import with_method
@@ -126,22 +123,6 @@ def test_it_is_swept_with_its_parameters_and_agrees_with_a_filter_that_reports_t
     assert set(rows.index) == {"none", "doubt", "doubt(factor=1.0)", "doubt(factor=2.0)"}
     assert rows["doubt(factor=1.0)"] == rows["none"]
     assert len(set(rows)) == 3
-
-
-def test_an_edit_in_a_helper_of_its_package_gives_another_key(tmp_path, monkeypatch):
-    package = tmp_path / "edited"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "helper.py").write_text("K = 1.0\n")
-    (package / "rule.py").write_text("from edited.helper import K\n\n\nclass Rule:\n    k = K\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    rule = importlib.import_module("edited.rule").Rule
-    before = plugin_digest(rule)
-    plugin_digest.cache_clear()
-    (package / "helper.py").write_text("K = 2.0\n")
-
-    assert plugin_digest(rule) != before
-    assert plugin_digest(Mtf) == ""
 
 
 @pytest.mark.slow
