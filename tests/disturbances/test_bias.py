@@ -1,8 +1,6 @@
 import numpy as np
-import pytest
 
 from jerkbench.disturbances.imu import ImuBias
-from jerkbench.errors import PluginError
 
 
 def biases(recording, plugin, seed):
@@ -24,8 +22,3 @@ def test_constant_over_the_run_and_of_the_right_size_over_seeds(make):
 def test_switching_one_sensor_off_leaves_the_other(recording):
     whole, no_accel = biases(recording, ImuBias(), 5), biases(recording, ImuBias(accel_mps2=0.0), 5)
     np.testing.assert_allclose(no_accel, [0, 0, 0, *whole[3:]], atol=1e-12)
-
-
-def test_a_negative_sigma_is_refused():
-    with pytest.raises(PluginError, match="gyro_radps is -1"):
-        ImuBias(gyro_radps=-1.0)

@@ -1,8 +1,6 @@
 import numpy as np
-import pytest
 
 from jerkbench.disturbances.withhold import DecimatePosition
-from jerkbench.errors import PluginError
 
 
 def test_seeds_are_the_phases_and_together_they_are_all_fixes(recording):
@@ -24,9 +22,3 @@ def test_velocity_and_reference_stay_and_a_given_phase_is_kept(recording):
 def test_without_position_nothing_happens(make):
     recording = make(position=None)
     assert DecimatePosition().apply(recording, 0) is recording
-
-
-@pytest.mark.parametrize(("every", "phase"), [(0, None), (3, 3), (3, -1)])
-def test_impossible_phases_are_refused(every, phase):
-    with pytest.raises(PluginError, match="every"):
-        DecimatePosition(every, phase)

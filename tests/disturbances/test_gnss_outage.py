@@ -1,8 +1,6 @@
 import numpy as np
-import pytest
 
 from jerkbench.disturbances.outages import GnssOutage
-from jerkbench.errors import PluginError
 from jerkbench.recording import Heading, Velocity
 
 
@@ -42,20 +40,3 @@ def test_outages_add_up_and_windows_outside_are_left_out(recording):
 def test_regular_windows_replace_the_given_ones(recording):
     done = GnssOutage(count=3, length_s=5.0, first_s=20.0, every_s=30.0).apply(recording, 0)
     assert done.outages_s.tolist() == [[20, 25], [50, 55], [80, 85]]
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"windows_s": ((50.0, 40.0),)},
-        {"windows_s": ((5.0, 5.0),)},
-        {"windows_s": ((1.0, float("nan")),)},
-        {"windows_s": ((1.0, 2.0, 3.0),)},
-        {"count": 2, "length_s": 50.0},
-        {"count": 1, "length_s": 0.0},
-        {"count": -1},
-    ],
-)
-def test_windows_that_are_none_are_refused(wrong):
-    with pytest.raises(PluginError):
-        GnssOutage(**wrong)
