@@ -38,11 +38,6 @@ def test_the_tail_is_that_of_scipy(rows, probability):
     assert chi2_tail(1.3 * threshold, rows) == pytest.approx(chi2.sf(1.3 * threshold, rows), rel=1e-12)
 
 
-@pytest.mark.parametrize("x", [1e5, 1e300, np.inf])
-def test_the_tail_far_out_is_nothing_and_no_error(x):
-    assert 0 <= chi2_tail(x, 6) < 1e-200
-
-
 @pytest.mark.parametrize(
     ("name", "wide"),
     [
@@ -106,19 +101,6 @@ def test_chi2_rejects_twenty_five_in_a_row_then_accepts_one_and_starts_anew():
     assert dropped == ([True] * 25 + [False]) * 2 + [True] * 8
 
 
-def test_chi2_drops_the_block_at_fault_alone_and_counts_the_blocks_apart():
-    y = np.array([100.0, 0, 0, 0.1, 0.1, 0.1])
-    plugin = make("chi2", longest=2)
-    memory = np.zeros(2)
-    seen = [np.isinf(np.diag(plugin.adapt(y, np.eye(6), np.eye(6), np.arange(6), memory))) for _ in range(2)]
-    velocity = plugin.adapt(np.full(3, 100.0), EYE, EYE, VELOCITY, memory)
-    position = plugin.adapt(np.full(3, 100.0), EYE, EYE, POSITION, memory)
-
-    np.testing.assert_array_equal(seen, [[True] * 3 + [False] * 3] * 2)
-    assert np.isinf(np.diag(velocity)).all()
-    assert np.isfinite(np.diag(position)).all()
-
-
 @pytest.mark.parametrize("name", ["chi2", "mtf_nis"])
 def test_a_consistent_filter_triggers_one_time_in_a_hundred(name):
     rng = np.random.default_rng(8)
@@ -126,15 +108,6 @@ def test_a_consistent_filter_triggers_one_time_in_a_hundred(name):
     changed = [not np.array_equal(R, EYE) for R in run(make(name), updates)]
 
     assert np.mean(changed) == pytest.approx(0.01, abs=0.004)  # three sigma
-
-
-def test_mtf_block_sees_a_velocity_fault_that_the_mixed_test_cannot_see():
-    y = np.array([0.0, 0, 0, 1.0, 0, 0])
-    R = np.diag([100.0, 100, 100, 0.01, 0.01, 0.01])
-    update = (y, 0.01 * np.eye(6), R, np.arange(6))
-
-    np.testing.assert_array_equal(run(make("mtf"), [update])[0], R)
-    assert run(make("mtf_block"), [update])[0][3, 3] == pytest.approx(0.99)
 
 
 def test_huber_bounds_the_pull_of_an_outlier():
@@ -218,6 +191,10 @@ def test_adaptive_q_opens_a_filter_whose_prior_is_too_small_and_leaves_one_that_
         ("adaptive_q", {"low": 2.0, "high": 1.0}),
         ("adaptive_q", {"window": 0}),
         ("mtf", {"after": -1}),
+        ("mtf", {"window": 0}),
+        ("mtf", {"guard": -1}),
+        ("sage_husa", {"forgetting": 1.0}),
+        ("sage_husa", {"low": 2.0, "high": 1.0}),
         ("huber", {"threshold": 0.0}),
         ("huber", {"sides": "prior"}),
         ("maximum_correntropy", {"bandwidth": 0.0}),

@@ -17,7 +17,6 @@ from jerkbench.adaptation.relaxing_gate import RelaxingGate
 from jerkbench.adaptation.variational_bayes import VariationalBayes
 from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
 from jerkbench.compilation.lanes import above, chosen
-from jerkbench.contracts import asked_in_lanes
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.filters.kinematic import Baseline, Jerk
