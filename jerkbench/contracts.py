@@ -385,10 +385,10 @@ class Summarising(Protocol):
 
 # Values of optional members, with their defaults
 
-P = TypeVar("P")
+_P = TypeVar("_P")
 
 
-def has_methods(plugin: object, protocol: type[P]) -> TypeGuard[P]:
+def has_methods(plugin: object, protocol: type[_P]) -> TypeGuard[_P]:
     """Return whether a plugin has the methods of a protocol without attributes. Faster than `isinstance`."""
     return _has_methods(cast("type", type(plugin)), cast("type", protocol))
 
@@ -418,7 +418,7 @@ def uses_imu(model: object) -> bool:
     return getattr(model, "uses_imu", True) is not False
 
 
-def clocked(adaptation: P, timeline: Timeline) -> P:
+def clocked(adaptation: _P, timeline: Timeline) -> _P:
     """Return ``adaptation`` for the run over ``timeline``: its `at_updates` receives the update times."""
     at_updates = getattr(adaptation, "at_updates", None)
     return at_updates(timeline.update_times_s) if at_updates else adaptation

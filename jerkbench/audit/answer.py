@@ -83,7 +83,7 @@ class AuditAnswer:
         most = main_kind(rows, losses)
         kinds = {str(kind): counts_of(of["verdict"]) for kind, of in self.kinds.groupby("kind", observed=True)}
         text = worded(
-            TEMPLATES / "answer.md.jinja",
+            PAGE_TEMPLATES / "answer.md.jinja",
             said=self.said,
             methods=methods,
             taken=methods[methods["is"].isin(PUBLISHED)],
@@ -331,7 +331,7 @@ def changed_verdicts(first: Statements, second: Statements, methods: Sequence[Au
 EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 
 
-TEMPLATES = Path(__file__).parent
+PAGE_TEMPLATES = Path(__file__).parent
 
 
 def worded(template: Path, **values: object) -> str:
@@ -409,7 +409,7 @@ def compared_text(rows: Sequence[AuditRows], losses: Sequence[Losses]) -> str:
     changed = changed_verdicts(said[0], said[1], methods)
     turned = changed[changed[["first", "second"]].isin([str(Verdict.BETTER), str(Verdict.WORSE)]).all(axis=1)]
     return worded(
-        TEMPLATES / "second.md.jinja",
+        PAGE_TEMPLATES / "second.md.jinja",
         changed=changed,
         statements=2 * len(methods),
         turned=turned.to_dict("records"),

@@ -110,7 +110,7 @@ def _check(word: str, *, sweeping: bool) -> None:
     if several and key == "cluster":
         raise PluginError(f"{word}: a sweep runs on one cluster; give one of {', '.join(preset_names(key))}.")
     for one in value.list if isinstance(value, ChoiceSweep) else [value]:
-        if isinstance(one, list) and key in GROUPS:
+        if isinstance(one, list) and key in (*GROUPS, "noise"):
             raise PluginError(f"{word}: {key} takes one value; for a sweep give -m {key}=A,B.")
         names = one if isinstance(one, list) else [one]
         if key in NAMED_GROUPS and not (names and all(isinstance(name, (str, QuotedString)) for name in names)):

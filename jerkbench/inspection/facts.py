@@ -56,7 +56,8 @@ def facts_text(recording: Recording) -> str:
 
 
 def _times(recording: Recording) -> Iterator[str]:
-    start = recording.start_utc.isoformat() if recording.start_utc else "unknown"
+    utc = recording.start_utc
+    start = utc.isoformat() if utc and utc.year >= 1980 else "unknown"  # times may be relative
     still = recording.static_start_s
     standstill = f"stands still for {still:.1f} s" if still else "no standstill at its start is known or given"
     yield f"start (UTC) {start}, {recording.duration_s:.2f} s; {standstill}"

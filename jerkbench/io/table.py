@@ -389,13 +389,21 @@ class TimedColumns:
         return GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
 
     def start_utc(self, zero_ns: int) -> datetime | None:
-        """Return the UTC of ``zero_ns``; None where nobody knows what the times count from."""
-        utc_ns = self._utc_ns(np.array([zero_ns]))
-        return None if utc_ns is None else UNIX_EPOCH + timedelta(microseconds=int(utc_ns[0]) // 1000)
+        """Return the UTC of ``zero_ns``, or None if the epoch is "none".
+
+        Relative times give a date in 1970. It is not printed, but trajectories with the same times are aligned by it.
+        """
+        epoch_ns = self._epoch_ns
+        return None if epoch_ns is None else UNIX_EPOCH + timedelta(microseconds=(zero_ns + epoch_ns) // 1000)
+
+    @property
+    def _epoch_ns(self) -> int | None:
+        """UTC of time 0 since 1970."""
+        return {"unix": 0, "gps": GPS_EPOCH_NS - round(self.gpst_minus_utc_s * 1e9)}.get(self.epoch)
 
     def _utc_ns(self, t_ns: IntArray) -> IntArray | None:
         """UTC since 1970; None where it is unknown: the epoch is "none", or no stamp is as late as a date."""
-        zero_ns = {"unix": 0, "gps": GPS_EPOCH_NS - round(self.gpst_minus_utc_s * 1e9)}.get(self.epoch)
+        zero_ns = self._epoch_ns
         return None if zero_ns is None or (t_ns + zero_ns < MIN_DATE_NS).all() else t_ns + zero_ns
 
     def _stamps_ns(self, columns: Columns, source: Source) -> IntArray:

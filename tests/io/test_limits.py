@@ -159,11 +159,6 @@ def test_a_reference_is_checked_too(tmp_path):
     assert len(table.load(0).reference.t_s) == ROWS - 1
 
 
-def test_stamps_that_count_from_no_date_give_no_start(tmp_path):
-    csv(tmp_path, rows_of("latitude").assign(t=np.arange(ROWS)))
-    assert Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0).start_utc is None
-
-
 def test_a_time_tag_before_1980_is_refused(tmp_path):
     path = tmp_path / "a.tag"
     path.write_bytes(b"TIMETAG RTKLIB".ljust(60, b"\0") + bytes(4) + (5).to_bytes(4, "little") + bytes(8) + b"\x01" * 8)
