@@ -25,13 +25,13 @@ from jerkbench.evaluation.judgement import (
     MARGIN,
     WINS,
     Judgement,
+    LogRatios,
     Verdict,
     judged,
-    levels,
-    looks,
-    seeds_needed,
+    log_ratios,
 )
-from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, LogRatios, centres, log_ratios
+from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, Samples, centres
+from jerkbench.evaluation.planning import interim_levels, interim_sizes, seeds_needed
 from jerkbench.evaluation.ranks import over_scenarios
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -182,7 +182,7 @@ def cells(rng: np.random.Generator, studies: int) -> list[Table]:
 
 def _shown(logs: Array, mean: float, median: float) -> list[bool]:
     """Whether the interval of each cell holds the truth of what it is called."""
-    found = [of for of in centres(list(np.exp(logs))) if not np.isnan(of.low)]
+    found = [of for of in centres(Samples.of(list(np.exp(logs)))) if not np.isnan(of.low)]
     truth = {GEOMETRIC: np.exp(mean), MEDIAN: np.exp(median)}
     return [bool(of.low <= truth[of.kind] <= of.high) for of in found]
 
@@ -482,8 +482,8 @@ def automatic(rng: np.random.Generator, studies: int) -> list[Table]:
 
 
 def _spent(errors: Array) -> tuple[bool, int]:
-    sizes = looks(400)
-    for seeds, level in zip(sizes, levels(sizes), strict=True):
+    sizes = interim_sizes(400)
+    for seeds, level in zip(sizes, interim_levels(sizes), strict=True):
         words = {judgement.verdict for judgement in judged(pairs(errors[:, :, :seeds]), level=float(level))}
         if words - {Verdict.UNDECIDED, Verdict.EQUAL}:
             return True, seeds

@@ -13,8 +13,8 @@ import pandas as pd
 from trials import DEFAULTS, DOMAINS, METHODS, SETTINGS
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.families import sign_p
-from jerkbench.evaluation.intervals import quantiles_of_rows, student_interval
+from jerkbench.evaluation.intervals import quantiles_of_rows, student_intervals
+from jerkbench.evaluation.judgement import sign_p
 from jerkbench.report.writers import plain_table
 
 TUNINGS, TRIED_EACH = 16, 16
@@ -96,7 +96,7 @@ def verdicts_on(losses: Mapping[str, FloatArray], comparator: str) -> dict[str, 
     for (name, own), adjusted in zip(d.items(), p, strict=True):
         median = tuple(float(value[0]) for value in quantiles_of_rows(own[None])[:3])
         word = "undecided" if adjusted >= 0.05 else "better" if median[0] < 0 else "worse"
-        mean = float(own.mean()), *student_interval(own, 0.95)
+        mean = float(own.mean()), *(float(end[0]) for end in student_intervals(own[None], 0.95))
         first, second = (tuple(np.exp(values).tolist()) for values in (mean, median))
         verdicts[name] = Verdict(first, second, int((own < 0).sum()), len(own), adjusted, word)
     return verdicts

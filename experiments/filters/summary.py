@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jerkbench.evaluation.intervals import student_interval
+from jerkbench.evaluation.intervals import student_intervals
 from jerkbench.evaluation.over_seeds import mean_interval
 
 METRIC = "position_rmse_m"
@@ -49,7 +49,7 @@ def ratio(of: np.ndarray, base: np.ndarray) -> tuple[float, float, float]:
     d = np.log(of[both]) - np.log(base[both])
     if len(d) == 0:
         return np.nan, np.nan, np.nan
-    low, high = np.exp(student_interval(d, 0.95))
+    ((low,), (high,)) = np.exp(student_intervals(np.asarray(d)[None], 0.95))
     return float(np.exp(np.mean(d))), float(low), float(high)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.evaluation.judgement import Verdict
-from jerkbench.evaluation.over_seeds import Centre, centres
+from jerkbench.evaluation.over_seeds import Centre, Samples, centres
 from jerkbench.jobs.study import load_study
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.table_model import number
@@ -28,7 +28,7 @@ def centres_of(rows: pd.DataFrame) -> dict[tuple[str, ...], Centre]:
     values = rows[METRIC].where(rows["status"] == "ok", np.inf)
     groups = values.groupby([rows[key] for key in (*SCENARIO, "filter", "adaptation")], sort=False)
     samples = {key: group.to_numpy(dtype=float) for key, group in groups}
-    return dict(zip(samples, centres(list(samples.values())), strict=True))
+    return dict(zip(samples, centres(Samples.of(list(samples.values()))), strict=True))
 
 
 def of_jerk(rows: pd.DataFrame) -> Iterator[str]:

@@ -19,8 +19,8 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.families import sign_p
 from jerkbench.evaluation.intervals import median_intervals, quantiles_of_rows
+from jerkbench.evaluation.judgement import sign_p
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.names import choose

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from jerkbench.evaluation.judgement import LEVEL, Judgement, Verdict, judged
-from jerkbench.evaluation.over_seeds import with_locked
+from jerkbench.evaluation.judgement import LEVEL, Judgement, LogRatios, Verdict, judged
 from jerkbench.jobs.study import load_study
 from jerkbench.report.comparisons import Comparison
 from jerkbench.report.findings import losses_clause, method_names, varying_factors
@@ -56,7 +55,7 @@ def _against_the_claim(comparisons: Sequence[Comparison]) -> list[Comparison]:
     """Judge all as one family: the ratio, times what is claimed, against 1; phases of one recording have no test."""
     tested = [comparison for comparison in comparisons if not comparison.phases]
     ratios = [comparison.ratios for comparison in tested]
-    shifted = [with_locked((of.d + math.log(CLAIMED))[None], of.lost[None])[0] for of in ratios]
+    shifted = [LogRatios(of.d + math.log(CLAIMED), of.failed) for of in ratios]
     judgements = iter(judged(shifted, 0.0, min((of.rule.level for of in tested), default=LEVEL)))
     return [of._replace(judgement=_unshifted(next(judgements))) if not of.phases else of for of in comparisons]
 

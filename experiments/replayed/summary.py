@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.evaluation.judgement import Verdict
-from jerkbench.evaluation.over_seeds import Centre, centres
+from jerkbench.evaluation.over_seeds import Centre, Samples, centres
 from jerkbench.jobs.study import load_study
 from jerkbench.report.comparisons import Comparison
 from jerkbench.report.study_verdicts import study_verdicts
@@ -63,7 +63,7 @@ def adaptations(rows: pd.DataFrame) -> list[str]:
 def cell_text(centre: Centre, errors: np.ndarray) -> str:
     """Return the centre with what was lost and locked out: "lost" where half of the starts or more were."""
     lost = int(np.isinf(errors).sum())
-    troubles = [f"{count}/{len(errors)} {word}" for count, word in ((lost, "lost"), (centre.locked, "out")) if count]
+    troubles = [f"{count}/{len(errors)} {word}" for count, word in ((lost, "lost"), (centre.outlying, "out")) if count]
     shown = [number(centre.value)] if np.isfinite(centre.value) else []
     return "; ".join([*shown, *troubles])
 
@@ -79,7 +79,7 @@ def table(head: str, rows: Mapping[str, list[str]], columns: list[str]) -> Itera
 def errors_table(rows: pd.DataFrame, factor: str, **fixed: str) -> Iterator[str]:
     """Yield position RMSE of each value of ``factor`` in each scenario, the other factor being ``fixed``."""
     known = losses(rows)
-    stand = dict(zip(known, centres(list(known.values())), strict=True))
+    stand = dict(zip(known, centres(Samples.of(list(known.values()))), strict=True))
     own: dict[str, list[str]] = {}
     for name in dict.fromkeys(rows[factor]):
         method = {**fixed, factor: name}

@@ -1,6 +1,6 @@
-"""Many cells over their seeds: means, medians and log ratios with intervals."""
+"""The average of each combination over its seeds, with an interval: means, and medians or geometric means of errors."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -9,16 +9,23 @@ import numpy as np
 import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.evaluation.intervals import LOCKED_OUT, bca_ends, few_intervals, quantiles_of_rows
+from jerkbench.evaluation.intervals import (
+    EQUAL_WITHIN,
+    OUTLIER_FACTOR,
+    bca_ends,
+    few_intervals,
+    quantiles_of_rows,
+    student_intervals,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Many samples, one after the other.
+    """Many samples of different sizes in one array.
 
     Attributes:
-        values: (n,) of all samples.
-        sizes: (k,) how many of them each sample has.
+        values: (n,) the values of the samples, one sample after the other.
+        sizes: (k,) number of values of each sample.
     """
 
     values: FloatArray
@@ -26,102 +33,80 @@ class Samples:
 
     @classmethod
     def of(cls, samples: Sequence[npt.ArrayLike]) -> "Samples":
-        """Take (n_1,), (n_2,), ... values."""
+        """Join samples of (n_1,), (n_2,), ... values."""
         arrays = [np.asarray(values, dtype=np.float64) for values in samples]
         sizes = np.array([len(array) for array in arrays], dtype=np.int64)
         return cls(np.concatenate([np.empty(0), *arrays]), sizes)
 
     @cached_property
     def owner(self) -> IntArray:
-        """(n,) the sample of each value."""
+        """(n,) index of the sample of each value."""
         return np.repeat(np.arange(len(self.sizes)), self.sizes)
 
     def count(self, which: BoolArray) -> IntArray:
-        """Return (k,) for how many values of each sample ``which`` (n,) holds."""
+        """Return (k,) the number of values of each sample for which ``which`` (n,) is true."""
         return np.bincount(self.owner[which], minlength=len(self.sizes))
 
     def only(self, which: BoolArray) -> "Samples":
-        """Return the samples with those values for which ``which`` (n,) holds; some may be empty."""
+        """Return the samples with the values for which ``which`` (n,) is true; some samples may be empty."""
         return Samples(self.values[which], self.count(which))
 
     def without_nan(self) -> "Samples":
-        """Return the samples without what is no number."""
+        """Return the samples without NaN."""
         return self.only(~np.isnan(self.values))
 
     def by_size(self) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Yield for each size the places (j,) of the samples that have it, and their values (j, size)."""
+        """Yield for each size the indices (j,) of the samples of this size, and their values (j, size)."""
         starts = np.cumsum(self.sizes) - self.sizes
         for size in np.unique(self.sizes).tolist():
             places = np.flatnonzero(self.sizes == size)
             yield places, self.values[starts[places][:, None] + np.arange(size)]
 
 
-# The arithmetic mean over seeds with its interval: of signed metrics, and those with an expected value.
-
 _RESAMPLES = 4999
-"""Bootstrap resamples: the ends of the interval move by some 2 % of its width from one draw to another."""
+"""Bootstrap resamples; the ends of the interval vary by about 2 % of its width from one seed of the resampling to
+another."""
 
-_HIGHEST = 1 - 2 / _RESAMPLES
-"""So many resamples know no higher level."""
+_BATCH = 128
+"""Number of samples in one step of the bootstrap; larger batches need more memory and are not faster."""
 
-_ROWS_AT_ONCE = 128
-"""Samples that go through the bootstrap together; more costs memory and saves no time."""
+MIN_BOOTSTRAP = 5
+"""For fewer values, the interval is Student's, because the bootstrap interval would be too short."""
 
-FEW = 5
-"""Of fewer values the interval is Student's: the bootstrap's would be too short."""
-
-MANY = 2000
-"""From so many values on the mean is normal enough for Student's interval."""
-
-SAME_WITHIN = 1e-14
-"""Values that differ by less, relative to their mean, are equal: the bootstrap would divide rounding by rounding."""
+MAX_BOOTSTRAP = 1999
+"""For more values, the mean is normal enough for Student's interval."""
 
 _SEED = 20
 """Fixed: the same rows give the same table."""
 
 
 class Interval(NamedTuple):
-    """A mean with its bootstrap interval.
-
-    Attributes:
-        mean: arithmetic mean; NaN of no values.
-        low: lower end; NaN where there is none (see `mean_interval`).
-        high: upper end.
-        n: how many values it is the mean of.
-    """
+    """A mean with its interval; the ends are NaN if there is none."""
 
     mean: float
     low: float
     high: float
-    n: int
 
 
 def mean_interval(values: npt.ArrayLike, confidence: float = 0.95) -> Interval:
-    """Return the mean of (n,) independent values with its BCa bootstrap interval.
+    """Return the mean of (n,) independent values with its interval; see `mean_intervals`."""
+    return Interval(*(float(of[0]) for of in mean_intervals(Samples.of([values]), confidence)))
 
-    NaN values (the metric did not apply) are left out, ``n`` says how many stay. One value has no interval (NaN); of
-    equal values it is the mean itself; an infinite mean has none. The result depends (but for rounding) on the values
-    alone: neither on their order nor on what else is computed.
 
-    A bootstrap of n values is too narrow by sqrt((n - 1)/n), and knows nothing of Student's tails; both are made up for
-    by a higher level, Phi(z) with z = t_{n-1} sqrt(n/(n - 1)). Simulated: of 5, 10 and 20 values it holds the mean
-    of a Gaussian in 93, 95 and 95 % of cases (without: 85, 91 and 93 %). Of fewer than 5 values it is Student's.
+def mean_intervals(samples: Samples, confidence: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the means (k,) of the samples with the lower and upper ends (k,) of their BCa bootstrap intervals.
+
+    NaN values (the metric does not apply) are left out. The ends are NaN for a single value and for infinite means; for
+    equal values they are the mean. The result depends (except for rounding) only on the values of the sample, not on
+    their order or on the other samples.
+
+    A bootstrap of n values is too narrow by sqrt((n - 1)/n), and ignores the tails of Student's distribution. A higher
+    level compensates for both: Phi(z) with z = t_{n-1} sqrt(n/(n - 1)). In simulations, the interval of 5, 10 and 20
+    normal values contains the mean in 93, 95 and 95 % of cases (85, 91 and 93 % without this compensation).
 
     Source: Efron, "Better Bootstrap Confidence Intervals", JASA 82 (1987), see `bca_ends`; for the level
     Hesterberg, "What Teachers Should Know About the Bootstrap", The American Statistician 69 (2015), 4.
     """
-    return mean_intervals([values], confidence)[0]
-
-
-def mean_intervals(samples: Sequence[npt.ArrayLike], confidence: float = 0.95) -> list[Interval]:
-    """Return what `mean_interval` gives for each sample; faster for many of one size."""
-    together = Samples.of(samples)
-    columns = (column.tolist() for column in (*mean_intervals_of(together, confidence), together.without_nan().sizes))
-    return list(map(Interval, *columns))
-
-
-def mean_intervals_of(samples: Samples, confidence: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean, lower and upper end, (k,) each, as `mean_interval` gives them for each sample."""
     mean, low, high = (np.full(len(samples.sizes), np.nan) for _ in range(3))
     for places, values in samples.without_nan().by_size():
         if values.shape[1]:
@@ -130,161 +115,63 @@ def mean_intervals_of(samples: Samples, confidence: float = 0.95) -> tuple[Float
 
 
 def _of_one_size(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean and ends of (k, n) values in ascending order, n > 0."""
+    """Return means and ends (k,) for (k, n) values in ascending order, n > 0."""
     n = values.shape[1]
     with np.errstate(invalid="ignore", over="ignore"):
         mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
-        equal = np.isfinite(mean) & (spread <= SAME_WITHIN * np.abs(mean)) & (n > 1)
+        equal = np.isfinite(mean) & (spread <= EQUAL_WITHIN * np.abs(mean)) & (n > 1)
     low, high = np.where(equal, mean, np.nan), np.where(equal, mean, np.nan)
-    varying = np.flatnonzero(np.isfinite(mean) & np.isfinite(spread) & ~equal)
-    if 1 < n < FEW or n >= MANY:
-        low[varying], high[varying] = _student(values[varying], confidence)
-    elif n > 1 and len(varying):
-        for rows in np.array_split(varying, -(-len(varying) // _ROWS_AT_ONCE)):
-            low[rows], high[rows] = _bca(values[rows], confidence)
-    return mean, low, high
-
-
-def _student(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
-    """Return Student's interval: of few values the bootstrap's is too short, of many it is the same."""
-    from scipy.special import stdtrit
-
-    mean, spread, n = values.mean(axis=1), values[:, -1] - values[:, 0], values.shape[1]
-    with np.errstate(over="ignore"):  # of a few huge values the interval may be beyond all numbers
-        scatter = spread * np.std((values - mean[:, None]) / spread[:, None], axis=1, ddof=1)
-        half = scatter * stdtrit(n - 1, (1 + confidence) / 2) / np.sqrt(n)
-        half[~np.isfinite(half)] = np.nan
-    return mean - half, mean + half
-
-
-def _bca(values: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (k,), (k,) for (k, n) values."""
-    # The interval moves and stretches with the values: brought to one scale, no square under- or overflows.
-    mean, spread = values.mean(axis=1), values[:, -1] - values[:, 0]
-    scaled = (values - mean[:, None]) / spread[:, None]
-    ends = bca_ends(scaled, expanded(confidence, values.shape[1]), _RESAMPLES, _SEED)
-    low, high = (np.clip(mean + spread * end, values[:, 0], values[:, -1]) for end in ends)  # no RMSE of -1e-17
-    return low, high
+    varying = np.flatnonzero(np.isfinite(mean) & np.isfinite(spread) & ~equal & (n > 1))
+    for start in range(0, len(varying), _BATCH):
+        rows = varying[start : start + _BATCH]
+        # Values of magnitude 1 avoid overflow and underflow of their squares.
+        scaled = (values[rows] - mean[rows, None]) / spread[rows, None]
+        if MIN_BOOTSTRAP <= n <= MAX_BOOTSTRAP:
+            ends = bca_ends(scaled, expanded(confidence, n), _RESAMPLES, _SEED)
+            limits = values[rows, 0], values[rows, -1]  # rounding must not give an error of -1e-17
+        else:
+            ends, limits = student_intervals(scaled, confidence), (-np.inf, np.inf)
+        with np.errstate(over="ignore"):
+            low[rows], high[rows] = (np.clip(mean[rows] + spread[rows] * end, *limits) for end in ends)
+    finite = np.isfinite(low) & np.isfinite(high)
+    return mean, np.where(finite, low, np.nan), np.where(finite, high, np.nan)
 
 
 def expanded(confidence: float, n: float) -> float:
-    """Return the level at which the bootstrap of n values (more than 1) is as wide as Student's interval."""
+    """Return the level at which the bootstrap interval of n > 1 values is as wide as Student's interval."""
     from scipy.special import ndtr, stdtrit  # scipy.stats takes half a second to import, in the first table too
 
     z = stdtrit(n - 1, (1 + confidence) / 2) * np.sqrt(n / (n - 1))
-    return min(float(2 * ndtr(z) - 1), _HIGHEST)
+    return min(float(2 * ndtr(z) - 1), 1 - 2 / _RESAMPLES)
 
 
-# Two methods on common seeds: their log ratios, with the runs that failed.
-
-
-@dataclass(frozen=True, eq=False)
-class LogRatios:
-    """d_i = log(a_i/b_i) over the seeds that both have; a lost run is larger than every number.
-
-    Attributes:
-        d: (n,) infinite where a alone lost the run, minus infinite where b alone did, 0 where both did.
-        lost: (n, 2) whether a, and whether b, lost the run.
-        locked: (n, 2) whether the run of a is more than `LOCKED_OUT` times as wrong as that of b, and the reverse. All
-            are False where every ratio is within `LOCKED_OUT` times the median ratio: then no run is an exception.
-        plain: whether no run was lost or locked out, so that the mean of d describes them.
-    """
-
-    d: FloatArray
-    lost: BoolArray
-    locked: BoolArray
-    plain: bool
-
-    @property
-    def n(self) -> int:
-        """Seeds that both have."""
-        return len(self.d)
-
-    @property
-    def turned(self) -> "LogRatios":
-        """Those of b to a."""
-        return LogRatios(-self.d, self.lost[:, ::-1], self.locked[:, ::-1], self.plain)
-
-
-def log_ratios(a: npt.ArrayLike, b: npt.ArrayLike) -> LogRatios:
-    """Return the log ratios of (n,) errors of a to those of b, of which the i-th belong to the same seed.
-
-    An infinite error is a lost run; of a seed where either is NaN (the metric did not apply), or negative, nothing is
-    said. What differs by rounding is equal. An error of 0 beside another that is not is smaller by any factor.
-    """
-    return log_ratios_of([(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))])[0]
-
-
-def log_ratios_of(errors: Iterable[tuple[FloatArray, FloatArray]]) -> list[LogRatios]:
-    """Return what `log_ratios` gives for each pair of errors; those of one size are computed together."""
-    known = [(a[kept], b[kept]) for a, b in errors for kept in [(a >= 0) & (b >= 0)]]
-    samples = (Samples.of([pair[side] for pair in known]).by_size() for side in (0, 1))
-    ratios: dict[int, LogRatios] = {}
-    for (places, first), (_, second) in zip(*samples, strict=True):
-        lost = np.stack([np.isinf(first), np.isinf(second)], axis=-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            d = np.log(first) - np.log(second)
-            near = np.abs(first - second) <= SAME_WITHIN * np.minimum(first, second)
-        d = np.where((first == second) | (near & ~lost.any(axis=-1)), 0.0, d)
-        ratios.update(zip(places.tolist(), with_locked(d, lost), strict=True))
-    return [ratios[place] for place in range(len(known))]
-
-
-def with_locked(d: FloatArray, lost: BoolArray) -> list[LogRatios]:
-    """Return the log ratios of k pairs, d (k, n) and lost (k, n, 2), with the runs that locked out."""
-    locked = _locked(d)
-    plain = np.asarray(np.isfinite(d).all(axis=1) & ~(lost | locked).any(axis=(1, 2)))
-    return [LogRatios(*of) for of in zip(d, lost, locked, plain.tolist(), strict=True)]
-
-
-def _locked(d: FloatArray) -> BoolArray:
-    """Return `LogRatios.locked` (k, n, 2) of (k, n) log ratios."""
-    finite, limit = np.isfinite(d), np.log(LOCKED_OUT)
-    locked = np.stack([d > limit, d < -limit], axis=-1) & finite[..., None]
-    for row in np.flatnonzero(locked.any(axis=(1, 2))):
-        ratios = d[row][finite[row]]
-        locked[row] &= (np.abs(ratios - np.median(ratios)) > limit).any()
-    return locked
-
-
-def middles(ordered: FloatArray) -> FloatArray:
-    """Return the medians of (k, n) values in ascending order; between an infinite one and another, the infinite."""
-    left, right = ordered[:, (ordered.shape[1] - 1) // 2], ordered[:, ordered.shape[1] // 2]
-    with np.errstate(invalid="ignore"):
-        mean = np.where(np.isinf(right), right, (left + right) / 2)
-    return np.asarray(np.where(np.isinf(left), left, mean))
-
-
-# The number that stands for the errors of a cell, with its interval: the median, of few seeds the geometric mean.
-
-
-LEAST_SEEDS = 6
-"""Of fewer seeds nothing is decided: no exact test reaches 5 %, and too few different resamples can be drawn."""
+MIN_SEEDS = 6
+"""Fewer seeds decide nothing: no exact test reaches 5 %, and there are too few different resamples."""
 
 GEOMETRIC, MEDIAN, MEAN = "geometric mean", "median", "mean"
 
 
 CENTRE_NUMBERS = ("value", "low", "high", "lower_quartile", "upper_quartile", "geometric")
-CENTRE = np.dtype([("kind", object), *((name, np.float64) for name in CENTRE_NUMBERS), ("locked", np.int64)])
-"""What stands for the errors of a cell.
+CENTRE = np.dtype([("kind", object), *((name, np.float64) for name in CENTRE_NUMBERS), ("outlying", np.int64)])
+"""The average of the errors of a combination.
 
-- kind: `MEDIAN` of all runs from `LEAST_SEEDS` on, below them `GEOMETRIC` of those that went well: it does not depend
-  on whether a failure was drawn
-- value: infinite where half of the runs or more were lost
-- low: lower end of the 95 % interval; NaN where there is none
-- high: upper end; infinite where it reaches the lost runs
-- lower_quartile, upper_quartile: of the runs, a lost one larger than every number
-- geometric: geometric mean of those that went well
-- locked: runs that are `LOCKED_OUT` times their median
+- kind: `MEDIAN` of all runs from `MIN_SEEDS` on; for fewer runs `GEOMETRIC`, the geometric mean of the runs that did
+  not fail, which does not depend on whether a rare failure was drawn
+- value: infinite if half of the runs or more failed
+- low: lower end of the 95 % interval; NaN if there is none
+- high: upper end; infinite if it reaches the failed runs
+- lower_quartile, upper_quartile: of all runs; a failed run is larger than any number
+- geometric: geometric mean of the runs that did not fail
+- outlying: number of runs with more than `OUTLIER_FACTOR` times the average
 """
 
 Centre = np.record
 Centres = np.recarray[Any, Any]
-"""One, and (k,) of them, with the fields of `CENTRE`."""
+"""One centre, and (k,) centres, with the fields of `CENTRE`."""
 
 
 def no_centres(count: int, kind: str) -> Centres:
-    """Return the centres of ``count`` cells without a value."""
+    """Return the centres of ``count`` combinations without a value."""
     made = np.rec.array(np.zeros(count, CENTRE))
     made.kind = kind
     for name in CENTRE_NUMBERS:
@@ -292,25 +179,21 @@ def no_centres(count: int, kind: str) -> Centres:
     return made
 
 
-def centres(samples: Sequence[FloatArray]) -> list[Centre]:
-    """Return what `centres_of` gives for each sample."""
-    return list(centres_of(Samples.of(samples)))
+def centres(samples: Samples, confidence: float = 0.95, least: float | FloatArray = MIN_SEEDS) -> Centres:
+    """Return the centres of samples of errors; a failed run is infinite, and NaN (does not apply) is left out.
 
-
-def centres_of(samples: Samples, confidence: float = 0.95, least: float | FloatArray = LEAST_SEEDS) -> Centres:
-    """Return the centres of samples of errors, infinite for a lost run; NaN (did not apply) is left out.
-
-    The median has an interval by order statistics: lock-outs that were not drawn move it little. The geometric mean has
-    Student's interval on the logarithms, of few runs a wider one (`few_intervals`): errors of an RMSE scatter more like
-    a lognormal than like a normal. The median stands from ``least`` values on, of each sample its own.
+    The interval of the median is that of order statistics, which rare outliers hardly change. The interval of the
+    geometric mean is Student's interval of the logarithms, wider for few runs (`few_intervals`): the distribution of an
+    RMSE is closer to a lognormal than to a normal distribution. The median is used from ``least`` values on, which may
+    be different for each sample.
     """
     made = no_centres(len(samples.sizes), MEDIAN)
     for places, errors in samples.without_nan().by_size():
         if errors.shape[1]:
             for name, values in zip(CENTRE_NUMBERS[:5], quantiles_of_rows(errors, confidence), strict=True):
                 made[name][places] = values
-            locked = np.isfinite(errors) & (errors > LOCKED_OUT * made.value[places, None])
-            made.locked[places] = locked.sum(axis=1)
+            outlying = np.isfinite(errors) & (errors > OUTLIER_FACTOR * made.value[places, None])
+            made.outlying[places] = outlying.sum(axis=1)
     few = samples.sizes < least
     made.kind[few] = GEOMETRIC
     for places, errors in samples.only(np.isfinite(samples.values)).by_size():
@@ -322,17 +205,17 @@ def centres_of(samples: Samples, confidence: float = 0.95, least: float | FloatA
     return made
 
 
-def costs_of(samples: Samples, least: float | FloatArray = LEAST_SEEDS) -> FloatArray:
-    """Return (k,) by what each sample is ranked: its centre, infinite where a run was lost."""
-    lost = samples.count(np.isposinf(samples.values)) > 0
-    return np.where(lost, np.inf, centres_of(samples, least=least).value)
-
-
 def _geometric(errors: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return geometric mean and ends of (k, n) errors; where they differ by rounding alone, the first."""
+    """Return geometric means and ends (k,) of (k, n) errors; if errors differ only by rounding, the first error."""
     with np.errstate(all="ignore"):
         logs = np.log(errors)
         mean, low, high = (np.exp(end) for end in (logs.mean(axis=1), *few_intervals(logs, confidence)))
-    alike = np.ptp(errors, axis=1) <= SAME_WITHIN * errors.max(axis=1)
+    equal = np.ptp(errors, axis=1) <= EQUAL_WITHIN * errors.max(axis=1)
     same = errors[:, 0] if errors.shape[1] > 1 else np.full(len(errors), np.nan)
-    return np.where(alike, errors[:, 0], mean), np.where(alike, same, low), np.where(alike, same, high)
+    return np.where(equal, errors[:, 0], mean), np.where(equal, same, low), np.where(equal, same, high)
+
+
+def costs_of(samples: Samples, least: float | FloatArray = MIN_SEEDS) -> FloatArray:
+    """Return (k,) the cost by which each sample is ranked: its centre, or infinity if a run failed."""
+    failed = samples.count(np.isposinf(samples.values)) > 0
+    return np.where(failed, np.inf, centres(samples, least=least).value)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.judgement import FIRST, Verdict, levels, looks
+from jerkbench.evaluation.judgement import Verdict
+from jerkbench.evaluation.planning import FIRST, interim_levels, interim_sizes
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.manifest import stretches
@@ -49,12 +50,12 @@ def looks_left(plan: Plan, first: int, most: int, store: Store) -> list[tuple[Pl
     """
     sizes, plans = [first], [plan]
     if most > first and any(job.scenario.seeded for job in plan.jobs):
-        sizes = looks(most, first)
+        sizes = interim_sizes(most, first)
         plans = [Plan(tuple(_with_seeds(job, size) for job in plan.jobs), plan.refused) for size in sizes]
     known = store.known(plans[-1].draws)
     done = [not any(missing(job, known.get(job.key, ())) for job in own.jobs) for own in plans]
     start = max((k for k, whole in enumerate(done) if whole), default=0)
-    return list(zip(plans, map(float, levels(sizes)), strict=True))[start:]
+    return list(zip(plans, map(float, interim_levels(sizes)), strict=True))[start:]
 
 
 def undecided(study: Study, level: float) -> int:

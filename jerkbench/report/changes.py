@@ -10,7 +10,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import JerkbenchError, NotComparableError
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import loss_bound
+from jerkbench.evaluation.intervals import failure_bound
 from jerkbench.evaluation.judgement import Judgement, Verdict
 from jerkbench.files import JunitCase, junit
 from jerkbench.report.columns import checked, quantity
@@ -168,7 +168,7 @@ class Change(NamedTuple):
     @property
     def losses(self) -> str:
         """The runs that either lost, with the bounds of their shares; nothing of phases, and without a run of both."""
-        return "" if self.phases or not self.judgement.n else self.judgement.losses
+        return "" if self.phases or not self.judgement.n else self.judgement.failure_rates
 
 
 def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: VerdictRule = RULE) -> list[Change]:
@@ -331,7 +331,7 @@ def _records(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
             **{name: float(value) if math.isfinite(value) else None for name, value in numbers.items()},
             "runs": list(change.runs),
             "lost": list(change.lost),
-            "lost_up_to": list(map(loss_bound, change.lost, change.runs)),
+            "lost_up_to": list(map(failure_bound, change.lost, change.runs)),
             "verdict": change.verdict,
             "allowed_percent": comparison.allowed,
             "worse": None if comparison.allowed is None else bool(failures),

@@ -11,7 +11,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import LOCKED_OUT, loss_bound, seeds_without_loss, up_to
+from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failure_bound, seeds_without_failure, up_to
 from jerkbench.evaluation.judgement import (
     BY_FAILURES,
     DEFEATS,
@@ -20,11 +20,12 @@ from jerkbench.evaluation.judgement import (
     NOT_EXCLUDED,
     WINS,
     Judgement,
+    LogRatios,
     Verdict,
     judged,
-    seeds_needed,
+    log_ratios,
 )
-from jerkbench.evaluation.over_seeds import LogRatios, log_ratios_of
+from jerkbench.evaluation.planning import seeds_needed
 from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, numbers_of_rows, require_factors
 from jerkbench.report.table_model import factor_number, number
@@ -230,7 +231,7 @@ class Comparison(NamedTuple):
     @property
     def turned(self) -> "Comparison":
         """The same, as the baseline sees it."""
-        ratios, judgement, lost = self.ratios.turned, self.judgement.turned, self.lost[::-1]
+        ratios, judgement, lost = self.ratios.swapped, self.judgement.swapped, self.lost[::-1]
         return self._replace(
             subject=self.baseline, baseline=self.subject, ratios=ratios, lost=lost, judgement=judgement
         )
@@ -258,7 +259,7 @@ class Comparison(NamedTuple):
 def compare_runs(pairs: Iterable[tuple[MethodRuns, MethodRuns]], rule: VerdictRule = RULE) -> list[Comparison]:
     """Judge the pairs as one family; phases of one recording are not independent and have a range instead."""
     common = [on_common_seeds(ours, theirs) for ours, theirs in pairs]
-    ratios = log_ratios_of((ours.errors, theirs.errors) for ours, theirs in common)
+    ratios = [log_ratios(ours.errors, theirs.errors) for ours, theirs in common]
     seeded = [of for (ours, _), of in zip(common, ratios, strict=True) if not ours.phases]
     judgements = iter(judged(seeded, rule.margin, rule.level))
     compared = []
@@ -302,25 +303,25 @@ def family_note(comparisons: Sequence[Comparison]) -> str:
 
 
 def not_excluded(compared: Iterable[Comparison]) -> str:
-    """Say how many would be equal but for losses that so few seeds do not exclude; nothing of none."""
+    """Return how many comparisons would be equal if rare failures could be excluded; empty if none."""
     near = [one.rule.margin for one in compared if one.judgement.reason == NOT_EXCLUDED]
     if not near:
         return ""
-    within, needed = f"{len(near)} of them within {100 * near[0]:g} %", seeds_without_loss(near[0])
-    return f", {within}, as {NOT_EXCLUDED} ({needed} seeds without one would)"
+    within, needed = f"{len(near)} of them within {100 * near[0]:g} %", seeds_without_failure(near[0])
+    return f", {within}, as {NOT_EXCLUDED} ({needed} seeds without a failure exclude them)"
 
 
 def losses_range(judgements: Iterable[Judgement]) -> str:
-    """Say how many runs methods lost, the fewest and the most, with the largest bound, and how many locked out."""
+    """Return the smallest and largest number of failed runs, the largest bound, and the number of outliers."""
     judgements = list(judgements)
-    lost = {(count, one.n) for one in judgements for count in one.lost}
+    lost = {(count, one.n) for one in judgements for count in one.failed}
     counts, sizes = (
         f"{min(of)}" if min(of) == max(of) else f"{min(of)} to {max(of)}" for of in zip(*lost, strict=True)
     )
-    bound = up_to(*max(lost, key=lambda of: loss_bound(*of)))
-    locked = max(max(one.locked) for one in judgements)
-    more = f", and up to {locked} more than {LOCKED_OUT:g} times as wrong as another" if locked else ""
-    return f"{counts} of {sizes} lost ({bound}){more}"
+    bound = up_to(*max(lost, key=lambda of: failure_bound(*of)))
+    outlying = max(max(one.outlying) for one in judgements)
+    more = f", and up to {outlying} with over {OUTLIER_FACTOR:g} times the error of another" if outlying else ""
+    return f"{counts} of {sizes} failed ({bound}){more}"
 
 
 def leaders_of(rivals: Sequence[Combination], comparisons: Sequence[Comparison]) -> tuple[Combination, ...]:

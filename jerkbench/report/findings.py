@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import LOCKED_OUT, failures_text, up_to
+from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failures_text, up_to
 from jerkbench.evaluation.judgement import BY_FAILURES, DEFEATS, WINS, Judgement, Verdict
 from jerkbench.report.columns import FACTORS
 from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, leads, losses_range
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_FAILED = f"lost or more than {LOCKED_OUT:g} times as wrong"
+_FAILED = f"failed or with over {OUTLIER_FACTOR:g} times the error"
 """The failures of a run, in words."""
 
 ALL_LOST = math.log(100.0)
@@ -39,7 +39,7 @@ def size_text(judgement: Judgement) -> str:
         ours, theirs = judgement.failures
         return f"{ours} of {judgement.n} runs {_FAILED} against {theirs}"
     better = judgement.verdict is Verdict.BETTER
-    seen, word = (judgement.turned, "better") if better else (judgement, "worse")
+    seen, word = (judgement.swapped, "better") if better else (judgement, "worse")
     if not 0 < seen.ratio < math.inf:
         return f"{word}, as the median run of the one is lost"
     interval = "" if math.isnan(seen.low) else f", 95 % {factor_number(seen.low)} to {factor_number(seen.high)}"
@@ -77,7 +77,7 @@ class Duel(NamedTuple):
     @property
     def turned(self) -> "Duel":
         """The same with the second as the first."""
-        return Duel(self.theirs, self.ours, tuple((name, judgement.turned) for name, judgement in self.rounds))
+        return Duel(self.theirs, self.ours, tuple((name, judgement.swapped) for name, judgement in self.rounds))
 
 
 def duels(standings: Iterable[Standing]) -> list[Duel]:
@@ -177,7 +177,7 @@ def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
     if duel and duel.won + duel.lost:
         duel = duel if duel.ours == leaders[0] else duel.turned
         better = [judgement for _, judgement in duel.rounds if judgement.verdict is Verdict.BETTER]
-        times = max(better, key=certain_size).turned.ratio if better else math.inf
+        times = max(better, key=certain_size).swapped.ratio if better else math.inf
         if 0 < times < math.inf:
             who = " and is" if len(leaders) == 1 and len(verbs) == 1 else f"; {duel.ours} is"
             up_to = "up to " if len(duel.rounds) > 1 else ""
@@ -378,9 +378,9 @@ def _range(comparison: Comparison) -> str:
 def losses_clause(comparison: Comparison, subject: str, baseline: str) -> str:
     """Say how many runs either lost or locked out in, and how many may be; of phases nothing where all went well."""
     judgement, phases = comparison.judgement, comparison.phases
-    if not any((*comparison.lost, *judgement.locked)):
-        return "" if phases else f"; {judgement.losses}"
-    counts = zip((subject, baseline), comparison.lost, judgement.locked, strict=True)
+    if not any((*comparison.lost, *judgement.outlying)):
+        return "" if phases else f"; {judgement.failure_rates}"
+    counts = zip((subject, baseline), comparison.lost, judgement.outlying, strict=True)
     told = [
         f"{name}: {failures_text(lost, locked, comparison.runs, bound=not phases)}"
         for name, lost, locked in counts

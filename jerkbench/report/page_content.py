@@ -13,9 +13,9 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import failures_text, up_to
-from jerkbench.evaluation.judgement import NEAR, UNKNOWN, WINS, Verdict, runs_verdict
-from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
-from jerkbench.evaluation.over_seeds import FEW
+from jerkbench.evaluation.judgement import WINS, Verdict
+from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES, NEAR, UNKNOWN, runs_verdict
+from jerkbench.evaluation.over_seeds import MIN_BOOTSTRAP
 from jerkbench.report.columns import FACTORS, SCENARIO_FACTORS, metric_columns, quantity
 from jerkbench.report.comparisons import Comparison, Standing
 from jerkbench.report.findings import against, mean_log_ratio, reference_method, sentence, size_text, study_baselines
@@ -159,7 +159,7 @@ def _matrix_cell(standing: Standing, seen: Mapping[str, Comparison], name: str, 
         style, hint = f"{word}{1 + sum(factor >= step for step in SHADES)}", size_text(judgement)
     if 0 < judgement.low <= judgement.high < math.inf:
         hint += f"; ratio 95 % {number(judgement.low)} to {number(judgement.high)}"
-    counts = judgement.lost[0], judgement.locked[0]
+    counts = judgement.failed[0], judgement.outlying[0]
     lost = failures_text(*counts, judgement.n, bound=False) if any(counts) else ""
     return MatrixCell(_ratio(pair), style, hint, lost, leads)
 
@@ -259,8 +259,9 @@ def nees_explanation(rows: "pd.DataFrame") -> str:
     return (
         f"{HEADING}: overconfident or too cautious where the whole interval of the ANEES over the seeds is above or "
         f"below {EXPECTED_ANEES:g}; consistent where it holds {EXPECTED_ANEES:g} and lies within {low:g} to {high:g}; "
-        f"not known where it holds more than that, of one run and of phases. Of fewer than {FEW} seeds the interval is "
-        "Student's on the logarithms. Where runs were lost the others can only be overconfident or not known."
+        "not known where it holds more than that, of one run and of phases. For fewer than "
+        f"{MIN_BOOTSTRAP} seeds the interval is Student's on the logarithms. If runs failed, the others can only be "
+        "overconfident or not known."
     )
 
 
@@ -272,7 +273,7 @@ def nees_verdict(group: "pd.DataFrame") -> str:
         return UNKNOWN
     well = group["status"] == "ok"
     values = group.loc[well, ANEES].to_numpy(dtype=float)
-    return runs_verdict(values, EXPECTED_ANEES, lost=int((~well).sum()))
+    return runs_verdict(values, EXPECTED_ANEES, failed=int((~well).sum()))
 
 
 # What the page's script reads: errors over time, two bytes each, and all that is known of each cell.

@@ -11,7 +11,7 @@ import numpy as np
 
 from jerkbench.evaluation.correlated_errors import LEAST_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.evaluation.intervals import ENOUGH, LOCKED_OUT, share_interval
+from jerkbench.evaluation.intervals import ENOUGH, OUTLIER_FACTOR, share_interval
 from jerkbench.evaluation.over_seeds import GEOMETRIC, MEAN, MEDIAN
 from jerkbench.files import write_atomically, write_text
 from jerkbench.report.columns import (
@@ -207,7 +207,7 @@ def _outages(table: Table, rows: "pd.DataFrame") -> Iterator[str]:
 
 def _trouble(cells: list[TableCell], rows: "pd.DataFrame") -> Iterator[str]:
     if any(c.locked for c in cells):
-        yield f"k/n locked out: k of n runs are over {LOCKED_OUT:g} times the median."
+        yield f"k/n locked out: k of n runs are over {OUTLIER_FACTOR:g} times the median."
     if any((c.diverged or c.failed) and c.used for c in cells):
         yield from _shares(cells)
     if any(c.missing and c.used for c in cells):

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.evaluation.judgement import chosen_on_other_seeds
-from jerkbench.evaluation.over_seeds import LEAST_SEEDS, Samples, costs_of
+from jerkbench.evaluation.over_seeds import MIN_SEEDS, Samples, costs_of
 from jerkbench.report.columns import FACTORS, METHOD, checked, competes, quantity
 
 if TYPE_CHECKING:
@@ -49,6 +48,24 @@ def _chosen(group: "pd.DataFrame", metric: str) -> IntArray:
     return np.asarray(index[picked, np.arange(index.shape[1])])
 
 
+def chosen_on_other_seeds(errors: FloatArray) -> IntArray:
+    """Return (n,) the setting that the other seeds choose for each seed, from the errors (k, n) of k settings.
+
+    The best setting has the fewest failed (infinite) runs, and among these the lowest mean log error. A single seed
+    chooses for itself.
+
+    Source: Stone, "Cross-validatory choice and assessment of statistical predictions", JRSS B 36 (1974).
+    """
+    failed = np.isinf(errors)
+    logs = np.log(np.where(failed, 1.0, np.maximum(errors, np.finfo(float).tiny)))
+    failures, total = failed.sum(axis=1, keepdims=True), logs.sum(axis=1, keepdims=True)
+    if errors.shape[1] > 1:
+        failures, total = failures - failed, total - logs
+    count = max(errors.shape[1] - 1, 1) - failures
+    fewest = failures == failures.min(axis=0)
+    return np.asarray(np.argmin(np.where(fewest, total / np.maximum(1, count), np.inf), axis=0))
+
+
 # Rows -> a matrix of scenarios by methods.
 
 
@@ -71,7 +88,7 @@ def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], lis
     means = groups["cost"].mean()
     if quantity(metric).lowest_is_best and not (named["cost"] < 0).any():
         samples = Samples.of([values.to_numpy(dtype=float) for _, values in groups["cost"]])
-        means[:] = costs_of(samples, least=np.where(groups["replicate"].first() == "phase", np.inf, LEAST_SEEDS))
+        means[:] = costs_of(samples, least=np.where(groups["replicate"].first() == "phase", np.inf, MIN_SEEDS))
     table = means.unstack()  # noqa: PD010 - a series has no pivot_table
     return table.reindex(index=scenarios, columns=names).to_numpy(), scenarios, names
 

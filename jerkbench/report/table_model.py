@@ -10,12 +10,12 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, IntArray
 from jerkbench.evaluation.over_seeds import (
-    LEAST_SEEDS,
     MEAN,
     MEDIAN,
+    MIN_SEEDS,
     Samples,
-    centres_of,
-    mean_intervals_of,
+    centres,
+    mean_intervals,
     no_centres,
 )
 from jerkbench.report.columns import constants, layout, numbers_of_rows, quantity, with_text_factors
@@ -326,27 +326,27 @@ class Grid:
         missing = good.count(np.isnan(good.values))
         # an error of which a geometric mean, or a median with losses at the top, makes sense
         if quantity(metric).lowest_is_best and not np.less(good.values, 0).any():
-            least = np.where(self.phases, np.inf, LEAST_SEEDS)
-            centres = centres_of(Samples(np.where(self.ok, values.values, np.inf), values.sizes), least=least)
-            nothing = missing == good.sizes
-            centres[nothing] = no_centres(int(nothing.sum()), centres.kind[nothing])
+            least = np.where(self.phases, np.inf, MIN_SEEDS)
+            errors = np.where(self.ok, values.values, np.inf)
+            errors[(missing == good.sizes)[values.owner]] = np.nan  # without any value, failures are no error either
+            averages = centres(Samples(errors, values.sizes), least=least)
         else:
-            centres = no_centres(len(self.runs), MEAN)
-            centres.value, centres.low, centres.high = mean_intervals_of(good)
+            averages = no_centres(len(self.runs), MEAN)
+            averages.value, averages.low, averages.high = mean_intervals(good)
         own = self.phases & (good.sizes > 0) & all(name in self.rows for name in OWN_INTERVAL.get(metric, ("",)))
-        centres.low[self.phases] = centres.high[self.phases] = np.nan
+        averages.low[self.phases] = averages.high[self.phases] = np.nan
         for where, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
             if of_phases.shape[1] > 1:  # one has no range
-                centres.low[where], centres.high[where] = of_phases.min(axis=1), of_phases.max(axis=1)
+                averages.low[where], averages.high[where] = of_phases.min(axis=1), of_phases.max(axis=1)
         if own.any():
-            for ends, name in zip((centres.low, centres.high), OWN_INTERVAL[metric], strict=True):
+            for ends, name in zip((averages.low, averages.high), OWN_INTERVAL[metric], strict=True):
                 with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
                     logs = Samples(np.log(self.samples(name).values), self.sizes).only(self.ok)
                 for where, of_phases in logs.only(own[logs.owner]).by_size():
                     if of_phases.shape[1]:
                         ends[where] = np.exp(of_phases.mean(axis=1))
         counts = (self.sizes, self.diverged, self.failed, missing, self.phases, own)
-        columns = [centres.tolist(), *(of.tolist() for of in counts)]
+        columns = [averages.tolist(), *(of.tolist() for of in counts)]
         for place in places:
             centre, runs, diverged, failed, absent, phase, owned = (of[place] for of in columns)
             kind, mean, low, high, lower, upper, geometric, locked = centre

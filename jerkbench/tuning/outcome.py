@@ -10,8 +10,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.judgement import judged
-from jerkbench.evaluation.over_seeds import log_ratios
+from jerkbench.evaluation.judgement import judged, log_ratios
 from jerkbench.files import filled_template, write_text
 from jerkbench.tuning.evaluate import Trials
 from jerkbench.tuning.search import SearchOutcome, Tuning, equal_budgets
@@ -64,7 +63,7 @@ def _against_the_first(tunings: Sequence[Tuning]) -> list[str]:
         return []
     said = judged([log_ratios(other.score.errors, first.score.errors) for other in others])
     lines = [
-        f"{other.name:<32} {own.ratio:>10.3f} [{own.low:.3f}, {own.high:.3f}] {own.verdict}; {own.losses}"
+        f"{other.name:<32} {own.ratio:>10.3f} [{own.low:.3f}, {own.high:.3f}] {own.verdict}; {own.failure_rates}"
         for other, own in zip(others, said, strict=True)
     ]
     heading = (

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import gmean, norm
 
 from jerkbench.evaluation.intervals import quantiles_of_rows
-from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, centres
+from jerkbench.evaluation.over_seeds import GEOMETRIC, MEDIAN, Samples, centres
 from roots import mean_ends
 
 
@@ -28,7 +28,7 @@ def quartiles_of(centre):
 
 
 def test_cells_of_all_sizes_keep_their_order_and_have_their_own_centre(samples):
-    for errors, centre in zip(samples, centres(samples), strict=True):
+    for errors, centre in zip(samples, centres(Samples.of(samples)), strict=True):
         kept = errors[~np.isnan(errors)]
         good = kept[np.isfinite(kept)]
         assert centre.geometric == pytest.approx(gmean(good), rel=1e-12)
@@ -50,20 +50,18 @@ def test_the_interval_that_is_shown_holds_the_median_of_a_mixture_with_lock_outs
     locked = rng.random((2000, seeds)) < share
     errors = np.exp(0.1 * rng.standard_normal((2000, seeds)) + np.log(50) * locked)
     truth = np.exp(0.1 * norm.ppf(0.5 / (1 - share)))
-    held = [of.low <= truth <= of.high for of in centres(list(errors))]
+    held = [of.low <= truth <= of.high for of in centres(Samples.of(list(errors)))]
     assert 0.935 <= np.mean(held) <= 0.98
 
 
 def test_beside_others_a_cell_has_the_bits_that_it_has_alone(samples):
-    assert repr(centres(samples)) == repr([centres([errors])[0] for errors in samples])
+    assert repr(list(centres(Samples.of(samples)))) == repr([centres(Samples.of([errors]))[0] for errors in samples])
 
 
 def test_cells_without_scatter_without_value_and_with_a_lock_out():
-    alike, empty, single, locked = centres(
-        [np.full(4, 0.3), np.full(4, np.nan), np.array([0.2]), np.array([0.1, 0.1, 0.1, 5.0])]
-    )
+    alike, empty, single, outlier = centres(Samples.of([[0.3] * 4, [np.nan] * 4, [0.2], [0.1, 0.1, 0.1, 5.0]]))
     assert (alike.kind, alike.value, alike.low, alike.high) == (GEOMETRIC, 0.3, 0.3, 0.3)
     assert np.isnan([empty.value, empty.low, empty.high, *quartiles_of(empty)]).all()
     assert single.value == 0.2
     assert np.isnan([single.low, single.high]).all()
-    assert (locked.kind, locked.value, locked.locked) == (GEOMETRIC, pytest.approx(gmean([0.1, 0.1, 0.1, 5.0])), 1)
+    assert (outlier.kind, outlier.value, outlier.outlying) == (GEOMETRIC, pytest.approx(gmean([0.1, 0.1, 0.1, 5.0])), 1)

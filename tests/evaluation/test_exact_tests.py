@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binomtest
 
-from jerkbench.evaluation.families import median_p, sign_p
 from jerkbench.evaluation.intervals import (
+    failure_bound,
     failures_text,
-    loss_bound,
     median_intervals,
     quantiles_of_rows,
-    seeds_without_loss,
+    seeds_without_failure,
     share_interval,
 )
-from jerkbench.evaluation.over_seeds import centres
+from jerkbench.evaluation.judgement import median_p, sign_p
+from jerkbench.evaluation.over_seeds import Samples, centres
 
 
 @pytest.mark.parametrize(("count", "n"), [(0, 5), (1, 20), (12, 20), (20, 20)])
@@ -53,7 +53,7 @@ def test_the_interval_lies_between_the_two_of_scipy():
 
 
 def test_lost_runs_stand_at_the_top():
-    (found,) = centres([np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, np.inf, np.inf, np.nan])])
+    (found,) = centres(Samples.of([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, np.inf, np.inf, np.nan]]))
     assert (found.value, found.lower_quartile, found.upper_quartile, found.high) == (5.0, 3.0, 7.0, math.inf)
     assert quantiles_of_rows(np.array([[1.0, np.inf, np.inf]]))[0] == math.inf
     assert np.isnan(quantiles_of_rows(np.empty((1, 0)))).all()
@@ -61,20 +61,20 @@ def test_lost_runs_stand_at_the_top():
 
 @pytest.mark.parametrize(("count", "n"), [(0, 1), (0, 20), (3, 20), (19, 20), (20, 20)])
 def test_the_bound_of_losses_is_the_one_sided_quantile_of_beta(count, n):
-    assert loss_bound(count, n) == pytest.approx(beta.ppf(0.95, count + 1, n - count) if count < n else 1.0)
+    assert failure_bound(count, n) == pytest.approx(beta.ppf(0.95, count + 1, n - count) if count < n else 1.0)
 
 
 def test_losses_that_twenty_seeds_did_not_show_are_bounded_in_words():
-    assert failures_text(0, 0, 20) == "0 of 20 lost (up to 14 %)"
-    assert failures_text(3, 0, 20) == "3 of 20 lost (up to 34 %)"
-    assert failures_text(0, 0, 100) == "0 of 100 lost (up to 3.0 %)"
-    assert failures_text(5, 0, 5) == "5 of 5 lost (up to 100 %)"
+    assert failures_text(0, 0, 20) == "0 of 20 failed (up to 14 %)"
+    assert failures_text(3, 0, 20) == "3 of 20 failed (up to 34 %)"
+    assert failures_text(0, 0, 100) == "0 of 100 failed (up to 3.0 %)"
+    assert failures_text(5, 0, 5) == "5 of 5 failed (up to 100 %)"
 
 
 def test_three_percent_of_losses_are_excluded_by_99_seeds_without_one():
-    assert seeds_without_loss(0.03) == 99
-    assert loss_bound(0, 99) < 0.03 < loss_bound(0, 98)
-    assert (seeds_without_loss(0.0), seeds_without_loss(1.0)) == (math.inf, 1)
+    assert seeds_without_failure(0.03) == 99
+    assert failure_bound(0, 99) < 0.03 < failure_bound(0, 98)
+    assert (seeds_without_failure(0.0), seeds_without_failure(1.0)) == (math.inf, 1)
 
 
 @pytest.mark.parametrize("confidence", [0.95, 0.975, 0.999, 1 - 1e-5])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from jerkbench.evaluation.intervals import SHRUNK, few_intervals, hall_intervals, student_intervals
 from roots import hall_ends, mean_ends
@@ -26,6 +27,13 @@ def test_of_few_values_it_holds_both(n):
     values = skewed(np.random.default_rng(n), (20, n))
     for row, low, high in zip(values, *few_intervals(values, 0.95), strict=True):
         assert (low, high) == pytest.approx(mean_ends(row), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("n", [2, 3, 12])
+def test_student_s_interval_is_that_of_the_t_test(n):
+    d = np.random.default_rng(n).normal(size=(4, n))
+    ends = ttest_1samp(d, 0, axis=1).confidence_interval(0.9)
+    assert np.allclose(student_intervals(d, 0.9), (ends.low, ends.high), rtol=1e-12)
 
 
 @pytest.mark.parametrize("n", [2, 20, 50])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm, ttest_1samp
 
-from jerkbench.evaluation.families import max_t
-from jerkbench.evaluation.judgement import Verdict, critical_t, judged, levels, looks, seeds_needed
-from jerkbench.evaluation.over_seeds import log_ratios
+from jerkbench.evaluation.judgement import Verdict, judged, log_ratios
+from jerkbench.evaluation.max_t import max_t
+from jerkbench.evaluation.planning import critical_t, interim_levels, interim_sizes, seeds_needed
 
 
 def judge(d):
@@ -78,21 +78,21 @@ def test_the_critical_value_to_plan_with_is_near_the_bootstraps(n, comparisons):
     assert planned == pytest.approx(np.median(seen), rel=0.12)
 
 
-def test_looks_double_and_end_at_the_most():
-    assert looks(400) == [20, 40, 80, 160, 320, 400]
-    assert looks(40) == [20, 40]
-    assert looks(10) == [10]
+def test_interim_analyses_double_and_end_at_the_most():
+    assert interim_sizes(400) == [20, 40, 80, 160, 320, 400]
+    assert interim_sizes(40) == [20, 40]
+    assert interim_sizes(10) == [10]
 
 
-def test_all_looks_together_spend_the_level():
-    spent = levels(looks(400))
+def test_all_interim_analyses_together_spend_the_level():
+    spent = interim_levels(interim_sizes(400))
     assert spent.sum() == pytest.approx(0.05)
     assert (spent > 0).all()
 
 
 def test_the_level_that_was_spent_is_of_pococks_type():
     """Lan and DeMets: alpha(t) = 0.05 log(1 + (e - 1) t); at t = 0.2, 0.6 and 1 it is .0148, .0354 and .05."""
-    np.testing.assert_allclose(np.cumsum(levels([20, 60, 100])), [0.01477, 0.03543, 0.05], atol=2e-5)
+    np.testing.assert_allclose(np.cumsum(interim_levels([20, 60, 100])), [0.01477, 0.03543, 0.05], atol=2e-5)
 
 
 def test_no_number_of_seeds_is_named_that_nobody_runs():

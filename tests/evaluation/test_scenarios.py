@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from scipy.stats import kendalltau, t
 
-from jerkbench.evaluation.judgement import chosen_on_other_seeds
 from jerkbench.evaluation.ranks import (
     critical_difference,
     kendall_tau,
@@ -16,6 +15,7 @@ from jerkbench.evaluation.ranks import (
     rank_cliques,
     rank_range,
 )
+from jerkbench.report.sweeps import chosen_on_other_seeds
 
 
 def drawn(scenarios, seeds, sigmas=(0.3, 0.15, 0.1), seed=3):

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench.evaluation.correlated_errors import whiteness_of_rows
-from jerkbench.evaluation.judgement import chi2_band, runs_verdict
+from jerkbench.evaluation.metrics.consistency import chi2_band, runs_verdict
 
 A = np.array([[1.0, 0.1], [0.0, 1.0]])
 Q = np.array([[0.1**3 / 3, 0.1**2 / 2], [0.1**2 / 2, 0.1]])
@@ -91,10 +91,10 @@ def test_few_runs_that_agree_are_enough():
 def test_runs_that_were_lost_are_none_of_the_consistent_ones():
     for averages in ([5.5, 6.1, 6.6, 6.0, 5.8], [3.7, 4.0, 4.2, 4.0, 3.9]):
         assert runs_verdict(averages, 6) != "not known"
-        assert runs_verdict(averages, 6, lost=1) == "not known"
+        assert runs_verdict(averages, 6, failed=1) == "not known"
         assert runs_verdict([*averages, np.inf], 6) == "not known"
         assert runs_verdict([*averages, np.nan], 6) == "not known"
-    assert runs_verdict([500.0, 600.0, 700.0, 800.0, 550.0], 6, lost=2) == "overconfident"
+    assert runs_verdict([500.0, 600.0, 700.0, 800.0, 550.0], 6, failed=2) == "overconfident"
 
 
 @pytest.mark.parametrize("runs", [2, 3, 4, 5, 10, 40])

@@ -65,7 +65,7 @@ def test_few_seeds_neither_hold_a_claim_nor_refute_it():
     base = np.exp(rng.normal(size=3))
     rows = [*cell_rows("baseline", "none", list(base)), *cell_rows("jerk", "mtf", list(base / 30))]
     (said,) = ten_times.claims(pd.DataFrame(rows))
-    assert "Seen: 30.0 times, over 3 runs, without an interval; 0 of 3 lost (up to 63 %)." in said
+    assert "Seen: 30.0 times, over 3 runs, without an interval; 0 of 3 failed (up to 63 %)." in said
 
 
 def test_a_study_says_of_each_opponent_in_how_many_cases_the_claim_holds():

@@ -227,7 +227,7 @@ def test_the_tuned_methods_are_compared_by_their_own_errors_seed_by_seed(tmp_pat
     assert np.sqrt(low * high) == pytest.approx(ratio, abs=2e-3)
     half = stats.t.ppf(0.975, 5) * d.std(ddof=1) / np.sqrt(6)  # Student's is too narrow where errors are skewed
     assert 0.99 * half <= np.log(high / low) / 2 <= 1.5 * half
-    assert line.endswith("; 0 of 6 lost (up to 39 %)")
+    assert line.endswith("; 0 of 6 failed (up to 39 %)")
 
 
 def test_presets_of_one_name_in_two_folders_are_refused(tmp_path):

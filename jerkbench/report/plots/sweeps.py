@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.over_seeds import mean_intervals
+from jerkbench.evaluation.over_seeds import Samples, mean_intervals
 from jerkbench.report.columns import quantity
 from jerkbench.report.plots.style import (
     OKABE_ITO,
@@ -108,14 +108,13 @@ def _draw_means(
     """Draw and return a method's means at some values of the column ``over``; the ``first`` panel has its label."""
     groups = [runs[runs[over] == x] for x in at]
     good = [group.loc[group["status"] == "ok", metric] for group in groups]
-    intervals = mean_intervals(good)
-    means = np.array([interval.mean for interval in intervals])
+    means, *ends = mean_intervals(Samples.of(good))
     label = name if axes is first else None
     axes.plot(at, means, **look.stroke, linewidth=1.0, label=label)
-    for x, group, values, interval in zip(at, groups, good, intervals, strict=True):
-        axes.plot([x, x], [interval.low, interval.high], color=look.colour, linewidth=0.8)
+    for x, group, values, mean, low, high in zip(at, groups, good, means, *ends, strict=True):
+        axes.plot([x, x], [low, high], color=look.colour, linewidth=0.8)
         face = look.colour if len(values) == len(group) else "white"
-        axes.plot([x], [interval.mean], "o", color=look.colour, markerfacecolor=face, markersize=4.0)
+        axes.plot([x], [mean], "o", color=look.colour, markerfacecolor=face, markersize=4.0)
     return means
 
 

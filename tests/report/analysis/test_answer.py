@@ -32,7 +32,7 @@ def said(rows):
     return answer(study_verdicts(rows, "position_rmse_m").standings)
 
 
-BASIS = "Each comparison uses 20 seeds; 0 of 20 lost (up to 14 %)."
+BASIS = "Each comparison uses 20 seeds; 0 of 20 failed (up to 14 %)."
 
 
 def test_of_two_methods_it_says_who_beats_whom_how_often(study):
@@ -52,7 +52,7 @@ def test_of_two_methods_in_one_scenario_it_says_by_how_much(study):
     assert float(told.title.split(": ")[1].split()[0]) == pytest.approx(2.0, rel=0.03)
     equal = said(study({"gauss": (1.0,), "jerk": (1.0,)}, scenes=("none",), seeds=120))
     assert equal.title == "gauss and jerk are equal within 3 %"
-    assert equal.sentences == ("Each comparison uses 120 seeds; 0 of 120 lost (up to 2.5 %).",)
+    assert equal.sentences == ("Each comparison uses 120 seeds; 0 of 120 failed (up to 2.5 %).",)
 
 
 def test_of_several_methods_it_names_the_leader_and_by_how_much_it_beats_the_baseline(study):
@@ -113,7 +113,7 @@ def test_few_seeds_show_nothing_and_it_says_so(study):
     rows = study({"gauss": (0.5, 0.5, 4.0), "jerk": (1.0, 1.0, 2.0), "bias": (2.0, 2.0, 1.0)}, seeds=2)
     told = said(rows)
     assert told.title == "None of 3 methods was shown to beat another in any of 3 scenarios"
-    assert told.sentences == ("Each comparison uses 2 seeds; 0 of 2 lost (up to 78 %).",)
+    assert told.sentences == ("Each comparison uses 2 seeds; 0 of 2 failed (up to 78 %).",)
     standings = study_verdicts(rows, "position_rmse_m").standings
     assert all(pair.verdict is Verdict.UNDECIDED for standing in standings for pair in standing.tested)
 
@@ -162,13 +162,13 @@ def test_methods_that_differ_in_several_factors_are_compared(cell_rows, methods,
 
 def test_a_lost_run_weighs_and_the_other_side_sees_the_reverse(judgement):
     lost = judgement(Verdict.MORE_FAILED, 2.0, 1.0, float("inf"), (12, 0))
-    assert lost.turned.verdict is Verdict.FEWER_FAILED
-    assert lost.turned.failures == (0, 12)
+    assert lost.swapped.verdict is Verdict.FEWER_FAILED
+    assert lost.swapped.failures == (0, 12)
     assert certain_size(lost) == pytest.approx(0.6 * np.log(100))
     won = judgement(Verdict.BETTER, 0.5, 0.4, 0.8)
-    seen = won.turned
+    seen = won.swapped
     assert (seen.low, seen.ratio, seen.high) == pytest.approx((1.25, 2.0, 2.5))
-    assert [certain_size(won), certain_size(won.turned)] == pytest.approx([np.log(1.25)] * 2)
+    assert [certain_size(won), certain_size(won.swapped)] == pytest.approx([np.log(1.25)] * 2)
     assert certain_size(judgement(Verdict.UNDECIDED, 0.5, 0.4, 1.2)) == 0.0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jerkbench.evaluation.judgement import TURNED
+from jerkbench.evaluation.judgement import SWAPPED
 from jerkbench.report.findings import findings
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import summarise
@@ -62,7 +62,7 @@ def test_a_table_is_marked_by_the_same_judgement_as_the_page_from_either_side(ro
     for comparison in compared:
         other = verdicts.judged.get((comparison.baseline, comparison.subject))
         if other is not None:
-            assert comparison.verdict is TURNED.get(other.verdict, other.verdict)
+            assert comparison.verdict is SWAPPED.get(other.verdict, other.verdict)
             assert comparison.judgement.ratio == pytest.approx(1 / other.judgement.ratio)
             assert (comparison.judgement.low, comparison.judgement.p) == pytest.approx(
                 (1 / other.judgement.high, other.judgement.p)

@@ -44,7 +44,7 @@ def test_a_method_that_loses_runs_is_marked_and_at_its_worst_there():
     frame.loc[lost, "status"] = "diverged"
     seen = matrix(standings(frame))
     (cell,) = (cells[1] for label, cells in seen.lines if label == "jerk+mtf")
-    assert (cell.text, cell.style, cell.lost) == ("lost", "worse3", "20 of 20 lost")
+    assert (cell.text, cell.style, cell.lost) == ("lost", "worse3", "20 of 20 failed")
     assert ("jerk+mtf", "lost", "bias") in seen.worst
 
 
