@@ -57,8 +57,9 @@ class MaxT(NamedTuple):
         allowed = int(np.floor(level * (1 + len(self.maxima)) + 1e-9)) - 1
         if allowed < 0:
             return np.full_like(quantile, np.inf)
-        reached = quantile * np.exp(self.maxima[len(self.maxima) - 1 - allowed] * slope)
-        return np.where(flat <= level, reached, np.inf)
+        usable = np.isfinite(quantile) & (flat <= level)
+        factor = np.exp(self.maxima[len(self.maxima) - 1 - allowed] * slope)
+        return np.where(usable, np.where(usable, quantile, 1.0) * factor, np.inf)
 
 
 def standard_errors(d: FloatArray) -> FloatArray:
