@@ -118,8 +118,6 @@ def _resampled_means(values: FloatArray, block: int) -> FloatArray:
     return np.asarray((total + last) / n)
 
 
-# The Ljung-Box test of innovations: those of an optimal filter are white.
-
 LAGS = 20
 FEWEST = 30
 """Of fewer innovations nothing is said."""

@@ -131,9 +131,6 @@ def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArr
     return np.array([pair for pair, end in spans if end - t_s[pair[1]] <= oldest_s], dtype=np.int64).reshape(-1, 2)
 
 
-# The rows of an estimate that count, and what an estimate must reach for them.
-
-
 def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> BoolArray:
     """Return (k,) which rows of the estimate count.
 
@@ -174,9 +171,6 @@ def nothing_counts(recording: Recording, burn_in_s: float) -> str:
         f"{recording.duration_s:.2f} s, and no row of its reference after the burn-in is known, scored and reached; "
         "give a shorter burn-in, or a recording with a reference."
     )
-
-
-# Errors of an estimate at the reference's stamps, and their root mean square: one definition for every metric.
 
 
 def position_error_m(estimate: Estimate, recording: Recording) -> FloatArray:

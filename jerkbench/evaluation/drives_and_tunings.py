@@ -34,7 +34,7 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError
-from jerkbench.evaluation.intervals import SHRUNK, untransformed
+from jerkbench.evaluation.intervals import SHRUNK, share_interval, untransformed
 from jerkbench.evaluation.judgement import LEVEL, Verdict
 
 FAMILIES = 3
@@ -148,8 +148,17 @@ def statements(losses: Losses, weights: FloatArray | None = None) -> Statements:
 
 
 def stated(y: FloatArray, level: float, weights: FloatArray | None = None) -> tuple[Statement, ...]:
-    """Return what is said of each of y (k, R, D), log ratios, each at ``level``."""
-    return _judged(*crossed_intervals(y, level, weights))
+    """Return a statement on each of the log ratios y (k, R, D), each at ``level``."""
+    mean, low, high, variance = crossed_intervals(y, level, weights)
+    said = []
+    with np.errstate(over="ignore"):  # an interval without information is infinite
+        ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
+    for ratio, below, above, sd in ends:
+        small = bool(below >= 1.0 / (1.0 + SMALL_MARGIN) and above <= 1.0 + SMALL_MARGIN)
+        significant = Verdict.BETTER if above < 1.0 else Verdict.WORSE if below > 1.0 else None
+        verdict = significant or (Verdict.EQUAL if small else Verdict.UNDECIDED)
+        said.append(Statement(float(ratio), float(below), float(above), verdict, small, float(sd)))
+    return tuple(said)
 
 
 def _lowest(judged: FloatArray, tuned: FloatArray) -> FloatArray:
@@ -197,35 +206,20 @@ def intervals_from(means: Sequence[FloatArray], drawn: Sequence[FloatArray], lev
     V = V_d + V_a
     # b * b**2: as b**3, a general power, the drawn audits took 19 s instead of 4.
     third = c * (b * b**2) @ (m * w**3) + (n * a**3).sum(axis=1) / (tunings * (tunings - 1) * (tunings - 2))
-    with np.errstate(divide="ignore", invalid="ignore"):  # without any variance nothing is known: NaN, undecided
+    with np.errstate(divide="ignore", invalid="ignore"):  # without any variance the ends are NaN: undecided
         dof = V**2 / (V_d**2 / (S2**2 / S4 - 1.0) + V_a**2 / (tunings - 1))
         q, error = stdtrit(dof, 1.0 - level / 2.0), np.sqrt(V)
         ends = [mean - untransformed(end, SHRUNK * third / error**3) * error for end in (q, -q)]
     return mean, np.fmin(ends[0], mean - q * error), np.fmax(ends[1], mean + q * error), tunings * V_a
 
 
-def _judged(mean: FloatArray, low: FloatArray, high: FloatArray, variance: FloatArray) -> tuple[Statement, ...]:
-    said = []
-    with np.errstate(over="ignore"):  # an interval that says nothing reaches to infinity
-        ends = zip(*np.exp([mean, low, high]), np.sqrt(np.maximum(variance, 0.0)), strict=True)
-    for ratio, below, above, sd in ends:
-        small = bool(below >= 1.0 / (1.0 + SMALL_MARGIN) and above <= 1.0 + SMALL_MARGIN)
-        shown = Verdict.BETTER if above < 1.0 else Verdict.WORSE if below > 1.0 else None
-        verdict = shown or (Verdict.EQUAL if small else Verdict.UNDECIDED)
-        said.append(Statement(float(ratio), float(below), float(above), verdict, small, float(sd)))
-    return tuple(said)
-
-
-# The error of the whole procedure.
-
-
 class Error(NamedTuple):
-    """How often the whole procedure errs.
+    """How often the whole procedure makes an error.
 
     Attributes:
-        audits: how many were resampled.
-        wrong: in how many of them a method that is no better and no worse was said to be so.
-        low: lower end of the one-sided 95 % interval of their share (Clopper and Pearson); at most .05 is as promised.
+        audits: number of resampled audits.
+        wrong: number of audits with a false "better" or "worse".
+        low: lower end of the one-sided 95 % interval of their fraction (Clopper and Pearson); it should be at most .05.
     """
 
     audits: int
@@ -234,21 +228,18 @@ class Error(NamedTuple):
 
 
 def procedure_error(losses: Losses, audits: int = AUDITS, seed: int = 0) -> Error:
-    """Return the error of audits that are drawn from the rows of one, in which no method differs from its plain filter.
+    """Return the error rate of audits that are resampled from one audit, with ratios of 1.
 
-    Each comparison is centred, so that its ratio is 1; tunings and drives are drawn with replacement, apart, and with a
-    tuning goes whoever it picks. Every statement but "equal" and "undecided" is then false.
+    Each comparison is centred, so that its ratio is 1. Tunings and drives are drawn with replacement, independently of
+    each other; a tuning is drawn together with the method that it picks. Each statement "better" or "worse" is false.
     """
-    from scipy.special import betaincinv
-
     centred = [y - y.mean(axis=(1, 2), keepdims=True) for y in comparisons(losses)]
     levels, edges, wrong = _levels(centred), np.cumsum([len(y) for y in centred])[:-1], 0
     for means, drawn in resampled(np.concatenate(centred), audits, np.random.default_rng(seed)):
         families = zip(*(np.split(of, edges) for of in means), strict=True)
         intervals = (intervals_from(own, drawn, level) for own, level in zip(families, levels, strict=True))
         wrong += any((low > 0).any() or (high < 0).any() for _, low, high, _ in intervals)
-    low = float(betaincinv(wrong, audits - wrong + 1, LEVEL)) if wrong else 0.0
-    return Error(audits, wrong, low)
+    return Error(audits, wrong, share_interval(wrong, audits, 1 - 2 * LEVEL)[0])
 
 
 AUDITS_AT_ONCE = 16

@@ -177,9 +177,6 @@ def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
         return np.asarray(grown / np.where(t_s[:, 1] > t_s[:, 0], t_s[:, 1] - t_s[:, 0], np.nan))
 
 
-# The scoring of a run that keeps no trajectory: its counted rows and its sums.
-
-
 def can_stream(metric: Metric) -> bool:
     """Whether the metric needs no trajectory."""
     return has_methods(metric, Summarising) or part_read(metric) != "everything"
@@ -208,9 +205,6 @@ def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
     """Return an estimate without position, velocity and covariance (NaN) at rows ``index`` (k,) of the reference."""
     unknown = np.broadcast_to(np.nan, (len(index), 6, 6))
     return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
-
-
-# When a run counts as diverged, and the evaluation of one run: its status, its metrics, the columns of its row.
 
 
 LIMIT_M = 1000.0
@@ -259,15 +253,8 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     return _beyond(float(distance_m[first]), float(t_s[first]), limit_m) if distance_m[first] > limit_m else ""
 
 
-# A run as its metrics see it, and what they say of it: the columns of its row in rows.csv.
-#
-# A new column is a new metric, in the file of its kind in `metrics`, also where nothing of the estimate enters
-# (`position_bound`); here the answers are only put together. What a row says of the run itself, `RUN_COLUMNS`, is
-# filled by `jerkbench.jobs.rows`, and asked for of stored rows by `jerkbench.jobs.parts`.
-
-
 class Combination(NamedTuple):
-    """What a cell is a combination of: a value of each factor, in the order of the data's way."""
+    """The value of each factor of a run, in the order of the data flow."""
 
     dataset: str
     disturbance: str
@@ -278,10 +265,10 @@ class Combination(NamedTuple):
 
 
 RUN_COLUMNS = ("seed", "replicate", "status", "reason")
-"""The columns of a run's row between its labels and its metrics."""
+"""Columns of a row between its labels and its metrics; `jerkbench.jobs.rows` writes them. A new column is a metric."""
 
 DRAWN = "drawn."
-"""The columns of what a random drive drew begin so; they are no metrics. A row on its way has all of them under it."""
+"""Prefix of the columns with the parameters of a random drive, which are not metrics."""
 
 Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float]]
 

@@ -1,4 +1,4 @@
-"""Methods ranked over many scenarios: how far ranks would move, which of them differ, and whether metrics agree."""
+"""Ranks of methods over many scenarios, their critical difference, and a mixed model of two methods."""
 
 from typing import NamedTuple
 
@@ -11,12 +11,12 @@ _SEED = 14
 
 
 class RankRange(NamedTuple):
-    """Places of k methods, 1 the best.
+    """Ranks of k methods, 1 for the best.
 
     Attributes:
-        place: (k,) by mean log cost over scenarios.
-        low: (k,) best place within the range.
-        high: (k,) worst place.
+        place: (k,) rank by the mean log cost over scenarios.
+        low: (k,) best rank of the range.
+        high: (k,) worst rank of the range.
     """
 
     place: IntArray
@@ -25,10 +25,10 @@ class RankRange(NamedTuple):
 
 
 def rank_range(log_costs: FloatArray, confidence: float = 0.95) -> RankRange:
-    """Return the places of k methods over (S, n, k) logarithms of errors, with their range by a bootstrap.
+    """Return the ranks of k methods by the (S, n, k) logarithms of their errors, with a bootstrap range.
 
-    Scenarios are drawn with replacement, and in each resample seeds as well: places that hold for other scenarios of
-    this kind, and other seeds. A lost run is infinite: its method is the last.
+    Scenarios and seeds are drawn with replacement, so that the range is valid for other scenarios of this kind and
+    other seeds. A failed run is infinite: its method gets the last rank.
     """
     s, n, k = log_costs.shape
     rng = np.random.default_rng(_SEED)
@@ -41,12 +41,12 @@ def rank_range(log_costs: FloatArray, confidence: float = 0.95) -> RankRange:
 
 
 def _places(costs: FloatArray) -> IntArray:
-    """Return the place (k,) of each; equal costs share the better one."""
+    """Return the rank (k,) of each method; equal costs share the better rank."""
     return np.asarray(np.sum(costs[None, :] < costs[:, None], axis=1) + 1, dtype=np.int64)
 
 
 def critical_difference(methods: int, scenarios: int, level: float = 0.05) -> float:
-    """Return how far the mean ranks of two of k methods over N scenarios differ, before they differ at ``level``.
+    """Return the critical difference of the mean ranks of k methods over N scenarios at ``level``.
 
     ::
 
@@ -62,9 +62,9 @@ def critical_difference(methods: int, scenarios: int, level: float = 0.05) -> fl
 
 
 def rank_cliques(mean_ranks: FloatArray, difference: float) -> list[IntArray]:
-    """Return the largest groups of methods whose (k,) mean ranks lie within ``difference``, the best first.
+    """Return the largest groups of two or more methods with mean ranks (k,) within ``difference``, the best first.
 
-    A critical-difference diagram joins them by a line; a method alone is no group.
+    A critical-difference diagram joins the methods of a group by a line.
     """
     order = np.argsort(mean_ranks, kind="stable")
     ranked = mean_ranks[order]
@@ -75,9 +75,9 @@ def rank_cliques(mean_ranks: FloatArray, difference: float) -> list[IntArray]:
 
 
 def kendall_tau(first: FloatArray, second: FloatArray) -> tuple[float, float]:
-    """Return Kendall's tau-b of two metrics' (k,) values of the same methods, and its p; NaN of fewer than three.
+    """Return Kendall's tau-b of the values (k,) of two metrics for the same methods, and its p; NaN for k < 3.
 
-    1: both rank the methods alike; -1: the other way round.
+    It is 1 if both metrics rank the methods in the same order, and -1 for the reverse order.
 
     Source: Kendall, "The treatment of ties in ranking problems", Biometrika 33 (1945).
     """
@@ -90,28 +90,25 @@ def kendall_tau(first: FloatArray, second: FloatArray) -> tuple[float, float]:
     return float(tau.statistic), float(tau.pvalue)
 
 
-# Many scenarios at once: mean ranks and performance profiles, neither of which needs a common scale.
-
-
 def mean_ranks(costs: FloatArray) -> FloatArray:
-    """Return (s,) the mean rank of s solvers over the scenarios of (p, s) costs; 1 is the best.
+    """Return (s,) the mean rank of s methods over the scenarios of (p, s) costs; 1 is the best.
 
-    Equal costs share their ranks; a cost that is not finite (it diverged) is the last of its scenario.
+    Equal costs share their mean rank; a cost that is not finite (a failed run) gets the last rank of its scenario.
     """
     from scipy.stats import rankdata
 
     filled = np.where(np.isfinite(costs), costs, np.inf)
-    return np.asarray(np.mean([rankdata(row) for row in filled], axis=0))
+    return np.asarray(rankdata(filled, axis=1).mean(axis=0))
 
 
 def performance_profile(costs: FloatArray, factors: FloatArray) -> FloatArray:
-    """Return (s, f) the share of scenarios in which a solver costs at most ``factors`` (f,) times the best of it.
+    """Return (s, f) the fraction of scenarios with a cost of at most ``factors`` (f,) times the lowest cost.
 
     ::
 
         rho_s(tau) = |{p: c_ps <= tau min_s' c_ps'}|/P
 
-    A cost that is not finite never is; a scenario in which none is finite counts against all.
+    A cost that is not finite never counts, and a scenario without a finite cost counts against all methods.
 
     Source: Dolan and Moré, "Benchmarking optimization software with performance profiles", Math. Prog. 91 (2002).
     """
@@ -123,23 +120,19 @@ def performance_profile(costs: FloatArray, factors: FloatArray) -> FloatArray:
     return np.asarray(near.mean(axis=0))
 
 
-# Two methods over many scenarios: a mixed model of their log ratios, the worst scenario, ranks and their range.
-
-
 class OverScenarios(NamedTuple):
-    """How a compares with b over S scenarios with the same n seeds in each.
+    """The comparison of a with b over S scenarios with the same n seeds in each.
 
     Attributes:
         ratio: geometric mean of a/b over scenarios and seeds.
-        low: lower end of its interval over scenarios and seeds that were not drawn; NaN of fewer than two scenarios.
+        low: lower end of the interval, which is valid for other scenarios and seeds; NaN for a single scenario.
         high: upper end.
         dof: degrees of freedom of the interval (Satterthwaite).
-        scenario_sigma: standard deviation of the log ratio from scenario to scenario.
-        seed_sigma: from seed to seed, common to the scenarios.
-        sigma: of what is left.
-        worst: index of the scenario where a compares worst.
+        scenario_sigma: standard deviation of the log ratio between scenarios.
+        seed_sigma: standard deviation between seeds, common to the scenarios.
+        sigma: standard deviation of the residuals.
+        worst: index of the scenario with the largest ratio.
         worst_ratio: geometric mean of a/b there.
-        scenarios: S.
     """
 
     ratio: float
@@ -151,7 +144,6 @@ class OverScenarios(NamedTuple):
     sigma: float
     worst: int
     worst_ratio: float
-    scenarios: int
 
 
 def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
@@ -161,13 +153,13 @@ def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
 
         d_si = mu + u_s + v_i + e_si        u_s ~ N(0, sigma_u^2), v_i ~ N(0, sigma_v^2), e_si ~ N(0, sigma_e^2)
 
-    which is log error ~ method + (method | scenario) + (method | seed) for two methods: what scenarios and seeds do to
-    both alike cancels in d. With the mean squares of scenarios, seeds and rest::
+    which is log error ~ method + (method | scenario) + (method | seed) for two methods: effects of a scenario or a seed
+    that are common to both methods cancel in d. With the mean squares of scenarios, seeds and residuals::
 
         sigma_e^2 = MSE,  sigma_u^2 = (MSS - MSE)/n,  sigma_v^2 = (MSI - MSE)/S,  var(mu) = (MSS + MSI - MSE)/(S n)
 
-    A variance that would be negative is 0, and its mean square joins the rest: for these balanced data that is what
-    restricted maximum likelihood gives.
+    A negative variance is replaced by 0, and its mean square is pooled with the residuals. For these balanced data,
+    this is the restricted maximum likelihood estimate.
 
     Source: Searle, Casella and McCulloch, "Variance Components", Wiley (1992), 4.5; Satterthwaite, "An approximate
     distribution of estimates of variance components", Biometrics Bulletin 2 (1946).
@@ -181,13 +173,13 @@ def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
     sums = {"scenario": (scenario, s - 1.0), "seed": (seed, n - 1.0)}
     for name in sorted(sums, key=lambda name: sums[name][0] / max(1.0, sums[name][1])):
         square, own = sums[name]
-        if freedom > 0 and square * freedom <= rest * own:  # what is no larger than the rest joins it
+        if freedom > 0 and square * freedom <= rest * own:  # pool
             rest, freedom = rest + square, freedom + own
             del sums[name]
     each = rest / max(1.0, freedom)
     squares = {name: square / max(1.0, own) for name, (square, own) in sums.items()}
     kept = [(squares[name], own) for name, (_, own) in sums.items() if own > 0]
-    # of MSS + MSI - MSE what is the rest itself cancels
+    # pooled mean squares cancel in MSS + MSI - MSE
     terms = [*kept, (-each, freedom)] if len(kept) == 2 else kept or [(each, freedom)]
     variance = sum(square for square, _ in terms)
     spread = sum(square**2 / own for square, own in terms if own > 0)
@@ -203,5 +195,4 @@ def over_scenarios(d: FloatArray, confidence: float = 0.95) -> OverScenarios:
         sigma=float(np.sqrt(each)),
         worst=worst,
         worst_ratio=float(np.exp(means[worst])),
-        scenarios=s,
     )
