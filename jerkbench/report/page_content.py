@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.consistency_verdict import NEAR, UNKNOWN, runs_verdict
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import failures_text, up_to
 from jerkbench.evaluation.judgement import WINS, Verdict
-from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES, NEAR, UNKNOWN, runs_verdict
+from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
 from jerkbench.evaluation.over_seeds import MIN_BOOTSTRAP
 from jerkbench.report.columns import FACTORS, SCENARIO_FACTORS, metric_columns, quantity
 from jerkbench.report.comparisons import Comparison, Standing

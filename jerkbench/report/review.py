@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.evaluation.metrics.consistency import NEAR
+from jerkbench.evaluation.consistency_verdict import NEAR
 from jerkbench.report.columns import FACTORS, competes
 from jerkbench.report.summary import summarise
 from jerkbench.report.sweeps import competing, costs

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from jerkbench.evaluation.consistency_verdict import chi2_band, runs_verdict
 from jerkbench.evaluation.correlated_errors import whiteness_of_rows
-from jerkbench.evaluation.metrics.consistency import chi2_band, runs_verdict
 
 A = np.array([[1.0, 0.1], [0.0, 1.0]])
 Q = np.array([[0.1**3 / 3, 0.1**2 / 2], [0.1**2 / 2, 0.1]])

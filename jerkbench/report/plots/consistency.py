@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import Attitude, Estimate
+from jerkbench.evaluation.consistency_verdict import chi2_band
 from jerkbench.evaluation.counted_rows import euler_error_rad, known, position_error_m, velocity_error_mps
-from jerkbench.evaluation.metrics.consistency import chi2_band
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     BAND_COLOUR,
