@@ -436,6 +436,7 @@ def test_an_interrupted_sweep_ends_with_its_table_and_goes_on(tmp_path):
         "figures=false",
         "workers=1",
         "dataset.duration_s=20",
+        "engine=filterpy",  # a call for each run
         f"noise.accel_mps2={swept_values}",
     ]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

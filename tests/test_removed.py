@@ -29,6 +29,7 @@ TYPED = [
     (("audit", "--scale", "attribution", "--stored"), "what each step brings"),
     (("audit", "attitude", "--settings", "3"), "filter=attitude_only"),
     (("completion", "bash"), "argcomplete"),
+    (("pack", "results/first"), "into one file"),
     (("run", "-m", "tags=[thesis]"), "study=NAME"),
     (("table", "results/a", "--tag", "thesis"), "study=NAME"),
     (("run", "-m", "filter=eskf15,fgo"), "examples/fgo"),

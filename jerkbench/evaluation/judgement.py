@@ -278,13 +278,17 @@ def _judgement(
     (centre, low, high), (p, p_failed) = interval, p_values
     failed, outlying = ((int(of[:, 0].sum()), int(of[:, 1].sum())) for of in (ratios.failed, ratios.outlying))
     ours, theirs = failed[0] + outlying[0], failed[1] + outlying[1]
-    decides = p < level and (ours - theirs) * centre >= 0
+    side, more_failed = np.sign(centre), failed[0] - failed[1]  # a method that fails more often is not called better
+    decides = p < level and (ours - theirs) * side >= 0 and more_failed * side >= 0
     verdict, reason = Verdict.UNDECIDED, ""
-    if p_failed < level and not (decides and math.log(MEDIAN_FACTOR) < abs(centre) < math.inf):
+    clear = decides and math.log(MEDIAN_FACTOR) < abs(centre) < math.inf
+    if p_failed < level and (ours - theirs) * more_failed >= 0 and not clear:
         verdict = Verdict.MORE_FAILED if ours > theirs else Verdict.FEWER_FAILED
     elif -math.log1p(margin) < low and high < math.log1p(margin):
-        if p < level:
+        if decides:
             verdict = Verdict.SMALL
+        elif p < level:
+            reason = FAILED_MORE
         elif max(failure_bound(ours, ratios.n), failure_bound(theirs, ratios.n)) < margin:
             verdict = Verdict.EQUAL
         else:

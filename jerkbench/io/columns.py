@@ -90,12 +90,15 @@ def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
     order: Literal["little", "big"] = "little" if content[126:128] == b"IM" else "big"
     while at < len(content):
         kind, length = (int.from_bytes(content[k : k + 4], order) for k in (at, at + 4))
-        unpacker, packed = zlib.decompressobj(), content[at + 8 : at + 8 + length]
-        with suppress(zlib.error):  # of damaged data, for which loadmat raises an error too
-            while kind == _COMPRESSED and packed and not unpacker.eof:
-                size += len(unpacker.decompress(packed, 1 << 24))
-                require_size(path, size // 8)
-                packed = unpacker.unconsumed_tail
+        if kind == 0:  # no element; loadmat raises an error
+            break
+        if kind == _COMPRESSED:
+            unpacker, packed = zlib.decompressobj(), content[at + 8 : at + 8 + length]
+            with suppress(zlib.error):  # of damaged data, for which loadmat raises an error too
+                while packed and not unpacker.eof:
+                    size += len(unpacker.decompress(packed, 1 << 24))
+                    require_size(path, size // 8)
+                    packed = unpacker.unconsumed_tail
         at += 8 + length
     return dict(loadmat(path, **options))
 

@@ -1,6 +1,7 @@
 """Chunks of tasks on their way to an executor and back. What a worker loses when it dies is run again."""
 
 import gc
+import math
 import os
 import pickle
 from collections import deque
@@ -25,7 +26,9 @@ Work = Callable[[Sequence[_Task]], tuple[int, _Result]]
 """Runs the first tasks of a chunk. Returns how many it has finished, and their result."""
 
 MAX_DEATHS = 3
-"""A task is given up after so many workers have died with it: once with its chunk, then alone."""
+"""A task is given up after so many workers have died with it: with its chunk beside others, with it alone, alone."""
+MAX_FIRST_DEATHS = 100
+"""Workers may die so often before the first result: more can only mean that none of them can start."""
 POLL_S = 2.0
 """Time without a result after which the executor is checked."""
 
@@ -80,6 +83,7 @@ class _Dispatch(Generic[_Task, _Result]):
         self.work, self.waiting, self.pool, self.parts = work, waiting, pool, parts
         self.suspects: deque[_Chunk[_Task]] = deque()  # one of them may end any worker: they run one at a time
         self.running: dict[Future[tuple[int, Any]], _Chunk[_Task]] = {}
+        self.died = 0.0  # workers, before the first result
         self.identity = code_identity()
 
     def outcomes(self) -> Iterator[tuple[list[_Task], _Result | Exception]]:
@@ -100,7 +104,7 @@ class _Dispatch(Generic[_Task, _Result]):
                 future.cancel()
 
     def _submit(self) -> Iterator[tuple[list[_Task], Exception]]:
-        while len(self.running) < self.pool.slots() and (self.waiting or (self.suspects and not self.running)):
+        while (self.waiting or (self.suspects and not self.running)) and len(self.running) < self._slots():
             chunk = (self.waiting or self.suspects).popleft()
             try:
                 content = pickle.dumps((self.work, chunk.tasks))
@@ -112,6 +116,12 @@ class _Dispatch(Generic[_Task, _Result]):
                 self.running[self.pool.executor.submit(run_chunk, *sent)] = chunk
             except Exception as error:
                 raise ClusterError(self.pool.trouble() or f"The executor takes no tasks: {error}.") from error
+
+    def _slots(self) -> int:
+        try:
+            return self.pool.slots()
+        except Exception as error:
+            raise ClusterError(self.pool.trouble() or f"The cluster does not answer: {error}.") from error
 
     def _received(
         self, chunk: _Chunk[_Task], future: "Future[tuple[int, Any]]"
@@ -125,6 +135,7 @@ class _Dispatch(Generic[_Task, _Result]):
         except Exception as error:  # noqa: BLE001 - each executor has exceptions of its own for a dead worker
             yield from self._died(chunk, error)
             return
+        self.died = -math.inf  # workers can start here
         if isinstance(result, Exception):
             yield from self._raised(chunk, result)
             return
@@ -136,14 +147,19 @@ class _Dispatch(Generic[_Task, _Result]):
     def _raised(self, chunk: _Chunk[_Task], error: Exception) -> Iterator[tuple[list[_Task], Exception]]:
         alone = [part for task in chunk.tasks for part in self.parts(task)]
         if len(alone) > 1:
-            self.waiting.extend(_Chunk([part], chunk.deaths) for part in alone)
+            self.waiting.extendleft(_Chunk([part], chunk.deaths) for part in reversed(alone))
         else:
             yield chunk.tasks, error
 
     def _died(self, chunk: _Chunk[_Task], error: Exception) -> Iterator[tuple[list[_Task], Exception]]:
-        deaths = chunk.deaths + 1
+        deaths, self.died = chunk.deaths + 1, self.died + 1
+        if self.died > MAX_FIRST_DEATHS:
+            raise ClusterError(f"The worker processes end before they return anything ({error}).") from error
+        if deaths < MAX_DEATHS - 1:
+            self.suspects.append(_Chunk(chunk.tasks, deaths))
+            return
         if deaths < MAX_DEATHS:
-            self.suspects.extend(_Chunk([part], deaths) for task in chunk.tasks for part in self.parts(task))
+            self.suspects.extendleft(_Chunk([part], deaths) for task in chunk.tasks for part in self.parts(task))
             return
         said = " ".join(str(error).split())
         yield from (([task], ChildProcessError(f"its worker process died ({said})")) for task in chunk.tasks)
@@ -153,8 +169,8 @@ Identity = tuple[str, tuple[tuple[str, str], ...]]
 
 
 def code_identity() -> Identity:
-    """Return the digest of the code that computes rows, and the versions of the libraries."""
-    return code_digest(), tuple(versions().items())
+    """Return the digest of the code that workers need, and the versions of the libraries."""
+    return code_digest("audit", "jobs", "suite", "tuning"), tuple(versions().items())
 
 
 def run_chunk(content: bytes, folder: str, modules: Sequence[str], identity: Identity) -> tuple[int, Any]:

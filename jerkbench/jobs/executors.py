@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -108,7 +108,7 @@ class LocalExecutor(Executor):
 
     def __init__(self, workers: int) -> None:
         """Start no process yet."""
-        self._workers = workers
+        self._workers = min(workers, 61) if sys.platform == "win32" else workers  # the limit of Windows
         self._pool: ProcessPoolExecutor | None = None
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401 - of the call
@@ -298,7 +298,7 @@ def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN40
             )
         finally:
             if client.status == "running":
-                with suppress(OSError, TimeoutError, multiprocessing.ProcessError):
+                with suppress(CancelledError, OSError, TimeoutError):
                     executor.shutdown(wait=False)
 
 

@@ -147,7 +147,7 @@ def chunks_of(
     pieces = math.ceil(MIN_CHUNKS * workers / max(len(blocks), 1)) if workers > 1 else 1
     chunks = []
     for own, block in blocks:
-        tasks = _tasks_of(own, block, wanted)
+        tasks = _tasks_of(own, block, wanted, min(math.ceil(len(own) / pieces), MAX_TASKS))
         length = min(math.ceil(len(tasks) / pieces), MAX_TASKS)
         chunks += [tasks[start : start + length] for start in range(0, len(tasks), length)]
     return chunks
@@ -164,8 +164,10 @@ def _seeds_of_chunk(recordings: int, jobs: int, workers: int) -> int:
     return size if jobs >= workers else max(1, min(size, recordings // workers))
 
 
-def _tasks_of(jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, Collection[int]]) -> list[Task]:
-    """The tasks of one scenario and some of its seeds. Jobs that can share a call are one task."""
+def _tasks_of(
+    jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, Collection[int]], most: int
+) -> list[Task]:
+    """The tasks of one scenario and some of its seeds. Jobs that can share a call are one task, at most ``most``."""
     calls: dict[tuple[object, tuple[int, ...]], list[Job]] = {}
     tasks = []
     for job in jobs:
@@ -175,5 +177,5 @@ def _tasks_of(jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, Co
         else:
             tasks += [Task((job,), (draw,)) for draw in draws]
     for (_, draws), own in calls.items():
-        tasks += [Task(tuple(own[start : start + MAX_TASKS]), draws) for start in range(0, len(own), MAX_TASKS)]
+        tasks += [Task(tuple(own[start : start + most]), draws) for start in range(0, len(own), most)]
     return tasks

@@ -255,7 +255,10 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.stem}.{os.getpid()}.partial")  # no .parquet: nobody lists it
         try:
-            partial.write_bytes(content)
+            with partial.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())  # the parts that it replaces are deleted next
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -265,7 +268,8 @@ class Store:
         """Store rows of some parts as one, then delete these; a reader in between sees rows twice, never none."""
         path = self._put(table)
         for name in names:
-            self._path(name).unlink(missing_ok=True)
+            with suppress(PermissionError):  # on Windows a reader holds it; rows that exist twice count once
+                self._path(name).unlink(missing_ok=True)
         return path
 
 

@@ -105,24 +105,26 @@ class Change(NamedTuple):
     def failures(self, percent: float) -> list[str]:
         """Return why the second set fails a gate that allows an increase by ``percent``.
 
-        The same seeds are compared, so any difference is an effect of the change, and no statistics are needed.
+        The same seeds are compared, so any difference is an effect of the change, and no statistics are needed. In the
+        mean an improvement counts at most `SINGLE_RUN_LIMIT` times, so that one run does not hide all others.
         """
         if not self.paired:
             return []
         first, second = self.values
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = np.where((first > 0) & (second > 0), second / first, np.nan)
-        n, valued, found = (~np.isnan(ratios)).sum(), [np.isfinite(values) for values in (first, second)], []
-        if n and (mean := float(np.exp(np.nanmean(np.log(ratios))))) > 1 + percent / 100:
+            valued, found = [np.isfinite(values) for values in (first, second)], list[str]()
+            ratios = np.where(valued[0] & valued[1] & (first > 0) & (second > 0), second / first, np.nan)
+        n, bounded = (~np.isnan(ratios)).sum(), np.maximum(ratios, 1 / SINGLE_RUN_LIMIT)
+        if n and (mean := float(np.exp(np.nanmean(np.log(bounded))))) > 1 + percent / 100:
             found.append(
                 f"the geometric mean of {n} runs is {100 * (mean - 1):.3g} % larger than in A (allowed: {percent:g} %;"
                 f" largest increase: {np.nanmax(ratios):.4g} times, seed {self.first.seeds[np.nanargmax(ratios)]})"
             )
-        if self.lost[1] > self.lost[0]:
-            where = self._seeds(self.second.lost & ~self.first.lost)
+        if (newly := self.second.lost & ~self.first.lost).any():
+            where = self._seeds(newly)
             found.append(f"{self.lost[1]} of {self.runs[1]} runs diverged or failed in B, {self.lost[0]} in A {where}")
-        elif valued[1].sum() < valued[0].sum():
-            where = self._seeds(valued[0] & ~valued[1])
+        elif (gone := valued[0] & ~valued[1]).any():
+            where = self._seeds(gone)
             found.append(f"{valued[1].sum()} of {self.runs[1]} runs have a value in B, {valued[0].sum()} in A {where}")
         if (ruined := ratios > SINGLE_RUN_LIMIT).any():
             found.append(

@@ -118,12 +118,12 @@ def _budget(evidence: Evidence) -> tuple[bool | None, str]:
         if competes(cell["labels"]) and max(map(len, parts[1:])) > 1:
             settings[_method(cell)][_scenario(cell)].add(json.dumps(parts, sort_keys=True))
             label = " + ".join(cell["labels"][kind] for kind in ("filter", "adaptation"))
-            notes[label].update(note for note in cell["notes"] if note.startswith(TUNED))
+            notes[label].update([note for note in cell["notes"] if note.startswith(TUNED)] or [""])
     counts = {method: sorted({len(of) for of in tried.values()}) for method, tried in sorted(settings.items())}
     if not counts:
         return None, "No method has a parameter."
-    if budgets := sorted(set[str]().union(*notes.values())):
-        untuned = ", ".join(method for method, of in notes.items() if not of)
+    if budgets := sorted(set[str]().union(*notes.values()) - {""}):
+        untuned = ", ".join(method for method, of in notes.items() if "" in of)
         return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= LEAST_SETTINGS
     told = ", ".join(

@@ -10,7 +10,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from jerkbench.arrays import FloatArray
-from jerkbench.evaluation.judgement import judged, log_ratios
+from jerkbench.evaluation.judgement import MARGIN, Judgement, Verdict, judged, log_ratios
 from jerkbench.files import filled_template, write_text
 from jerkbench.tuning.evaluate import Trials
 from jerkbench.tuning.search import SearchOutcome, Tuning, equal_budgets
@@ -59,11 +59,13 @@ def tunings_table(tunings: Sequence[Tuning]) -> str:
 def _against_the_first(tunings: Sequence[Tuning]) -> list[str]:
     """Compare each tuned method with the first one, seed by seed over all scenarios, as one family of comparisons."""
     first, *others = tunings
-    if not others or not len(first.score.errors):
+    if not others:
         return []
+    if not len(first.score.errors):
+        return ["The methods are not compared with each other: they have no errors on common seeds.", ""]
     said = judged([log_ratios(other.score.errors, first.score.errors) for other in others])
     lines = [
-        f"{other.name:<32} {own.ratio:>10.3f} [{own.low:.3f}, {own.high:.3f}] {own.verdict}; {own.failure_rates}"
+        f"{other.name:<32} {own.ratio:>10.3f}{_interval(own)} {_words(own)}; {own.failure_rates}"
         for other, own in zip(others, said, strict=True)
     ]
     heading = (
@@ -71,6 +73,16 @@ def _against_the_first(tunings: Sequence[Tuning]) -> list[str]:
         " intervals (a seed counts as lost if a run of any scenario is lost):"
     )
     return [heading, *lines, ""]
+
+
+def _interval(judgement: Judgement) -> str:
+    return f" [{judgement.low:.3f}, {judgement.high:.3f}]" if judgement.low == judgement.low else ""
+
+
+def _words(judgement: Judgement) -> str:
+    if judgement.verdict is Verdict.SMALL:
+        return f"differ by less than {100 * MARGIN:g} %"
+    return f"{judgement.verdict}, as {judgement.reason}" if judgement.reason else str(judgement.verdict)
 
 
 def record(tuning: Tuning) -> Mapping[str, Any]:

@@ -307,3 +307,26 @@ def test_few_studies_of_equal_methods_have_a_false_sentence(name):
         found = judged([log_ratios(np.exp(0.1 * row), np.ones(20)) for row in draws[name]()])
         wrong += any(one.verdict in {Verdict.BETTER, Verdict.WORSE} for one in found)
     assert wrong / 400 <= 0.072
+
+
+def verdict_of(a, b):
+    return judged([log_ratios(np.asarray(a, float), np.asarray(b, float))])[0].verdict
+
+
+def test_a_method_that_diverges_more_often_is_not_called_better_because_its_other_runs_are_much_better():
+    """One ordinary run makes all runs of b outliers; they do not outweigh runs that diverged."""
+    fewer = [math.inf] * 3 + [1 / 1.5] + [1 / 20] * 16
+    more = [math.inf] * 4 + [2.0] + [1 / 11] * 15
+
+    assert verdict_of(fewer, np.ones(20)) is Verdict.UNDECIDED
+    assert verdict_of(np.ones(20), fewer) is Verdict.UNDECIDED
+    assert verdict_of(more, np.ones(20)) is Verdict.UNDECIDED
+
+
+@pytest.mark.parametrize("zeros", [11, 20])
+def test_errors_of_zero_are_better(zeros):
+    assert verdict_of([0.0] * zeros + [0.5] * (20 - zeros), np.ones(20)) is Verdict.BETTER
+
+
+def test_a_small_difference_is_not_one_if_the_better_method_failed_more_often():
+    assert verdict_of([math.inf] * 4 + [0.98] * 36, np.ones(40)) is not Verdict.SMALL

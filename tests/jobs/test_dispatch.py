@@ -95,11 +95,17 @@ def test_two_workers_share_the_rest_of_the_last_chunk():
     assert executor.sent == [[1, 2, 3, 4, 5, 6], [3, 4], [5, 6]]
 
 
-def test_a_chunk_that_loses_its_worker_is_run_again_task_by_task():
-    executor = FakeExecutor({2: 1})
+@pytest.mark.parametrize(("deaths", "sent"), [(1, []), (2, [[3], [2], [1]])])
+def test_a_chunk_that_loses_its_worker_is_run_alone_and_then_task_by_task(deaths, sent):
+    executor = FakeExecutor({2: deaths})
 
     assert done([[1, 2, 3], [11]], executor) == {task: task * 10 for task in (1, 2, 3, 11)}
-    assert executor.sent == [[1, 2, 3], [11], [1], [2], [3]]
+    assert executor.sent == [[1, 2, 3], [11], [1, 2, 3], *sent]
+
+
+def test_workers_that_never_return_anything_end_the_sweep():
+    with pytest.raises(ClusterError, match="end before they return anything"):
+        done([[task] for task in range(200)], FakeExecutor(error=RuntimeError("no memory")))
 
 
 def test_a_task_that_ends_each_worker_is_given_up_and_the_others_are_done():

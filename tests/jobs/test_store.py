@@ -172,7 +172,7 @@ def test_a_write_that_fails_leaves_the_old_cell_and_nothing_else(store, monkeypa
     def full(*_):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         store_cell(store, "abd", ROWS, ABOUT)
 

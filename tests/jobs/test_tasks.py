@@ -68,6 +68,8 @@ def test_every_run_is_in_one_chunk_and_every_worker_has_work(seeds, workers):
 
     assert runs(chunks) == sorted((job.key, draw) for job in jobs for draw in job.draws)
     assert len(chunks) >= min(workers, 3 * seeds) / 2
+    grid = chunks_of(settings("none", 64), workers=workers)  # which share a call
+    assert len(grid) >= min(workers, 64)
     for chunk in chunks:
         assert len({draw for task in chunk for draw in task.draws}) <= KEPT_INPUTS
 
@@ -146,7 +148,7 @@ def test_the_job_that_ends_its_worker_is_found_among_those_of_its_call(tmp_path)
 
     run_missing(Plan(tuple(jobs)), store, Workers(cluster))
 
-    assert cluster.sizes == [3] + [1] * (3 + MAX_DEATHS - 2)
+    assert cluster.sizes == [3] * (MAX_DEATHS - 1) + [1] * 3
     rows = store.rows(jobs, ["position_rmse_m"])
     assert list(rows["status"]) == ["ok"] * 4 + ["failed"] * 4 + ["ok"] * 4
     assert list(rows["position_rmse_m"][8:]) == [row["position_rmse_m"] for row in job_rows(jobs[2])[0]]

@@ -175,3 +175,19 @@ def test_where_others_lead_in_the_second_it_is_said(before):
     standings = [study_verdicts(rows, METRIC).standings for rows in scattered]
     assert other_leaders(*standings) == ["In the lead: mtf in A, none in B."]
     assert other_leaders(standings[0], standings[0]) == []
+
+
+@pytest.mark.parametrize("column", ["status", METRIC])
+def test_a_run_that_is_newly_lost_fails_although_another_one_recovers(before, column):
+    worse = "diverged" if column == "status" else np.nan
+    first, second = (before.assign(**{column: before[column].mask(before["seed"] == seed, worse)}) for seed in (1, 2))
+    for one in changes(first, second, METRIC):
+        (sentence,) = one.failures(5.0)
+        assert "(seed 2)" in sentence
+
+
+def test_one_run_that_improves_does_not_hide_the_others(cell_rows):
+    errors = [pd.DataFrame(cell_rows("jerk", "none", of)) for of in ([1e4] + [1.0] * 9, [1.0] + [2.5] * 9)]
+    (one,) = changes(*errors, METRIC)
+
+    assert f"{100 * (0.1**0.1 * 2.5**0.9 - 1):.3g} % larger" in one.failures(5.0)[0]
