@@ -19,11 +19,29 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 190, 25
+MOST_FILES, MOST_FOLDERS = 189, 25
 """Modules, but for those of plugins, which may become more; and folders."""
-MOST_CODE = 23_679
-"""Lines without docstrings, comments, blanks and imports, but for those of plugins."""
-MOST_LONE = 16
+MAX_CODE = {
+    "audit": 621,
+    "compilation": 1018,
+    "evaluation": 1062,
+    "hydra_app": 772,
+    "hydra_plugins": 23,
+    "inertial": 1146,
+    "inspection": 1801,
+    "io": 3179,
+    "jerkbench": 2003,
+    "jobs": 2633,
+    "kinematic": 2139,
+    "plugins": 894,
+    "report": 3314,
+    "simulation": 598,
+    "suite": 542,
+    "tuning": 814,
+    "verbs": 806,
+}
+"""Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
+MOST_LONE = 15
 """Modules that one other module imports; the aim is none."""
 
 DOUBLES = {"anywhere", "chosen", "each_run"}
@@ -133,8 +151,19 @@ def test_files_and_folders_become_no_more():
     assert len({module.path.parent for module in modules()}) <= MOST_FOLDERS
 
 
-def test_code_becomes_no_more():
-    assert sum(lines_of_code(module) for module in modules() if not is_plugin(module)) <= MOST_CODE
+def package(module):
+    first, _, rest = module.name.partition(".")
+    folder = rest.partition(".")[0]
+    return folder if first == "jerkbench" and (ROOT / first / folder).is_dir() else first
+
+
+def test_no_package_grows():
+    counts = defaultdict(int)
+    for module in modules():
+        if not is_plugin(module):
+            counts[package(module)] += lines_of_code(module)
+
+    assert {name: count for name, count in counts.items() if count > MAX_CODE.get(name, 0)} == {}
 
 
 def test_modules_with_one_importer_become_no_more():
