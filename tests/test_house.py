@@ -154,7 +154,7 @@ def test_files_and_folders_become_no_more():
 def package(module):
     first, _, rest = module.name.partition(".")
     folder = rest.partition(".")[0]
-    return folder if first == "jerkbench" and (ROOT / first / folder).is_dir() else first
+    return folder if first == "jerkbench" and folder and (ROOT / first / folder).is_dir() else first
 
 
 def test_no_package_grows():
