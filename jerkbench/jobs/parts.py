@@ -143,14 +143,6 @@ def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
     return table
 
 
-def to_stream(table: pa.Table) -> pa.Buffer:
-    """Return a table as Arrow's stream, which takes a tenth of the time of pickling its columns (.26 of 2.4 ms)."""
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, table.schema) as stream:
-        stream.write_table(table)
-    return sink.getvalue()
-
-
 @lru_cache(maxsize=65_536)
 def parsed(text: str) -> Any:  # noqa: ANN401 - any JSON
     """Return what a JSON text says; it is shared by all who ask, and not to be changed."""
