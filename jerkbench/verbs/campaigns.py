@@ -27,7 +27,7 @@ def tune_verb(chosen: argparse.Namespace) -> None:
       jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
       jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
       jerkbench tune filter=bias dataset=rosbag dataset.file=drive.bag objective=likelihood   your own log, no reference
-      jerkbench tune -m filter=attitude_only attitude=vqf,mahony dataset=field                attitude filters alone
+      jerkbench tune -m filter=attitude_only attitude=mahony,mekf dataset=field               attitude filters alone
 
     It tunes every parameter with a range (`jerkbench show filter jerk`), and the factors on the reported R
     (r_scale.position, r_scale.velocity). knobs=[filter.accel_mps2,...] selects fewer.
