@@ -41,10 +41,12 @@ def changed_copy(study, folder, factor, count=None):
     return folder / "cells"
 
 
-def test_a_row_whose_numbers_are_others_is_seen(study, tmp_path):
-    done = verb("rerun", str(changed_copy(study, tmp_path, 1.5, count=1)), "1", cwd=tmp_path)
-    assert done.returncode == 1
-    assert "1 of " in done.stdout
+@pytest.mark.parametrize(("factor", "code", "difference"), [(1.5, 1, "0.33."), (1 + 1e-11, 0, "1e-11.")])
+def test_rerun_reports_the_largest_relative_difference(study, tmp_path, factor, code, difference):
+    done = verb("rerun", str(changed_copy(study, tmp_path, factor, count=1)), "1", cwd=tmp_path)
+    assert done.returncode == code
+    assert f"{code} of " in done.stdout
+    assert done.stdout.strip().endswith(f"The largest relative difference is {difference}")
 
 
 def test_a_metric_that_is_gone_is_seen(study, tmp_path):

@@ -204,9 +204,20 @@ def replay_differences(stored: StoredRow) -> list[tuple[str, float, float]]:
     return [(name, float(stored.row[name]), float(replayed.get(name, math.nan))) for name in names]
 
 
-def equal_or_nan(before: float, after: float) -> bool:
-    """Whether two values are the same to the bit, or both not there."""
-    return before == after or (math.isnan(before) and math.isnan(after))
+SAME_WITHIN = 1e-9
+"""Relative difference up to which two numbers are the same: processors round differently."""
+
+
+def relative_difference(before: float, after: float) -> float:
+    """Return the difference relative to the larger value; infinite if one of the values is missing.
+
+    >>> relative_difference(2.0, 1.0), relative_difference(math.nan, math.nan), relative_difference(1.0, math.nan)
+    (0.5, 0.0, inf)
+    """
+    if before == after or (math.isnan(before) and math.isnan(after)):
+        return 0.0
+    difference = abs(after - before) / max(abs(before), abs(after))
+    return math.inf if math.isnan(difference) else difference
 
 
 def _by_key(folder: Path, which: str) -> tuple[str, int | None]:

@@ -24,6 +24,8 @@ ROW_WORDS = (
 def rerun_verb(chosen: argparse.Namespace) -> None:
     """Run one row again from its stored configuration, and compare all numbers.
 
+    Numbers with a relative difference of at most 1e-9 are equal.
+
       jerkbench rerun results/first 1
       jerkbench rerun results/first 12
 
@@ -31,16 +33,19 @@ def rerun_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there is no such row, or its data have changed.
         SystemExit: 1, where a number is another.
     """
-    from jerkbench.jobs.replay import equal_or_nan, replay_differences, stored_row
+    from jerkbench.jobs.replay import SAME_WITHIN, relative_difference, replay_differences, stored_row
     from jerkbench.report.terminal import print_grid
 
     row = stored_row(chosen.folder, chosen.row, run_programs=chosen.run_programs)
     numbers = replay_differences(row)
-    lines = [[name, repr(a), repr(b), "" if equal_or_nan(a, b) else "differs"] for name, a, b in numbers]
+    differences = [relative_difference(a, b) for _, a, b in numbers]
+    marks = ["differs" if own > SAME_WITHIN else "" for own in differences]
+    lines = [[name, repr(a), repr(b), mark] for (name, a, b), mark in zip(numbers, marks, strict=True)]
     notes = ["The code or a library is another than when the row was stored."] if row.code_changed else []
     print_grid(f"{', '.join(row.job.labels)}, {row.row['replicate']} {row.draw}", ["", "was", "is", ""], lines, notes)
-    differing = sum(not equal_or_nan(a, b) for _, a, b in numbers)
-    print(f"{differing} of {len(numbers)} numbers differ.")
+    differing = marks.count("differs")
+    largest = f"{max(differences, default=0.0):.2g}"
+    print(f"{differing} of {len(numbers)} numbers differ. The largest relative difference is {largest}.")
     if differing:
         raise SystemExit(DIFFERENT)
 
