@@ -8,12 +8,16 @@ from typing import Any
 
 from jerkbench.jobs.labels import bare
 from jerkbench.jobs.parts import Stored
+from jerkbench.report.columns import TUNED_SUFFIX
 
 LABELLED_PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
 """Parts of a cell that a label stands for; the noise is a parameter of the filter."""
 
 DECIDING_SCORES = ("dataset", "disturbance")
 """Parts that decide what was measured and how it was scored, not which method was run."""
+
+METHOD_PARTS = ("filter", "adaptation")
+"""Parts that are tuned together."""
 
 PROTOCOL = ("burn_in_s", "divergence_limit_m")
 """Entries of the protocol that change a score; of different seeds, the shared ones are compared."""
@@ -74,7 +78,8 @@ def told_apart(
 ) -> tuple[list[dict[str, str]], list[str]]:
     """Return the labels of each cell, with what two cells of one label differ in, and a sentence for each such label.
 
-    What was not measured under the same conditions so has another name, and is never compared.
+    What was not measured under the same conditions so has another name, and is never compared. The parameters of a
+    tuned method belong to the pair of its filter and its adaptation.
 
     Args:
         cells: the metadata of each.
@@ -86,7 +91,9 @@ def told_apart(
         names = (part, "noise") if part == "filter" else (part,)  # a filter's parameters are those of its noise too
         groups: dict[tuple[str, ...], list[int]] = {}
         for place, cell in enumerate(cells):
-            groups.setdefault(tuple(cell["labels"][name] for name in names), []).append(place)
+            tuned = part in METHOD_PARTS and cell["labels"]["filter"].endswith(TUNED_SUFFIX)
+            names_of_cell = (*names, *METHOD_PARTS) if tuned else names
+            groups.setdefault(tuple(cell["labels"][name] for name in names_of_cell), []).append(place)
         for label, places in groups.items():
             varying = _varying(list({id(known[place][part]): known[place][part] for place in places}.values()))
             if varying:

@@ -8,6 +8,7 @@ from typing import Any
 from jerkbench import plugins
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.renamed import new_name
+from jerkbench.report.columns import TUNED_SUFFIX
 from jerkbench.timeline import scale_of
 
 
@@ -40,15 +41,34 @@ GROUPS = ("dataset", "attitude", "filter", "adaptation", "engine")
 def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
     """Names of the choices, with the parameters that the overrides set in parentheses."""
     changed = _parameters(overrides)
-    names = {kind: _named(str(choices[kind]), changed.get(kind, [])) for kind in GROUPS if kind != "engine"}
+    chosen_names = {kind: str(choices[kind]) for kind in GROUPS if kind != "engine"}
+    tuned = tuned_method(spec, choices)
+    names = {kind: _named(name, changed.get(kind, [])) for kind, name in {**chosen_names, **tuned}.items()}
     listed = [word.partition("=")[2].strip("[]") for word in overrides if word.startswith("disturbance=")]
     typed = (listed[-1] if listed else str(choices.get("disturbance") or "")).split(",")
     ran = [d["name"] for d in spec["disturbance"]]
     chosen = [name.strip() for name in typed if name.strip()] or ran  # presets too, in their order
     also = [name for name in ran if name not in chosen and f"disturbance.{name}" in changed]
     disturbance = joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*chosen, *also])
-    noise = _with_told(_noise_label(spec, choices, changed), spec)
+    noise = _noise_label(spec, choices, changed)
+    if not tuned or "r_scale" in changed:  # the factors on R belong to the tuned method
+        noise = _with_told(noise, spec)
     return Labels(disturbance=disturbance, noise=noise, **names)
+
+
+def tuned_method(spec: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[str, str]:
+    """Return the labels of filter and adaptation if `jerkbench tune` wrote a preset of one of them; else nothing.
+
+    A tuned method has two presets with one name, such as baseline_mtf_tuned. With the names of its plugins as labels,
+    tuned and default methods are rows and columns of the same table.
+    """
+    filter_, adaptation = (str(spec[kind]["name"]) for kind in ("filter", "adaptation"))
+    name = re.compile(rf"{re.escape(filter_)}_{re.escape(adaptation)}(?:_(\d+))?_tuned")
+    matches = [match for kind in ("filter", "adaptation") if (match := name.fullmatch(str(choices[kind])))]
+    if not matches:
+        return {}
+    number = f" {matches[0][1]}" if matches[0][1] else ""
+    return {"filter": f"{filter_}{number}{TUNED_SUFFIX}", "adaptation": adaptation}
 
 
 def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jerkbench.evaluation.consistency_verdict import NEAR
-from jerkbench.report.columns import FACTORS, competes
+from jerkbench.report.columns import FACTORS, TUNED_SUFFIX, competes
 from jerkbench.report.summary import summarise
 from jerkbench.report.sweeps import competing, costs
 
@@ -113,17 +113,20 @@ def _budget(evidence: Evidence) -> tuple[bool | None, str]:
     """Whether each method was tuned before with the same budget, or has as many settings here in each scenario."""
     settings: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     notes: dict[str, set[str]] = defaultdict(set)
+    labelled = any(cell["labels"]["filter"].endswith(TUNED_SUFFIX) for cell in evidence.cells)
     for cell in evidence.cells:
         parts = [cell["spec"][kind] for kind in ("attitude", "filter", "adaptation")]
         if competes(cell["labels"]) and max(map(len, parts[1:])) > 1:
             settings[_method(cell)][_scenario(cell)].add(json.dumps(parts, sort_keys=True))
             label = " + ".join(cell["labels"][kind] for kind in ("filter", "adaptation"))
-            notes[label].update([note for note in cell["notes"] if note.startswith(TUNED)] or [""])
+            tuned = cell["labels"]["filter"].endswith(TUNED_SUFFIX) or not labelled
+            notes[label].update([note for note in cell["notes"] if note.startswith(TUNED) and tuned] or [""])
     counts = {method: sorted({len(of) for of in tried.values()}) for method, tried in sorted(settings.items())}
     if not counts:
         return None, "No method has a parameter."
     if budgets := sorted(set[str]().union(*notes.values()) - {""}):
-        untuned = ", ".join(method for method, of in notes.items() if "" in of)
+        default_of = {label.replace(f"{TUNED_SUFFIX} + ", " + ") for label in notes if TUNED_SUFFIX in label}
+        untuned = ", ".join(method for method, of in notes.items() if "" in of and method not in default_of)
         return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= LEAST_SETTINGS
     told = ", ".join(
