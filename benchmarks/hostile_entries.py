@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 import yaml
 from hostile_results import Rng, answered, changed_somewhere
 
-from jerkbench.suite.entry import _ROWS, ENTRY_FILE, HASHED, PAGE, SETTINGS
+from jerkbench.campaign.entry import ENTRY_FILE, HASHED, PAGE, ROWS_FILE, SETTINGS
 
 PATIENCE_S = 60
 """An answer that takes longer hangs."""
@@ -92,7 +92,7 @@ def no_file(path: Path, rng: Rng) -> str:
 
 def forged(path: Path, rng: Rng) -> str:
     """Change or delete one value at any depth, or a column; into the page put a line."""
-    if path.name == _ROWS:
+    if path.name == ROWS_FILE:
         table = pq.read_table(path)
         table, what = forged_column(table, table.column_names[rng.integers(table.num_columns)], rng)
         pq.write_table(table, path)
@@ -147,7 +147,7 @@ def signed(path: Path, rng: Rng) -> str:
 
 
 KINDS = (flipped_bytes, cut, other_content, no_file, forged, signed)
-FILES = (ENTRY_FILE, SETTINGS, _ROWS, ENTRY_FILE, SETTINGS, _ROWS, PAGE)
+FILES = (ENTRY_FILE, SETTINGS, ROWS_FILE, ENTRY_FILE, SETTINGS, ROWS_FILE, PAGE)
 """The page is damaged half as often: nothing is read from it."""
 
 

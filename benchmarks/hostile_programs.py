@@ -21,8 +21,8 @@ import pyarrow.parquet as pq
 from hostile_entries import HangError, hang
 from hostile_results import answered, sign
 
-from jerkbench.suite.entry import ENTRY_FILE, HASHED
-from jerkbench.tuning.stored_files import file_hashes
+from jerkbench.campaign.entry import ENTRY_FILE, HASHED
+from jerkbench.campaign.stored_files import file_hashes
 
 PATIENCE_S = 120
 """An answer that takes longer hangs."""

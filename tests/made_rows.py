@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pandas as pd
 
-from jerkbench.audit.protocol import read_protocol
-from jerkbench.audit.runs import JUDGED, AuditRows
+from jerkbench.campaign.audit import JUDGED, AuditRows
+from jerkbench.campaign.protocol import read_protocol
 from jerkbench.plugins import create
 
 SMALL = dataclasses.replace(

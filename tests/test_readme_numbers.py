@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from experiment_scripts import experiment
-from jerkbench.audit.answer import answer_summary, answered
-from jerkbench.audit.runs import read_rows
+from jerkbench.campaign.answer import answer_summary, answered
+from jerkbench.campaign.audit import read_rows
 from jerkbench.jobs.study import load_study
 from jerkbench.report.table_model import number
 
@@ -99,7 +99,7 @@ def test_a_claim_on_the_tilt_is_that_of_the_geometric_mean(paper):
     """By hand, of one scenario: roll under a bias, which is far beyond what is claimed."""
     claims = experiment("paper/claims.py")
     roll = claims.claims(load_study(ROOT / "results" / "paper20").rows)[0]
-    place = [(scenario.noise, scenario.family) for scenario in roll.scenarios].index(("field_white", "imu_bias"))
+    place = [(scenario.noise, scenario.fault) for scenario in roll.scenarios].index(("field_white", "imu_bias"))
     own = paper.loc[("imu_bias", "jerk", "mtf"), "roll_rmse_rad"]
     assert roll.numbers[place, 0] == pytest.approx(np.exp(np.log(own).mean()))
     assert roll.words[place] == "does not hold"

@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from commands import environment, verb
+from jerkbench.campaign.split import Seeds
 from jerkbench.errors import PluginError
-from jerkbench.tuning.splits import Seeds
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])

@@ -9,9 +9,9 @@ import yaml
 
 from commands import verb
 from jerkbench import files
+from jerkbench.campaign.entry import SETTINGS, read_entry
 from jerkbench.errors import JerkbenchError
 from jerkbench.files import DEEPEST, MOST_VALUES, read_yaml
-from jerkbench.suite.entry import SETTINGS, read_entry
 
 ENTRIES = Path(__file__).parents[1] / "results"
 BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(

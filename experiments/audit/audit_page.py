@@ -8,7 +8,7 @@ python experiments/audit/audit_page.py results/audit-full --reweight faulty=0.05
 
 import argparse
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,24 +19,35 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from jerkbench import plugins
-from jerkbench.arrays import FloatArray
-from jerkbench.audit.answer import (
+from jerkbench.arrays import BoolArray, FloatArray
+from jerkbench.campaign.answer import (
+    MIN_DRIVES,
     NO_FAULT,
+    SECOND,
     AuditAnswer,
     answered,
-    average_over_drives,
     counts_of,
     kind_frame,
+    kinds_of,
     numbers_of,
-    reweighted,
-    worded,
 )
-from jerkbench.audit.protocol import AuditMethod
-from jerkbench.audit.runs import AuditRows, cubes, losses_of, read_audit_manifest, read_rows
-from jerkbench.evaluation.drives_and_tunings import Losses, comparisons, picked, stated, statements
+from jerkbench.campaign.audit import AuditRows, cubes, losses_of, read_audit_manifest, read_rows
+from jerkbench.campaign.protocol import PUBLISHED, AuditMethod
+from jerkbench.errors import PluginError, unknown
+from jerkbench.evaluation.drives_and_tunings import (
+    SMALL_MARGIN,
+    Losses,
+    Statement,
+    Statements,
+    comparisons,
+    mixture_weights,
+    picked,
+    stated,
+    statements,
+)
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.evaluation.judgement import LEVEL, Verdict
-from jerkbench.files import write_text
+from jerkbench.files import filled_template, write_text
 from jerkbench.parameters import provenance_of
 from jerkbench.report.plots.style import DOTS_PER_INCH, OKABE_ITO, save_figure
 
@@ -181,10 +192,142 @@ def told_truth(answer: AuditAnswer) -> dict[str, float]:
 ELSEWHERE = ("journeys", "vehicles", "attitude")
 """Studies beside the audit, of real recordings; what each found stands in its folder, in `FOUND`."""
 FOUND = "answer.md"
-SECOND = "second.md"
-"""What an audit with other drives and tunings had in common, where it was compared."""
+FAULTY, NOTHING_KNOWN, LEAST_BAD = "faulty", "nothing known", "the worst kind shall be least bad"
+EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 SHOWN = 15
 """Methods in the table of worst cases."""
+
+
+def sentences(answer: AuditAnswer) -> list[str]:
+    """Return the answer: how many beat the plain filter, where the gain comes from, what picking the best brings."""
+    rows, losses, methods = answer.rows, answer.losses, answer.methods
+    most = main_kind(rows, losses)
+    kinds = {str(kind): counts_of(of["verdict"]) for kind, of in answer.kinds.groupby("kind", observed=True)}
+    text = worded(
+        HERE / "answer.md.jinja",
+        said=answer.said,
+        methods=methods,
+        taken=methods[methods["is"].isin(PUBLISHED)],
+        as_published=methods[methods["is"] == "published"],
+        most=most,
+        share=kinds_of(rows)[most].mean(),
+        without=reweighted(rows, losses, f"{most}=0"),
+        kinds=kinds,
+        harm=max((kind for kind in kinds if kind not in (most, NO_FAULT)), key=lambda kind: kinds[kind]["worse"]),
+        leaders=leaders(rows, losses),
+    )
+    return [" ".join(sentence.split()) for sentence in text.split("\n\n")]
+
+
+def reweighted(rows: AuditRows, losses: Losses, mixture: str) -> Statements:
+    """Return what an audit would say of another mixture: ``faulty=0.05``, or a kind of fault in place of "faulty".
+
+    Raises:
+        PluginError: there is no such kind, or its share cannot be that.
+    """
+    name, _, share = mixture.partition("=")
+    drives = kinds_of(rows)
+    member = ~drives[NO_FAULT] if name == FAULTY else drives.get(name)
+    if member is None:
+        raise PluginError(unknown("kind of fault", name, [FAULTY, *drives]))
+    try:
+        wanted = float(share)
+    except ValueError:
+        raise PluginError(f"'{mixture}' gives no share; write for example {name}=0.05.") from None
+    return statements(losses, mixture_weights(member, wanted))
+
+
+def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
+    """Return what to take in each situation: picked on every other drive, its ratio told of the other ones.
+
+    So the luck of the pick is not in the number. The comparator is the best plain filter, tuned alike; plain filters of
+    other models may be picked too.
+
+    Returns:
+        when, take, drives (of the ratio), ratio, low, high. The last situation is that the worst kind of fault shall be
+        the least bad; its ratio is that of this worst kind.
+    """
+    methods = [*rows.protocol.methods, *rows.protocol.plains]
+    tuned = np.concatenate([losses.methods, losses.plains])
+    y, first = tuned - picked(losses)[0], np.arange(tuned.shape[2]) % 2 == 0
+    halves = {kind: (own & first, own & ~first) for kind, own in kinds_of(rows).items()}
+    halves = {kind: own for kind, own in halves.items() if min(own[0].sum(), own[1].sum()) >= MIN_DRIVES}
+
+    def told(when: str, pick: int, other: BoolArray) -> dict[str, object]:
+        said = stated(y[:, :, other], LEVEL)[pick]
+        return {"when": when, "take": methods[pick].name, "drives": int(other.sum()), **numbers_of(said)}
+
+    means = {kind: y[:, :, own].mean(axis=(1, 2)) for kind, (own, _) in halves.items()}
+    lines = [told(NOTHING_KNOWN, int(y[:, :, first].mean(axis=(1, 2)).argmin()), ~first)]
+    lines += [told(kind, int(means[kind].argmin()), other) for kind, (_, other) in halves.items()]
+    if halves:
+        least = int(np.max(list(means.values()), axis=0).argmin())
+        worst = max((other for _, other in halves.values()), key=lambda other: float(y[least][:, other].mean()))
+        lines.append(told(LEAST_BAD, least, worst))
+    return pd.DataFrame(lines)
+
+
+def leaders(rows: AuditRows, losses: Losses) -> list[str]:
+    """Return which published method leads on the drives of each tuning."""
+    names = np.array([method.name for method in rows.protocol.methods])[losses.picked]
+    return [str(names[place]) for place in losses.tuned[losses.picked].argmin(axis=0)]
+
+
+def main_kind(rows: AuditRows, losses: Losses) -> str:
+    """Return the kind of fault that the average adaptation gains most from: without it, least is left of the gain."""
+    average = average_over_drives(losses)
+    known = {kind: own for kind, own in kinds_of(rows).items() if kind != NO_FAULT and own.sum() >= MIN_DRIVES}
+    return max(known, key=lambda kind: float(average[~known[kind]].mean()))
+
+
+def average_over_drives(losses: Losses) -> FloatArray:
+    """Return the log ratio (D,) of the average adaptation on each drive, mean over the tunings."""
+    return np.asarray(comparisons(losses)[0][0].mean(axis=0))
+
+
+def worded(template: Path, **values: object) -> str:
+    """Return a filled template."""
+    filters: dict[str, Callable[..., object]] = {
+        "counts": counts_of,
+        "verdicts": counts,
+        "listed": listed,
+        "interval": interval,
+        "percent": percent,
+    }
+    filters |= {"spaced": lambda text: text.replace("_", " "), "two": "{:.2f}".format, "ratio": ratio_text}
+    return filled_template(template, filters, **values)
+
+
+def counts(said: Sequence[Statement]) -> dict[str, int]:
+    """Return how many statements have each verdict."""
+    return counts_of(one.verdict for one in said)
+
+
+def listed(known: Mapping[str, int]) -> str:
+    """Say how many have each verdict."""
+    return ", ".join(f"{count} {word}" for word, count in known.items())
+
+
+def ratio_text(numbers: Mapping[str, Any], prefix: str = "") -> str:
+    """Say a ratio with its interval and its verdict, from the columns of `numbers_of`; nothing where there is none."""
+    ratio, low, high, verdict, small = (numbers[prefix + name] for name in ("ratio", "low", "high", "verdict", "small"))
+    return f"{ratio:.2f} [{low:.2f}, {high:.2f}] {_word(verdict, small=small)}" if np.isfinite(ratio) else ""
+
+
+def interval(said: Statement) -> str:
+    """Say a ratio with its interval, and its verdict in parentheses."""
+    return f"{said.ratio:.2f} [{said.low:.2f}, {said.high:.2f}] ({_word(said.verdict, small=said.small)})"
+
+
+def _word(verdict: str, *, small: bool) -> str:
+    if verdict == Verdict.EQUAL:
+        return EQUAL
+    return f"{verdict}, by less than 10 %" if small and verdict != Verdict.UNDECIDED else str(verdict)
+
+
+def percent(share: float) -> str:
+    """Say a share."""
+    return f"{100 * share:.0f} %"
 
 
 def write_page(answer: AuditAnswer, folder: Path, commit: str) -> None:
@@ -209,6 +352,8 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
     return worded(
         HERE / "page.md.jinja",
         answer=answer,
+        sentences=sentences(answer),
+        take=take_frame(rows, answer.losses),
         steps=steps(rows, answer.losses),
         at_costs={cost: statements(losses_of(rows, cost)) for cost in protocol.lost_costs_shown},
         p=protocol,

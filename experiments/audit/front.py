@@ -16,6 +16,8 @@ HERE = Path(__file__).parent
 RESULTS = HERE.parents[1] / "results"
 AUDIT = RESULTS / "audit-full"
 PAGE = ("README.md", "answer.png", "kinds.png")
+SENTENCES = 3
+"""Number of sentences at the top of the page, which the first screen has, too."""
 
 BLOCK = re.compile(r"(?<=<!-- audit -->\n).*?(?=<!-- /audit -->)", flags=re.DOTALL)
 
@@ -30,7 +32,8 @@ def front() -> str:
         f" filters were tuned\nwith the same effort, in {told['tunings']} independent searches. We judged them on"
         f" {told['drives']} other simulated drives,\n{100 * told['faulty']:.0f} % of them with a fault:\n"
     )
-    sentences = "".join(f"{number}. {sentence}\n" for number, sentence in enumerate(told["sentences"], 1))
+    page = (HERE / PAGE[0]).read_text(encoding="utf-8")
+    sentences = "".join(f"{sentence}\n" for sentence in re.findall(r"^\d\. .*$", page, flags=re.MULTILINE)[:SENTENCES])
     words = "Error of each adaptation under each kind of fault, relative to the plain filter of its model"
     figure = f'<img src="experiments/audit/answer.png" alt="{words}" width="780">\n\n'
     figure += "A row is an adaptation, averaged over the models. Bold: shown to be better, worse, or equal"
@@ -86,9 +89,9 @@ def _suite() -> str:
 
 
 if __name__ == "__main__":
+    for page in filter(Path.exists, (AUDIT / name for name in PAGE)):
+        shutil.copyfile(page, HERE / page.name)
     text = front()
     for path in map(Path, sys.argv[1:]):
         path.write_text(BLOCK.sub(lambda _: text, path.read_text(encoding="utf-8")), encoding="utf-8")
-        for page in filter(Path.exists, (AUDIT / name for name in PAGE)):
-            shutil.copyfile(page, HERE / page.name)
     print(text)

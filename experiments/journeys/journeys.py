@@ -20,10 +20,10 @@ import yaml
 from left_out import Method, Taken
 
 from jerkbench.arrays import FloatArray
+from jerkbench.campaign.runs import CampaignRuns, FaultScenario, MethodSpec
 from jerkbench.files import filled
 from jerkbench.jobs.job import Protocol
 from jerkbench.presets import config_folder
-from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site
 
 PROTOCOL, PAGE = (Path(__file__).with_name(name) for name in ("protocol.yaml", "README.md"))
 RESULTS = Path(__file__).parents[2] / "results" / "journeys"
@@ -73,26 +73,25 @@ def scenarios(folder: Path, variant: str) -> dict[str, FaultScenario]:
             counted.pop("clock_shift_s", None)
             if variant != UNSHIFTED or group in known["clock_shift_s"]:
                 dataset = degraded if name in known["degraded"] else journey
-                found[name] = FaultScenario(population, dataset, name, name, counted)
+                found[name] = FaultScenario(population, dataset, name, counted)
     return found
 
 
-def entrants(names: Sequence[str] = ()) -> list[Entrant]:
+def methods_named(names: Sequence[str] = ()) -> list[MethodSpec]:
     """Return every filter with every adaptation, and what is shown beside; or those that are named."""
     models, rules = (experiment()["hydra"]["sweeper"]["params"][key].split(",") for key in ("filter", "adaptation"))
-    beside = [Entrant(model, {"name": left_out.PLAIN}, {}) for model in protocol()["filters_beside"]]
-    every = [*(Entrant.named(model, rule) for model in models for rule in rules), *beside]
+    beside = [MethodSpec(model, {"name": left_out.PLAIN}, {}) for model in protocol()["filters_beside"]]
+    every = [*(MethodSpec.named(model, rule) for model in models for rule in rules), *beside]
     return [one for one in every if not names or one.name.replace(" ", "") in names]
 
 
 def run(folder: Path, results: Path, names: Sequence[str]) -> pd.DataFrame:
     """Run every setting of every method; where gaps count, those that were chosen."""
-    methods, place = entrants(names), Site(results / "runs")
+    methods, place = methods_named(names), CampaignRuns(results / "runs")
     limits = Protocol(divergence_limit_m=float(experiment()["divergence_limit_m"]))
-    rules = RunRules(("position_rmse",), limits, numbers=("position_rmse_horizontal_m",))
 
     def rows(variant: str, only: dict[Method, set[int]] | None = None) -> pd.DataFrame:
-        found = left_out.setting_rows(scenarios(folder, variant), methods, rules, place, only=only)
+        found = left_out.setting_rows(scenarios(folder, variant), methods, limits, place, only=only)
         return found.assign(variant=variant)
 
     made = pd.concat([rows(FIRST), rows(UNSHIFTED)], ignore_index=True)

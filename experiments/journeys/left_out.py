@@ -9,8 +9,9 @@ tuned alike.
 """
 
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,14 +20,16 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.campaign.entry import ratio_word
+from jerkbench.campaign.runs import CampaignRuns, FaultScenario, MethodSpec, tried_settings, tunable_space
+from jerkbench.campaign.space import Space
 from jerkbench.evaluation.intervals import median_intervals, quantiles_of_rows
 from jerkbench.evaluation.judgement import sign_p
 from jerkbench.files import write_atomically, write_text
+from jerkbench.jobs.job import Job, Protocol
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.names import choose
 from jerkbench.jobs.progress import Progress
-from jerkbench.suite.scores import ratio_word
-from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site, Try, knobs_of, tried_settings
 
 SETTINGS, EACH, TUNINGS = 48, 24, 16
 
@@ -38,6 +41,9 @@ LOST = 100.0
 
 MARGIN = 0.1
 """Ratios from 1/1.1 to 1.1 are equal."""
+
+ERROR = "position_rmse_horizontal_m"
+"""The error."""
 
 ROWS = "errors.parquet"
 """The file of the rows that are kept."""
@@ -70,9 +76,9 @@ class Taken(NamedTuple):
 
 def setting_rows(
     scenarios: Mapping[str, FaultScenario],
-    entrants: Sequence[Entrant],
-    rules: RunRules,
-    place: Site,
+    methods: Sequence[MethodSpec],
+    limits: Protocol,
+    runs: CampaignRuns,
     seeds: Mapping[str, int] | None = None,
     only: Mapping[Method, Collection[int]] | None = None,
 ) -> pd.DataFrame:
@@ -80,9 +86,9 @@ def setting_rows(
 
     Args:
         scenarios: by the name of the recording.
-        entrants: the methods.
-        rules: of the runs; the first of their numbers is the error.
-        place: where they are stored.
+        methods: the methods.
+        limits: how each run is judged.
+        runs: where they are stored.
         seeds: by the name of the recording; default: 0.
         only: the numbers of the settings to run of each method; default: all.
 
@@ -90,26 +96,32 @@ def setting_rows(
         JerkbenchError: a method does not run on a recording, or a recording is damaged.
     """
     first = next(iter(scenarios.values()))
-    tried = [tried_settings(SETTINGS, knobs_of(entrant.job(first, rules.limits))) for entrant in entrants]
+    tried = [tried_settings(SETTINGS, tunable_space(method.job(first, limits))) for method in methods]
+    labels = [(str(method.filter["name"]), str(method.adaptation["name"])) for method in methods]
     tries = [
-        Try(number, scenario, entrant, setting, trial, [(seeds or {}).get(name, 0)])
-        for number, (name, scenario) in enumerate(scenarios.items())
-        for entrant, settings in zip(entrants, tried, strict=True)
-        for trial, setting in enumerate(settings)
-        if only is None or trial in only[entrant.filter["name"], entrant.adaptation["name"]]
+        (name, k, trial)
+        for name in scenarios
+        for k, settings in enumerate(tried)
+        for trial in range(len(settings))
+        if only is None or trial in only[labels[k]]
     ]
+
+    @cache
+    def job_of(name: str, k: int) -> tuple[Job, Space]:
+        job = methods[k].job(scenarios[name], limits)
+        return replace(job, draws=[(seeds or {}).get(name, 0)]), tunable_space(job)
+
+    def jobs() -> Iterator[Job]:
+        for name, k, trial in tries:
+            job, space = job_of(name, k)
+            yield space.applied(job, tried[k][trial])
+
     with Progress(len(tries), doing="Recordings", unit="runs") as bar:
-        rows = place.rows(tries, rules, bar)
-    names, (error, *_) = np.array(list(scenarios)), rules.numbers
-    return pd.DataFrame(
-        {
-            "recording": names[rows["scenario"]],
-            "filter": rows["filter"],
-            "adaptation": rows["adaptation"],
-            "setting": rows["trial"].astype("int8"),
-            "error_m": rows[error].where(rows["status"] == "ok").astype("float32"),
-        }
-    )
+        rows = runs.rows(jobs(), [ERROR], bar)
+    names = pd.DataFrame([(name, *labels[k], trial) for name, k, trial in tries], columns=list(COLUMNS[:4]))
+    table = names.iloc[rows["place"]].reset_index(drop=True)
+    error_m = rows[ERROR].where(rows["status"] == "ok").astype("float32")
+    return table.astype({"setting": "int8"}).assign(error_m=error_m)
 
 
 def answer(results: Path, what: str, study: str, sentences: str) -> None:

@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.audit.answer import AUDIT_FOLDER, FEWEST_DRIVES, NO_FAULT, kinds_of
-from jerkbench.audit.protocol import AuditMethod
-from jerkbench.audit.runs import AuditRows, cubes, read_rows
+from jerkbench.campaign.answer import AUDIT_FOLDER, MIN_DRIVES, NO_FAULT, kinds_of
+from jerkbench.campaign.audit import AuditRows, cubes, read_rows
+from jerkbench.campaign.protocol import AuditMethod
+from jerkbench.campaign.runs import FaultScenario
 from jerkbench.evaluation.drives_and_tunings import crossed_intervals
 from jerkbench.evaluation.intervals import student_intervals
 from jerkbench.evaluation.judgement import LEVEL
 from jerkbench.jobs.study import load_study
-from jerkbench.tuning.entrant import FaultScenario
 
 CLAIMED = AuditMethod("jerk", "mtf")
 NAIVE, BASELINE = AuditMethod("baseline_untuned", "none"), AuditMethod("baseline", "none")
@@ -95,13 +95,13 @@ def claims(rows: pd.DataFrame) -> list[Claim]:
 
 
 def _claim(name: str, against: str, values: pd.DataFrame, bound: float, unit: str = "") -> Claim:
-    scenarios = tuple(FaultScenario(field, {}, fault, fault, {}) for field, fault in values.index)
+    scenarios = tuple(FaultScenario(field, {}, fault, {}) for field, fault in values.index)
     return Claim(name, against or "-", unit, _intervals(values.to_numpy()), bound, scenarios)
 
 
 def audit_claims(rows: AuditRows) -> list[Claim]:
     """Return every claim that an audit's rows speak of, under each kind of fault; tuned, as the baseline is."""
-    kinds = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= FEWEST_DRIVES}
+    kinds = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= MIN_DRIVES}
     error, baseline = (cubes(rows, [method]).tuned for method in (CLAIMED, BASELINE))
     faults = {kind: drives for kind, drives in kinds.items() if kind != NO_FAULT}
     return [
@@ -116,7 +116,7 @@ def _of_audit(
 ) -> Claim:
     """A claim on random drives (1, R, D); the intervals count drives and tunings."""
     ends = [crossed_intervals(y[:, :, drives], LEVEL / len(kinds))[:3] for drives in kinds.values()]
-    scenarios = tuple(FaultScenario("random", {}, kind, kind, {}) for kind in kinds)
+    scenarios = tuple(FaultScenario("random", {}, kind, {}) for kind in kinds)
     return Claim(name, against, unit, np.exp(np.array(ends)[:, :, 0]), bound, scenarios)
 
 
@@ -143,8 +143,8 @@ def _line(claim: Claim) -> str:
 
 def where_it_holds(claim: Claim) -> str:
     """Return the families in which a claim holds, with the number of their scenarios; the condition of the claim."""
-    total = Counter(scenario.family for scenario in claim.scenarios)
-    held = Counter(s.family for s, word in zip(claim.scenarios, claim.words, strict=True) if word == HOLDS)
+    total = Counter(scenario.fault for scenario in claim.scenarios)
+    held = Counter(s.fault for s, word in zip(claim.scenarios, claim.words, strict=True) if word == HOLDS)
     if held == total:
         return "everywhere"
     names = {name: name if held[name] == count else f"{name} {held[name]}/{count}" for name, count in total.items()}

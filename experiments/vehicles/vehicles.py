@@ -20,12 +20,12 @@ import yaml
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray
+from jerkbench.campaign.runs import CampaignRuns, FaultScenario, MethodSpec
 from jerkbench.files import filled
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import choose
 from jerkbench.presets import config_folder
 from jerkbench.simulation.traces import Trace, trace_of, write_trace
-from jerkbench.tuning.entrant import Entrant, FaultScenario, RunRules, Site
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "journeys"))
@@ -77,24 +77,23 @@ def scenarios(folder: Path, results: Path) -> dict[str, FaultScenario]:
         dataset = {"name": "kitti_drive", **EXPERIMENT["dataset"], **files, "folder": str(folder / "kitti")}
         replayed = {"trace": str(path), "start_s": start_s(trace, duration_s, k % 2)}
         disturbance = {"name": "mems_car", "replayed_gnss": replayed}
-        found[f"{ride}, {drive}"] = FaultScenario("V", dataset, ride, drive, disturbance)
+        found[f"{ride}, {drive}"] = FaultScenario("V", dataset, f"{ride} {drive}", disturbance)
     return found
 
 
-def entrants(names: Sequence[str]) -> list[Entrant]:
+def methods_named(names: Sequence[str]) -> list[MethodSpec]:
     """Return both filters with every adaptation, and what is shown beside; or those that are named."""
     rules = EXPERIMENT["hydra"]["sweeper"]["params"]["adaptation"].split(",")
     pairs = [(model, rule) for model in MODELS for rule in rules] + [(model, left_out.PLAIN) for model in BESIDE]
-    return [Entrant.named(*pair) for pair in pairs if not names or "+".join(pair) in names]
+    return [MethodSpec.named(*pair) for pair in pairs if not names or "+".join(pair) in names]
 
 
 def run(folder: Path, results: Path, names: Sequence[str]) -> None:
     """Run every setting of every method on every drive, and keep the rows."""
     limits = Protocol(divergence_limit_m=float(EXPERIMENT["divergence_limit_m"]))
-    rules = RunRules(("position_rmse",), limits, numbers=("position_rmse_horizontal_m",))
     known = scenarios(folder, results)
     seeds = {name: number for number, name in enumerate(known)}
-    rows = left_out.setting_rows(known, entrants(names), rules, Site(results / "runs"), seeds)
+    rows = left_out.setting_rows(known, methods_named(names), limits, CampaignRuns(results / "runs"), seeds)
     left_out.keep(results, rows, known, digest())
 
 

@@ -13,6 +13,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from jerkbench.campaign.split import reused_seeds
 from jerkbench.contracts import Estimator
 from jerkbench.errors import INTERRUPTED, JerkbenchError, PluginError, exit_with
 from jerkbench.filters.command import Command
@@ -70,7 +71,7 @@ def one(config: DictConfig) -> None:
             return
         require_sensible(job)
         plan = planned([job])
-        for line in first_remarks(plan.jobs, shared_inputs()):
+        for line in (*first_remarks(plan.jobs, shared_inputs()), *reused_seeds(options["notes"], plan.jobs)):
             print(line, file=sys.stderr)
         if options["dry"]:
             tell(plan, store, options)
@@ -168,7 +169,8 @@ def _planned(loader: ConfigLoader, config: DictConfig, jobs: Sequence[Sequence[s
         config.notes = list(dict.fromkeys(note for job in composed for note in job.plain["notes"]))
         plan = planned(job.job() for job in composed)
     cluster = cluster_of(config)
-    for line in (*plan.refused, *first_complaints(plan.jobs), *first_remarks(plan.jobs, shared_inputs())):
+    remarks = (*first_remarks(plan.jobs, shared_inputs()), *reused_seeds(config.notes, plan.jobs))
+    for line in (*plan.refused, *first_complaints(plan.jobs), *remarks):
         print(line, file=sys.stderr)
     if not plan.jobs:
         exit_with(PluginError("There is nothing to run: every combination was left out."))

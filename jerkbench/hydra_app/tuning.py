@@ -1,7 +1,6 @@
 """`jerkbench tune`, from its words to its files."""
 
 import itertools
-import json
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -11,9 +10,14 @@ from pathlib import Path
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from jerkbench.campaign.outcome import TUNED_PARTS, preset_words, tunings_table, write_figure, write_tuning
+from jerkbench.campaign.runs import CampaignRuns
+from jerkbench.campaign.search import Budget, Evaluator, Tuning, objective_of, tune
+from jerkbench.campaign.space import R_STREAMS, space_of
+from jerkbench.campaign.split import Cases, Seeds, by_label, by_seeds, by_time
 from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, require_known
-from jerkbench.files import write_text
+from jerkbench.hydra_app.app import prepared_app
 from jerkbench.hydra_app.composition import composed
 from jerkbench.hydra_app.configuration import cluster_of, study_folder
 from jerkbench.hydra_app.overrides import owner, parsed_override
@@ -22,27 +26,8 @@ from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.names import require_sensible
 from jerkbench.jobs.progress import Progress
-from jerkbench.presets import user_folders
+from jerkbench.presets import take_folders, user_folders
 from jerkbench.report import Choice, figures_choice
-from jerkbench.report.review import TUNED
-from jerkbench.report.writers import passive
-from jerkbench.tuning.entrant import Site
-from jerkbench.tuning.evaluate import objective_of, trial_table
-from jerkbench.tuning.outcome import (
-    TUNED_PARTS,
-    other_programs,
-    preset_words,
-    record,
-    tuning_page,
-    tunings_table,
-    write_presets,
-)
-from jerkbench.tuning.search import Budget, Effort, Tuning, tune
-from jerkbench.tuning.space import R_STREAMS, space_of
-from jerkbench.tuning.splits import Cases, Seeds, by_families, by_recordings, by_seeds, by_time
-
-# The words behind `jerkbench tune`: the tuning's own, and those of `jerkbench run`, which may have
-# several values.
 
 METHOD_GROUPS = ("filter", "adaptation", "noise", "engine", "r_scale")
 """Groups of which several values are several methods; several of the others are scenarios of one tuning."""
@@ -94,10 +79,7 @@ def _options(words: Sequence[str]) -> TuneOptions:
     except OmegaConfBaseException as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise PluginError(f"{error.full_key}: {reason}; `jerkbench tune --help` says what it takes.") from error
-    known = ("auto", "seeds", "time", "recordings", "families")
-    require_known("split", options.split, known)
-    if options.restarts < 1:
-        raise PluginError(f"restarts is {options.restarts}; at least one search is needed.")
+    require_known("split", options.split, ("auto", "seeds", "time", "recordings", "families"))
     return options
 
 
@@ -111,59 +93,86 @@ def _combinations(words: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     return tuple(itertools.product(*several))
 
 
-def tune_all(words: Sequence[str], *, several: bool) -> None:
-    """Tune each method with the same budget; print what came out, and write it.
+def tune_all(words: Sequence[str], *, several: bool, compare: bool = False) -> None:
+    """Tune each method with the same budget, print the results, and write them.
 
     Args:
-        words: those of the tuning, and of `jerkbench run`.
-        several: whether several methods were asked for (-m).
+        words: Options of the tuning and arguments of `jerkbench run`.
+        several: Whether several methods are allowed (-m).
+        compare: Whether to run the tuned methods on seeds that the tuning has not used, and print their table.
 
     Raises:
-        JerkbenchError: there is nothing to tune, or to tune on; a word is unknown; several methods without -m.
+        JerkbenchError: There is nothing to tune, or to tune on; an argument is unknown; several methods without -m.
     """
     names_of_options = {f.name for f in fields(TuneOptions)}
-    own = [word for word in words if word.partition("=")[0] in names_of_options]
-    others = [word for word in words if word not in own]
+    options = _options([word for word in words if word.partition("=")[0] in names_of_options])
+    others = [word for word in words if word.partition("=")[0] not in names_of_options]
     groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ALONE in others else METHOD_GROUPS
-    words_of_methods = _combinations([word for word in others if owner(word) in groups])
-    if len(words_of_methods) > 1 and not several:
-        count = len(words_of_methods)
-        raise PluginError(f"There are {count} methods; add -m to tune each of them with the same budget.")
+    methods = _combinations([word for word in others if owner(word) in groups])
     shared = [word for word in others if owner(word) not in groups]
-    options, words_of_scenarios = _options(own), _combinations(shared)
-    methods = [[composed([*scenario, *method]) for scenario in words_of_scenarios] for method in words_of_methods]
-    config = methods[0][0].plain
-    jobs = [[composition.job() for composition in scenarios] for scenarios in methods]
-    chosen = cluster_of(config)
-    count = config["workers"] or processors()
-    workers, threads = (Workers(), count) if chosen == LOCAL else (Workers(chosen, count), 1)
-    usual = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
-    objective = objective_of(usual if options.objective == "auto" else options.objective)
-    budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed)
-    effort = Effort(objective, budget, options.restarts, threads)
+    scenarios = _combinations(shared)
+    if len(methods) > 1 and not several:
+        raise PluginError(f"There are {len(methods)} methods; add -m to tune each of them with the same budget.")
+    compositions = [[composed([*scenario, *method]) for scenario in scenarios] for method in methods]
+    config = compositions[0][0].plain
+    jobs = [[composition.job() for composition in of_method] for of_method in compositions]
     for job in itertools.chain.from_iterable(jobs):
         require_sensible(job)
+    cluster, count = cluster_of(config), config["workers"] or processors()
+    workers, threads = (Workers(), count) if cluster == LOCAL else (Workers(cluster, count), 1)
+    folder = study_folder(config) / "tune"
+    runs = CampaignRuns(folder, workers)
+    usual = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
+    objective = objective_of(usual if options.objective == "auto" else options.objective)
+    budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed, options.restarts)
     drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
     measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
-    spaces = [space_of(scenarios[0], options.knobs, measured) for scenarios in jobs]
-    cases = [cases_of(scenarios, options, config["first_seed"]) for scenarios in jobs]
-    folder = study_folder(config) / "tune"
-    names = _names([scenarios[0] for scenarios in jobs])
-    settings = len(names) * budget.trials * effort.restarts
+    evaluators = [Evaluator(space_of(own[0], options.knobs, measured), objective, runs, threads) for own in jobs]
+    cases = [cases_of(own, options, config["first_seed"]) for own in jobs]
+    names = _names([own[0] for own in jobs])
+    settings = len(names) * budget.trials * budget.restarts
     with workers, Progress(settings, doing="Tuning", unit="settings") as progress:
-        advance, site = partial(progress.advance, ()), Site(folder, workers)
-        each = zip(names, cases, spaces, strict=True)
-        tunings = [tune(name, own, space, effort, site, advance) for name, own, space in each]
-    for tuning, method in zip(tunings, words_of_methods, strict=True):
-        into = folder / tuning.name
-        command = _command(tuning, into / "conf", shared, method, several=len(words_of_scenarios) > 1)
-        _write(tuning, into, command, figures=figures_choice(config["figures"]) is not Choice.NONE)
+        advance = partial(progress.advance, ())
+        tunings = [tune(*own, budget, advance) for own in zip(names, cases, evaluators, strict=True)]
+    for tuning, method in zip(tunings, methods, strict=True):
+        presets = folder / tuning.name / "conf"
+        command = _command(tuning, presets, shared, method, several=len(scenarios) > 1)
+        print(write_tuning(tuning, folder / tuning.name, command))
+        if figures_choice(config["figures"]) is not Choice.NONE:
+            print(f"Figure: {write_figure(tuning, folder / tuning.name)}\n")
     print(tunings_table(tunings))
     print(f"\nSettings, presets and trials: {folder}")
+    if compare:
+        prepared_app(take_folders(_comparison(tunings, methods, shared, options, folder)))()
+
+
+def _comparison(
+    tunings: Sequence[Tuning],
+    methods: Sequence[Sequence[str]],
+    typed: Sequence[str],
+    options: TuneOptions,
+    folder: Path,
+) -> list[str]:
+    """The arguments of `jerkbench run` that run all tuned methods on the same scenarios, on unused seeds.
+
+    Raises:
+        PluginError: The presets do not contain all that was typed, so one command cannot run all methods.
+    """
+    each = zip(tunings, methods, strict=True)
+    kept = [{word for word in _not_tuned(*own) if owner(word) != word.partition("=")[0]} for own in each]
+    if "experiment" in map(owner, typed) or any(own != kept[0] for own in kept):
+        raise PluginError("--compare needs methods without experiment=, and the same other parameters for all of them.")
+    folders = [*(folder / tuning.name / "conf" for tuning in tunings), *user_folders()]
+    experiments = ",".join(word.partition("=")[2] for tuning in tunings for word in preset_words(tuning, typed=False))
+    first_seed = tunings[0].cases.next_seed
+    seeds = [f"first_seed={first_seed}", f"seeds={options.test_seeds}"] if first_seed else []
+    shared = [word for word in typed if not word.startswith(("first_seed=", "seeds="))]
+    chosen = ["-m", *(word for path in folders for word in ("--config-dir", str(path)))]
+    return [*chosen, *shared, *sorted(kept[0]), f"experiment={experiments}", *seeds]
 
 
 def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Cases:
-    """Return what is tuned, chosen and tested on."""
+    """Return the cases to tune, to choose and to test on."""
     seeds = Seeds(options.tune_seeds, options.choose_seeds, options.test_seeds, first_seed)
     split = options.split
     if split == "auto":
@@ -174,14 +183,11 @@ def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Case
         return by_seeds(jobs, seeds)
     if split == "time":
         return by_time(jobs, seeds, options.share)
-    return (by_recordings if split == "recordings" else by_families)(jobs, options.held_out, seeds)
+    return by_label(jobs, "dataset" if split == "recordings" else "disturbance", options.held_out, seeds)
 
 
 def _names(jobs: Sequence[Job]) -> list[str]:
-    """A name for each method, fit for a folder: filter and adaptation, with a number where that is not enough.
-
-    An attitude filter alone has its own.
-    """
+    """The name of the folder of each method: filter and adaptation, or the attitude filter; with a number if needed."""
     names = [
         job.spec["attitude"]["name"]
         if is_attitude_only(job.method.filter)
@@ -192,36 +198,18 @@ def _names(jobs: Sequence[Job]) -> list[str]:
 
 
 def _command(tuning: Tuning, presets: Path, typed: Sequence[str], method: Sequence[str], *, several: bool) -> str:
-    """The command that runs what was tuned: its presets, where it was tuned, on seeds that the tuning has not used."""
+    """The command that runs the tuned method on the same scenarios, with seeds that the tuning has not used."""
     chosen = preset_words(tuning, typed="experiment" in map(owner, typed))
+    folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
+    unseen = [f"first_seed={tuning.cases.next_seed}"] if tuning.cases.next_seed else []
+    shared = [word for word in typed if not (unseen and word.startswith("first_seed="))]
+    return shlex.join(
+        ["jerkbench", "run", *["-m"] * several, *folders, *shared, *_not_tuned(tuning, method), *chosen, *unseen]
+    )
+
+
+def _not_tuned(tuning: Tuning, method: Sequence[str]) -> list[str]:
+    """The arguments of a method that the presets of its tuning do not contain."""
     tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
     covered = {part for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
-    kept = [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
-    folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
-    cases = [case for part in (tuning.cases.tune, tuning.cases.choose, tuning.cases.test) for case in part]
-    unseen = [f"first_seed={max(case.draws[-1] for case in cases) + 1}"] if cases[0].scenario.seeded else []
-    shared = [word for word in typed if not (unseen and word.startswith("first_seed="))]
-    return shlex.join(["jerkbench", "run", *["-m"] * several, *folders, *shared, *kept, *chosen, *unseen])
-
-
-def _write(tuning: Tuning, folder: Path, command: str, *, figures: bool) -> None:
-    """Write the page, the numbers, the trials, the presets, the files for other programs, and the figures."""
-    outcome, effort = tuning.outcome, tuning.effort
-    budget = f"trials={len(outcome.trials)}, finalists={effort.budget.finalists}, sampler={effort.budget.sampler}"
-    remarks = f"{TUNED}objective={effort.objective.name}, {budget}; {tuning.cases.split}."
-    write_presets(tuning, folder / "conf", remarks)
-    page = f"{passive(tuning_page(tuning))}\nTake it with: {command}\n"
-    write_text(folder / "tuning.md", page)
-    write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
-    scenarios = [case.labels.scenario for case in tuning.cases.tune]
-    trials = trial_table(outcome.trials, tuning.space.names, scenarios)
-    write_text(folder / "trials.csv", trials.to_csv(index=False, lineterminator="\n"))
-    for name, text in other_programs(tuning).items() if not is_attitude_only(tuning.job.method.filter) else ():
-        write_text(folder / "export" / name, text)
-    print(page)
-    if figures:
-        from jerkbench.report.plots.style import save_figure
-        from jerkbench.tuning.outcome import tuning_figure
-
-        save_figure(tuning_figure(tuning), folder / "search.png")
-        print(f"Figure: {folder / 'search.png'}\n")
+    return [word for word in method if not {owner(word), word.partition("=")[0]} & covered]

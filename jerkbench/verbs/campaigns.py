@@ -5,16 +5,16 @@ import re
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
-
-if TYPE_CHECKING:
-    pass
 
 
 @verb(
     argument("-m", "--multirun", action="store_true", help="tune each of several methods, with equal budgets"),
+    argument(
+        "--compare", action="store_true", help="then run the tuned methods on unused seeds, and print their table"
+    ),
     argument("words", nargs="*", metavar="KEY=VALUE", help="what to tune, on what, with which budget"),
 )
 def tune_verb(chosen: argparse.Namespace) -> None:
@@ -26,6 +26,7 @@ def tune_verb(chosen: argparse.Namespace) -> None:
 
       jerkbench tune filter=jerk adaptation=mtf disturbance=none,noise_step trials=64
       jerkbench tune -m filter=baseline,jerk adaptation=none,mtf,chi2 disturbance=none,outliers study=alike
+      jerkbench tune -m filter=baseline,jerk adaptation=none,mtf disturbance=outliers --compare   and their table
       jerkbench tune filter=bias dataset=rosbag dataset.file=drive.bag objective=likelihood   your own log, no reference
       jerkbench tune -m filter=attitude_only attitude=mahony,mekf dataset=field               attitude filters alone
 
@@ -51,7 +52,7 @@ def tune_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.hydra_app.tuning import tune_all
 
-    tune_all(chosen.words, several=chosen.multirun)
+    tune_all(chosen.words, several=chosen.multirun, compare=chosen.compare)
 
 
 @verb(
@@ -85,9 +86,9 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no such protocol, or a run failed.
     """
-    from jerkbench.audit.answer import AUDIT_FOLDER, compare_audits, judged_audit
-    from jerkbench.audit.protocol import read_protocol
-    from jerkbench.audit.runs import run_audit
+    from jerkbench.campaign.answer import AUDIT_FOLDER, compare_audits, judged_audit
+    from jerkbench.campaign.audit import run_audit
+    from jerkbench.campaign.protocol import read_protocol
     from jerkbench.hydra_app.configuration import cluster_named
     from jerkbench.jobs.executors import processors
 
@@ -102,7 +103,7 @@ def audit_verb(chosen: argparse.Namespace) -> None:
     print(f"Written to {folder}.")
 
 
-ENTRANT_GROUPS = ("filter", "adaptation", "noise", "r_scale")
+SUBMITTED_GROUPS = ("filter", "adaptation", "noise", "r_scale")
 """Groups of a method; all else is the suite's."""
 
 DEFAULT_SUITE = "v2"
@@ -131,32 +132,32 @@ def suite_run_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: a word is unknown, the method does not fit, or the suite is not the frozen one.
     """
+    from jerkbench.campaign.entry import enter
+    from jerkbench.campaign.runs import CampaignRuns, MethodSpec
     from jerkbench.hydra_app.configuration import cluster_named
     from jerkbench.jobs.executors import Workers, processors
-    from jerkbench.suite.entry import enter
-    from jerkbench.tuning.entrant import Entrant, Site
 
     spec = _spec(chosen.words)
-    entrant = Entrant(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
-    name = chosen.name or entrant.name
+    method = MethodSpec(**{kind: dict(spec[kind]) for kind in ("filter", "adaptation", "r_scale")})
+    name = chosen.name or method.name
     stem = re.sub(r"[^\w.]+", "-", name).strip("-.") or "entry"
     folder = chosen.out or Path("results") / f"suite-{chosen.scale}" / stem
     scale = [] if chosen.scale == DEFAULT_SUITE else ["--scale", chosen.scale]
     command = shlex.join(["jerkbench", "suite", "run", *chosen.words, *scale])
     with Workers(cluster_named(chosen.cluster), chosen.workers or processors()) as workers:
-        print(enter(chosen.scale, entrant, name, Site(folder, workers), command))
+        print(enter(chosen.scale, method, name, CampaignRuns(folder, workers), command))
     print(f"Written to {folder}.")
 
 
-def _spec(words: Sequence[str]) -> "Mapping[str, Any]":
+def _spec(words: Sequence[str]) -> Mapping[str, Any]:
     from jerkbench.errors import PluginError
     from jerkbench.hydra_app.composition import composed
     from jerkbench.hydra_app.overrides import owner
 
     for word in words:
-        if owner(word) not in ENTRANT_GROUPS:
+        if owner(word) not in SUBMITTED_GROUPS:
             raise PluginError(
-                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(ENTRANT_GROUPS)} and"
+                f"'{word}' is not part of a method; the suite sets all else. Give {', '.join(SUBMITTED_GROUPS)} and"
                 " what is in them, for example filter=jerk adaptation=mtf adaptation.window=3."
             )
     return composed(words).job().spec
@@ -176,8 +177,8 @@ def suite_verify_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no entry.
     """
-    from jerkbench.suite.board import verify
-    from jerkbench.suite.entry import read_entry
+    from jerkbench.campaign.board import verify
+    from jerkbench.campaign.entry import read_entry
 
     checked = verify(read_entry(chosen.entry), chosen.rows, run_programs=chosen.run_programs)
     for sentence in (*checked.mistakes, *checked.remarks):
@@ -202,7 +203,7 @@ def suite_board_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: there is no entry, or they are of several suites.
     """
-    from jerkbench.suite.board import write_board
+    from jerkbench.campaign.board import write_board
 
     for path in write_board(chosen.folder, chosen.rows):
         print(path)

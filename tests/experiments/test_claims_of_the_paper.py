@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from experiment_scripts import experiment
-from jerkbench.audit.answer import NO_FAULT
+from jerkbench.campaign.answer import NO_FAULT
 from made_rows import FACTORS, made_rows, study_rows
 
 of_paper = experiment("paper/claims.py")
@@ -40,7 +40,7 @@ def test_centimetres_are_of_the_error_in_metres():
 
 def test_resilience_is_asked_under_a_fault_only():
     claim, other = found(-1.5)["resilient:"], found(-1.5)["more"]
-    assert {s.family for s in other.scenarios} - {s.family for s in claim.scenarios} == {NO_FAULT}
+    assert {s.fault for s in other.scenarios} - {s.fault for s in claim.scenarios} == {NO_FAULT}
     assert "| resilient: under a fault better | baseline |" in claim_table([claim])
 
 

@@ -1,0 +1,138 @@
+"""What an audit says of rows that are made: every number again in pandas, and what must be said of known ratios."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from recomputed import recomputed
+
+from experiment_scripts import experiment
+from jerkbench.campaign.answer import (
+    NO_FAULT,
+    answered,
+    changed_verdicts,
+    compared_text,
+    judged_audit,
+    kinds_of,
+    pays_from,
+)
+from jerkbench.campaign.audit import losses_of, write_audit_manifest, write_protocol
+from jerkbench.errors import PluginError
+from jerkbench.evaluation.drives_and_tunings import statements
+from made_rows import SMALL, made_rows
+
+METHOD = ["filter", "adaptation"]
+PAGE = experiment("audit/audit_page.py")
+
+
+def same_as_in_pandas(answer):
+    """Compare every number with that of pandas."""
+    again, methods = recomputed(answer.rows, answer.rows.protocol), answer.methods
+    names = methods["filter"] + " + " + methods["adaptation"]
+    for column in ("own_ratio", "best_ratio", "untuned", "worse_3", "worse_100", "lost", "pays_from"):
+        np.testing.assert_allclose(methods[column], again[column][names], rtol=1e-5, atol=1e-9, err_msg=column)
+    assert answer.said.average.ratio == pytest.approx(again["average"], rel=1e-5)
+    assert answer.said.pick.ratio == pytest.approx(again["pick"], rel=1e-5)
+    for row in answer.kinds.itertuples():
+        assert row.ratio == pytest.approx(again["kinds"].loc[f"{row.filter} + {row.adaptation}", row.kind], rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def answer():
+    ratios = {("jerk", "mtf"): -0.5, ("baseline", "chi2"): 0.6}
+    return answered(made_rows(ratio=ratios))
+
+
+def of(answer, *method):
+    return answer.methods.set_index(METHOD).loc[method]
+
+
+def test_every_number_is_that_of_twenty_lines_of_pandas(answer):
+    same_as_in_pandas(answer)
+
+
+def test_what_is_better_and_what_is_worse_is_said_so(answer):
+    assert of(answer, "jerk", "mtf")["own_verdict"] == "better"
+    assert of(answer, "baseline", "chi2")["own_verdict"] == "worse"
+    kinds = answer.kinds[(answer.kinds["adaptation"] == "mtf") & (answer.kinds["filter"] == "jerk")]
+    shown = (kinds["verdict"] == "better") & (kinds["kind"] != NO_FAULT)
+    assert of(answer, "jerk", "mtf")["better_kinds"] == shown.sum() > 0 == of(answer, "jerk", "mtf")["worse_kinds"]
+    assert of(answer, "jerk", "mtf")["pays_from"] == 0.0
+    assert np.isnan(of(answer, "baseline", "chi2")["pays_from"])
+    assert set(PAGE.take_frame(answer.rows, answer.losses)["take"]) == {"jerk + mtf"}
+
+
+def test_it_pays_from_the_share_at_which_gain_and_price_are_equal():
+    d = np.array([[0.1, 0.1, -0.3, -0.3], [0.1, 0.1, 0.2, 0.2], [-0.1, -0.1, -0.2, -0.2], [-0.2, -0.2, -0.1, -0.1]])
+    without = np.array([True, True, False, False])
+
+    np.testing.assert_allclose(pays_from(d, without), [0.25, np.nan, 0.0, 0.0])
+
+
+def test_another_mixture_is_that_of_its_drives_alone(answer):
+    """With no faulty drives left, the ratios are those of the drives without a fault."""
+    said = PAGE.reweighted(answer.rows, answer.losses, "faulty=0")
+    without = kinds_of(answer.rows)[NO_FAULT]
+    y = (answer.losses.methods - answer.losses.plains[answer.losses.model])[:, :, without]
+
+    np.testing.assert_allclose([one.ratio for one in said.own_plain], np.exp(y.mean(axis=(1, 2))))
+    assert "With outliers=0.2, from 160 drives" in PAGE.reweighted_text(answer.rows, "outliers=0.2")
+
+
+@pytest.mark.parametrize(
+    ("mixture", "said"),
+    [("rain=0.1", "There is no kind of fault 'rain'"), ("faulty=often", "gives no share"), ("faulty=2", "cannot be 2")],
+)
+def test_a_mixture_that_cannot_be_is_refused_in_a_sentence(answer, mixture, said):
+    with pytest.raises(PluginError, match=said):
+        PAGE.reweighted(answer.rows, answer.losses, mixture)
+
+
+def test_a_verdict_that_turns_is_a_defect(answer):
+    ratios = {("jerk", "mtf"): 0.5, ("baseline", "chi2"): 0.6}
+    other = statements(losses_of(made_rows(seed=1, ratio=ratios)))
+    changed = changed_verdicts(answer.said, other, SMALL.methods)
+    text = compared_text(SMALL.methods, answer.said, other)
+
+    assert changed[changed["filter"] == "jerk"].iloc[0].tolist() == ["jerk", "mtf", "own", "better", "worse"]
+    assert "2 turn from better to worse or back, which is a defect" in text
+    assert "- jerk + mtf, own plain filter: better, then worse" in text
+
+
+def test_the_page_and_the_summary_say_the_same(answer, tmp_path):
+    folder = tmp_path / "audit-small"
+    (tmp_path / "journeys").mkdir()
+    (tmp_path / "journeys" / "answer.md").write_text("On 13 journeys it holds.", encoding="utf-8")
+    write_protocol(answer.rows.protocol, folder)
+    answer.rows.write(folder)
+    write_audit_manifest(folder, {"git_commit": "abc+changes"})
+    judged_audit(folder)
+    PAGE.write_page(answer, folder, "abc+changes")
+    page = (folder / "README.md").read_text(encoding="utf-8")
+    told = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
+
+    assert all(sentence in page for sentence in PAGE.sentences(answer))
+    assert told["sentences"] == answer.sentences
+    assert told["against_own_plain"]["better"] == (answer.methods["own_verdict"] == "better").sum()
+    assert "On 13 journeys it holds." in page
+    assert "was not committed" in page
+    assert "doi:10.1016/j.isatra.2010.04.001" in page
+    assert (folder / "answer.png").stat().st_size > 10_000
+    pd.testing.assert_frame_equal(pd.read_csv(folder / "methods.csv"), answer.methods, check_dtype=False)
+
+
+def test_an_audit_of_equal_methods_says_nothing():
+    said = answered(made_rows(dataclasses.replace(SMALL, resampled_audits=100), seed=2))
+
+    assert not set(said.methods["own_verdict"]) & {"better", "worse"}
+    assert said.error.low <= 0.05
+
+
+def test_a_method_without_a_row_is_no_row_of_nan(answer):
+    judged = answer.rows.judged
+    lacking = dataclasses.replace(answer.rows, judged=judged[judged["adaptation"] != "mtf"])
+
+    with pytest.raises(KeyError, match="mtf"):
+        losses_of(lacking)

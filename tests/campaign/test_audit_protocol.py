@@ -1,0 +1,74 @@
+"""The protocols of the audit: what they state has to be there, be so, and decide on every seed."""
+
+import dataclasses
+
+import pytest
+
+from jerkbench import plugins
+from jerkbench.campaign.protocol import PUBLISHED, audit_protocol, read_protocol
+from jerkbench.errors import PluginError
+from jerkbench.parameters import provenance_of
+from jerkbench.presets import preset, preset_names
+
+SCALES = preset_names("audit")
+
+
+@pytest.fixture(scope="module")
+def full():
+    return read_protocol("full")
+
+
+def test_it_lists_every_adaptation_with_what_it_is(full):
+    apart = {full.plain, *full.references}
+    ours = {name for name in plugins.names("adaptation") if plugins.is_own(plugins.get("adaptation", name))}
+
+    assert full.adaptations == {name: provenance_of(plugins.get("adaptation", name)).kind for name in ours - apart}
+    assert len(full.methods) == 4 * 27
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_the_plain_filters_may_try_as_many_settings_as_the_methods_that_are_picked_from(scale):
+    protocol = read_protocol(scale)
+    picked = [name for name in protocol.compared if protocol.adaptations[name] in PUBLISHED]
+
+    assert len(protocol.plains) * protocol.plain_trials == len(picked) * len(protocol.filters) * protocol.trials
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_no_drive_is_used_twice(scale):
+    protocol = read_protocol(scale)
+    tuned = [seed for tuning in range(protocol.tunings) for seed in protocol.seeds_to_tune_on(tuning)]
+    seeds = [*tuned, *protocol.seeds_to_judge_on]
+
+    assert len(set(seeds)) == len(seeds) == protocol.tunings * protocol.tune_drives + protocol.judged_drives
+
+
+def test_protocols_share_no_drive():
+    seeds = [
+        seed
+        for protocol in map(read_protocol, SCALES)
+        for r in range(protocol.tunings + 1)
+        for seed in (protocol.seeds_to_tune_on(r) if r < protocol.tunings else protocol.seeds_to_judge_on)
+    ]
+
+    assert len(set(seeds)) == len(seeds)
+
+
+def test_the_laws_of_the_drives_are_part_of_the_digest(full):
+    assert full.laws == preset("dataset", "mixture")
+    milder = {**full.laws, "fault_shares": [0.95, 0.05]}
+    assert dataclasses.replace(full, laws=milder).digest != full.digest
+
+
+@pytest.mark.parametrize(("more", "less"), [({"trails": 3}, ()), ({}, ("trials",))], ids=["unknown", "missing"])
+def test_a_parameter_that_is_wrong_is_named(more, less):
+    stated = {k: v for k, v in preset("audit", "small").items() if k not in less} | more | {"laws": {}}
+
+    with pytest.raises(PluginError, match=f"mine.yaml lacks {[*more, *less][0]}"):
+        audit_protocol(stated, "mine.yaml")
+
+
+@pytest.mark.parametrize(("field", "given", "least"), [("judged_drives", 48, 64), ("tunings", 2, 3)])
+def test_too_few_drives_or_tunings_are_refused_before_anything_runs(field, given, least):
+    with pytest.raises(PluginError, match=f"{field} is {given}; give {least} or more"):
+        dataclasses.replace(read_protocol("small"), **{field: given})

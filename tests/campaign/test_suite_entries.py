@@ -1,0 +1,249 @@
+"""An entry from its command to its check: what is written, what a doctored one says, what a program gets."""
+
+import hashlib
+import json
+import shutil
+import time
+
+import pandas as pd
+import pytest
+import yaml
+
+from commands import jerkbench, verb
+from jerkbench.campaign.entry import HASHED, entry_page, score_of
+from jerkbench.campaign.protocol import read_suite
+from jerkbench.compilation.module_cache import COMPILED
+from jerkbench.files import cache_folder
+from jerkbench.plugins.new import class_name
+
+TINY = ["--scale", "v2-tiny", "--workers", "1"]
+ALL = ["--rows", "500"]
+ROW = "t_s,east_m,north_m,up_m"
+PROGRAM = f"""#!/bin/sh
+awk -F, 'NR == 1 {{ print "{ROW}" }} NR > 1 {{ print $1 ",0,0,0" }}' "$1" > "$2"
+"""
+"""Believes that it stands."""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder in which a method was entered, what was said, and its entry."""
+    folder = tmp_path_factory.mktemp("suite")
+    done = verb("suite", "run", "filter=baseline", "adaptation=chi2", *TINY, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout, folder / "results/suite-v2-tiny/baseline-chi2"
+
+
+@pytest.fixture
+def doctored(made, tmp_path):
+    """A copy of the entry, and what makes its hashes, its score and its page those of its rows again."""
+    copy = tmp_path / "entry"
+    shutil.copytree(made[2], copy, ignore=shutil.ignore_patterns("runs"))
+    return copy
+
+
+def smoothed(entry, **changed):
+    """What somebody does who knows how entries are checked."""
+    protocol, rows = read_suite("v2-tiny"), pd.read_parquet(entry / "rows.parquet")
+    manifest = json.loads((entry / "manifest.json").read_text()) | changed
+    if rows["seed"].nunique() == protocol.test_seeds:
+        manifest["score"] = score_of(rows, protocol)
+        (entry / "entry.md").write_text(entry_page(manifest["entry"], rows, protocol))
+    manifest["files"] = {name: hashlib.sha256((entry / name).read_bytes()).hexdigest() for name in HASHED}
+    (entry / "manifest.json").write_text(json.dumps(manifest))
+
+
+def test_an_entry_has_a_line_a_table_and_both_settings(made):
+    _, out, entry = made
+    settings = yaml.safe_load((entry / "settings.yaml").read_text())
+
+    assert out.startswith("baseline + chi2 on jerkbench-v2-tiny (n = 12 drives): ")
+    assert "tuned, 4 settings." in out
+    assert set(settings["entry"]) == set(settings["plain"]) == {"given", "drives"}
+    assert "adaptation.longest" in settings["entry"]["drives"]
+    rows = pd.read_parquet(entry / "rows.parquet")
+    assert len(rows) == 2 * 12 * 2  # both methods, as given and tuned
+
+
+def runs_in(paths):
+    """The stored runs, each with the time when it was made."""
+    table = pd.concat([pd.read_parquet(path, columns=["cell.key", "seed", "cell.created"]) for path in paths])
+    return (
+        table.astype({"cell.key": str, "cell.created": str})
+        .set_index(["cell.key", "seed"])["cell.created"]
+        .sort_index()
+    )
+
+
+def test_an_entry_as_it_was_made_is_what_it_says(made):
+    done = verb("suite", "verify", str(made[2]), cwd=made[0])
+
+    assert done.returncode == 0, done.stdout
+    assert "8 of its own rows were computed again" in done.stdout
+
+
+def test_the_same_command_goes_on_where_it_was(made):
+    folder, out, entry = made
+    before = list((entry / "runs").rglob("part-*"))
+    made_at = runs_in(before)
+    rows = (entry / "rows.parquet").read_bytes()
+    lost = before[0]
+    runs = runs_in([lost]).index
+    lost.unlink()
+    time.sleep(1.0)  # what is stored says to the second when it was made
+
+    done = verb("suite", "run", "filter=baseline", "adaptation=chi2", *TINY, cwd=folder)
+
+    made_again_at = runs_in((entry / "runs").rglob("part-*"))
+    assert made_again_at.index.equals(made_at.index)
+    again = made_again_at != made_at
+    assert set(again.index[again]) == set(runs)  # what was lost, and nothing else
+    numbers = ["position_rmse_m", "anees", "status", "seed"]
+    pd.testing.assert_frame_equal(
+        pd.read_parquet(entry / "rows.parquet")[numbers],
+        pd.read_parquet(pd.io.common.BytesIO(rows))[numbers],
+        rtol=1e-12,
+    )
+    assert done.stdout == out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", ["local", "dask"])
+def test_a_cluster_makes_the_same_entry(made, tmp_path, cluster):
+    if cluster == "dask":
+        pytest.importorskip("distributed")
+    shutil.copytree(cache_folder(COMPILED), tmp_path / "cache" / COMPILED)  # its own simulations, our machine code
+    words = ["filter=baseline", "adaptation=chi2", "--scale", "v2-tiny", "--workers", "2", "--cluster", cluster]
+    done = jerkbench("suite", "run", *words, cwd=tmp_path, JERKBENCH_CACHE=str(tmp_path / "cache"))
+
+    assert done.returncode == 0, done.stderr
+    own, here = (folder / "results/suite-v2-tiny/baseline-chi2" for folder in (tmp_path, made[0]))
+    rows = [pd.read_parquet(folder / "rows.parquet").drop(columns="seconds") for folder in (own, here)]
+    pd.testing.assert_frame_equal(*rows, rtol=1e-12)
+    assert (own / "settings.yaml").read_bytes() == (here / "settings.yaml").read_bytes()
+
+
+def test_a_changed_error_is_found_by_computing_it_again(made, doctored):
+    rows = pd.read_parquet(doctored / "rows.parquet")
+    best = (rows["method"] == "entry") & (rows["tuned_on"] == "drives")
+    rows.loc[best, "position_rmse_m"] *= 0.99
+    rows.to_parquet(doctored / "rows.parquet", index=False)
+
+    plain = verb("suite", "verify", str(doctored), "--rows", "0", cwd=made[0])
+    smoothed(doctored)
+    hidden = verb("suite", "verify", str(doctored), *ALL, cwd=made[0])
+
+    assert plain.returncode == hidden.returncode == 1
+    assert "rows.parquet was changed after it was made" in plain.stdout
+    assert "The manifest says ratio =" in plain.stdout
+    assert hidden.stdout.count("position_rmse_m is stored as") == 12
+
+
+def test_a_drive_that_was_left_out_is_found(made, doctored):
+    rows = pd.read_parquet(doctored / "rows.parquet")
+    rows[rows["seed"] != rows["seed"].max()].to_parquet(doctored / "rows.parquet", index=False)
+    smoothed(doctored)
+
+    done = verb("suite", "verify", str(doctored), cwd=made[0])
+
+    assert done.returncode == 1
+    assert "The rows of the entry are not those that jerkbench-v2-tiny asks for: 2" in done.stdout
+
+
+def test_another_protocol_is_found(made, doctored):
+    smoothed(doctored, protocol="0123456789ab")
+
+    done = verb("suite", "verify", str(doctored), "--rows", "0", cwd=made[0])
+
+    assert (done.returncode, done.stdout.count("\n")) == (1, 1)
+    assert "protocol is 0123456789ab, that of jerkbench-v2-tiny" in done.stdout
+
+
+def test_another_setting_is_found(made, doctored):
+    settings = yaml.safe_load((doctored / "settings.yaml").read_text())
+    settings["entry"]["drives"]["r_scale.position"] *= 1.01
+    (doctored / "settings.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
+    smoothed(doctored)
+
+    done = verb("suite", "verify", str(doctored), "--rows", "0", cwd=made[0])
+
+    assert done.returncode == 1
+    assert "The setting of the entry (drives) is none that the search of jerkbench-v2-tiny tries" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_program_is_scored_as_it_is_and_checked_where_it_is(made):
+    folder = made[0]
+    program = folder / "stands"
+    program.write_text(PROGRAM)
+    program.chmod(0o755)
+    command = f"filter.command='{program} {{recording}} {{out}}'"
+
+    done = verb("suite", "run", "filter=command", command, "--name", "stands", *TINY, cwd=folder)
+    there = verb("suite", "verify", "results/suite-v2-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
+    unasked = verb("suite", "verify", "results/suite-v2-tiny/stands", "--rows", "3", cwd=folder)
+    program.unlink()
+    gone = verb("suite", "verify", "results/suite-v2-tiny/stands", "--rows", "3", "--run-programs", cwd=folder)
+
+    assert "not tuned." in done.stdout, done.stderr
+    assert unasked.returncode == 2
+    assert "does not run unasked" in unasked.stderr
+    assert there.returncode == gone.returncode == 0
+    assert "2 of its own rows" in there.stdout
+    assert "The rows of command + none cannot be computed here, and are not checked: There is no program" in gone.stdout
+
+
+@pytest.mark.slow
+def test_a_plugin_made_by_new_gets_its_entry_by_two_commands(made, tmp_path):
+    assert verb("new", "adaptation", "mine", cwd=tmp_path).returncode == 0
+    metadata = tmp_path / "mine" / "mine-1.0.dist-info"  # what pip install leaves
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[jerkbench.adaptation]\nmine = mine:{class_name('mine')}\n")
+
+    done = jerkbench("suite", "run", "adaptation=mine", *TINY, cwd=tmp_path, PYTHONPATH=str(tmp_path / "mine"))
+
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "results/suite-v2-tiny/baseline-mine/manifest.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["dataset=field"], "'dataset=field' is not part of a method"),
+        (["filter=jerrk"], "Did you mean 'jerk'"),
+        (["filter=jerk", "--scale", "v9"], "There is no suite 'v9'"),
+    ],
+)
+def test_what_cannot_enter_is_refused_in_a_sentence(tmp_path, words, sentence):
+    done = verb("suite", "run", *words, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert sentence in done.stderr
+
+
+def test_what_is_no_entry_is_refused_in_a_sentence(tmp_path):
+    done = verb("suite", "verify", str(tmp_path), cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert "manifest.json cannot be read: it is not there" in done.stderr
+
+
+def test_the_board_shows_every_entry_and_escapes_what_it_says_of_itself(made, tmp_path):
+    for name in ("honest", "other"):
+        shutil.copytree(made[2], tmp_path / name, ignore=shutil.ignore_patterns("runs"))
+    manifest = json.loads((tmp_path / "other/manifest.json").read_text())
+    (tmp_path / "other/manifest.json").write_text(json.dumps(manifest | {"entry": "<img src=x onerror=alert(1)>|"}))
+
+    done = verb("suite", "board", str(tmp_path), "--rows", "0", cwd=tmp_path)
+
+    html, text = ((tmp_path / name).read_text() for name in ("board.html", "board.md"))
+    assert done.returncode == 0, done.stderr
+    for page in (html, text):
+        assert "<img" not in page
+        assert "&lt;img src=x onerror=alert(1)&gt;" in page
+        assert "baseline + chi2" in page
+    assert "onerror=alert(1)&gt;&#124; |" in text
+    assert "http" not in html.replace("<meta http-equiv=", "")
+    assert "1 (1 to 1)" in text  # both are the same, and share the first place
+    assert "no: see below" in text  # its page says another name

@@ -1,0 +1,303 @@
+"""`jerkbench tune` as a person types it: what it says, what it writes, what it refuses."""
+
+import json
+import re
+import shlex
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from scipy import stats
+
+from commands import jerkbench, verb
+from jerkbench.campaign.outcome import against_default
+from jerkbench.campaign.search import TuningScore
+from jerkbench.jobs.store import Store
+
+SMALL = ["dataset.duration_s=12", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=2", "workers=1"]
+FAST = [*SMALL, "trials=4", "figures=false"]
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    """A folder in which two methods were tuned over two scenarios, and what was said."""
+    folder = tmp_path_factory.mktemp("tuned")
+    words = ["filter=baseline", "adaptation=none,chi2", "disturbance=none,outliers", *SMALL, "trials=4"]
+    done = verb("tune", "-m", *words, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout
+
+
+def test_it_says_that_the_budgets_were_equal_and_what_is_worth_what(tuned):
+    folder, out = tuned
+
+    assert "Equal budgets: each of 2 methods tried 4 settings." in out
+    assert "Split: seeds 0 to 0 to tune, 1 to 1 to choose, 2 to 3 to test." in out
+    record = json.loads((folder / "results/adhoc/tune/baseline-chi2/tuning.json").read_text())
+    assert record["trials"] == 4
+    assert set(record["unseen"]) == {
+        "field(duration_s=12), none, field",
+        "field(duration_s=12), outliers, field",
+    }
+    assert len(record["setting"]) == 5
+
+
+def test_every_trial_is_written_and_the_figure(tuned):
+    place = tuned[0] / "results/adhoc/tune/baseline-none"
+    trials = pd.read_csv(place / "trials.csv")
+
+    assert len(trials) == 4
+    assert trials["filter.accel_mps2"][0] == 0.2
+    assert trials["loss"][0] == pytest.approx(0.0, abs=1e-12)
+    assert (place / "search.png").stat().st_size > 5000
+
+
+def test_a_run_takes_the_preset_with_the_tuned_values(tuned):
+    folder, _ = tuned
+    place = folder / "results/adhoc/tune/baseline-chi2"
+    setting = json.loads((place / "tuning.json").read_text())["setting"]
+
+    words = ["--config-dir", str(place / "conf"), "experiment=baseline_chi2_tuned", "dataset.duration_s=12"]
+    done = verb("run", *words, "seeds=1", "study=taken", "figures=false", cwd=folder)
+
+    assert done.returncode == 0, done.stderr
+    (stored,), _ = Store(folder / "results/taken").read()
+    cell = stored.metadata
+    assert [cell["labels"][name] for name in ("filter", "adaptation", "noise")] == [
+        "baseline, tuned",
+        "chi2",
+        "default",
+    ]
+    assert cell["spec"]["filter"]["accel_mps2"] == pytest.approx(setting["filter.accel_mps2"])
+    assert cell["spec"]["adaptation"]["longest"] == setting["adaptation.longest"]
+    assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
+
+
+def printed(text):
+    """The words of the command that a page prints."""
+    return shlex.split(text.partition("Take it with: jerkbench ")[2].splitlines()[0])
+
+
+def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tuned):
+    folder, _ = tuned
+    place = folder / "results/adhoc/tune/baseline-chi2"
+    setting = json.loads((place / "tuning.json").read_text())["setting"]
+    command = printed((place / "tuning.md").read_text())
+    assert command[-1] == "first_seed=4"  # 0 to 3 are of the tuning
+
+    done = jerkbench(*command, "seeds=1", "study=printed", "figures=false", cwd=folder)
+
+    assert done.returncode == 0, done.stderr
+    cells = [stored.metadata for stored in Store(folder / "results/printed").read()[0]]
+    assert {cell["labels"]["disturbance"] for cell in cells} == {"none", "outliers"}
+    for cell in cells:
+        assert cell["spec"]["dataset"]["duration_s"] == 12
+        assert cell["spec"]["filter"]["accel_mps2"] == pytest.approx(setting["filter.accel_mps2"])
+        assert cell["spec"]["adaptation"]["longest"] == setting["adaptation.longest"]
+        assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
+
+
+def test_the_report_of_a_study_of_tuned_methods_is_true(tuned):
+    folder, _ = tuned
+    presets = [f"results/adhoc/tune/baseline-{name}/conf" for name in ("none", "chi2")]
+    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    words = ["experiment=baseline_none_tuned,baseline_chi2_tuned", "disturbance=none,outliers", "dataset.duration_s=12"]
+    done = verb("run", "-m", *folders, *words, "first_seed=4", "seeds=6", "study=fair", "figures=false", cwd=folder)
+    assert done.returncode == 0, done.stderr
+
+    found = verb("table", "results/fair", "--findings", cwd=folder).stdout
+    assert verb("report", "results/fair", "--scenarios", "0", cwd=folder).returncode == 0
+
+    budget = "Tuned by jerkbench tune: objective=rmse, trials=4, finalists=2, sampler=sobol; seeds 0 to 0 to tune"
+    assert budget in done.stdout
+    assert any("chi2" in line and "none" in line for line in found.splitlines()[4:]), found
+    assert "not run" not in done.stdout  # each tuned method has its own cell
+    assert "optimistic" not in done.stderr
+    text = (folder / "results/fair/report.html").read_text(encoding="utf-8")
+    review = re.sub(r"<[^>]*>", "", text)
+    assert re.search(rf"Were the baselines tuned with the same budget\?\s*passed\s*{budget}", review)
+    assert "best noise of the sweep" not in text
+    assert "Nothing can be compared" not in text
+
+
+def test_default_and_tuned_methods_are_side_by_side_and_the_review_passes(tuned):
+    folder, _ = tuned
+    presets = [f"results/adhoc/tune/baseline-{name}/conf" for name in ("none", "chi2")]
+    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    shared = ["disturbance=none,outliers", "dataset.duration_s=12", "first_seed=4", "seeds=6", "study=both"]
+    experiments = "experiment=baseline_none_tuned,baseline_chi2_tuned"
+    for words in (["filter=baseline", "adaptation=none,chi2"], [experiments, "figures=false"]):
+        done = verb("run", "-m", *folders, *words, *shared, cwd=folder)
+        assert done.returncode == 0, done.stderr
+
+    table = verb("table", "results/both", cwd=folder).stdout
+    assert verb("report", "results/both", "--scenarios", "0", cwd=folder).returncode == 0
+
+    rows = [line for line in table.splitlines() if line.strip().startswith(("none", "outliers", "baseline"))]
+    assert [("tuned" in line, line.count("gm")) for line in rows] == [(False, 2), (True, 2)] * 2
+    review = re.sub(r"<[^>]*>", "", (folder / "results/both/report.html").read_text(encoding="utf-8"))
+    assert re.search(r"Were the baselines tuned with the same budget\?\s*passed\s*Tuned by jerkbench tune", review)
+
+
+def test_seeds_that_were_tuned_on_are_not_run_without_a_message(tuned):
+    folder, _ = tuned
+    preset = ["--config-dir", "results/adhoc/tune/baseline-chi2/conf", "experiment=baseline_chi2_tuned"]
+    for words in (["run"], ["run", "-m"]):
+        done = verb(*words, *preset, "dataset.duration_s=12", "seeds=3", "study=again", "figures=false", cwd=folder)
+        assert "tuned on the seeds 0 to 1, and 2 of them are run again" in " ".join(done.stderr.split())
+        assert "first_seed=4" in done.stderr
+
+
+def test_compare_tunes_all_methods_and_runs_them_on_unused_seeds(tmp_path):
+    words = ["filter=baseline,jerk", "adaptation=none,chi2", "disturbance=outliers", *FAST]
+    done = verb("tune", "-m", *words, "study=one", "--compare", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+    rows = pd.read_csv(tmp_path / "results/one/rows.csv")
+    methods = {(f"{name}, tuned", rule) for name in ("baseline", "jerk") for rule in ("none", "chi2")}
+    assert set(rows[["filter", "adaptation"]].itertuples(index=False, name=None)) == methods
+    assert set(rows["seed"]) == {4, 5}  # 0 to 3 are of the tuning
+
+
+def test_a_tuning_that_makes_a_method_worse_is_named():
+    ratios = np.exp(0.3 + 0.02 * np.random.default_rng(1).standard_normal(20))
+    score = TuningScore(np.zeros(1), np.full(1, 0.3), 0, 0, 20, np.ones(20), ratios)
+    tuning = SimpleNamespace(name="jerk-mtf", outcome=SimpleNamespace(place=3), score=score)
+
+    *_, verdict, advice, _ = against_default([tuning])
+
+    assert verdict.startswith("tuning of jerk-mtf")
+    assert "] worse; 0 of 20 failed" in verdict
+    assert advice.startswith("Tuning made jerk-mtf worse on runs that were not used for tuning. Publish the tuned row")
+
+
+def test_the_command_keeps_what_was_given_and_not_tuned(tmp_path):
+    given = ["filter=bias", "adaptation=mtf", "adaptation.window=3", "r_scale.position=2"]
+    words = [*given, "dataset=field_white", "attitude=real", *FAST, "knobs=[filter.accel_mps2]"]
+    done = verb("tune", *words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+    ran = jerkbench(*printed(done.stdout), "seeds=1", "study=printed", cwd=tmp_path)
+
+    assert ran.returncode == 0, ran.stderr
+    ((stored,), _) = Store(tmp_path / "results/printed").read()
+    spec = stored.metadata["spec"]
+    labels = stored.metadata["labels"]
+    assert (labels["dataset"], labels["attitude"]) == ("field_white(duration_s=12)", "real")
+    assert (spec["adaptation"]["window"], spec["r_scale"]["position"]) == (3, 2)
+    record = json.loads(next(tmp_path.rglob("tuning.json")).read_text())
+    assert spec["filter"]["accel_mps2"] == pytest.approx(record["setting"]["filter.accel_mps2"])
+
+
+def test_the_files_for_other_programs_hold_the_noise_and_say_what_does_not_map(tuned):
+    place = tuned[0] / "results/adhoc/tune/baseline-chi2"
+    setting = json.loads((place / "tuning.json").read_text())["setting"]
+    texts = {path.name: path.read_text() for path in (place / "export").iterdir()}
+    node, gins, own = (
+        yaml.safe_load(texts[name]) for name in ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
+    )
+    density = setting["filter.accel_mps2"] ** 2 * 0.01  # the field's IMU gives 100 samples a second
+
+    noise = node["ekf_filter_node"]["ros__parameters"]["process_noise_covariance"]
+    assert len(noise) == 225
+    assert noise[16 * 6] == pytest.approx(density, rel=1e-4)
+    assert min(noise[::16]) > 0  # a zero would freeze that state
+    assert noise[0] == 0.05  # its own default
+    assert gins["imunoise"]["vrw"] == pytest.approx([60 * density**0.5] * 3, rel=1e-4)
+    assert own["filter"]["velocity_random_walk_mps_per_sqrt_h"] == pytest.approx(60 * density**0.5, rel=1e-4)
+    assert all("oes not map" in text for text in texts.values())
+
+
+def test_the_same_command_goes_on_where_it_was(tuned):
+    folder, _ = tuned
+    blocks = {path: path.stat().st_mtime_ns for path in folder.rglob("tune-*.parquet")}
+
+    done = verb("tune", "-m", "filter=baseline", "adaptation=none,chi2", "disturbance=none,outliers", *FAST, cwd=folder)
+
+    assert done.returncode == 0, done.stderr
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("tune-*.parquet")} == blocks
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["filter=gnss_only"], "There is nothing to tune: neither the filter gnss_only nor the adaptation none"),
+        (["filter=baseline,jerk"], "There are 2 methods; add -m"),
+        (["trials=0"], "at least one trial"),
+        (["trials=many"], "trials:"),
+        (["sampler=soboll"], "Did you mean 'sobol'"),
+        (["objective=rmsee"], "Did you mean 'rmse'"),
+        (["split=seed"], "Did you mean 'seeds'"),
+        (["split=families"], "held_out=[...]"),
+        (["split=families", "held_out=[wheel_slip]"], "needs scenarios on both sides"),
+        (["knobs=[filter.acel_mps2]"], "Did you mean 'filter.accel_mps2'"),
+        (["test_seeds=0"], "at least one seed to tune and one to test"),
+        (["filter.sigma=3"], "sigma"),
+        (["jerk"], "give KEY=VALUE"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_sentence(tmp_path, words, sentence):
+    done = verb("tune", *FAST, *words, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", ["local", "dask"])
+def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path, cluster):
+    """Two scenarios on two threads, or on two processes of Dask; the trials are those of the fixture."""
+    if cluster == "dask":
+        pytest.importorskip("distributed")
+    words = [
+        "filter=baseline",
+        "adaptation=chi2",
+        "disturbance=none,outliers",
+        *SMALL[:-1],
+        "trials=4",
+        "figures=false",
+    ]
+    done = jerkbench("tune", *words, f"cluster={cluster}", "workers=2", cwd=tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    own, here = (folder / "results/adhoc/tune/baseline-chi2/trials.csv" for folder in (tmp_path, tuned[0]))
+    pd.testing.assert_frame_equal(pd.read_csv(own), pd.read_csv(here), rtol=1e-12)
+
+
+def test_the_tuned_methods_are_compared_by_their_own_errors_seed_by_seed(tmp_path):
+    """Ratio and interval follow from ordinary runs of the presets; two models, whose plain filters differ."""
+    scenarios = ["disturbance=none,imu_bias", "dataset.duration_s=30"]
+    words = ["filter=baseline,jerk", *scenarios, "tune_seeds=1", "choose_seeds=1", "test_seeds=6", "trials=2"]
+    out = verb("tune", "-m", *words, "finalists=2", "figures=false", "workers=1", cwd=tmp_path).stdout
+    presets = [f"results/adhoc/tune/{name}-none/conf" for name in ("baseline", "jerk")]
+    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    experiments = "experiment=baseline_none_tuned,jerk_none_tuned"
+    verb("run", "-m", *folders, experiments, *scenarios, "first_seed=2", "seeds=6", "study=both", cwd=tmp_path)
+
+    rows = pd.read_csv(tmp_path / "results/both/rows.csv").assign(log=lambda own: np.log(own["position_rmse_m"]))
+    means = rows.assign(model=rows["filter"].str.removesuffix(", tuned")).pivot_table("log", "seed", "model")
+    d = means["jerk"] - means["baseline"]
+    assert abs(d.mean()) > 0.1  # else the two cannot be told apart
+    (line,) = (line for line in out.splitlines() if line.startswith("jerk-none") and "[" in line)
+    ratio, low, high = (float(number) for number in re.findall(r"\d+\.\d+", line)[:3])
+    assert ratio == pytest.approx(np.exp(d.mean()), abs=6e-4)
+    assert np.sqrt(low * high) == pytest.approx(ratio, abs=2e-3)
+    half = stats.t.ppf(0.975, 5) * d.std(ddof=1) / np.sqrt(6)  # Student's is too narrow where errors are skewed
+    assert 0.99 * half <= np.log(high / low) / 2 <= 1.5 * half
+    assert line.endswith("; 0 of 6 failed (up to 39 %)")
+
+
+def test_presets_of_one_name_in_two_folders_are_refused(tmp_path):
+    """Else the first would silently stand for both, and a method be compared with itself."""
+    for folder, accel_mps2 in (("a", 0.1), ("b", 0.2)):
+        (tmp_path / folder / "filter").mkdir(parents=True)
+        text = f"defaults: [baseline, _self_]\naccel_mps2: {accel_mps2}\n"
+        (tmp_path / folder / "filter/mine.yaml").write_text(text)
+
+    done = verb("run", "--config-dir", "a", "--config-dir", "b", "filter=mine", cwd=tmp_path)
+
+    assert done.returncode != 0
+    assert "different presets of one name; rename one of them." in done.stderr
