@@ -277,34 +277,21 @@ def compare_audits(folder: Path, other: Path) -> str:
 
 
 def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Statements) -> str:
-    """Return how many verdicts differ between two audits. A verdict that changes from better to worse is a defect."""
-    changed = changed_verdicts(first, second, methods)
-    turned = changed[changed[["first", "second"]].isin([str(Verdict.BETTER), str(Verdict.WORSE)]).all(axis=1)]
-    defect = ", which is a defect" if len(turned) else ""
+    """Return how many verdicts of H3 differ between two audits of the same ``methods``, and which are reversed."""
+    families = ("own", first.own_plain, second.own_plain), ("best", first.best_plain, second.best_plain)
+    changed = [
+        (method.name, against, one.verdict, other.verdict)
+        for against, *pair in families
+        for method, one, other in zip(methods, *pair, strict=True)
+        if one.verdict is not other.verdict
+    ]
+    turned = [own for own in changed if {*own[2:]} == {Verdict.BETTER, Verdict.WORSE}]
+    defect = ", which is a defect" if turned else ""
     head = (
         f"An audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
         f" {len(turned)} turn from better to worse or back{defect}. The error of the average adaptation relative to the"
         f" plain filter is {first.average}, then {second.average}. The error of the method that is best in tuning is"
         f" {first.pick}, then {second.pick}."
     )
-    lines = [
-        f"- {one.filter} + {one.adaptation}, {one.against} plain filter: {one.first}, then {one.second}"
-        for one in turned.itertuples()
-    ]
+    lines = [f"- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in turned]
     return "\n".join([head, *lines])
-
-
-def changed_verdicts(first: Statements, second: Statements, methods: Sequence[AuditMethod]) -> pd.DataFrame:
-    """Return the verdicts of H3 that differ between two audits of the same ``methods``.
-
-    Returns:
-        filter, adaptation, against ("own" or "best"), first, second (verdicts).
-    """
-    pairs = {"own": (first.own_plain, second.own_plain), "best": (first.best_plain, second.best_plain)}
-    lines = [
-        {**method._asdict(), "against": against, "first": str(one.verdict), "second": str(other.verdict)}
-        for against, (left, right) in pairs.items()
-        for method, one, other in zip(methods, left, right, strict=True)
-        if one.verdict is not other.verdict
-    ]
-    return pd.DataFrame(lines, columns=[*METHOD_COLUMNS, "against", "first", "second"])

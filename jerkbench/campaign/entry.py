@@ -197,7 +197,7 @@ def losses_of_drives(rows: pd.DataFrame, levels: Mapping[int, float]) -> "pd.Ser
 
 def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
     """Return the part of the manifest that is the same for each entry of a suite."""
-    return {"suite": scale, "protocol": protocol.digest, "data": [FROZEN[scale].data]}
+    return {"suite": scale, "protocol": protocol.digest, "data": [FROZEN[scale]["data"]]}
 
 
 def plugins_digest(method: MethodSpec, protocol: SuiteProtocol) -> str:

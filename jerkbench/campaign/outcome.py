@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 
 from jerkbench.arrays import FloatArray
 from jerkbench.campaign.protocol import digest_of
-from jerkbench.campaign.search import SearchOutcome, Trials, Tuning, equal_budgets
+from jerkbench.campaign.search import SearchOutcome, Trials, Tuning
 from jerkbench.campaign.space import Space
 from jerkbench.contracts import is_attitude_only
 from jerkbench.evaluation.judgement import DEFEATS, MARGIN, Judgement, Verdict, judged, log_ratios
@@ -79,36 +79,24 @@ def tuning_page(tuning: Tuning) -> str:
         **record(tuning),
         parameters=tuning.space.parameters,
         meaning=tuning.objective.meaning,
-        budget=equal_budgets({tuning.name: tuning.outcome}),
-        warnings=warnings(tuning),
+        found=tuning.outcome.place > 0,
+        improved=tuning.score.chosen.mean() < tuning.score.before.mean(),
     )
 
 
-def warnings(tuning: Tuning) -> list[str]:
-    """Return what a reader has to know before the setting is used."""
-    sentences = tuning.space.at_edge(tuning.setting)
-    if tuning.outcome.place == 0:
-        sentences.append("No setting was better than the one before the search.")
-    elif tuning.score.chosen.mean() >= tuning.score.before.mean():
-        sentences.append("On runs that were not seen the tuned setting is no better than the one before the search.")
-    return sentences
-
-
 def tunings_table(tunings: Sequence[Tuning]) -> str:
-    """Return the tuned methods as a table, compared with the first one and each with its setting before the search.
-
-    Raises:
-        JerkbenchError: The methods were not tuned with equal budgets.
-    """
+    """Return the tuned methods as a table, compared with the first one and each with its setting before the search."""
     lines = [
         f"{tuning.name:<32} {_shown(tuning, tuning.score.before):>10} {_shown(tuning, tuning.score.chosen):>10}"
         f" {tuning.score.failed:>4} of {tuning.score.runs}"
         for tuning in tunings
     ]
-    head = f"{'method':<32} {'before':>10} {'tuned':>10} {'lost':>4}"
-    equal = equal_budgets({tuning.name: tuning.outcome for tuning in tunings})
     title = f"Runs that were not used for tuning: {tunings[0].objective.meaning}."
-    return "\n".join([title, head, *lines, "", *_against_first(tunings), *against_default(tunings), equal])
+    head = f"{'method':<32} {'before':>10} {'tuned':>10} {'lost':>4}"
+    trials = tunings[0].budget.trials
+    equal = f"Equal budgets: each of {len(tunings)} methods tried {trials} settings."
+    budget = equal if len(tunings) > 1 else f"Budget: {trials} settings tried."
+    return "\n".join([title, head, *lines, "", *_against_first(tunings), *against_default(tunings), budget])
 
 
 def _against_first(tunings: Sequence[Tuning]) -> list[str]:

@@ -3,7 +3,7 @@
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -105,23 +105,10 @@ class SuiteProtocol:
         return range(first, first + self.test_seeds)
 
 
-class Frozen(NamedTuple):
-    """A suite that does not change any more.
-
-    Attributes:
-        protocol: digest of its protocol.
-        data: digest of the recordings of the first drives to score on.
-    """
-
-    protocol: str
-    data: str
-
-
-FROZEN = {
-    name: Frozen(**known)
-    for name, known in json.loads(Path(__file__).with_name("frozen.json").read_text(encoding="utf-8")).items()
-}
-"""From frozen.json, which is never edited: a change is a new suite with a new name."""
+FROZEN: Mapping[str, Mapping[str, str]] = json.loads(
+    Path(__file__).with_name("frozen.json").read_text(encoding="utf-8")
+)
+"""The digests of the protocol and the recordings of each suite. A change is a new suite with a new name."""
 
 
 def read_suite(scale: str) -> SuiteProtocol:
@@ -135,10 +122,10 @@ def read_suite(scale: str) -> SuiteProtocol:
     where = f"conf/suite/{scale}.yaml, with conf/dataset/{stated['dataset']}.yaml,"
     stated = {**stated, "dataset": preset("dataset", stated["dataset"])}
     protocol = SuiteProtocol(**_fields(SuiteProtocol, stated, where))
-    if protocol.digest != FROZEN[scale].protocol:
+    if protocol.digest != FROZEN[scale]["protocol"]:
         raise PluginError(
             f"{where} is not {protocol.name} any more: its digest is {protocol.digest}, the frozen one"
-            f" {FROZEN[scale].protocol}. Take the change back; a changed suite needs a new file with a new name."
+            f" {FROZEN[scale]['protocol']}. Take the change back; a changed suite needs a new file with a new name."
         )
     return protocol
 
@@ -165,34 +152,27 @@ def require_recordings(scale: str, protocol: SuiteProtocol) -> None:
     Raises:
         RecordingError: A recording differs.
     """
-    if (own := data_digest(protocol)) != FROZEN[scale].data:
+    if (own := data_digest(protocol)) != FROZEN[scale]["data"]:
         raise RecordingError(
             f"The recordings are not those of {protocol.name}: their digest is {own}, the frozen one"
-            f" {FROZEN[scale].data}. Other data are another suite; use a version of jerkbench that makes these."
+            f" {FROZEN[scale]['data']}. Other data are another suite; use a version of jerkbench that makes these."
         )
 
 
 def data_digest(protocol: SuiteProtocol) -> str:
-    """Return the digest of the frozen recordings."""
-    scenario, inputs = protocol.job(protocol.plain_method).scenario, Inputs()
-    recordings = (inputs.recording(scenario, seed) for seed in protocol.seeds_to_test_on[:FROZEN_DRIVES])
-    return arrays_digest(array for recording in recordings for array in _arrays(recording))
-
-
-def arrays_digest(arrays: Iterable[FloatArray]) -> str:
-    """Return the first 8 digits of the SHA-256 of rounded means of arrays."""
-    sha = hashlib.sha256()
-    for array in arrays:
-        parts = np.array_split(np.nan_to_num(array), PARTS)
-        means = np.array([(part.mean(axis=0), np.square(part).mean(axis=0)) for part in parts])
-        sha.update(f"{array.shape}".encode() + np.rint(means / ROUNDED_TO).astype("<i8").tobytes())
+    """Return the first 8 digits of the SHA-256 of rounded means of the arrays of the frozen recordings."""
+    scenario, inputs, sha = protocol.job(protocol.plain_method).scenario, Inputs(), hashlib.sha256()
+    for seed in protocol.seeds_to_test_on[:FROZEN_DRIVES]:
+        for array in _hashed_arrays(inputs.recording(scenario, seed)):
+            parts = np.array_split(np.nan_to_num(array), PARTS)
+            means = np.array([(part.mean(axis=0), np.square(part).mean(axis=0)) for part in parts])
+            sha.update(f"{array.shape}".encode() + np.rint(means / ROUNDED_TO).astype("<i8").tobytes())
     return sha.hexdigest()[:8]
 
 
-def _arrays(recording: Recording) -> Iterator[FloatArray]:
+def _hashed_arrays(recording: Recording) -> Iterator[FloatArray]:
     for name, fields in HASHED_ARRAYS.items():
-        stream = getattr(recording, name)
-        arrays = (getattr(stream, field) for field in fields) if stream is not None else ()
+        arrays = (getattr(getattr(recording, name), field, None) for field in fields)
         yield from (array for array in arrays if array is not None)
 
 

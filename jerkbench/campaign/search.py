@@ -14,7 +14,7 @@ from jerkbench.campaign.runs import CampaignRuns
 from jerkbench.campaign.space import Setting, Space, sampler_of
 from jerkbench.campaign.split import Cases
 from jerkbench.contracts import is_attitude_only
-from jerkbench.errors import JerkbenchError, PluginError, RecordingError, require_known
+from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.progress import Progress
@@ -419,18 +419,3 @@ def tune(
     scores = tuple(score(evaluator, outcome.setting, cases.test) for outcome in outcomes)
     interval_s = recording.imu.nominal_interval_s if recording.imu is not None else None
     return Tuning(name, evaluator, cases, budget, outcomes, scores, interval_s)
-
-
-def equal_budgets(outcomes: dict[str, SearchOutcome]) -> str:
-    """Return how many settings each method tried.
-
-    Raises:
-        JerkbenchError: The numbers differ, so the methods cannot be compared.
-    """
-    counts = {name: len(outcome.trials) for name, outcome in outcomes.items()}
-    if len(set(counts.values())) > 1:
-        each = ", ".join(f"{name} {count}" for name, count in counts.items())
-        raise JerkbenchError(f"The methods were not tuned alike: settings tried: {each}; give all the same trials=.")
-    (count,) = set(counts.values())
-    several = f"Equal budgets: each of {len(counts)} methods tried {count} settings."
-    return several if len(counts) > 1 else f"Budget: {count} settings tried."

@@ -34,16 +34,7 @@ def test_the_plain_filters_may_try_as_many_settings_as_the_methods_that_are_pick
     assert len(protocol.plains) * protocol.plain_trials == len(picked) * len(protocol.filters) * protocol.trials
 
 
-@pytest.mark.parametrize("scale", SCALES)
-def test_no_drive_is_used_twice(scale):
-    protocol = read_protocol(scale)
-    tuned = [seed for tuning in range(protocol.tunings) for seed in protocol.seeds_to_tune_on(tuning)]
-    seeds = [*tuned, *protocol.seeds_to_judge_on]
-
-    assert len(set(seeds)) == len(seeds) == protocol.tunings * protocol.tune_drives + protocol.judged_drives
-
-
-def test_protocols_share_no_drive():
+def test_no_drive_is_used_twice_in_one_or_in_two_protocols():
     seeds = [
         seed
         for protocol in map(read_protocol, SCALES)

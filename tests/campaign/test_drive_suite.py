@@ -29,13 +29,13 @@ DRAWN = plugins.create("dataset", preset("dataset", "mixture"))
 @pytest.mark.parametrize("scale", DIGESTS)
 def test_the_protocols_are_those_that_were_frozen(scale):
     protocol = read_suite(scale)
-    assert protocol.digest == FROZEN[scale].protocol == DIGESTS[scale]
+    assert protocol.digest == FROZEN[scale]["protocol"] == DIGESTS[scale]
     assert not set(protocol.seeds_to_tune_on) & set(protocol.seeds_to_test_on)
 
 
 @pytest.mark.parametrize("scale", ["v2-tiny", pytest.param("v2", marks=pytest.mark.slow)])
 def test_the_simulated_drives_are_those_that_were_frozen(scale):
-    assert data_digest(read_suite(scale)) == FROZEN[scale].data
+    assert data_digest(read_suite(scale)) == FROZEN[scale]["data"]
 
 
 def test_every_kind_of_fault_is_among_the_frozen_drives():

@@ -14,7 +14,6 @@ from jerkbench.campaign.search import (
     FAILED_RUN,
     Budget,
     Evaluator,
-    equal_budgets,
     objective_of,
     score,
     search,
@@ -175,16 +174,6 @@ def test_a_lost_run_counts_log_100_and_none_counts_more():
     assert objective.losses(values, 1.0) == pytest.approx([np.log(0.5), FAILED_RUN, FAILED_RUN, FAILED_RUN])
     assert objective.level(values[:2], 1000.0) == pytest.approx(0.5)
     assert objective.level(values[1:2], 1000.0) == pytest.approx(1000.0)
-
-
-def test_equal_budgets_are_checked_and_said(evaluator_of):
-    cell = cell_of()
-    cases, evaluator = by_seeds([cell], Seeds(1, 0, 1)), evaluator_of(cell)
-    two, three = (search(evaluator, cases, Budget(count)) for count in (2, 3))
-
-    assert equal_budgets({"a": two, "b": two}) == "Equal budgets: each of 2 methods tried 2 settings."
-    with pytest.raises(JerkbenchError, match=r"not tuned alike: .*a 2, b 3"):
-        equal_budgets({"a": two, "b": three})
 
 
 def test_what_has_no_range_cannot_be_tuned():
