@@ -86,7 +86,7 @@ class AuditAnswer:
             f"{own['better']} are better than the equally tuned plain filter of their model, {own['worse']} are worse"
         )
         return [
-            f"Of {len(taken)} published adaptive filters, {counts}.",
+            f"Of {len(taken)} published or simplified adaptive filters, {counts}.",
             f"Compared with the best plain filter, {best['better']} are better and {best['worse']} are worse.",
             f"{average}: {self.said.average}.",
             f"{pick}: {self.said.pick}.",

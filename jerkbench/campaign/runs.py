@@ -1,10 +1,9 @@
 """Methods on scenarios, the settings that a search tries, and their runs: a stored run is not computed again."""
 
 import dataclasses
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -73,11 +72,6 @@ class MethodSpec:
     def name(self) -> str:
         """Names of the filter and the adaptation."""
         return f"{self.filter['name']} + {self.adaptation['name']}"
-
-    @cached_property
-    def text(self) -> str:
-        """The specification as JSON."""
-        return json.dumps(dataclasses.asdict(self), sort_keys=True)
 
     def job(
         self, scenario: FaultScenario, limits: Protocol = LIMITS, metrics: Sequence[str] = ("position_rmse",)

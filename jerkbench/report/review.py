@@ -125,8 +125,8 @@ def _budget(evidence: Evidence) -> tuple[bool | None, str]:
     if not counts:
         return None, "No method has a parameter."
     if budgets := sorted(set[str]().union(*notes.values()) - {""}):
-        default_of = {label.replace(f"{TUNED_SUFFIX} + ", " + ") for label in notes if TUNED_SUFFIX in label}
-        untuned = ", ".join(method for method, of in notes.items() if "" in of and method not in default_of)
+        tuned_names = {label.replace(TUNED_SUFFIX, "") for label in notes if TUNED_SUFFIX in label}
+        untuned = ", ".join(method for method, of in notes.items() if "" in of and method not in tuned_names)
         return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= LEAST_SETTINGS
     told = ", ".join(
