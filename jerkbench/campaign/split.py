@@ -94,6 +94,11 @@ class Seeds:
         choose, test = self.first + self.tune, self.first + self.tune + self.choose
         return range(self.first, choose), range(choose, test), range(test, test + self.test)
 
+    def __str__(self) -> str:
+        """Return the first and the last seed of each part."""
+        tune, choose, test = (f"{part[0]} to {part[-1]}" if part else "none" for part in self.parts)
+        return f"seeds {tune} to tune, {choose} to choose, {test} to test"
+
 
 @dataclass(frozen=True, eq=False)
 class Cases:
@@ -144,10 +149,8 @@ def by_seeds(jobs: Sequence[Job], seeds: Seeds) -> Cases:
                 f"Nothing in {job.labels.dataset} with {job.labels.disturbance} is random, so other seeds would be"
                 " the same run: use split=time, or split=recordings."
             )
-    tune, choose, test = (f"{part[0]} to {part[-1]}" if part else "none" for part in seeds.parts)
-    split = f"seeds {tune} to tune, {choose} to choose, {test} to test"
     of_tune, of_choose, of_test = (_with_seeds(jobs, part) for part in seeds.parts)
-    return Cases(of_tune, of_choose, of_test, split)
+    return Cases(of_tune, of_choose, of_test, str(seeds))
 
 
 def by_time(jobs: Sequence[Job], seeds: Seeds, share: float = 0.5) -> Cases:
@@ -190,6 +193,8 @@ def by_label(jobs: Sequence[Job], kind: str, held_out: Sequence[str], seeds: See
         raise PluginError(f"A split by {split} needs scenarios on both sides; there are {len(seen)} and {len(unseen)}.")
     tune, choose, test = seeds.parts
     chosen = seen if choose and all(job.scenario.seeded for job in seen) else []
+    if any(job.scenario.seeded for job in jobs):
+        split = f"{split}; {seeds}"
     without_fault = [job for job in seen if kind == "disturbance" and job.labels.disturbance == "none"]
     return Cases(
         _with_seeds(seen, tune), _with_seeds(chosen, choose), _with_seeds([*unseen, *without_fault], test), split

@@ -86,6 +86,7 @@ def test_a_family_that_is_held_out_is_scored_and_never_tuned_on_and_the_nominal_
 
     assert [case.labels.disturbance for case in cases.tune] == ["none", "wheel_slip"]
     assert sorted(case.labels.disturbance for case in cases.test) == ["imu_bias", "none", "outliers"]
+    assert cases.split.endswith("; seeds 0 to 1 to tune, 2 to 2 to choose, 3 to 4 to test")
     seen = {draw for case in (*cases.tune, *cases.choose) for draw in case.draws}
     assert not seen & {draw for case in cases.test for draw in case.draws}
 
