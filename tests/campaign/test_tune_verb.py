@@ -20,6 +20,10 @@ SMALL = ["dataset.duration_s=12", "tune_seeds=1", "choose_seeds=1", "test_seeds=
 FAST = [*SMALL, "trials=4", "figures=false"]
 
 
+def preset_folders(*methods):
+    return [word for name in methods for word in ("--config-dir", f"results/adhoc/tune/{name}/conf")]
+
+
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory):
     """A folder in which two methods were tuned over two scenarios, and what was said."""
@@ -101,8 +105,7 @@ def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tune
 
 def test_the_report_of_a_study_of_tuned_methods_is_true(tuned):
     folder, _ = tuned
-    presets = [f"results/adhoc/tune/baseline-{name}/conf" for name in ("none", "chi2")]
-    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    folders = preset_folders("baseline-none", "baseline-chi2")
     words = ["experiment=baseline_none_tuned,baseline_chi2_tuned", "disturbance=none,outliers", "dataset.duration_s=12"]
     done = verb("run", "-m", *folders, *words, "first_seed=4", "seeds=6", "study=fair", "figures=false", cwd=folder)
     assert done.returncode == 0, done.stderr
@@ -124,8 +127,7 @@ def test_the_report_of_a_study_of_tuned_methods_is_true(tuned):
 
 def test_default_and_tuned_methods_are_side_by_side_and_the_review_passes(tuned):
     folder, _ = tuned
-    presets = [f"results/adhoc/tune/baseline-{name}/conf" for name in ("none", "chi2")]
-    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    folders = preset_folders("baseline-none", "baseline-chi2")
     shared = ["disturbance=none,outliers", "dataset.duration_s=12", "first_seed=4", "seeds=6", "study=both"]
     experiments = "experiment=baseline_none_tuned,baseline_chi2_tuned"
     for words in (["filter=baseline", "adaptation=none,chi2"], [experiments, "figures=false"]):
@@ -143,7 +145,7 @@ def test_default_and_tuned_methods_are_side_by_side_and_the_review_passes(tuned)
 
 def test_seeds_that_were_tuned_on_are_not_run_without_a_message(tuned):
     folder, _ = tuned
-    preset = ["--config-dir", "results/adhoc/tune/baseline-chi2/conf", "experiment=baseline_chi2_tuned"]
+    preset = [*preset_folders("baseline-chi2"), "experiment=baseline_chi2_tuned"]
     for words in (["run"], ["run", "-m"]):
         done = verb(*words, *preset, "dataset.duration_s=12", "seeds=3", "study=again", "figures=false", cwd=folder)
         assert "tuned on the seeds 0 to 1, and 2 of them are run again" in " ".join(done.stderr.split())
@@ -256,11 +258,11 @@ def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path, cluster):
         "filter=baseline",
         "adaptation=chi2",
         "disturbance=none,outliers",
-        *SMALL[:-1],
-        "trials=4",
-        "figures=false",
+        *FAST,
+        f"cluster={cluster}",
+        "workers=2",
     ]
-    done = jerkbench("tune", *words, f"cluster={cluster}", "workers=2", cwd=tmp_path)
+    done = jerkbench("tune", *[word for word in words if word != "workers=1"], cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
     own, here = (folder / "results/adhoc/tune/baseline-chi2/trials.csv" for folder in (tmp_path, tuned[0]))
@@ -272,8 +274,7 @@ def test_the_tuned_methods_are_compared_by_their_own_errors_seed_by_seed(tmp_pat
     scenarios = ["disturbance=none,imu_bias", "dataset.duration_s=30"]
     words = ["filter=baseline,jerk", *scenarios, "tune_seeds=1", "choose_seeds=1", "test_seeds=6", "trials=2"]
     out = verb("tune", "-m", *words, "finalists=2", "figures=false", "workers=1", cwd=tmp_path).stdout
-    presets = [f"results/adhoc/tune/{name}-none/conf" for name in ("baseline", "jerk")]
-    folders = [word for preset in presets for word in ("--config-dir", preset)]
+    folders = preset_folders("baseline-none", "jerk-none")
     experiments = "experiment=baseline_none_tuned,jerk_none_tuned"
     verb("run", "-m", *folders, experiments, *scenarios, "first_seed=2", "seeds=6", "study=both", cwd=tmp_path)
 
