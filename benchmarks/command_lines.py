@@ -9,8 +9,8 @@ from typing import TypeVar
 from jerkbench import plugins
 from jerkbench.hydra_app.configuration import Schema
 from jerkbench.jobs.job import Noise
-from jerkbench.jobs.labels import GROUPS
 from jerkbench.presets import preset_names
+from jerkbench.report.labels import GROUPS
 
 T = TypeVar("T")
 

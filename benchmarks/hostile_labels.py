@@ -29,8 +29,8 @@ from hostile_programs import with_text
 from hostile_results import QUIET, SWEEP, answered, sign
 from markdown_it import MarkdownIt
 
-from jerkbench.jobs.labels import Labels
 from jerkbench.notices import is_plain
+from jerkbench.report.labels import Labels
 
 PATIENCE_S = 120
 """An answer that takes longer hangs."""

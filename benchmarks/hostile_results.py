@@ -24,8 +24,7 @@ import pyarrow.parquet as pq
 
 from jerkbench.cli import main
 from jerkbench.errors import NOT_COMPARABLE
-from jerkbench.jobs.parts import REQUIRED_COLUMNS, content_of, part_name
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import REQUIRED_COLUMNS, Store, content_of, part_name
 
 Rng = np.random.Generator
 STRANGE = (

@@ -22,11 +22,10 @@ import numpy as np
 
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.manifest import write_manifest
-from jerkbench.jobs.parts import RowBlock
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.rows import Result, job_rows
 from jerkbench.jobs.run import block_of
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study, write_study
 from jerkbench.report.terminal import print_beginning
 

@@ -233,8 +233,8 @@ def report(
     """
     from jerkbench.jobs.executors import processors
     from jerkbench.jobs.replay import tell_left_out
-    from jerkbench.jobs.study_figures import REPORT, Request, write_report
     from jerkbench.report import figures_choice
+    from jerkbench.report.study_figures import REPORT, Request, write_report
 
     opened = _opened(study)
     written = Path(path) if path else opened.folder / REPORT

@@ -7,6 +7,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from jerkbench.hydra_app.configuration import configured_job, register_schemas
+from jerkbench.jobs.job import Protocol, build
 from jerkbench.presets import config_folder
 
 
@@ -41,3 +42,20 @@ def with_method(job, **changed):
 def with_scenario(job, **changed):
     """The job over another dataset, with other disturbances or another attitude filter."""
     return replace(job, scenario=replace(job.scenario, **changed))
+
+
+SHORT_FIELD = {
+    "name": "field",
+    "duration_s": 8.0,
+    "imu_rate_hz": 50.0,
+    "reference_rate_hz": 50.0,
+    "position_latency_s": 0.0,
+}
+USUAL = {"dataset": SHORT_FIELD, "attitude": "tilt", "filter": "jerk", "adaptation": "none", "engine": "compiled"}
+
+
+def job_with(protocol=None, disturbance="none", **parts):
+    """A job with the usual parts, of which some are given by name or as mappings."""
+    spec = {**USUAL, **parts, "disturbance": disturbance}
+    spec = {kind: {"name": part} if isinstance(part, str) else part for kind, part in spec.items()}
+    return build({**spec, "disturbance": [spec["disturbance"]]}, protocol or Protocol())

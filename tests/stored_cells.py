@@ -1,7 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.jobs.parts import RowBlock
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import RowBlock, Store
 
 LABELS = {
     "dataset": "field",

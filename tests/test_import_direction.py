@@ -33,13 +33,15 @@ ORDER = [
     ["plugins.checks", "report"],
     ["testing", "inspection"],
     ["jobs"],
-    ["campaign"],
+    ["campaign", "report.selection", "report.study_figures"],
     ["hydra_app", "api", "fetching", "plugins.new"],
     ["verbs"],
     ["cli"],
     ["__main__"],
 ]
-"""The modules of `plugins` other than the registry have their own stages. Their names contain a dot."""
+"""The modules of `plugins` other than the registry have their own stages, as have modules of `report` that need jobs.
+Their names contain a dot.
+"""
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}
 MAX_LEVELS = 20
 """Length of the longest chain of parts in which each imports the next. It may be lowered, and is never raised."""
@@ -54,7 +56,7 @@ def part(*names):
 
 def part_of(path):
     names = path.relative_to(PACKAGE).with_suffix("").parts
-    return ".".join(names[:2]).removesuffix(".__init__") if names[0] == "plugins" else names[0]
+    return ".".join(names[:2]).removesuffix(".__init__") if names[0] == "plugins" else part(*names)
 
 
 def imports(path):

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from commands import verb
-from jerkbench.jobs.parts import RowBlock
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study
 from stored_cells import about, put, row
 

@@ -10,10 +10,9 @@ import pytest
 from commands import SHORT, verb
 from jerkbench.errors import PluginError
 from jerkbench.files import write_text
-from jerkbench.jobs.study import write_rows_csv
 from jerkbench.notices import plain
 from jerkbench.presets import _ASKED, environment_variable
-from jerkbench.report.writers import csv_escaped, inert, latex_escaped, markdown_grid, policy
+from jerkbench.report.writers import csv_escaped, inert, latex_escaped, markdown_grid, policy, write_rows_csv
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1"])

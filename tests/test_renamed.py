@@ -5,10 +5,10 @@ import pytest
 from jerkbench import plugins
 from jerkbench.hydra_app.composition import composed
 from jerkbench.jobs.names import choose
-from jerkbench.jobs.selection import named_study
 from jerkbench.presets import preset_names
 from jerkbench.renamed import RENAMED, new_label, new_word
 from jerkbench.report.comparisons import parse_baseline
+from jerkbench.report.selection import named_study
 
 PAIRS = [(kind, old, new) for kind, names in RENAMED.items() for old, new in names.items()]
 

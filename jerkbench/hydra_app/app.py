@@ -90,7 +90,7 @@ def _run_single(plan: Plan, store: Store, options: Options) -> None:
         method.engine.prepare(method.filter)  # the loop for trajectories, which takes as long as all else to compile
     _run_and_show(plan, store, options)
     if drawing:
-        from jerkbench.jobs.study_figures import draw_single
+        from jerkbench.report.study_figures import draw_single
 
         for path in draw_single(plan.jobs[0], study_folder(options), pdf=options["figures_pdf"]):
             print(f"Figure: {path}")
@@ -241,7 +241,7 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     """
     if not config.report:
         return 0
-    from jerkbench.jobs.study_figures import present
+    from jerkbench.report.study_figures import present
 
     try:
         choice = figures_choice(config.figures)

@@ -28,10 +28,10 @@ from jerkbench.hydra_app.overrides import (
     parsed_override,
 )
 from jerkbench.jobs.job import Job, Noise
-from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import choose, noise_of
 from jerkbench.presets import config_folder, folder_words, user_folders
 from jerkbench.renamed import new_name
+from jerkbench.report.labels import GROUPS
 
 DEPTH = {**dict.fromkeys((*GROUPS, "noise", "r_scale"), 2), "disturbance": 3}
 """The groups that are put into a base configuration, and the number of names in the key of a value."""

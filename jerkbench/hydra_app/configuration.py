@@ -23,10 +23,10 @@ from jerkbench.errors import PluginError, require_known
 from jerkbench.files import require_small
 from jerkbench.jobs.executors import Cluster
 from jerkbench.jobs.job import Job, Noise, Protocol, build
-from jerkbench.jobs.labels import GROUPS, labels_of
 from jerkbench.presets import config_folder, environment_variable, preset, require_harmless
 from jerkbench.renamed import RENAMED, new_name, refuse_removed
 from jerkbench.report import Choice, figures_choice
+from jerkbench.report.labels import GROUPS, labels_of
 from jerkbench.timeline import RScale
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])

@@ -13,13 +13,13 @@ from jerkbench.errors import PluginError
 from jerkbench.evaluation.judgement import Verdict
 from jerkbench.evaluation.planning import FIRST, interim_levels, interim_sizes
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.labels import Labels
 from jerkbench.jobs.manifest import stretches
 from jerkbench.jobs.plan import Plan, in_order, missing
 from jerkbench.jobs.progress import duration
 from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import Study
 from jerkbench.report.comparisons import VerdictRule
+from jerkbench.report.labels import Labels
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import main_metric
 
@@ -103,7 +103,7 @@ def _time(plan: Plan, left: Mapping[str, int], store: Store, workers: int) -> st
     times_s = defaultdict(list)
     for cell in stored:
         for names in _names(cell.metadata["spec"]):
-            times_s[names].append(cell.metadata["seconds"] / max(len(cell.runs), 1))
+            times_s[names].append(cell.metadata["seconds"] / max(len(cell.table), 1))
     usual_s = {names: float(np.median(times)) for names, times in times_s.items()}
     run_s = {  # as the cells took that are most like it
         job.key: next((usual_s[names] for names in _names(job.spec) if names in usual_s), np.nan)

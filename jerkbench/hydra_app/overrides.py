@@ -17,9 +17,9 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from jerkbench import plugins
 from jerkbench.errors import PluginError, unknown
 from jerkbench.hydra_app.looks import typed as typed_seeds
-from jerkbench.jobs.labels import GROUPS
 from jerkbench.presets import default_names, preset_names
 from jerkbench.renamed import new_word, renamed_notice
+from jerkbench.report.labels import GROUPS
 
 NAMED_GROUPS = (*GROUPS, "disturbance", "noise", "experiment", "cluster")
 """Groups of which a name is chosen."""

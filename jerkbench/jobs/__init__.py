@@ -1,6 +1,6 @@
-"""One combination with all its seeds: what it is, its key, its inputs, its rows, where it runs and what is kept of it.
+"""Jobs: one combination with all its seeds, from its names to its stored rows.
 
-`job` says what is run and `names` makes it from names, `key` what its rows depend on, `inputs` what runs share, `rows`
-runs it. `plan` cuts tasks, `run` is the loop, `dispatch` sends tasks to the workers that `cluster` opens. `store` keeps
-the rows in `parts`; `study` is its folder with manifest and tables, `replay` runs a row again, `study_figures` draws.
+`job` defines a job and `names` makes one from names; `key` hashes all that its rows depend on. `plan` divides jobs into
+tasks. `run` sends the tasks to the workers of `executors`, and `rows` computes their rows from the shared `inputs`.
+`store` writes and reads the rows, `manifest` describes the commands, `study` joins both, and `replay` runs a row again.
 """

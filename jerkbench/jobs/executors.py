@@ -2,7 +2,6 @@
 
 import logging
 import multiprocessing
-import multiprocessing.connection
 import os
 import signal
 import sys
@@ -13,12 +12,12 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.connection import Connection
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.notices import keep_output_plain, shared_notices
+from jerkbench.notices import shared_notices
 
 
 class ClusterError(JerkbenchError):
@@ -99,74 +98,62 @@ class Local:
 LOCAL = Local()
 """The processes of this machine."""
 
-GRACE_S = 5.0
-"""Time that a terminated process gets to end."""
+_SPAWN = multiprocessing.get_context("spawn")
+"""A forked process may hang in libraries that hold threads."""
 
 
 class LocalExecutor(Executor):
-    """A process pool that starts again after one of its processes has died."""
+    """A process pool that starts again after one of its processes has died.
+
+    The processes end as soon as the pipe to this process is closed: by `shutdown`, or because this process has died.
+    """
 
     def __init__(self, workers: int) -> None:
-        """Start no process yet."""
+        """Use up to ``workers`` processes."""
         self._workers = min(workers, 61) if sys.platform == "win32" else workers  # the limit of Windows
-        self._pool: ProcessPoolExecutor | None = None
+        self._start()
+
+    def _start(self) -> None:
+        self._reader, self._writer = _SPAWN.Pipe(duplex=False)
+        self._pool = ProcessPoolExecutor(self._workers, _SPAWN, _start_worker, (self._reader,))
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401 - of the call
         """Submit a call, to a new pool if the last one is broken."""
-        for _ in range(2):
-            if self._pool is None:
-                self._pool = ProcessPoolExecutor(self._workers, _Spawn(), initializer=_start_worker)
+        with _without_script():
             try:
                 return self._pool.submit(call, *arguments, **named)
             except BrokenProcessPool:
-                self._pool.shutdown(wait=True)
-                self._pool = None
-        raise ClusterError("The worker processes end as soon as they are started.")
+                self.shutdown()
+                self._start()
+                return self._pool.submit(call, *arguments, **named)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        """Terminate the processes at once: finished results have been received, and nobody waits for the others."""
-        if self._pool is not None:
-            children = [child for child in multiprocessing.active_children() if isinstance(child, _Process)]
-            self._pool.shutdown(wait=False, cancel_futures=cancel_futures)
-            for child in children:
-                child.terminate()
-            for child in children if wait else ():
-                child.join(GRACE_S)
+        """End the processes at once: finished results have been received, and the others are not needed."""
+        self._writer.close()
+        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+        self._reader.close()
 
 
-class _Process(SpawnProcess):
-    """A process that does not run the user's script again. `spawn` imports the parent's ``__main__`` otherwise."""
-
-    def start(self) -> None:
-        script = sys.modules["__main__"]
-        sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            super().start()
-        finally:
-            sys.modules["__main__"] = script
-
-
-class _Spawn(SpawnContext):
-    """A forked process may hang in libraries that hold threads."""
-
-    Process = _Process
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Hide the user's script: `spawn` imports the parent's ``__main__``, so each new process would run it again."""
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
-def _start_worker() -> None:
-    keep_output_plain()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _start_worker(reader: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
+    threading.Thread(target=_end_with_parent, args=(reader,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
-    """Exit when the parent has died. The pool's queue does not notice it, because workers hold both of its ends."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)
+def _end_with_parent(reader: Connection) -> None:
+    reader.poll(None)  # returns when the pipe is closed
+    os._exit(1)
 
-
-# Dask
 
 ANSWER_S = 30.0
 """Time that a Dask scheduler gets to answer."""
@@ -318,16 +305,9 @@ def required(module: str, cluster: str) -> ModuleType:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence Dask's own log: it reports each lost connection with a traceback."""
-    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _DASK_LOGGERS]
-    loggers = {logging.getLogger(name): logging.getLogger(name).level for name in names}
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL)
+    """Disable logging: Dask reports each lost connection with a traceback."""
+    logging.disable()
     try:
         yield
     finally:
-        for logger, level in loggers.items():
-            logger.setLevel(level)
-
-
-_DASK_LOGGERS = ("distributed", "tornado", "asyncio")
+        logging.disable(logging.NOTSET)

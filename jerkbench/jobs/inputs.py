@@ -42,7 +42,7 @@ def simulated(dataset: Dataset, seed: int) -> Recording:
         return kept
     recording = dataset.load(seed)
     with suppress(OSError):  # no room, or no right to write: then it is simulated again the next time
-        _write(recording, path)
+        write_trusted(path, pickle.dumps(recording, 5))
         if seed % 16 == 0:
             forget_oldest(path.parent, SIMULATED_PATTERN, MOST_CACHED_BYTES)
     return recording
@@ -52,13 +52,6 @@ def _key(dataset: Dataset, seed: int) -> str:
     """Name everything that decides on the recording: the data set, the code, the libraries, the seed."""
     parts = [repr(dataset), type(dataset).__qualname__, code_digest(), plugin_digest(type(dataset)), versions(), seed]
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
-
-
-def _write(recording: Recording, path: Path) -> None:
-    """Write what a recording is, and its arrays beside it."""
-    arrays: list[pickle.PickleBuffer] = []
-    described = pickle.dumps(recording, 5, buffer_callback=arrays.append)
-    write_trusted(path, pickle.dumps((described, [bytes(array.raw()) for array in arrays])))
 
 
 def _read(path: Path) -> Recording | None:
@@ -72,8 +65,7 @@ def _read(path: Path) -> Recording | None:
         return None
     with suppress(OSError):
         os.utime(path)  # used just now: others go first
-    described, arrays = pickle.loads(content)  # noqa: S301 - only this user can have written it
-    recording: Recording = pickle.loads(described, buffers=arrays)  # noqa: S301 - as above
+    recording: Recording = pickle.loads(content)  # noqa: S301 - only this user can have written it
     return recording
 
 

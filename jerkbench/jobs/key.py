@@ -26,24 +26,19 @@ COMPUTING = (
     *("filters", "inertial", "io", "kinematic", "recording", "simulation", "measurements", "timeline"),
     *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
     *("random_streams", "renamed", "sums", "tuning/splits"),
-    *(f"jobs/{name}" for name in ("inputs", "job", "labels", "rows")),
+    *("jobs/inputs", "jobs/job", "jobs/rows", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
 
 
 @cache
-def code_digest(*further: str) -> str:
-    """Hash of every source file that the rows of a cell depend on, and of every trace.
-
-    Args:
-        further: rooms on which a result depends besides.
-    """
+def code_digest() -> str:
+    """Return the hash of every source file that the rows of a job depend on, and of every trace."""
     digest = hashlib.sha256()
     for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("simulation/shipped/*.parquet")]):
         inside = path.relative_to(PACKAGE_FOLDER)
-        places = {part.as_posix() for part in (inside.with_suffix(""), *inside.parents)}
-        if not places.isdisjoint((*COMPUTING, *further)):
+        if not {one.as_posix() for one in (inside.with_suffix(""), *inside.parents)}.isdisjoint(COMPUTING):
             digest.update(str(inside).encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -1,18 +1,23 @@
-"""The manifest of a study: what was run, by which code, on which machine."""
+"""The manifest of a study: the jobs that were run, with which command, by which code and on which machine."""
 
 import json
 import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jerkbench.files import exists, write_text
+from jerkbench.files import write_text
 from jerkbench.jobs.key import git_commit, versions
 
 MANIFEST = "manifest.json"
+
+Stretches = Sequence[Sequence[int]]
+"""Consecutive seeds, each as the first and their number."""
+ShownSeeds = Mapping[str, Stretches]
+"""The seeds that are shown, by the key of their job."""
 
 
 def write_manifest(
@@ -22,24 +27,26 @@ def write_manifest(
     command: Sequence[str],
     level: float | None = None,
 ) -> None:
-    """Write what was run, by which code, on which machine; the order and the notes of earlier cells are kept.
+    """Add the jobs of a command to the manifest. Other processes may write to the same manifest.
 
-    Of two processes in one folder each adds to what the other has written. ``seeds`` of each cell are shown from now
-    on; those of a cell that is not whole are empty. Where seeds were added in blocks, ``level`` is what the last look
-    may spend.
+    Args:
+        folder: of the study.
+        seeds: the seeds of each job, which are shown from now on; empty for a job that is not complete.
+        notes: of the configuration.
+        command: the command line.
+        level: significance level of the last interim analysis, if seeds were added in blocks.
     """
     from filelock import FileLock
 
-    keys = list(seeds)
     with FileLock(folder / ".manifest.lock"):
         before = read_manifest(folder)
-        shown, notes_of, levels = (before.get(name, {}) for name in ("seeds", "notes", "levels"))
+        shown = before.get("seeds", {})
         manifest = {
-            "cells": list(dict.fromkeys([*before.get("cells", []), *keys])),
-            "last": keys,
-            "seeds": {**shown, **{key: _with(shown.get(key, ()), stretches(own)) for key, own in seeds.items() if own}},
-            "notes": {**notes_of, **{key: list(notes) for key in keys}},
-            "levels": {**levels, **(dict.fromkeys(keys, level) if level is not None else {})},
+            "cells": list(dict.fromkeys([*before.get("cells", []), *seeds])),
+            "last": list(seeds),
+            "seeds": shown | {key: _joined(shown.get(key, ()), stretches(own)) for key, own in seeds.items() if own},
+            "notes": before.get("notes", {}) | {key: list(notes) for key in seeds},
+            "levels": before.get("levels", {}) | ({} if level is None else dict.fromkeys(seeds, level)),
             "command": list(command),
             "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             "versions": versions(),
@@ -50,7 +57,7 @@ def write_manifest(
 
 
 def stretches(seeds: Sequence[int]) -> list[list[int]]:
-    """Return seeds that follow each other as the first, and how many: [0, 1, 2, 7] is [[0, 3], [7, 1]]."""
+    """Return consecutive seeds as the first and their number: [0, 1, 2, 7] is [[0, 3], [7, 1]]."""
     found: list[list[int]] = []
     for seed in sorted(seeds):
         if found and seed == sum(found[-1]):
@@ -60,51 +67,42 @@ def stretches(seeds: Sequence[int]) -> list[list[int]]:
     return found
 
 
-def _with(before: Iterable[Sequence[int]], own: list[list[int]]) -> list[list[int]]:
-    """Add seeds to those that are shown: what has none of them stays, as the shards of other processes."""
-    apart = [[*old] for old in before if not any(old[0] < sum(new) and new[0] < sum(old) for new in own)]
-    return sorted([*apart, *own])
+def _joined(before: Stretches, own: list[list[int]]) -> list[list[int]]:
+    """Add seeds to those that are shown already. New stretches replace the old ones that they overlap."""
+    retained = [[*old] for old in before if not any(old[0] < sum(new) and new[0] < sum(old) for new in own)]
+    return sorted([*retained, *own])
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read the manifest; empty where there is none yet."""
+    """Read the manifest. It is empty if there is none."""
     path = folder / MANIFEST
-    if not exists(path):
-        return {}
     try:
-        if path.is_file():  # a pipe would be waited for
-            manifest: Any = json.loads(path.read_text(encoding="utf-8"))
-            if isinstance(manifest, dict) and all(_is_entry(name, value) for name, value in manifest.items()):
+        if not path.exists():
+            return {}
+        if path.is_file():  # reading a pipe would never end
+            manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            if _is_valid(manifest):
                 return manifest
     except FileNotFoundError:
         return {}
-    except (ValueError, RecursionError):  # no text, or no JSON
+    except (ValueError, AttributeError, TypeError, RecursionError):  # it is not text, not JSON or not a manifest
         pass
     print(f"{path} is damaged and left aside; `jerkbench run` makes it anew.", file=sys.stderr)
     return {}
 
 
-def _is_entry(name: str, value: object) -> bool:
-    """Whether an entry is what a manifest has: no hash says whether the file was damaged."""
-    if name in MAPPINGS:
-        return isinstance(value, dict) and all(map(MAPPINGS[name], value.values()))
-    return name not in LISTS or _are_texts(value)
+def _is_valid(manifest: Mapping[str, Any]) -> bool:
+    """Whether the entries that are read have the right types."""
 
+    def all_of(values: object, *kinds: type) -> bool:
+        return all(isinstance(value, kinds) for value in values)  # type: ignore[attr-defined]  # or a TypeError
 
-def _are_texts(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(text, str) for text in value)
-
-
-def _are_stretches(value: object) -> bool:
-    pairs = value if isinstance(value, list) else [None]
-    return all(isinstance(pair, list) and len(pair) == 2 and all(type(n) is int for n in pair) for pair in pairs)
-
-
-LISTS = ("cells", "last", "command")
-MAPPINGS: Mapping[str, Callable[[object], bool]] = {
-    "seeds": _are_stretches,
-    "notes": _are_texts,
-    "levels": lambda value: isinstance(value, int | float),
-    "versions": lambda value: isinstance(value, str),
-}
-"""Entries of a manifest that are read again: lists of texts, and mappings with a test of their values."""
+    lists = [manifest.get(name, []) for name in ("cells", "last", "command")] + [*manifest.get("notes", {}).values()]
+    shown = [pair for own in manifest.get("seeds", {}).values() for pair in own]
+    return (
+        all_of(lists, list)
+        and all(all_of(texts, str) for texts in lists)
+        and all_of(manifest.get("levels", {}).values(), int, float)
+        and all_of(manifest.get("versions", {}).values(), str)
+        and all(len(pair) == 2 and all_of(pair, int) for pair in shown)
+    )

@@ -10,9 +10,9 @@ from jerkbench import plugins
 from jerkbench.contracts import Estimator, PerSeed, is_attitude_only, lacks_imu, preferred_attitude, uses_imu
 from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job, Noise, Protocol, build
-from jerkbench.jobs.labels import labels_of
 from jerkbench.presets import default_names, merged_values, preset, preset_names
 from jerkbench.renamed import new_name
+from jerkbench.report.labels import labels_of
 
 Part = Any
 """A plugin or a preset by its name, {"name": ..., parameter: value, ...}, or a plugin itself."""

@@ -46,14 +46,12 @@ def planned(jobs: Iterable[Job]) -> Plan:
     """
     left_out: Counter[str] = Counter()
     checked: set[tuple[object, object]] = set()
-    sensible, usable = list[Job](), list[Job]()
-    for job in jobs:
+    usable = list[Job]()
+    unusable: RecordingError | None = None
+    for job in sharing_scenarios(jobs):
         if reason := refusal(job):
             left_out[f"{reason}."] += 1
-        else:
-            sensible.append(job)
-    unusable: RecordingError | None = None
-    for job in sharing_scenarios(sensible):
+            continue
         try:
             require_inputs(job, checked)
             job.key  # noqa: B018 - which reads the files of the recording

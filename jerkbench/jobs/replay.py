@@ -9,27 +9,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from jerkbench import plugins
-from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import JerkbenchError
-from jerkbench.estimate import Estimate, Updates
-from jerkbench.evaluation.counted_rows import known
+from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
-from jerkbench.files import write_text
 from jerkbench.filters.command import Command
 from jerkbench.jobs.job import Job, Protocol, build
 from jerkbench.jobs.key import code_digest, require_data, versions
-from jerkbench.jobs.labels import Labels
-from jerkbench.jobs.parts import Stored
 from jerkbench.jobs.preflight import plugins_in_words
 from jerkbench.jobs.rows import Row, job_rows, run_seed
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import Store, Stored
 from jerkbench.jobs.study import Study, load_study
 from jerkbench.notices import plain
 from jerkbench.recording import Recording
 from jerkbench.report.columns import SCENARIO_FACTORS
+from jerkbench.report.labels import Labels
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,14 +92,21 @@ def stored_row(folder: Path, which: str, *, run_programs: bool = False) -> Store
     Raises:
         JerkbenchError: there is none, or several, or it needs a program that may not run.
     """
-    seed: int | None
+    seed: int | None = None
     if which.isdecimal() and len(which) < 6:
-        study, place = load_study(folder), int(which)
-        if not 1 <= place <= len(study.rows):
-            raise JerkbenchError(f"{folder} has the rows 1 to {len(study.rows)}; there is no row {place}.")
-        key, seed = str(study.keys.iloc[place - 1]), int(study.rows["seed"].iloc[place - 1])
+        study, number = load_study(folder), int(which)
+        if not 1 <= number <= len(study.rows):
+            raise JerkbenchError(f"{folder} has the rows 1 to {len(study.rows)}; there is no row {number}.")
+        key, seed = str(study.keys.iloc[number - 1]), int(study.rows["seed"].iloc[number - 1])
     else:
-        key, seed = _by_key(folder, which)
+        prefix, _, typed_seed = which.partition(":")
+        keys = Store(folder).keys_from(prefix)
+        if len(keys) != 1 or (typed_seed and not typed_seed.isdecimal()):
+            raise JerkbenchError(
+                f"'{which}' is no row of {folder}: {len(keys)} cells begin with '{prefix}'. Give the row's number in "
+                "rows.csv (from 1), or KEY:SEED, with the name of a file in cells/."
+            )
+        key, seed = keys[0], int(typed_seed) if typed_seed else None
     stored, _ = Store(folder).read([key])
     if not stored:
         raise JerkbenchError(f"The file of the cell {key} in {folder} is damaged; `jerkbench run` makes it anew.")
@@ -151,9 +152,9 @@ def runnable(cells: Sequence[Stored], *, run_programs: bool) -> list[Stored]:
 
 
 def tell_left_out(study: Study, *, run_programs: bool) -> None:
-    """Say on standard error how many cells of a study will not run again."""
-    stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
-    if count := len(stored) - len(runnable(stored, run_programs=run_programs)):
+    """Report on standard error how many jobs of a study will not run again, because they run programs."""
+    count = 0 if run_programs else sum(bool(program_of(own["spec"])) for own in study.metadata.values())
+    if count:
         cells = "1 cell runs a program. It is" if count == 1 else f"{count} cells run programs. They are"
         print(
             f"jerkbench: {cells} in the tables, but not in what needs a new run; give --run-programs (in Python"
@@ -220,19 +221,6 @@ def relative_difference(before: float, after: float) -> float:
     return math.inf if math.isnan(difference) else difference
 
 
-def _by_key(folder: Path, which: str) -> tuple[str, int | None]:
-    beginning, _, seed = which.partition(":")
-    keys = Store(folder).keys_from(beginning)
-    if len(keys) != 1 or (seed and not seed.isdecimal()):
-        raise JerkbenchError(
-            f"'{which}' is no row of {folder}: {len(keys)} cells begin with '{beginning}'. Give the row's number in "
-            "rows.csv (from 1), or KEY:SEED, with the name of a file in cells/."
-        )
-    return keys[0], int(seed) if seed else None
-
-
-# The time that a step of each method takes, measured again on this machine.
-
 REPEATS = 5
 """Of so many runs the quickest counts: what else the machine does makes a run slower, never quicker."""
 
@@ -280,73 +268,3 @@ def step_ns(stored: StoredRow) -> float:
             run_seed(stored.job, stored.draw)
             seconds.append(time.perf_counter() - began_s)
     return min(seconds) / len(recording.clock_s) * 1e9
-
-
-# A run as files for others: its trajectory in TUM's format, its updates as a table.
-
-
-def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, counted: BoolArray) -> list[Path]:
-    """Write estimate.tum and reference.tum with the rows that count, in ENU, with all digits; return the files.
-
-    The same stamps stand in both, so that an absolute position error without alignment over them is position_rmse_m. An
-    angle that the reference does not know is 0 there.
-
-    Raises:
-        JerkbenchError: no row has a reference.
-    """
-    truth = recording.reference.enu_m
-    rows = counted & known(truth, estimate)
-    if truth is None or not rows.any():
-        raise JerkbenchError(
-            f"The recording {recording.name} has no position reference, so there is nothing to export."
-        )
-    where = estimate.index[rows]
-    angles = recording.reference.euler_rad
-    euler = np.zeros((len(where), 3)) if angles is None else np.nan_to_num(angles[where])
-    t_s = recording.reference.t_s[where]
-    texts = {
-        "reference": _lines(t_s, truth[where], euler),
-        "estimate": _lines(t_s, estimate.position_m[rows], estimate.euler_rad[rows]),
-    }
-    for name, text in texts.items():
-        write_text(folder / f"{name}.tum", text)
-    return [folder / f"{name}.tum" for name in texts]
-
-
-def _lines(t_s: FloatArray, position_m: FloatArray, euler_rad: FloatArray) -> str:
-    from scipy.spatial.transform import Rotation
-
-    quaternion = Rotation.from_euler("ZYX", euler_rad[:, ::-1]).as_quat()
-    table = np.column_stack([t_s, position_m, quaternion])
-    return "".join(" ".join(map(repr, row)) + "\n" for row in table.tolist())
-
-
-MEASURED_ROWS = tuple(
-    f"{name}_{axis}_{unit}"
-    for name, unit in (("position", "m"), ("velocity", "mps"))
-    for axis in ("east", "north", "up")
-)
-"""The six rows of a measurement, with their unit."""
-
-UPDATE_COLUMNS = (
-    *("t_s", "rows", "nis", "nis_used"),
-    *(f"innovation_{name}" for name in MEASURED_ROWS),
-    *(f"sigma_used_{name}" for name in MEASURED_ROWS),
-)
-
-
-def write_updates(path: Path, updates: Updates) -> None:
-    """Write a line for each update, with all digits.
-
-    ``sigma_used`` is the square root of the diagonal of the R that was used: that of the adaptation, infinite where it
-    dropped the row. What was not measured is empty. ``nis`` is of the reported R, ``nis_used`` of the used one.
-
-    Raises:
-        JerkbenchError: there is no update.
-    """
-    if not len(updates.t_s):
-        raise JerkbenchError("The run has no update of which anything is kept, so there is nothing to write.")
-    head = np.column_stack([updates.t_s, updates.rows, updates.nis, updates.nis_used])
-    table = np.hstack([head, updates.innovation, np.sqrt(updates.R_diagonal)])
-    lines = [",".join("" if np.isnan(value) else repr(value) for value in line) for line in table.tolist()]
-    write_text(path, "\n".join([",".join(UPDATE_COLUMNS), *lines, ""]))

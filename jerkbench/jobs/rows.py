@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import require_begin
 from jerkbench.evaluation.evaluated_run import (
-    DRAWN,
     PreparedReference,
     Summary,
     can_stream,
@@ -44,9 +43,6 @@ from jerkbench.notices import plain
 from jerkbench.recording import Recording
 from jerkbench.sums import RecordedRun, Run, Streamed
 from jerkbench.timeline import Timeline, build_timeline, told_timeline
-
-if TYPE_CHECKING:
-    pass
 
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]
@@ -73,7 +69,7 @@ class Result(NamedTuple):
     """The result of a task for one of its jobs.
 
     Attributes:
-        rows: of its seeds; what a drive drew is one mapping, which all its rows share, under `DRAWN`.
+        rows: of its seeds.
         notes: for their reader.
         seconds: time of the rows [s], without `inputs_s`.
         inputs_s: time that recordings and attitudes took [s].
@@ -88,12 +84,12 @@ class Result(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class How:
-    """How jobs are run.
+class RunOptions:
+    """Options of the computation of rows.
 
     Attributes:
         strict: raise what is wrong with the input or a plugin, in words; else it becomes rows with the status "failed".
-        threads: how many the engine may use.
+        threads: number of threads of the engine.
         inputs: recordings, attitudes and timelines; default: those that all jobs of this process share.
     """
 
@@ -111,7 +107,7 @@ def job_rows(job: Job, draws: Sequence[int] = (), *, strict: bool = False, input
     draws, size = draws or job.draws, KEPT_INPUTS if streams(job) else 1
     tasks = [Task((job,), draws[start : start + size]) for start in range(0, len(draws), size)]
     results = [work(task, strict=strict, inputs=inputs)[0] for task in tasks]
-    return joined_pieces(([flat(row) for row in result.rows], result.notes) for result in results)
+    return joined_pieces((result.rows, result.notes) for result in results)
 
 
 def work(task: Task, *, strict: bool = False, threads: int = 1, inputs: Inputs | None = None) -> list[Result]:
@@ -120,18 +116,18 @@ def work(task: Task, *, strict: bool = False, threads: int = 1, inputs: Inputs |
     Raises:
         JerkbenchError: an error of the input or of a plugin, if it is ``strict``.
     """
-    how, first = How(strict, threads, inputs or shared_inputs()), task.jobs[0]
+    options, first = RunOptions(strict, threads, inputs or shared_inputs()), task.jobs[0]
     if sentence := unfit(first):
-        return [Result(*failed_piece(job, task.draws, PluginError(sentence), how)) for job in task.jobs]
+        return [Result(*failed_piece(job, task.draws, PluginError(sentence), options)) for job in task.jobs]
     started = time.perf_counter()
     for draw in task.draws:  # beforehand: the time of a run is that of the filter
         with suppress(Exception):  # the run raises it again
-            how.inputs.attitude(how.inputs.recording(first.scenario, draw), first.scenario.attitude)
+            options.inputs.attitude(options.inputs.recording(first.scenario, draw), first.scenario.attitude)
     prepared = time.perf_counter()
     if streams(first):
-        pieces = _together(task.jobs, task.draws, how)
+        pieces = _together(task.jobs, task.draws, options)
     else:
-        pieces = [joined_pieces(alone(job, draw, how) for draw in task.draws) for job in task.jobs]
+        pieces = [joined_pieces(alone(job, draw, options) for draw in task.draws) for job in task.jobs]
     fraction = 1.0 / len(task.jobs)
     seconds, inputs_s = fraction * (time.perf_counter() - prepared), fraction * (prepared - started)
     return [Result(*piece, seconds, inputs_s, processor_kind()) for piece in pieces]
@@ -150,19 +146,19 @@ def run_seed(job: Job, draw: int, inputs: Inputs | None = None) -> tuple[Recordi
     return recording, method.engine.run(timeline, model, method.adaptation)
 
 
-def alone(job: Job, draw: int, how: How) -> NotedRows:
+def alone(job: Job, draw: int, options: RunOptions) -> NotedRows:
     """Return the row of a seed that is run alone."""
     evaluation = job.evaluation
     try:
-        recording, estimate = run_seed(job, draw, how.inputs)
+        recording, estimate = run_seed(job, draw, options.inputs)
         if isinstance(job.method.filter, PerSeed):
             require_begin(estimate, recording, evaluation.burn_in_s)
         status, reason = run_status(estimate, recording, evaluation.divergence_limit_m)
-        values = evaluate_run(estimate, recording, evaluation.burn_in_s, evaluation.metrics, how.inputs.columns)
+        values = evaluate_run(estimate, recording, evaluation.burn_in_s, evaluation.metrics, options.inputs.columns)
         notes = [*notes_of(job, recording), *_covariance_notes(job, values, estimate)]
-        return [{**_head(job, draw, status, reason), **values, DRAWN: recording.parameters}], notes
+        return [{**_head(job, draw, status, reason), **values, **recording.parameters}], notes
     except Exception as error:  # noqa: BLE001 - whatever a plugin raises becomes a row, or a sentence
-        return failed_piece(job, [draw], error, how)
+        return failed_piece(job, [draw], error, options)
 
 
 def _covariance_notes(job: Job, values: Mapping[str, float], estimate: Estimate | None = None) -> list[str]:
@@ -175,9 +171,9 @@ def _covariance_notes(job: Job, values: Mapping[str, float], estimate: Estimate 
     return [f"The ANEES of {job.labels.filter} is not finite. {cause}"]
 
 
-def failed_piece(job: Job, draws: Sequence[int], error: Exception, how: How) -> NotedRows:
+def failed_piece(job: Job, draws: Sequence[int], error: Exception, options: RunOptions) -> NotedRows:
     """Return the rows of seeds in which something was wrong, or raise it."""
-    if how.strict:
+    if options.strict:
         with plugins_in_words(job):
             raise error
     return failed_rows(job, draws, str(error) if isinstance(error, JerkbenchError) else reason_of(error)), []
@@ -191,11 +187,6 @@ def failed_rows(job: Job, draws: Sequence[int], reason: str) -> list[Row]:
 def _head(job: Job, draw: int, status: str, reason: str) -> Row:
     replicate = "seed" if job.scenario.seeded else "phase"
     return {**job.labels._asdict(), "seed": draw, "replicate": replicate, "status": status, "reason": plain(reason)}
-
-
-def flat(row: Row) -> Row:
-    """Return a row with a column for each number that its drive drew."""
-    return {**{name: value for name, value in row.items() if name != DRAWN}, **row.get(DRAWN, {})}
 
 
 def joined_pieces(several: Iterable[NotedRows]) -> NotedRows:
@@ -233,15 +224,16 @@ def streams(job: Job) -> bool:
     return able and has_methods(job.method.engine, SideBySide) and all(map(can_stream, job.evaluation.metrics))
 
 
-def _together(jobs: Sequence[Job], draws: Sequence[int], how: How) -> list[NotedRows]:
+def _together(jobs: Sequence[Job], draws: Sequence[int], options: RunOptions) -> list[NotedRows]:
     try:
-        streamed = _streamed(jobs, draws, how)
+        streamed = _streamed(jobs, draws, options)
     except Exception as error:  # noqa: BLE001 - whatever an engine raises becomes rows, or a sentence
         if len(jobs) == 1:
-            return [failed_piece(jobs[0], draws, error, how)]
-        return [piece for job in jobs for piece in _together([job], draws, how)]  # which tells the culprit
+            return [failed_piece(jobs[0], draws, error, options)]
+        return [piece for job in jobs for piece in _together([job], draws, options)]  # which tells the culprit
     return [
-        joined_pieces(streamed.get((k, draw)) or alone(job, draw, how) for draw in draws) for k, job in enumerate(jobs)
+        joined_pieces(streamed.get((k, draw)) or alone(job, draw, options) for draw in draws)
+        for k, job in enumerate(jobs)
     ]
 
 
@@ -257,29 +249,29 @@ class _ReadySeed(NamedTuple):
     reference: PreparedReference
 
 
-def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, how: How, notes: _Notes) -> NotedRows:
+def _finished(job: Job, draw: int, seed: _ReadySeed, result: Streamed, options: RunOptions, notes: _Notes) -> NotedRows:
     """Return the row of a run among others that came to its end; ``notes`` has those of a seed that settings share."""
-    reason, values = why_strayed(result, seed.reference, seed.recording), _values(job, seed, result, how.inputs)
+    reason, values = why_strayed(result, seed.reference, seed.recording), _values(job, seed, result, options.inputs)
     key = draw, job if has_methods(job.method.filter, Remarking) else job.labels.dataset
     own = notes.get(key) or notes.setdefault(key, notes_of(job, seed.recording))
     head = _head(job, draw, "diverged" if reason else "ok", reason)
-    return [{**head, **values, DRAWN: seed.recording.parameters}], [*own, *_covariance_notes(job, values)]
+    return [{**head, **values, **seed.recording.parameters}], [*own, *_covariance_notes(job, values)]
 
 
-def _streamed(jobs: Sequence[Job], draws: Sequence[int], how: How) -> dict[tuple[int, int], NotedRows]:
+def _streamed(jobs: Sequence[Job], draws: Sequence[int], options: RunOptions) -> dict[tuple[int, int], NotedRows]:
     """Run ``draws`` of all ``jobs`` side by side; returns what came to its end, by the place of the job and the seed.
 
     The others (stopped, not to be scored without a trajectory, or with something wrong) are for the run alone: it says
     what is the matter. What the engine itself raises goes on to the caller.
     """
-    every = {draw: _ready(jobs[0], draw, how.inputs) for draw in draws}
+    every = {draw: _ready(jobs[0], draw, options.inputs) for draw in draws}
     ready = {(k, draw): seed for k in range(len(jobs)) for draw, seed in every.items() if seed is not None}
     if not ready:
         return {}
-    results = _run_all([(jobs[k], seed) for (k, _), seed in ready.items()], how)
+    results = _run_all([(jobs[k], seed) for (k, _), seed in ready.items()], options)
     notes: _Notes = {}
     return {
-        (k, draw): _finished(jobs[k], draw, seed, result, how, notes)
+        (k, draw): _finished(jobs[k], draw, seed, result, options, notes)
         for ((k, draw), seed), result in zip(ready.items(), results, strict=True)
         if result is not None
     }
@@ -298,7 +290,7 @@ def _ready(job: Job, draw: int, inputs: Inputs) -> _ReadySeed | None:
     return None if reference is None else _ReadySeed(recording, attitude, timeline, reference)
 
 
-def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Streamed | None]:
+def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], options: RunOptions) -> Sequence[Streamed | None]:
     """Run all of them in one call, in the estimator's own way or in the engine's."""
     first, _ = runs[0]
     reads = {part_read(metric) for metric in first.evaluation.metrics}
@@ -319,13 +311,13 @@ def _run_all(runs: Sequence[tuple[Job, _ReadySeed]], how: How) -> Sequence[Strea
     ]
     if not isinstance(first.method.filter, Batched):
         engine = cast("SideBySide", first.method.engine)
-        return engine.run_settings(bare, models, rules, updates=updates, threads=how.threads)
+        return engine.run_settings(bare, models, rules, updates=updates, threads=options.threads)
     recorded = [
         RecordedRun(seed.recording, seed.attitude, *run, job.method.r_scale)
         for (job, seed), run in zip(runs, bare, strict=True)
     ]
     return first.method.filter.run_settings(
-        recorded, models, rules, updates=updates, attitude=attitude, threads=how.threads
+        recorded, models, rules, updates=updates, attitude=attitude, threads=options.threads
     )
 
 

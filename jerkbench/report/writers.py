@@ -10,7 +10,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from hashlib import sha256
 from itertools import zip_longest
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import pandas as pd
 
 from jerkbench.evaluation.intervals import share_interval
 from jerkbench.io.text import is_number
@@ -284,6 +287,17 @@ def csv_escaped(text: str) -> str:
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow([plain(inert(text)), ""])
     return line.getvalue()[:-2]
+
+
+def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
+    """Write rows as CSV. Missing values are empty, and no text is a formula or steers a terminal."""
+
+    def neutral(value: Any) -> Any:  # noqa: ANN401 - a text, or what stands for none
+        return plain(inert(value)) if isinstance(value, str) else value
+
+    texts = {str(name): rows[name] for name in rows if not pd.api.types.is_numeric_dtype(rows[name])}
+    written = {name: own.map({value: neutral(value) for value in own.unique()}) for name, own in texts.items()}
+    rows.assign(**written).rename(columns=neutral).to_csv(path, index=False, lineterminator="\n")
 
 
 def inert(text: str) -> str:

@@ -151,9 +151,9 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.jobs.executors import processors
     from jerkbench.jobs.replay import tell_left_out
     from jerkbench.jobs.study import load_study
-    from jerkbench.jobs.study_figures import FIGURES, LIMIT, Request, draw_study
     from jerkbench.report import Choice
     from jerkbench.report.plots.style import BETWEEN
+    from jerkbench.report.study_figures import FIGURES, LIMIT, Request, draw_study
 
     out = chosen.out or chosen.folder / FIGURES
     counted = chosen.scenarios.isdecimal()
@@ -200,16 +200,15 @@ def report_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.jobs.executors import processors
     from jerkbench.jobs.replay import tell_left_out
     from jerkbench.jobs.study import load_study
-    from jerkbench.jobs.study_figures import REPORT, Request, write_report
+    from jerkbench.report.study_figures import REPORT, Request, write_report
 
     study = load_study(chosen.folder)
     path = chosen.out or chosen.folder / REPORT
     if path.is_dir():
         raise JerkbenchError(f"{path} is a folder; give the name of a file: --out {path / REPORT}.")
-    method, rule = chosen_method(chosen), chosen_rule(chosen)
     request = Request(Choice(chosen.figures), chosen.scenarios, run_programs=chosen.run_programs)
     tell_left_out(study, run_programs=chosen.run_programs)
-    write_report(study, path, request, processors(), method, rule)
+    write_report(study, path, request, processors(), chosen_method(chosen), chosen_rule(chosen))
     print(path)
 
 
@@ -223,9 +222,11 @@ def cite_verb(chosen: argparse.Namespace) -> None:
     Raises:
         JerkbenchError: the folder cannot be read.
     """
-    from jerkbench.jobs.bibliography import entries_of, own_entry
+    from jerkbench.jobs.study import load_study
+    from jerkbench.report.bibliography import entries_of
 
-    print("\n\n".join(entries_of(chosen.folder) if chosen.folder else [own_entry()]))
+    jobs = load_study(chosen.folder).metadata.values() if chosen.folder else ()
+    print("\n\n".join(entries_of(job["spec"] for job in jobs)))
 
 
 # `jerkbench compare`: two sets of results, combination by combination; its exit code tells a machine.
@@ -286,10 +287,10 @@ def compare_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: there are no results, nothing is in both, or they were not measured in the same way.
         SystemExit: 3 if a combination fails, otherwise 4 if something cannot be judged.
     """
-    from jerkbench.jobs.selection import in_the_place_of, named_study, require_alike, selected
     from jerkbench.jobs.study import load_study
     from jerkbench.report.changes import COMPARISON_WRITERS, StudyComparison, changes, print_comparison
     from jerkbench.report.findings import varying_factors
+    from jerkbench.report.selection import in_the_place_of, named_study, require_alike, selected
     from jerkbench.report.summary import main_metric
 
     (a, of_a), (b, of_b) = named_study(chosen.first), named_study(chosen.second)
@@ -313,8 +314,8 @@ def compare_verb(chosen: argparse.Namespace) -> None:
 
 
 def _notes(chosen: argparse.Namespace, first: "Study", second: "Study", comparison: "StudyComparison") -> list[str]:
-    from jerkbench.jobs.selection import other_methods
     from jerkbench.report.changes import notes_of_tests, other_leaders
+    from jerkbench.report.selection import other_methods
     from jerkbench.report.study_verdicts import study_verdicts
 
     rule, method, changed = chosen_rule(chosen), chosen_method(chosen), comparison.changes

@@ -67,7 +67,8 @@ def export_verb(chosen: argparse.Namespace) -> None:
         JerkbenchError: nothing is, there is no such row, its data have changed, or it has no reference or no updates.
     """
     from jerkbench.evaluation.counted_rows import counted_rows
-    from jerkbench.jobs.replay import stored_row, write_tum_pair, write_updates
+    from jerkbench.jobs.replay import stored_row
+    from jerkbench.report.run_files import write_tum_pair, write_updates
 
     if chosen.tum is None and chosen.updates is None:
         raise JerkbenchError(

@@ -11,10 +11,10 @@ from commands import verb as command_line
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import Schema
 from jerkbench.jobs.job import Protocol
-from jerkbench.jobs.labels import GROUPS
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.study import load_study
 from jerkbench.presets import config_folder, default_names
+from jerkbench.report.labels import GROUPS
 from made_jobs import job_of_words, with_data
 
 DRIVE = {"name": "rtklib", "folder": "anywhere"}

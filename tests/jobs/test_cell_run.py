@@ -4,21 +4,15 @@ import pytest
 
 from jerkbench.errors import PluginError
 from jerkbench.jobs import rows as run
-from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.job import Protocol
+from made_jobs import job_with
 
-SPEC = {
-    "dataset": {"name": "field", "duration_s": 20.0},
-    "disturbance": [{"name": "imu_bias"}],
-    "attitude": {"name": "tilt"},
-    "filter": {"name": "baseline"},
-    "adaptation": {"name": "scalar_r"},
-    "engine": {"name": "compiled"},
-}
+PARTS = {"disturbance": "imu_bias", "filter": "baseline", "adaptation": "scalar_r"}
 
 
 def rows_of(limit_m, **changed):
-    cell = build({**SPEC, **changed}, Protocol(seeds=3, divergence_limit_m=limit_m))
-    rows, notes = run.job_rows(cell)
+    job = job_with(Protocol(seeds=3, divergence_limit_m=limit_m), **{**PARTS, **changed})
+    rows, notes = run.job_rows(job)
     assert notes == ["Reference of field: simulated truth; independent of the measurements."]
     return rows
 
@@ -28,12 +22,12 @@ def rows_of(limit_m, **changed):
 )
 def test_a_run_that_goes_too_far_has_the_row_that_it_has_alone(monkeypatch, filter_, limit_m):
     """The sentence too; `rts` meets its errors from the last one on."""
-    together = rows_of(limit_m, filter={"name": filter_})
+    together = rows_of(limit_m, filter=filter_)
     with monkeypatch.context() as patch:
         patch.setattr(run, "alone", lambda *_, **__: pytest.fail("a run that came to its end was repeated"))
-        assert len(rows_of(limit_m, filter={"name": filter_})) == len(together)
+        assert len(rows_of(limit_m, filter=filter_)) == len(together)
     monkeypatch.setattr(run, "streams", lambda _: False)
-    alone = rows_of(limit_m, filter={"name": filter_})
+    alone = rows_of(limit_m, filter=filter_)
 
     for one, other in zip(together, alone, strict=True):
         assert one["status"] == ("ok" if limit_m == 1000.0 else "diverged")
@@ -45,24 +39,6 @@ def test_a_run_that_goes_too_far_has_the_row_that_it_has_alone(monkeypatch, filt
             )
 
 
-@pytest.mark.slow
-def test_a_trajectory_is_scored_once_for_what_the_attitude_alone_decides(monkeypatch):
-    """And then again for another attitude."""
-    from jerkbench.evaluation.metrics.attitude import AttitudeRmse
-
-    asked, evaluate = [], AttitudeRmse.evaluate
-    monkeypatch.setattr(AttitudeRmse, "evaluate", lambda *given: asked.append(given) or evaluate(*given))
-    changed = {"dataset": {"name": "field", "duration_s": 21.0}, "adaptation": {"name": "none"}}
-    estimators = [{"name": "gnss_only"}, {"name": "rts"}]
-    rows = [rows_of(1000.0, **changed, filter=one) for one in estimators]
-
-    assert len(asked) == 3
-    assert [row["yaw_rmse_rad"] for row in rows[0]] == [row["yaw_rmse_rad"] for row in rows[1]]
-    other = rows_of(1000.0, **changed, filter=estimators[0], attitude={"name": "gyro_only"})
-    assert len(asked) == 6
-    assert other[0]["yaw_rmse_rad"] != rows[0][0]["yaw_rmse_rad"]
-
-
 def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
     from jerkbench.engines.compiled_engine import CompiledEngine
 
@@ -72,7 +48,7 @@ def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
     alone = []
     monkeypatch.setattr(CompiledEngine, "run_settings", broken)
     monkeypatch.setattr(CompiledEngine, "run", lambda *given: alone.append(given))
-    cell = build(SPEC, Protocol(seeds=3))
+    cell = job_with(Protocol(seeds=3), **PARTS)
     rows, _ = run.job_rows(cell)
 
     assert [row["status"] for row in rows] == ["failed"] * 3

@@ -1,6 +1,5 @@
 """Work in processes of this machine. A process that dies costs its own task only."""
 
-import gc
 import os
 import time
 from dataclasses import dataclass
@@ -8,11 +7,10 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from threadpoolctl import threadpool_info
 
 from jerkbench.errors import PluginError
-from jerkbench.jobs.dispatch import outcomes
 from jerkbench.jobs.executors import LocalExecutor, Workers
+from jerkbench.jobs.run import outcomes
 from jerkbench.notices import notify
 
 
@@ -84,15 +82,6 @@ def test_a_plugin_module_that_fails_in_a_worker_is_named(tmp_path, monkeypatch):
 
     assert [type(error) for error in done.values()] == [PluginError] * 2
     assert "ValueError: no licence on this machine" in str(done[1])
-
-
-def habits(tasks):
-    threads = max((library["num_threads"] for library in threadpool_info()), default=1)
-    return len(tasks), (threads, gc.get_threshold())
-
-
-def test_a_worker_has_one_thread_and_collects_garbage_as_rarely_as_a_command():
-    assert set(dict(run(habits, [[1], [2]], workers=2)).values()) == {(1, (50_000, 20, 100))}
 
 
 def test_no_process_is_left(tmp_path):

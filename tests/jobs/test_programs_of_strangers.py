@@ -34,30 +34,22 @@ def ran(folder):
     return (folder / "ran").read_text().count("ran")
 
 
+LEFT_OUT = (0, "1 cell runs a program. It is in the tables, but not in what needs a new run")
+REFUSED = (2, "A stored program runs only with --run-programs")
+
+
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "expected"),
     [
-        (
-            ["report", "results/theirs"],
-            0,
-            "1 cell runs a program. It is in the tables, but not in what needs a new run",
-        ),
-        (
-            ["figures", "results/theirs"],
-            0,
-            "1 cell runs a program. It is in the tables, but not in what needs a new run",
-        ),
-        (
-            ["table", "results/theirs", "--costs"],
-            0,
-            "1 cell runs a program. It is in the tables, but not in what needs a new run",
-        ),
-        (["rerun", "results/theirs", "1"], 2, "A stored program runs only with --run-programs"),
-        (["export", "results/theirs", "1", "--tum", "tum"], 2, "A stored program runs only with --run-programs"),
+        (["report", "results/theirs"], LEFT_OUT),
+        (["figures", "results/theirs"], LEFT_OUT),
+        (["table", "results/theirs", "--costs"], LEFT_OUT),
+        (["rerun", "results/theirs", "1"], REFUSED),
+        (["export", "results/theirs", "1", "--tum", "tum"], REFUSED),
     ],
 )
-def test_looking_at_results_runs_no_program(theirs, words, code, said):
-    before = ran(theirs)
+def test_looking_at_results_runs_no_program(theirs, words, expected):
+    before, (code, said) = ran(theirs), expected
     done = verb(*words, cwd=theirs)
 
     assert (done.returncode, ran(theirs)) == (code, before), done.stderr

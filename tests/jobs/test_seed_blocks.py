@@ -5,31 +5,18 @@ import pytest
 
 from jerkbench.jobs import run as loop
 from jerkbench.jobs.inputs import KEPT_INPUTS
-from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import Result, Task, job_rows, work
 from jerkbench.jobs.run import block_of, run_missing
 from jerkbench.jobs.store import Store
+from made_jobs import job_with
 
 SEEDS = 2 * KEPT_INPUTS + 3
-SPEC = {
-    "dataset": {
-        "name": "field",
-        "duration_s": 8.0,
-        "imu_rate_hz": 50.0,
-        "reference_rate_hz": 50.0,
-        "position_latency_s": 0.0,
-    },
-    "disturbance": [{"name": "none"}],
-    "attitude": {"name": "tilt"},
-    "filter": {"name": "jerk"},
-    "adaptation": {"name": "none"},
-    "engine": {"name": "compiled"},
-}
 
 
 def plan_of(seeds=SEEDS, **changed):
-    return planned([build({**SPEC, **changed}, Protocol(seeds=seeds, first_seed=4))])
+    return planned([job_with(Protocol(seeds=seeds, first_seed=4), **changed)])
 
 
 @pytest.fixture
@@ -62,46 +49,23 @@ def require_undisturbed(store, job):
     assert broken == []
 
 
-def test_a_sweep_goes_on_within_a_cell(store, monkeypatch):
-    plan = plan_of()
+@pytest.mark.parametrize(
+    ("strict", "plan", "finished", "left"),
+    [
+        (False, plan_of(), 2, [*range(4 + 2 * KEPT_INPUTS, 4 + SEEDS)]),
+        (True, plan_of(KEPT_INPUTS + 2), 1, [4 + KEPT_INPUTS, 5 + KEPT_INPUTS]),
+        (False, plan_of(4, filter="gnss_only"), 3, [7]),  # its runs go alone
+    ],
+)
+def test_an_interrupted_job_continues_with_the_seeds_that_are_missing(store, monkeypatch, strict, plan, finished, left):
     with monkeypatch.context() as patched:
-        spied(patched, stop_after=2)
+        spied(patched, stop_after=finished)
         with pytest.raises(KeyboardInterrupt):
-            run_missing(plan, store)
-    assert len(store.known(plan.draws)[plan.jobs[0].key]) == 2 * KEPT_INPUTS
-
+            run_missing(plan, store, strict=strict)
     ran = spied(monkeypatch)
-    run_missing(plan, store)
+    run_missing(plan, store, strict=strict)
 
-    assert ran == [[4 + 2 * KEPT_INPUTS, 5 + 2 * KEPT_INPUTS, 6 + 2 * KEPT_INPUTS]]
-    require_undisturbed(store, plan.jobs[0])
-
-
-def test_a_single_run_goes_on_within_its_cell(tmp_path, monkeypatch):
-    plan = plan_of(seeds=KEPT_INPUTS + 2)
-    with monkeypatch.context() as patched:
-        spied(patched, stop_after=1)
-        with pytest.raises(KeyboardInterrupt):
-            run_missing(plan, Store(tmp_path), strict=True)
-
-    ran = spied(monkeypatch)
-    run_missing(plan, Store(tmp_path), strict=True)
-
-    assert ran == [[4 + KEPT_INPUTS, 5 + KEPT_INPUTS]]
-    require_undisturbed(Store(tmp_path), plan.jobs[0])
-
-
-def test_runs_that_go_alone_are_stored_one_after_the_other_where_they_take_long(store, monkeypatch):
-    plan = plan_of(seeds=4, filter={"name": "gnss_only"})
-    with monkeypatch.context() as patched:
-        spied(patched, stop_after=3)
-        with pytest.raises(KeyboardInterrupt):
-            run_missing(plan, store)
-
-    ran = spied(monkeypatch)
-    run_missing(plan, store)
-
-    assert ran == [[7]]
+    assert ran == [left]
     require_undisturbed(store, plan.jobs[0])
 
 

@@ -1,14 +1,11 @@
 """Many settings at once give the rows that each gives by itself."""
 
 import dataclasses
-import gc
-import weakref
 from typing import ClassVar
 
 import pytest
 
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.arrays import WIDE
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.kinematic import Jerk
@@ -16,7 +13,7 @@ from jerkbench.filters.rts import RauchTungStriebel
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
-from jerkbench.jobs.rows import Task, job_rows, unfit, work
+from jerkbench.jobs.rows import Task, job_rows, work
 from jerkbench.parameters import Column
 from jerkbench.timeline import RScale
 from made_jobs import with_method
@@ -89,12 +86,6 @@ def test_a_metric_that_does_not_say_what_it_reads_gets_all_of_it():
     assert all(row["pace_m2ps2"] > 0.0 for row in job_rows(strange, DRAWS)[0])
 
 
-def test_a_base_that_is_told_something_is_not_told_it_twice():
-    cell = with_method(cell_of(), r_scale=RScale(position=5.0))
-
-    assert together([cell])[0] == alone(cell)
-
-
 def test_a_lost_run_is_a_row_that_says_so():
     cell = cell_of()
     lost = dataclasses.replace(cell, evaluation=dataclasses.replace(cell.evaluation, divergence_limit_m=1e-3))
@@ -129,37 +120,3 @@ def test_what_does_not_run_side_by_side_runs_one_after_the_other(model, engine):
     told = with_method(cell, r_scale=RScale(position=4.0))
 
     assert together([cell, told]) == [alone(cell), alone(told)]
-
-
-def test_inputs_go_with_their_last_reference():
-    """Without the collector, which comes seldom where there are few objects and large ones."""
-    gc.collect()
-    gc.disable()
-    try:
-        inputs = Inputs()
-        recording = weakref.ref(inputs.recording(cell_of().scenario, 3))
-        assert recording() is not None
-        del inputs
-        assert recording() is None
-    finally:
-        gc.enable()
-
-
-ASKED = []
-
-
-@dataclasses.dataclass(frozen=True)
-class Counted(Jerk):
-    def axis_models(self, dt, dt0):
-        ASKED.append(self.accel_mps2)
-        return super().axis_models(dt, dt0)
-
-
-def test_the_same_settings_over_other_seeds_are_not_asked_for_their_models_again():
-    sigmas = [0.2 + 0.1 * k for k in range(WIDE)]
-    cells = [with_method(cell_of(), filter=Counted(accel_mps2=sigma)) for sigma in sigmas]
-    assert not unfit(cells[0])  # which asks, too
-    ASKED.clear()
-    together(cells)
-
-    assert sorted(ASKED) == sigmas

@@ -1,44 +1,20 @@
 """Several processes write to one study, and no row is missing or counted twice."""
 
-import subprocess
-import sys
 import threading
 
 import pandas as pd
-import pytest
 
-from commands import PATIENCE_S, environment
-from jerkbench.jobs import run as loop
-from jerkbench.jobs.job import Protocol, build
+from commands import PATIENCE_S
+from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import job_rows
-from jerkbench.jobs.run import Writer, run_missing
+from jerkbench.jobs.run import run_missing
 from jerkbench.jobs.store import Store
-from jerkbench.jobs.study import load_study
-
-
-def cell(seeds):
-    return build(
-        {
-            "dataset": {
-                "name": "field",
-                "duration_s": 8.0,
-                "imu_rate_hz": 20.0,
-                "reference_rate_hz": 20.0,
-                "position_latency_s": 0.0,
-            },
-            "disturbance": [{"name": "none"}],
-            "attitude": {"name": "gyro_only"},
-            "filter": {"name": "gnss_only"},
-            "adaptation": {"name": "none"},
-            "engine": {"name": "filterpy"},
-        },
-        Protocol(seeds=seeds, burn_in_s=0.0),
-    )
+from made_jobs import job_with
 
 
 def test_a_row_that_two_sweeps_have_computed_counts_once(tmp_path):
-    plan = planned([cell(3)])
+    plan = planned([job_with(Protocol(seeds=3, burn_in_s=0.0), filter="gnss_only", engine="filterpy")])
     both = threading.Barrier(2, timeout=PATIENCE_S)
     stores = [Store(tmp_path), Store(tmp_path)]
     for store in stores:
@@ -54,41 +30,3 @@ def test_a_row_that_two_sweeps_have_computed_counts_once(tmp_path):
     (stored,), damaged = Store(tmp_path).read([plan.jobs[0].key])
     pd.testing.assert_frame_equal(stored.rows, pd.DataFrame(job_rows(plan.jobs[0])[0]), check_exact=True)
     assert damaged == []
-
-
-@pytest.mark.slow
-def test_four_processes_with_seeds_of_their_own_make_one_study(tmp_path):
-    words = [
-        "filter=gnss_only",
-        "disturbance=none,outliers",
-        "dataset.duration_s=30",
-        "study=one",
-        "workers=1",
-        "seeds=3",
-    ]
-    command = [sys.executable, "-m", "jerkbench", "run", "-m", *words]
-    parts = [
-        subprocess.Popen(
-            [*command, f"first_seed={3 * part}"], cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL
-        )
-        for part in range(4)
-    ]
-    assert [part.wait(PATIENCE_S) for part in parts] == [0] * 4
-
-    rows = load_study(tmp_path / "results" / "one").rows
-    assert sorted(zip(rows["disturbance"], rows["seed"], strict=True)) == [
-        (name, seed) for name in ("none", "outliers") for seed in range(12)
-    ]
-
-
-def test_rows_wait_for_a_second_and_later_for_a_tenth_of_the_elapsed_time_up_to_five(tmp_path, monkeypatch):
-    now = [0.0]
-    monkeypatch.setattr(loop.time, "monotonic", lambda: now[0])
-    written = []
-    store = Store(tmp_path)
-    store.write_blocks = lambda blocks, tables: written.append(now[0])
-    with Writer(store) as writer:
-        for now[0] in (0.5, 1.1, 2.0, 2.2, 30.0, 32.9, 33.4, 1000.0, 1004.9, 1005.1):
-            writer.add([])
-
-    assert written == [1.1, 2.2, 30.0, 33.4, 1000.0, 1005.1]

@@ -68,17 +68,13 @@ def test_a_job_that_is_cancelled_costs_nothing(site, tmp_path):
     assert rows(tmp_path).count(b"\n") == 2 * CELLS + 1
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "more"),
-    [("head.sh", [], ["cluster.jobs=1", *HERE])],
-)
-def test_the_scripts_of_the_page_go_well(site, name, options, more, tmp_path):
+def test_the_script_of_the_page_goes_well(site, tmp_path):
     """In small: fewer cells, jobs and memory."""
-    script = re.search(rf"<!-- file: {name} -->\n```sh\n(.*?)```", PAGE, flags=re.DOTALL)[1]
+    script = re.search(r"<!-- file: head.sh -->\n```sh\n(.*?)```", PAGE, flags=re.DOTALL)[1]
     script = re.sub(r"cluster\.(jobs|memory)=\S+", "", script).replace("--mem=2G", "--mem=1G")
-    (tmp_path / name).write_text(script.replace("experiment=paper", " ".join([*FEW, *more])))
+    (tmp_path / "head.sh").write_text(script.replace("experiment=paper", " ".join([*FEW, "cluster.jobs=1", *HERE])))
     done = subprocess.run(
-        ["sbatch", "--wait", *options, name],
+        ["sbatch", "--wait", "head.sh"],
         cwd=tmp_path,
         env=site,
         capture_output=True,

@@ -7,12 +7,8 @@ import pandas as pd
 import pytest
 
 from jerkbench.errors import JerkbenchError
-from jerkbench.evaluation.evaluated_run import DRAWN
-from jerkbench.jobs import parts
-from jerkbench.jobs import store as store_of_cells
 from jerkbench.jobs.manifest import read_manifest, write_manifest
-from jerkbench.jobs.parts import RowBlock
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import RowBlock, Store
 from stored_cells import about, row, store_cell
 
 ROWS = [row()]
@@ -57,36 +53,6 @@ def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store)
     pd.testing.assert_frame_equal(a.rows, pd.DataFrame(first[::-1]), check_exact=True, check_dtype=False)
     pd.testing.assert_frame_equal(b.rows, pd.DataFrame(second), check_exact=True)
     assert [cell.metadata["notes"] for cell in (a, b)] == [["of a"], ["of b"]]
-
-
-def test_what_a_drive_drew_is_stored_as_if_each_of_its_rows_held_it(store):
-    calm, rough = {"drawn.speed_mps": 1.5}, {"drawn.speed_mps": 2.0, "drawn.fault.ruts": 1.0}
-    failed = {**row(seed=9), "status": "failed"}
-    for key in ("a", "b"):
-        rows = [row(seed=1) | {DRAWN: calm}, row(seed=2) | {DRAWN: rough}, failed]
-        store.write_blocks([RowBlock(key, 3, rows, about())])
-    a, b = store.read()[0]
-
-    expected = pd.DataFrame([{**row(seed=1), **calm}, {**row(seed=2), **rough}, failed])
-    assert list(a.rows.columns[10:]) == ["position_rmse_m", "drawn.speed_mps", "drawn.fault.ruts"]
-    pd.testing.assert_frame_equal(a.rows, expected[a.rows.columns], check_exact=True)
-    pd.testing.assert_frame_equal(b.rows, expected[b.rows.columns], check_exact=True)
-
-
-def test_what_is_known_of_many_cells_is_looked_up_once_each(monkeypatch):
-    looked_up = []
-
-    class Facts(dict):
-        def get(self, name):
-            looked_up.append(name)
-            return super().get(name)
-
-    facts_of = parts._facts
-    monkeypatch.setattr(parts, "_facts", lambda block, shared: Facts(facts_of(block, shared)))
-    blocks = [RowBlock(f"{k}", 1, [row(seed=k)], about()) for k in range(50)]
-
-    assert parts.table_of(blocks).num_rows == 50
-    assert len(looked_up) == 50 * len(set(looked_up))
 
 
 def test_a_cell_is_whole_when_its_last_block_is_there(store):
@@ -227,28 +193,6 @@ def test_a_file_that_is_joined_while_the_store_is_read_is_found_again(store, mon
     assert len(store.read()[0]) == 16
 
 
-def test_many_parts_are_joined_in_stretches(store, monkeypatch):
-    monkeypatch.setattr(store_of_cells, "JOINED", 5)
-    for k in range(16 + 2):
-        store_cell(store, f"a{k:x}", ROWS, ABOUT)
-    before = [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]]
-    store.compact()
-
-    assert len(files(store)) == -(-(16 + 2) // 5)
-    assert [(cell.key, cell.rows.to_dict("records")) for cell in store.read()[0]] == before
-
-
-def test_damage_is_noticed_also_after_the_part_was_read(store):
-    store_cell(store, "abc", ROWS, ABOUT)
-    assert [done(store) for _ in range(3)] == [[0]] * 3
-
-    (path,) = files(store)
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
-    assert (done(store), store.read()) == ([], ([], [path.stem]))
-
-
 def test_the_manifest_says_which_seeds_are_shown_and_a_cell_that_lacks_one_is_not_whole(store):
     store_cell(store, "abc", [row(0.1 * k, k) for k in range(5)], ABOUT)
     seeds = {"abc": range(1, 4)}
@@ -280,11 +224,3 @@ def test_seeds_of_a_new_command_take_the_place_of_those_that_they_overlap_and_jo
         write_manifest(tmp_path, {"abc": seeds}, [], ["jerkbench"])
 
     assert read_manifest(tmp_path)["seeds"] == {"abc": shown}
-
-
-def test_a_cell_in_the_format_of_before_there_were_parts_is_a_sentence(store):
-    store_cell(store, "0b", ROWS, ABOUT)
-    (store.folder / f"{'0a' * 10}.parquet").write_bytes(b"PAR1")
-    for ask in (store.read, lambda: store.known(["0b"]), lambda: store.keys_from("0")):
-        with pytest.raises(JerkbenchError, match=r"0a0a\.parquet has a format .* no longer read; run .* \(study=NAME"):
-            ask()

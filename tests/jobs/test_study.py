@@ -7,12 +7,11 @@ import pytest
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.manifest import write_manifest
-from jerkbench.jobs.parts import RowBlock
 from jerkbench.jobs.plan import planned
-from jerkbench.jobs.selection import other_methods, require_alike
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study, write_study
 from jerkbench.report.findings import findings
+from jerkbench.report.selection import other_methods, require_alike
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import summarise
 from stored_cells import LABELS, about, put, row, store_cell
@@ -112,18 +111,10 @@ def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
     put(tmp_path, "2", 0.2, filter="bias")
     write_manifest(tmp_path, {"2": [0]}, ["a note on bias"], ["jerkbench"])
 
+    assert list(load_study(tmp_path).keys) == ["1", "2"]
     told = "Not as published: simplified: bias. `jerkbench show` says what differs."
     notes = load_study(tmp_path).notes
     assert notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2", told)
-
-
-def test_rows_stand_in_the_order_of_the_sweeps(tmp_path):
-    put(tmp_path, "b", 0.1, filter="bias")
-    put(tmp_path, "a", 0.2, filter="jerk")
-    write_manifest(tmp_path, {"b": [0]}, [], ["jerkbench"])
-    write_manifest(tmp_path, {"a": [0]}, [], ["jerkbench"])
-
-    assert list(load_study(tmp_path).keys) == ["b", "a"]
 
 
 def test_a_folder_in_which_nothing_can_be_written_is_a_sentence(tmp_path):
@@ -197,15 +188,6 @@ def test_two_studies_that_were_not_measured_alike_are_not_compared(tmp_path, fir
         require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
 
 
-def test_that_one_study_mixes_what_the_other_does_not_is_said(tmp_path):
-    for key, name, seconds in (("01", "baseline", 0.0), ("02", "jerk", 10.0)):
-        put(tmp_path / "A", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": seconds}})
-        put(tmp_path / "B", key, 1.0, filter=name, conditions={"protocol": {"burn_in_s": 10.0}})
-
-    with pytest.raises(JerkbenchError, match=r"burn_in_s \(0\.0, 10\.0\)"):
-        require_alike(load_study(tmp_path / "A"), load_study(tmp_path / "B"))
-
-
 def test_two_versions_of_a_method_are_compared_and_that_they_differ_is_said(tmp_path):
     for name, sigma in (("A", 0.1), ("B", 1.0)):
         put(tmp_path / name, "1", sigma, conditions={"spec": {"filter": {"name": "jerk", "accel_mps2": sigma}}})
@@ -265,15 +247,26 @@ def test_a_run_that_diverged_loses_to_the_fixes_and_one_that_failed_is_not_compa
     assert "imm" not in told[0]
 
 
-def test_where_no_method_loses_to_the_fixes_nothing_is_said(tmp_path):
-    put(tmp_path, "a1", 5.0, filter="gnss_only")
-    put(tmp_path, "b1", 5.1, filter="jerk")
-
-    assert not [note for note in load_study(tmp_path).notes if "Worse" in note or "Likely" in note]
-
-
 def window(value, **more):
     return {"spec": {"adaptation": {"name": "mtf", "window": value}}, **more}
+
+
+EQUAL = {"spec": {"filter": {"name": "eskf15"}}}
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ({"adaptation": "mtf", "conditions": window(2)}, {"adaptation": "mtf(window=1)", "conditions": window(1)}),
+        ({"filter": "eskf15_drive", "conditions": EQUAL}, {"filter": "eskf15", "conditions": EQUAL}),
+    ],
+)
+def test_methods_with_other_parameters_and_other_presets_keep_their_names(tmp_path, first, second):
+    put(tmp_path, "a", 0.1, **first)
+    put(tmp_path, "b", 0.2, **second)
+
+    (factor,) = first.keys() - {"conditions"}
+    assert set(load_study(tmp_path).rows[factor]) == {first[factor], second[factor]}
 
 
 def test_a_method_told_twice_has_one_name(tmp_path):
@@ -287,17 +280,3 @@ def test_a_method_told_twice_has_one_name(tmp_path):
     assert dict(zip(study.keys, study.rows["adaptation"], strict=True)) == {"a": "mtf", "c": "mtf(window=4)"}
     assert study.labels["a"]["adaptation"] == "mtf"
     assert study.unlike == ()
-
-
-def test_a_label_that_hides_another_parameter_stays_apart(tmp_path):
-    put(tmp_path, "a", 0.1, adaptation="mtf", conditions=window(2))
-    put(tmp_path, "b", 0.2, adaptation="mtf(window=1)", conditions=window(1))
-
-    assert set(load_study(tmp_path).rows["adaptation"]) == {"mtf", "mtf(window=1)"}
-
-
-def test_two_presets_of_one_plugin_keep_their_names(tmp_path):
-    put(tmp_path, "a", 0.1, filter="eskf15_drive", conditions={"spec": {"filter": {"name": "eskf15"}}})
-    put(tmp_path, "b", 0.2, filter="eskf15", conditions={"spec": {"filter": {"name": "eskf15"}}})
-
-    assert set(load_study(tmp_path).rows["filter"]) == {"eskf15", "eskf15_drive"}

@@ -9,37 +9,20 @@ import pandas as pd
 import pytest
 
 from jerkbench.filters.kinematic import Jerk
-from jerkbench.jobs.dispatch import MAX_DEATHS
 from jerkbench.jobs.executors import Pool, Workers
 from jerkbench.jobs.inputs import KEPT_INPUTS
-from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.plan import MAX_TASKS, Plan, chunks_of, planned
 from jerkbench.jobs.rows import job_rows
-from jerkbench.jobs.run import run_missing
+from jerkbench.jobs.run import MAX_DEATHS, run_missing
 from jerkbench.jobs.store import Store
-from made_jobs import with_method
+from made_jobs import job_with, with_method
 
 SEEDS = KEPT_INPUTS + 3
 
 
 def cell(adaptation, seeds=SEEDS):
-    return build(
-        {
-            "dataset": {
-                "name": "field",
-                "duration_s": 8.0,
-                "imu_rate_hz": 50.0,
-                "reference_rate_hz": 50.0,
-                "position_latency_s": 0.0,
-            },
-            "disturbance": [{"name": "none"}],
-            "attitude": {"name": "tilt"},
-            "filter": {"name": "jerk"},
-            "adaptation": {"name": adaptation},
-            "engine": {"name": "compiled"},
-        },
-        Protocol(seeds=seeds, first_seed=4),
-    )
+    return job_with(Protocol(seeds=seeds, first_seed=4), adaptation=adaptation)
 
 
 @pytest.fixture

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from jerkbench.jobs import study_figures
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.rows import run_seed
-from jerkbench.jobs.study_figures import file_stem, with_title
+from jerkbench.report import study_figures
+from jerkbench.report.study_figures import file_stem, with_title
 
 SPEC = {
     "attitude": {"name": "tilt"},

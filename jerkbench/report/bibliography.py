@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.store import Store
 
 DOI = re.compile(r"doi:(10\.\d{4,}/[^\s,;]*[^\s,;.:)])")
 """As docstrings have it."""
@@ -22,18 +20,11 @@ INITIAL = re.compile(r"\b[A-Z]\. ?-?[A-Z]")
 OWN_CITATION = "CITATION.cff"
 
 
-def entries_of(folder: Path) -> list[str]:
-    """Return the entries of a study: of this package, and of all plugins of its cells that name a source.
-
-    Raises:
-        JerkbenchError: the store cannot be read, or the folder has no results.
-    """
-    cells, _ = Store(folder).read()
-    if not cells:
-        raise JerkbenchError(f"{folder} holds no results; give the folder of a study, for example results/adhoc.")
+def entries_of(specifications: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the entries of a study: of this package, and of all plugins of its jobs that name a source."""
     used: dict[type, str] = {}
-    for cell in cells:
-        for kind, name in _plugins(cell.metadata["spec"]):
+    for specification in specifications:
+        for kind, name in _plugins(specification):
             if name in plugins.names(kind):
                 used.setdefault(plugins.get(kind, name), f"{kind} {name}")
     silent = [title for cls, title in used.items() if not (hasattr(cls, "citations") or list(_sources(cls)))]

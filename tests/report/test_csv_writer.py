@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from jerkbench.jobs.study import write_rows_csv
+from jerkbench.report.writers import write_rows_csv
 
 
 def test_every_kind_of_column_is_written_as_pandas_does(tmp_path):

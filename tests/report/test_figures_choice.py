@@ -9,12 +9,11 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.jobs.parts import Stored
-from jerkbench.jobs.selection import named_part
-from jerkbench.jobs.study import load_study
-from jerkbench.jobs.study_figures import _chosen, ranked
+from jerkbench.jobs.store import Stored
+from jerkbench.jobs.study import load_study, named_part
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.drawings import by_difference, telling_scenes
+from jerkbench.report.study_figures import _chosen, ranked
 from stored_cells import put
 
 SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "imu_bias", "outliers", "gnss_outage")}
@@ -100,9 +99,7 @@ def cell_of(place, filter_name, adaptation, **labels):
     rows = pd.DataFrame({"seed": [0], "status": ["ok"], "replicate": ["seed"], "position_rmse_m": [1.0 + place]})
     labels = {"filter": filter_name, "adaptation": adaptation, "noise": "default", **labels}
     spec = {kind: {"name": labels[kind].partition("(")[0]} for kind in ("filter", "adaptation")}
-    return Stored(
-        f"{place}", {"labels": labels, "spec": spec}, pa.Table.from_pandas(rows), range(len(rows)), list(rows.columns)
-    )
+    return Stored(f"{place}", {"labels": labels, "spec": spec}, pa.Table.from_pandas(rows), list(rows.columns))
 
 
 def drawn(cells, wanted=()):

@@ -1,19 +1,24 @@
-"""One method of a study, named behind its folder (``results/a:jerk+mtf``), and whether two studies can be compared."""
+"""A part of a study, selected by names (``results/a:jerk+mtf``), and whether two studies can be compared."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import reduce
 from pathlib import Path
-
-import numpy as np
 
 from jerkbench.errors import JerkbenchError, NotComparableError, unknown
 from jerkbench.evaluation.evaluated_run import Combination
-from jerkbench.jobs.conditions import DECIDING_SCORES, LABELLED_PARTS, Conditions, differing_conditions
-from jerkbench.jobs.labels import bare
 from jerkbench.jobs.study import Study
 from jerkbench.renamed import new_label
 from jerkbench.report.columns import FACTORS, METHOD, require_factors
+from jerkbench.report.conditions import (
+    DECIDING_SCORES,
+    LABELLED_PARTS,
+    Conditions,
+    conditions,
+    differing_conditions,
+)
+
+COMPARED = tuple(part for part in LABELLED_PARTS if part not in DECIDING_SCORES)
+"""Parts in which two studies that are compared may differ."""
 
 
 def named_study(words: str) -> tuple[Path, Mapping[str, str]]:
@@ -58,28 +63,6 @@ def selected(study: Study, chosen: Mapping[str, str]) -> Study:
     return study
 
 
-def named_part(study: Study, names: Sequence[str], factors: Sequence[str]) -> Study:
-    """Return the part of a study that has one of some names.
-
-    A name is a label of one of the factors, with its parameters or without, or several of them joined by ``+``.
-
-    Raises:
-        JerkbenchError: nothing has one of the names.
-    """
-    rows = study.rows[[*factors]].astype(str)
-    labels = {label: {label, bare(label)} for label in np.unique(rows)}
-    fits = np.zeros(len(rows), dtype=bool)
-    for name in (reduce(lambda told, factor: new_label(factor, told), factors, name) for name in names):
-        of_name = [
-            np.any([rows[factor].map(lambda label, one=one: one in labels[label]) for factor in factors], axis=0)
-            for one in ([name] if any(name in known for known in labels.values()) else name.split("+"))
-        ]
-        if not np.all(of_name, axis=0).any():
-            raise JerkbenchError(unknown("method" if "filter" in factors else "scenario", name, labels))
-        fits |= np.all(of_name, axis=0)
-    return study.only(study.keys[fits])
-
-
 def in_the_place_of(first: Study, second: Study, chosen: Mapping[str, str]) -> tuple[Study, list[str]]:
     """Return ``second`` with the chosen method called what it is called in ``first``, and a sentence about it.
 
@@ -106,12 +89,6 @@ def _only_value(study: Study, factor: str) -> str:
             f"for example {study.folder}:{factor}={values[0]}."
         )
     return values[0]
-
-
-# The comparability of two studies: conditions that differ, and combinations that one of them lacks.
-
-COMPARED = tuple(part for part in LABELLED_PARTS if part not in DECIDING_SCORES)
-"""Parts that a comparison of two versions may be about."""
 
 
 def require_alike(first: Study, second: Study) -> None:
@@ -148,7 +125,7 @@ def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditio
         (name, key), (second_key,) = *first_keys.items(), second_keys.values()
         pairs = [(name, key, second_key)]
     for name, a, b in pairs:
-        yield name, first.conditions[a], second.conditions[b]
+        yield name, conditions(first.metadata[a]), conditions(second.metadata[b])
 
 
 def _keys(study: Study) -> dict[Combination, str]:

@@ -4,7 +4,7 @@ import hashlib
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -19,19 +19,16 @@ from jerkbench.errors import JerkbenchError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.files import write_atomically, write_text
-from jerkbench.jobs.dispatch import outcomes
 from jerkbench.jobs.executors import Workers
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
-from jerkbench.jobs.labels import bare
 from jerkbench.jobs.manifest import read_manifest
-from jerkbench.jobs.parts import Stored
 from jerkbench.jobs.progress import Progress
 from jerkbench.jobs.replay import StoredRow, row_of, runnable
 from jerkbench.jobs.rows import run_seed
-from jerkbench.jobs.selection import named_part
-from jerkbench.jobs.store import Store
-from jerkbench.jobs.study import Study, study_notes
+from jerkbench.jobs.run import outcomes
+from jerkbench.jobs.store import Store, Stored
+from jerkbench.jobs.study import Study, named_part
 from jerkbench.recording import Recording
 from jerkbench.report import Choice
 from jerkbench.report.columns import METHOD, SCENARIO_FACTORS, competes
@@ -47,6 +44,7 @@ from jerkbench.report.drawings import (
     palette_of,
     telling_scenes,
 )
+from jerkbench.report.labels import bare
 from jerkbench.report.page_content import Stretch, largest_of_steps
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.summary import main_metric
@@ -64,9 +62,6 @@ WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only",
 SHOWN_METHODS = 5
 """Methods in one picture, unless more are the user's own, or wanted by name."""
 
-SceneCells = Mapping[str, Mapping[str, str]]
-"""Key and labels of each cell."""
-
 TILTS = ("none", "scalar", "mtf")
 """Ways of the tilt filter to adapt that are compared; lee needs a memory of its own."""
 
@@ -76,11 +71,11 @@ FROM_ELSEWHERE = ("command", "trajectory")
 SEEDS = 10
 """Runs of the best method whose NEES and NIS are averaged."""
 
-MOST_CELLS = 40
-"""Cells of a scenario whose errors are kept, the user's own and the best ones."""
+MAX_CURVES = 40
+"""Jobs of a scenario whose errors over time are shown: the user's own and the best ones."""
 
-KEPT_ERRORS = 120_000
-"""Errors of all cells together: two bytes each, so that the file stays small."""
+MAX_ERRORS = 120_000
+"""Errors of all jobs together. Each takes two bytes of the report."""
 
 STRETCH_STEPS = (100, 600)
 """Fewest and most steps of a recording."""
@@ -113,41 +108,15 @@ class Request:
     seed: int | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Picturing:
-    """The figures of all rows, or of one scenario.
-
-    Attributes:
-        request: what is wanted.
-        study: folder of the cells.
-        scenario: its name; empty: all rows.
-        cells: its cells.
-        metric: by which runs are chosen.
-        palette: of the study.
-        rows: of the whole study.
-        methods: that its figures show; None: it has no figures; none: the usual ones.
-        steps: of each error over time; 0: none is wanted.
-    """
-
-    request: Request
-    study: Path
-    scenario: str
-    cells: SceneCells
-    metric: str
-    palette: Palette
-    rows: "pd.DataFrame | None" = None
-    methods: Methods | None = None
-    steps: int = 0
-
-
-DrawnStudy = tuple[tuple[Picture, ...], tuple[Stretch, ...]]
-"""What a report shows of runs: the figures, and the errors over time of each scenario."""
+DrawnStudy = tuple[list[Picture], list[Stretch]]
+"""Figures, and the errors over time of scenarios."""
+DrawingTask = Callable[[], DrawnStudy]
 
 
 def draw_study(study: Study, request: Request, workers: int) -> DrawnStudy:
     """Draw the figures of a study: those of all its rows, then those of its scenarios' runs.
 
-    A scenario that cannot be run again is told on standard error.
+    A scenario that cannot be run again is reported on standard error.
 
     Args:
         study: the study.
@@ -158,42 +127,48 @@ def draw_study(study: Study, request: Request, workers: int) -> DrawnStudy:
         JerkbenchError: the study has no such method, scenario or seed.
     """
     if request.choice is Choice.NONE:
-        return (), ()
-    jobs = _jobs(study, request)
-    done: dict[str, DrawnStudy] = {}
-    slowest_first = sorted(jobs, key=lambda job: job.methods is None and job.rows is None)
-    with Progress(len(jobs), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as processes:
-        chunks = [[job] for job in slowest_first]
-        for (job,), result in outcomes(_draw_first, chunks, processes.pool(len(chunks))):
-            if isinstance(result, Exception):
-                raise result
-            done[job.scenario] = result
+        return [], []
+    numbered = list(enumerate(_drawing_tasks(study, request)))
+    done: dict[int, DrawnStudy] = {}
+    with Progress(len(numbered), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as pool:
+        # The figures of all rows take less time than those of a scenario, so they are drawn last.
+        chunks = [[task] for task in (*numbered[1:], numbered[0])]
+        for ((place, _),), drawn in outcomes(_draw_first, chunks, pool.pool(len(chunks))):
+            if isinstance(drawn, Exception):
+                raise drawn
+            done[place] = drawn
             progress.advance()
-    pictures, stretches = zip(*(done[job.scenario] for job in jobs), strict=True)
-    return tuple(chain(*pictures)), tuple(chain(*stretches))
+    pictures, stretches = zip(*(done[place] for place, _ in numbered), strict=True)
+    return list(chain(*pictures)), list(chain(*stretches))
 
 
-def _jobs(study: Study, request: Request) -> list[Picturing]:
-    """Return what is to be done, in the order in which it is shown."""
+def _draw_first(tasks: Sequence[tuple[int, DrawingTask]]) -> tuple[int, DrawnStudy]:
+    _, draw = tasks[0]
+    return 1, draw()
+
+
+def _drawing_tasks(study: Study, request: Request) -> list[DrawingTask]:
+    """Return a task for all rows, and one for each scenario, in the order in which they are shown."""
     metric, palette = main_metric(study.rows), palette_of(study.rows)
+    of_all_rows = partial(_draw_rows, request, study.rows, palette)
     study = _requested(study, request)
-    scenes: dict[str, dict[str, Mapping[str, str]]] = {}
+    scenarios: dict[str, dict[str, Mapping[str, str]]] = {}
     for key, labels in study.labels.items():
-        scenes.setdefault(", ".join(labels[factor] for factor in SCENARIO_FACTORS), {})[key] = labels
+        scenarios.setdefault(", ".join(labels[factor] for factor in SCENARIO_FACTORS), {})[key] = labels
     named = tuple(dict.fromkeys(zip(study.rows["filter"], study.rows["adaptation"], strict=True)))
-    shown: Mapping[str, Methods] = dict.fromkeys(scenes, named if request.methods else ())
+    methods: Mapping[str, Methods] = dict.fromkeys(scenarios, named if request.methods else ())
     few = request.choice is Choice.FEW and not (request.methods or request.scenarios)
-    if few or (len(scenes) > request.limit and not request.scenarios):
-        ranked = dict(list(by_difference(study.rows, metric, list(scenes)).items())[: request.limit])
-        scenes = {name: cells for name, cells in scenes.items() if name in ranked}
-        shown = telling_scenes(ranked) if few else shown
-    steps = steps_of(scenes.values()) if request.traces else 0
+    if few or (len(scenarios) > request.limit and not request.scenarios):
+        ranked = dict(list(by_difference(study.rows, metric, list(scenarios)).items())[: request.limit])
+        scenarios = {name: labels for name, labels in scenarios.items() if name in ranked}
+        methods = telling_scenes(ranked) if few else methods
+    steps = _steps_of(scenarios.values()) if request.traces else 0
     return [
-        Picturing(request, study.folder, "", {}, metric, palette, study.rows),
+        of_all_rows,
         *(
-            Picturing(request, study.folder, name, cells, metric, palette, methods=shown.get(name), steps=steps)
-            for name, cells in scenes.items()
-            if steps or name in shown
+            partial(_draw_scenario, request, study.folder, name, labels, metric, palette, methods.get(name), steps)
+            for name, labels in scenarios.items()
+            if steps or name in methods
         ),
     ]
 
@@ -208,66 +183,80 @@ def _requested(study: Study, request: Request) -> Study:
     return study
 
 
-def _draw_first(jobs: Sequence[Picturing]) -> tuple[int, DrawnStudy]:
-    return 1, draw(jobs[0])
+def _draw_rows(request: Request, rows: "pd.DataFrame", palette: Palette) -> DrawnStudy:
+    return [_picture(drawing, "", request) for drawing in of_rows(rows, palette)], []
 
 
-def draw(job: Picturing) -> DrawnStudy:
-    """Draw the figures of ``job``; none where its runs cannot be run again, which is told on standard error."""
-    if job.rows is not None:
-        return tuple(_picture(drawing, job) for drawing in of_rows(job.rows, job.palette)), ()
+def _draw_scenario(
+    request: Request,
+    folder: Path,
+    name: str,
+    labels: Mapping[str, Mapping[str, str]],
+    metric: str,
+    palette: Palette,
+    methods: Methods | None,
+    steps: int,
+) -> DrawnStudy:
+    """Draw the figures of a scenario.
+
+    Args:
+        request: which figures.
+        folder: of the study.
+        name: of the scenario.
+        labels: of its jobs, by key.
+        metric: the leading one.
+        palette: of the study.
+        methods: that the figures show; empty: the best ones; None: no figures are drawn.
+        steps: number of steps of each error over time; 0: none is needed.
+    """
     try:
-        stored = runnable(Store(job.study).read(list(job.cells))[0], run_programs=job.request.run_programs)
-        named = [replace(cell, metadata={**cell.metadata, "labels": job.cells[cell.key]}) for cell in stored]
-        cells = ranked(named, job.metric)
-        drawings = [] if job.methods is None else of_scene(_scene(job, cells, job.methods), job.palette)
-        pictures = tuple(_picture(drawing, job) for drawing in drawings)
-        return pictures, tuple(_stretch(job, cells)) if job.steps else ()
+        stored = runnable(Store(folder).read(list(labels))[0], run_programs=request.run_programs)
+        jobs = ranked([replace(job, metadata={**job.metadata, "labels": labels[job.key]}) for job in stored], metric)
+        drawings = [] if methods is None else of_scene(_scene(name, jobs, methods, request.seed), palette)
+        pictures = [_picture(drawing, name, request) for drawing in drawings]
+        return pictures, list(_stretches(name, jobs, steps)) if steps else []
     except JerkbenchError as error:
-        print(f"jerkbench: no figures of {job.scenario}: {error}", file=sys.stderr)
-        return (), ()
+        print(f"jerkbench: no figures of {name}: {error}", file=sys.stderr)
+        return [], []
 
 
-def _picture(drawing: Drawing, job: Picturing) -> Picture:
-    """Render a figure once for the page and the file, and once more as PDF where that is wanted."""
+def _picture(drawing: Drawing, scenario: str, request: Request) -> Picture:
+    """Render a figure once for the page and the file, and once more as PDF if that is requested."""
     from jerkbench.report.plots.style import png_bytes, save_pdf
 
     png = png_bytes(drawing.figure)
-    out = job.request.out
+    out = request.out
     if out is not None:
         write_atomically(out / f"{drawing.name}.png", lambda path: path.write_bytes(png))
-        if job.request.pdf:
+        if request.pdf:
             save_pdf(drawing.figure, out / f"{drawing.name}.pdf")
-    return Picture(drawing.name, drawing.caption, job.scenario, png)
+    return Picture(drawing.name, drawing.caption, scenario, png)
 
 
-# The runs behind the figures of a scenario; programs among its cells may run.
-
-
-def _scene(job: Picturing, cells: Sequence[Stored], wanted: Methods) -> Scene:
-    """Run those of ``cells``, the best first, again that are worth a picture, or those that are ``wanted``.
+def _scene(name: str, jobs: Sequence[Stored], wanted: Methods, seed: int | None) -> Scene:
+    """Run the chosen ones of ``jobs``, the best first, again.
 
     Raises:
         JerkbenchError: they cannot be run again.
     """
-    if not cells:
+    if not jobs:
         raise JerkbenchError("each of its methods is a stored program, which runs only with --run-programs.")
-    chosen = _chosen(cells, wanted)
-    rows = {method: row_of(cell, job.request.seed, run_programs=True) for method, cell in chosen.items()}
+    chosen = _chosen(jobs, wanted)
+    rows = {method: row_of(job, seed, run_programs=True) for method, job in chosen.items()}
     runs = {method: row.run() for method, row in rows.items()}
     best, row = next(iter(rows.items()))
     recording, estimate = runs[best]
     stored = chosen[best].rows
     seeds = stored["seed"][(stored["status"] == "ok") & (stored["replicate"] == "seed")].tolist()[:SEEDS]
     return Scene(
-        job.scenario,
-        stem=file_stem([job.scenario]),
+        name,
+        stem=file_stem([name]),
         recording=with_title(recording, row.job, row.draw),
         attitude=shared_inputs().attitude(recording, row.job.scenario.attitude),
         estimates={method: estimate for method, (_, estimate) in runs.items()},
         tilts=_tilts(row, estimate),
         best=best,
-        best_runs=tuple(row_of(chosen[best], seed, run_programs=True).run() for seed in seeds or [None]),
+        best_runs=tuple(row_of(chosen[best], own, run_programs=True).run() for own in seeds or [None]),
         burn_in_s=row.job.evaluation.burn_in_s,
     )
 
@@ -334,40 +323,34 @@ def _name(cell: Stored) -> str:
     return f"{labels['filter']} + {labels['adaptation']}{noise}"
 
 
-def steps_of(scenarios: Iterable[SceneCells]) -> int:
-    """Return into how many steps the recordings are cut, so that the errors of all cells fit.
-
-    Args:
-        scenarios: the cells of each.
-    """
-    lines = sum(min(len(cells), MOST_CELLS) for cells in scenarios)
-    return int(np.clip(KEPT_ERRORS // max(1, lines), *STRETCH_STEPS))
+def _steps_of(scenarios: Iterable[Collection[str]]) -> int:
+    """Return the number of steps of each error over time, so that the errors of all jobs fit."""
+    curves = sum(min(len(keys), MAX_CURVES) for keys in scenarios)
+    return int(np.clip(MAX_ERRORS // max(1, curves), *STRETCH_STEPS))
 
 
-def _stretch(job: Picturing, cells: Sequence[Stored]) -> Iterator[Stretch]:
-    """Run one run of each of the best and of the user's own cells again; nothing where the position is not known.
+def _stretches(scenario: str, jobs: Sequence[Stored], steps: int) -> Iterator[Stretch]:
+    """Run one run of the user's own and of the best jobs again. Yields nothing if there is no position reference.
 
     Raises:
         JerkbenchError: they cannot be run again.
     """
-    kept = {cell.key for cell in sorted(cells, key=lambda cell: not of_user(cell.metadata["spec"]))[:MOST_CELLS]}
-    rows = {cell.key: row_of(cell, run_programs=True) for cell in cells if cell.key in kept}
+    chosen = {job.key for job in sorted(jobs, key=lambda job: not of_user(job.metadata["spec"]))[:MAX_CURVES]}
+    rows = {job.key: row_of(job, run_programs=True) for job in jobs if job.key in chosen}
     runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
     recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
     if not recordings:
         return
     t_s, first = recordings[0].reference.t_s, next(iter(rows.values()))
-    edges_s = np.linspace(t_s[0], t_s[-1], min(job.steps, len(t_s)) + 1)
+    edges_s = np.linspace(t_s[0], t_s[-1], min(steps, len(t_s)) + 1)
     errors_m = {
         key: largest_of_steps(seen.reference.t_s[estimate.index], position_error_length_m(estimate, seen), edges_s)
         for key, (seen, estimate) in runs.items()
     }
     draw = f"{'seed' if first.job.scenario.seeded else 'phase'} {first.draw}"
     step_s = float(edges_s[1] - edges_s[0])
-    yield Stretch(job.scenario, draw, float(edges_s[0]), step_s, recordings[0].outages_s, errors_m)
+    yield Stretch(scenario, draw, float(edges_s[0]), step_s, recordings[0].outages_s, errors_m)
 
-
-# The figures of a single run: titles, names of files.
 
 WIDTH = 70
 """Letters of a line: as many as a figure has room for."""
@@ -427,8 +410,6 @@ def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
     return paths
 
 
-# The report of a study as one HTML file.
-
 FIGURES, REPORT = "figures", "report.html"
 PROVENANCE = ("command", "finished", "commit", "versions", "host")
 """Entries of the manifest that the report shows."""
@@ -480,13 +461,19 @@ def write_report(
     from jerkbench.report.page import Results, page
 
     pictures, stretches = draw_study(study, request, workers)
-    stored, _ = Store(study.folder).read(list(dict.fromkeys(study.keys)))
-    manifest, labels, about = read_manifest(study.folder), study.labels, [(cell.key, cell.metadata) for cell in stored]
+    manifest, labels = read_manifest(study.folder), study.labels
+    configured = manifest.get("notes", {})
+    notes = {key: dict.fromkeys([*configured.get(key, []), *own["notes"]]) for key, own in study.metadata.items()}
+    about = {
+        key: {**own, "labels": labels[key], "notes": list(notes[key])}
+        for key, own in study.metadata.items()
+        if key in labels
+    }
     results = Results(
         name=study.folder.resolve().name,
         rows=study.rows,
         keys=list(study.keys),
-        about={key: {**own, "labels": labels[key], "notes": study_notes([key], [own], manifest)} for key, own in about},
+        about=about,
         notes=study.notes,
         provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
         rule=rule,

@@ -11,7 +11,7 @@ from jerkbench import api
 from jerkbench.adaptation.huber_r import HuberR
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.mtf_nis import MtfNis
-from jerkbench.jobs.bibliography import entry, merged
+from jerkbench.report.bibliography import entry, merged
 
 ROOT = Path(__file__).parents[2]
 
