@@ -12,7 +12,6 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from jerkbench import plugins
-from jerkbench.contracts import preferred_attitude
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.hydra_app.configuration import (
     check_options,
@@ -105,9 +104,9 @@ def compose_jobs(loader: ConfigLoader, sweep: DictConfig, jobs: Sequence[Sequenc
 
 
 class _Composer:
-    """Puts choices and values into bases that Hydra has composed.
+    """Puts the choices and values of a job into a base configuration that Hydra has composed.
 
-    An override that can be put into a base is a path and a value: ``(group,)`` and the chosen names,
+    An override that can be put into a base has a path and a value: ``(group,)`` and the chosen names,
     ``(group, parameter)`` or ``(group, name, parameter)`` and the value. Hydra applies all other overrides.
     """
 
@@ -117,22 +116,23 @@ class _Composer:
         self._unchanged, self._alone = cache(self._is_unchanged), cache(_alone)
         sources = [one for one in sweep.hydra.runtime.config_sources if one.provider not in ("hydra", "schema")]
         only_ours = len(sources) == 1 + len(user_folders())
-        self._names = {group: _names_of(group) if only_ours else set() for group in DEPTH}
-        self._similar: dict[str | None, str] = {}
+        # A data set may choose an attitude filter too, so Hydra composes each data set.
+        self._names = {group: _names_of(group) if only_ours and group != "dataset" else set() for group in DEPTH}
         self.used, self.unused = set[tuple[str, ...]](), set[tuple[str, ...]]()
 
     def compose(self, job: Sequence[str]) -> Composed:
-        choices = {path[0]: names for path, names in filter(None, map(self._setting, job)) if len(path) == 1}
-        base = self._base(self._others(job, choices))
-        kept = {group: names for group, names in choices.items() if self._unchanged(base, group)}
-        if kept != choices:  # an experiment sets parameters of whatever is chosen: only Hydra knows which
-            base, choices = self._base(self._others(job, kept)), kept
+        settings = [(word, *self._setting(word)) for word in job]
+        choices = {path[0]: names for _, path, names in settings if len(path) == 1}
+        base = self._base(tuple(word for word, path, _ in settings if not path))
+        if changed := {(group,) for group in choices if not self._unchanged(base, group)}:
+            # An experiment sets parameters of whatever is chosen: Hydra has to apply these choices.
+            base = self._base(tuple(word for word, path, _ in settings if not path or path in changed))
+            choices = {group: names for group, names in choices.items() if (group,) not in changed}
         plain = base.plain | {group: self._alone(group, names) for group, names in choices.items()}
         named = base.choices | {group: ",".join(names) for group, names in choices.items()}
         overrides = list[str]()
-        for word in job:
-            path, value = self._setting(word) or ((), None)
-            typed = word
+        for word, path, value in settings:
+            typed, target = word, path
             if len(path) == 3:
                 group, name, parameter = path
                 part = plain[group] or {}
@@ -141,41 +141,26 @@ class _Composer:
                     continue
                 self.used.add(path)
                 if group != "disturbance":
-                    path, typed = (group, parameter), f"{group}.{word.split('.', 2)[2]}"
-            if len(path) > 1:
-                plain = _with(plain, path, value)
+                    target, typed = (group, parameter), f"{group}.{word.split('.', 2)[2]}"
+            plain = _with(plain, target, value) if len(target) > 1 else plain
             overrides.append(typed)
         if "${" in repr(plain):
             plain = _plain(OmegaConf.create(plain), resolve=True)
         return Composed(plain, named, overrides)
 
-    def _read(self, word: str) -> tuple[tuple[str, ...], Any] | None:
-        """Return path and value of an override; None: only Hydra can apply it."""
+    def _read(self, word: str) -> tuple[tuple[str, ...], Any]:
+        """Return path and value of an override. The path is empty if only Hydra can apply it."""
         key, equals, _ = word.partition("=")
-        path = tuple(key.split("."))
-        group = path[0]
+        group, *names = path = tuple(key.split("."))
         if not equals or group not in DEPTH:
-            return None
+            return (), None
         value: Any = parsed_override(word).value()
-        if len(path) == 1:
-            names = tuple(value) if isinstance(value, list) and group == "disturbance" else (value,)
-            known = all(isinstance(name, str) and new_name(group, name) in self._names[group] for name in names)
-            return (path, names) if names and known else None
-        fits = len(path) == DEPTH[group] or is_address(path)
-        return (path, value) if fits and not isinstance(value, dict) else None
-
-    def _others(self, job: Sequence[str], choices: Mapping[str, Any]) -> tuple[str, ...]:
-        """Return the overrides for Hydra: all but values and ``choices``.
-
-        A data set may prefer an attitude filter. So one of the data sets with the same preference stands for the chosen
-        one, unless an attitude filter is chosen.
-        """
-        settings = ((word, self._setting(word)) for word in job)
-        others = [word for word, one in settings if one is None or (len(one[0]) == 1 and one[0][0] not in choices)]
-        if "dataset" in choices and not any(word.startswith("attitude=") for word in job):
-            preferred = preferred_attitude(plugins.get("dataset", self._alone("dataset", choices["dataset"])["name"]))
-            others.append(f"dataset={self._similar.setdefault(preferred, choices['dataset'][0])}")
-        return tuple(others)
+        if not names:
+            chosen = tuple(value) if isinstance(value, list) and group == "disturbance" else (value,)
+            known = all(isinstance(name, str) and new_name(group, name) in self._names[group] for name in chosen)
+            return (path, chosen) if chosen and known else ((), None)
+        fits = (len(path) == DEPTH[group] or is_address(path)) and not isinstance(value, dict)
+        return (path, value) if fits else ((), None)
 
     def _of_hydra(self, overrides: tuple[str, ...]) -> Composed:
         config = self._loader.load_sweep_config(self._sweep, list(overrides))

@@ -147,12 +147,11 @@ def test_every_plugin_and_preset_gives_the_job_of_hydra(loader, compositions):
 
 
 @pytest.mark.slow
-def test_every_data_set_brings_the_attitude_filter_that_it_prefers(loader, compositions):
+def test_every_data_set_brings_the_attitude_filter_that_it_prefers(loader):
     names = [*plugins.names("dataset"), *preset_names("dataset")]
     jobs = [["burn_in_s=3", f"dataset={name}"] for name in names]
     composed = compose_jobs(loader, base(loader), jobs)
 
-    assert len(compositions) == 2
     for one, job in zip(composed, jobs, strict=True):
         config = loader.load_sweep_config(base(loader), job)
         for group in ("dataset", "attitude"):
