@@ -205,23 +205,40 @@ def _concluded(plan: Plan, level: float | None, code: int, store: Store, config:
     if study is not None and not code:
         asked = any(isinstance(job.method.filter, Command) for job in plan.jobs)
         code = draw_and_report(study, config, run_programs=asked)
-    return code or failed_code(study) or lost(store, plan.draws)
+    if not code and (gone := _incomplete(store, plan.draws)):
+        print(
+            f"jerkbench: {len(gone)} of {len(plan.jobs)} cells are not in {store.folder}, although they have run:"
+            " somebody has deleted or damaged their files. The same command runs them again.",
+            file=sys.stderr,
+        )
+        return FAILED
+    return code or (failed_code(study) if study else 0)
 
 
 def conclude_study(
     store: Store, seeds: Mapping[str, Sequence[int]], config: DictConfig, level: float | None = None
 ) -> Study | None:
-    """Write and print the tables of what is there; returns the cells that were run, or nothing where none is whole."""
+    """Write and print the tables of a study.
+
+    Args:
+        store: of the study.
+        seeds: the seeds of the jobs that were run; empty: all jobs that are stored.
+        config: the configuration.
+        level: significance level of the last interim analysis.
+
+    Returns:
+        The jobs that were run. None: no job is complete.
+    """
     from jerkbench.report.terminal import print_beginning, print_table
 
     folder = store.folder.parent
-    gone = _not_whole(store, seeds)
-    if len(gone) == len(seeds):
+    gone = _incomplete(store, seeds)
+    if seeds and len(gone) == len(seeds):
         return None
     store.compact()
     there = {key: () if key in gone else own for key, own in seeds.items()}
     study, table = concluded(folder, there, list(config.notes), sys.argv, level)
-    shown = study.only(seeds)
+    shown = study.only(seeds) if seeds else study
     if len(shown.rows) == len(study.rows):
         print_beginning(table)
     else:
@@ -255,25 +272,13 @@ def draw_and_report(study: Study, config: DictConfig, *, run_programs: bool = Fa
     return 0
 
 
-def failed_code(study: Study | None) -> int:
-    """The exit code for a study of which a run failed, or 0."""
-    return FAILED if study is not None and (study.rows["status"] == "failed").any() else 0
+def failed_code(study: Study) -> int:
+    """Return the exit code for a study: not 0 if one of its runs failed."""
+    return FAILED if (study.rows["status"] == "failed").any() else 0
 
 
-def lost(store: Store, seeds: Mapping[str, Sequence[int]]) -> int:
-    """The exit code for cells that have run and are not there, or 0."""
-    gone = len(_not_whole(store, seeds))
-    if gone:
-        print(
-            f"jerkbench: {gone} of {len(seeds)} cells are not in {store.folder}, although they have run: somebody has"
-            " deleted or damaged their files. The same command runs them again.",
-            file=sys.stderr,
-        )
-    return FAILED if gone else 0
-
-
-def _not_whole(store: Store, seeds: Mapping[str, Sequence[int]]) -> list[str]:
-    """Return the cells of which a run is neither done nor failed."""
+def _incomplete(store: Store, seeds: Mapping[str, Sequence[int]]) -> list[str]:
+    """Return the jobs of which a run is neither done nor failed."""
     known = store.known(seeds, failed=True)
     return [key for key, own in seeds.items() if not known.get(key, set()).issuperset(own)]
 
@@ -285,15 +290,11 @@ class Conclude(Callback):
         """Write and print the table of all that is stored; exits as the built-in launcher would."""
         if config.hydra.launcher["_target_"] == LAUNCHER or config.dry:
             return
-        from jerkbench.report.terminal import print_beginning
-
         if config.max_seeds or cluster_of(config) != LOCAL:
             print("cluster= and max_seeds= have no effect with another launcher.", file=sys.stderr)
         try:
-            study, table = concluded(study_folder(config), {}, list(config.notes), sys.argv)
+            study = conclude_study(Store(study_folder(config)), {}, config)
         except JerkbenchError as error:  # Hydra would log more than the message
             exit_with(error)
-        print_beginning(table)
-        print(f"\nRows, tables and manifest: {study.folder}", flush=True)
-        if code := draw_and_report(study, config) or failed_code(study):
+        if study and (code := draw_and_report(study, config) or failed_code(study)):
             raise SystemExit(code)
