@@ -279,8 +279,9 @@ def _shown(seeds: IntArray, runs: IntArray, stretches: Stretches | None) -> Bool
     mask = np.zeros(len(seeds), bool)
     for first, count in stretches:
         mask |= (seeds >= first) & (seeds < first + count)
-    complete = int(mask.sum()) == sum(count for _, count in stretches)
-    return mask & np.array(complete)
+    if mask.sum() != sum(count for _, count in stretches):
+        mask[:] = False
+    return mask
 
 
 def _metadata(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -124,8 +124,14 @@ def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -
     left_out = LeftOut(len(stored) - len(chosen), sum(job.others for job in stored), damaged)
     notes = notes_of_study(rows, about, [*unlike, *configured], left_out)
     return Study(
-        *(folder, rows, tuple(notes), pd.Series(keys_of_rows), code_of(about)),
-        *(dict(zip(keys, about, strict=True)), tuple(damaged), tuple(unlike)),
+        folder,
+        rows,
+        tuple(notes),
+        keys=pd.Series(keys_of_rows),
+        code=code_of(about),
+        metadata=dict(zip(keys, about, strict=True)),
+        damaged=tuple(damaged),
+        unlike=tuple(unlike),
     )
 
 
