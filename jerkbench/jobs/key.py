@@ -25,8 +25,8 @@ COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
     *("filters", "inertial", "io", "kinematic", "recording", "simulation", "measurements", "timeline"),
     *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("random_streams", "renamed", "sums", "tuning/splits"),
-    *("jobs/inputs", "jobs/job", "jobs/rows", "report/labels"),
+    *("random_streams", "renamed", "sums", "campaign/split"),
+    *("jobs/inputs", "jobs/job", "jobs/rows", "report/columns", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""

@@ -76,11 +76,11 @@ def told_apart(labels: Sequence[dict[str, str]], known: Sequence[Conditions]) ->
     Returns:
         A note for each of these labels.
     """
-    notes = []
+    notes, unchanged = [], [dict(label) for label in labels]
     for part in LABELLED_PARTS:
         names = (part, "noise") if part == "filter" else (part,)  # the noise is a parameter of the filter
         groups: dict[tuple[str, ...], list[int]] = {}
-        for place, label in enumerate(labels):
+        for place, label in enumerate(unchanged):
             tuned = part in METHOD_PARTS and label["filter"].endswith(TUNED_SUFFIX)
             names_of_job = (*names, *METHOD_PARTS) if tuned else names
             groups.setdefault(tuple(label[name] for name in names_of_job), []).append(place)

@@ -9,7 +9,7 @@ from jerkbench.jobs.job import metric_names
 from jerkbench.plugins import PACKAGES, _registry
 
 PACKAGE = Path(jerkbench.__file__).parent
-RUNNING = ("jobs/rows", "tuning/splits")
+RUNNING = ("jobs/rows", "campaign/split")
 NO_NUMBERS = {
     *("api", "errors", "fetching", "files", "notices", "parameters", "places", "presets"),
     *(f"plugins/{name}" for name in ("__init__", "checks", "members")),
@@ -71,7 +71,7 @@ def test_every_computing_room_exists():
 
 def test_an_edit_counts_where_something_is_computed(tmp_path, monkeypatch):
     monkeypatch.setattr(key, "PACKAGE_FOLDER", tmp_path)
-    names = ("filters/one.py", "hydra_app/messages.py", "tuning/search.py", "jobs/job.py", "jobs/key.py")
+    names = ("filters/one.py", "hydra_app/messages.py", "campaign/search.py", "jobs/job.py", "jobs/key.py")
     for name in names:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("1")
