@@ -1,5 +1,6 @@
 """Work in processes of this machine. A process that dies costs its own task only."""
 
+import gc
 import os
 import time
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_info
 
 from jerkbench.errors import PluginError
 from jerkbench.jobs.executors import LocalExecutor, Workers
@@ -106,3 +108,12 @@ def test_a_message_of_all_processes_is_printed_once(capfd, monkeypatch):
     list(run(talk, [[1, 2, 3], [4, 5, 6]], workers=2))
 
     assert capfd.readouterr().err.count("compiling something") == 1
+
+
+def habits(tasks):
+    threads = max((library["num_threads"] for library in threadpool_info()), default=1)
+    return len(tasks), (threads, gc.get_threshold())
+
+
+def test_a_worker_has_one_thread_and_collects_garbage_as_rarely_as_a_command():
+    assert set(dict(run(habits, [[1], [2]], workers=2)).values()) == {(1, (50_000, 20, 100))}

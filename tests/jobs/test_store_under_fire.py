@@ -1,5 +1,6 @@
 """The store where things go wrong: killed processes, two at once, damage, no room, a plugin that is another now."""
 
+import os
 import re
 import signal
 import subprocess
@@ -134,3 +135,35 @@ def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path
     again = swept(*CELLS, "disturbance=none,imu_bias,gnss_outage", cwd=tmp_path)
     assert "15 of 15 cells are done already" in again.stderr
     assert len(rows_of(tmp_path)) == 15
+
+
+PLUGIN = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Doubt:
+    '''Multiplies R by a constant.'''
+
+    def memory_size(self):
+        return 0
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return {factor} * R
+"""
+
+
+@pytest.mark.slow
+def test_a_plugin_that_is_another_now_is_run_again_and_that_is_said(tmp_path):
+    metadata = tmp_path / "doubting-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: doubting\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("[jerkbench.adaptation]\ndoubt = doubting:Doubt\n")
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    rmse = []
+    for factor in (2.0, 9.0):
+        (tmp_path / "doubting.py").write_text(PLUGIN.format(factor=factor))
+        done = swept("adaptation=doubt", cwd=tmp_path, PYTHONPATH=path, PYTHONDONTWRITEBYTECODE="1")
+        rmse.append(pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv")["position_rmse_m"].tolist())
+    assert len(rmse[1]) == 1
+    assert rmse[0] != rmse[1]
+    assert "1 result of the same name with other settings, code or data is left out." in done.stdout
