@@ -29,10 +29,9 @@ from jerkbench.attitude.tilt import Tilt, run_tilt
 from jerkbench.contracts import Engine, Filter
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.measurements import Measurements
+from jerkbench.estimate import ErrorWeights
 from jerkbench.recording import Imu, Recording, Reference
-from jerkbench.sums import ErrorWeights, Run
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import Measurements, Run, Timeline
 
 DT_S, STEPS, EVERY = 0.01, 15_000, 10
 COMPARED = 600

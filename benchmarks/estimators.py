@@ -27,8 +27,7 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.contracts import Batched
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.evaluation.evaluated_run import prepare_reference
-from jerkbench.sums import RecordedRun
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import RecordedRun, build_timeline
 
 BURN_IN_S = 5.0
 DRIVE_OF_PYTHON_INS_S = 70.0

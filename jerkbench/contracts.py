@@ -19,10 +19,9 @@ from typing import Any, ClassVar, Literal, Protocol, Self, TypeGuard, TypeVar, c
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.estimate import Attitude, Estimate
+from jerkbench.estimate import Attitude, Estimate, Streamed, Sums
 from jerkbench.recording import Recording
-from jerkbench.sums import RecordedRun, Run, Streamed, Sums
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import RecordedRun, Run, Timeline
 
 # Optional methods of several kinds
 

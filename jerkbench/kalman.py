@@ -1,12 +1,8 @@
-"""The measurement update of a Kalman filter in NumPy, with its adaptation; and the limit of double precision."""
-
-from collections.abc import Callable
+"""The measurement update of a Kalman filter in NumPy, and the limit of double precision."""
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.contracts import Adaptation, Fading, clocked, empty_memory, wants_truth
-from jerkbench.timeline import Recorder, Timeline
 
 ROUNDING = 1e-12
 """A variance that is left over when all but this share is taken away is rounding, not information (`spread_by`).
@@ -161,49 +157,3 @@ def has_factor(P: FloatArray) -> bool:
 def is_positive_definite(P: FloatArray) -> bool:
     """Whether P is finite and positive definite but for rounding: P + INDEFINITE diag(P) has a factor."""
     return has_factor(P + INDEFINITE * np.diag(np.diag(P)))
-
-
-# The measurement updates of one run with its adaptation, whatever the filter is.
-
-Innovate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
-"""z (m,) and its rows -> the innovation y (m,) and H P H' (m, m)."""
-
-
-class AdaptedUpdates:
-    """The updates of one run: for each the adaptation says R, and the recorder keeps what it saw.
-
-    Attributes:
-        recorder: of the run.
-        fading: factor on P that the latest update asks for, before the filter takes it.
-    """
-
-    def __init__(self, timeline: Timeline, adaptation: Adaptation, *, log_det: bool = True) -> None:
-        """Begin with an empty memory; an adaptation that asks for the true covariances gets them."""
-        self.measured, self.recorder, self._log_det = timeline.measurements, Recorder(timeline), log_det
-        self._R = self.measured.covariances(true=wants_truth(adaptation))
-        self._adaptation, self._memory = clocked(adaptation, timeline), empty_memory(adaptation)
-        self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
-
-    def take(self, update: int, innovate: Innovate) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Adapt R, and keep what the update saw; without any measured row nobody is asked.
-
-        Returns:
-            The innovation y (m,), R (m, m) and the rows (m,) that are not dropped, for the filter to take.
-        """
-        self.fading = 1.0
-        z = self.measured.z[update]
-        rows = np.flatnonzero(np.isfinite(z))
-        block = np.ix_(rows, rows)
-        R, (y, HPHt) = self._R[update][block], innovate(z[rows], rows)
-        S = HPHt + self.measured.R[update][block]
-        nis, log_det = squared_distance(y, S), np.linalg.slogdet(S)[1] if self._log_det else np.nan
-        if rows.size and self._fade is not None:
-            self.fading = self._fade(y, HPHt, R, rows, self._memory)
-            HPHt = HPHt * self.fading
-        if rows.size:
-            R = self._adaptation.adapt(y, HPHt, R, rows, self._memory)
-        kept = np.isfinite(np.diag(R))
-        few = np.ix_(kept, kept)
-        used = squared_distance(y[kept], HPHt[few] + R[few]) if kept.any() else np.nan
-        self.recorder.update(update, rows, y, np.diag(R), nis, used, float(log_det))
-        return y[kept], R[few], rows[kept]

@@ -18,8 +18,8 @@ from jerkbench.errors import PluginError, RecordingError, require_known
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.progress import Progress
+from jerkbench.r_scale import RScale
 from jerkbench.recording import Recording
-from jerkbench.timeline import RScale
 
 FAILED_RUN = math.log(100.0)
 """The loss of a failed run, and the largest loss of a run: the error is 100 times that of the plain filter."""

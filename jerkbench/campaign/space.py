@@ -14,7 +14,7 @@ from jerkbench.contracts import is_attitude_only
 from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job
 from jerkbench.parameters import Range, is_switch, is_whole, ranges_of
-from jerkbench.timeline import RScale
+from jerkbench.r_scale import RScale
 
 R_RANGE = Range(0.05, 20.0, log=True, source="ours: from a fifth to four times the reported sigma")
 """The range of each factor on the reported R."""

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 from jerkbench.compilation.module_cache import can_compile
 from jerkbench.contracts import Adaptation, Filter, clocked
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import Estimate, Streamed
 from jerkbench.notices import notify
 from jerkbench.plugins import register
-from jerkbench.sums import Run, Streamed
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import Run, Timeline
 
 if TYPE_CHECKING:
     from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second

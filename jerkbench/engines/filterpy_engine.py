@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jerkbench.adapted_updates import Recorder
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.contracts import (
     Adaptation,
@@ -32,7 +33,7 @@ from jerkbench.kalman import (
     without_measured,
 )
 from jerkbench.plugins import register
-from jerkbench.timeline import Recorder, Timeline
+from jerkbench.timeline import Timeline
 
 COVARIANCE_FORMS = ("joseph", "paper")
 

@@ -12,7 +12,7 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Metric, Summarising, has_methods, part_read
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import ErrorWeights, Estimate, Streamed, Sums
 from jerkbench.evaluation.counted_rows import (
     Rows,
     counted_rows,
@@ -24,7 +24,6 @@ from jerkbench.evaluation.counted_rows import (
 )
 from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.recording import Recording
-from jerkbench.sums import ErrorWeights, Streamed, Sums
 from jerkbench.timeline import Timeline
 
 

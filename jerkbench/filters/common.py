@@ -7,14 +7,14 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from jerkbench import plugins
+from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, AdaptingGain, AdaptingPrior, Fading, Filter, clocked
-from jerkbench.estimate import Attitude, Estimate
-from jerkbench.kalman import AdaptedUpdates, updated
+from jerkbench.estimate import Attitude, Estimate, Streamed
+from jerkbench.kalman import updated
 from jerkbench.parameters import DefaultOrigin, Limited, Range
 from jerkbench.recording import Recording
-from jerkbench.sums import RecordedRun, Run, Streamed
-from jerkbench.timeline import Timeline, kept_timeline
+from jerkbench.timeline import RecordedRun, Run, Timeline, kept_timeline
 
 
 class StepModel(NamedTuple):

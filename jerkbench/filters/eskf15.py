@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
-from jerkbench.estimate import Attitude, Estimate
+from jerkbench.estimate import Attitude, Estimate, Streamed
 from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.inertial_parameters import Eskf15Parameters, aided, run_inputs, takes_timeline
 from jerkbench.inertial.run import InertialRun, InertialSolution
@@ -15,8 +15,7 @@ from jerkbench.inertial.smoother import smooth_navigation
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.sums import RecordedRun, Streamed
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import RecordedRun, Timeline
 
 
 class InertialFilter(Eskf15Parameters):

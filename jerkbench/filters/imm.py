@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation, Filter
 from jerkbench.errors import PluginError, require_known
@@ -23,7 +24,7 @@ from jerkbench.filters.common import (
     of_r_alone,
 )
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
-from jerkbench.kalman import AdaptedUpdates, is_healthy, squared_distance, updated
+from jerkbench.kalman import is_healthy, squared_distance, updated
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limit, Limited, Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording

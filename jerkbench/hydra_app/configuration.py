@@ -24,10 +24,10 @@ from jerkbench.files import require_small
 from jerkbench.jobs.executors import Cluster
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.presets import config_folder, environment_variable, preset, require_harmless
+from jerkbench.r_scale import RScale
 from jerkbench.renamed import RENAMED, new_name, refuse_removed
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.labels import GROUPS, labels_of
-from jerkbench.timeline import RScale
 
 ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
 """The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""

@@ -11,6 +11,7 @@ from jerkbench.arrays import WIDE, FloatArray, IntArray
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, clocked
+from jerkbench.estimate import ErrorWeights, Streamed
 from jerkbench.geometry import euler_from_rotations
 from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
 from jerkbench.inertial.run import InertialSolution
@@ -21,8 +22,7 @@ from jerkbench.kinematic.packs import Pack
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.recording import Imu
-from jerkbench.sums import ErrorWeights, Run, Streamed
-from jerkbench.timeline import Timeline, step_lengths
+from jerkbench.timeline import Run, Timeline, step_lengths
 
 _OWN = (
     *("run_navigation", "begin", "mechanise", "propagate", "transform_covariance", "take_update", "feed_back"),

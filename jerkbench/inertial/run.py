@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jerkbench.adapted_updates import AdaptedUpdates
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Estimate
@@ -23,7 +24,7 @@ from jerkbench.inertial.update import (
     velocity_in_body,
     wheel_speed,
 )
-from jerkbench.kalman import AdaptedUpdates, has_factor
+from jerkbench.kalman import has_factor
 
 STRETCH = 512
 """Most steps that are made at once: their Phi have to find room."""

@@ -27,8 +27,8 @@ from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
 from jerkbench.plugins.members import missing_member
+from jerkbench.r_scale import RScale, scale_of
 from jerkbench.report.labels import GROUPS, Labels, default_labels
-from jerkbench.timeline import RScale, scale_of
 
 # The names of the metrics of a cell: those that are asked for, or those by default.
 

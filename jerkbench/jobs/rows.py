@@ -22,7 +22,7 @@ from jerkbench.contracts import (
     part_read,
 )
 from jerkbench.errors import JerkbenchError, PluginError
-from jerkbench.estimate import Attitude, Estimate
+from jerkbench.estimate import Attitude, Estimate, Streamed
 from jerkbench.evaluation.counted_rows import require_begin
 from jerkbench.evaluation.evaluated_run import (
     PreparedReference,
@@ -41,8 +41,7 @@ from jerkbench.jobs.key import processor_kind
 from jerkbench.jobs.preflight import notes_of, plugins_in_words, reason_of, unfit
 from jerkbench.notices import plain
 from jerkbench.recording import Recording
-from jerkbench.sums import RecordedRun, Run, Streamed
-from jerkbench.timeline import Timeline, build_timeline, told_timeline
+from jerkbench.timeline import RecordedRun, Run, Timeline, build_timeline, told_timeline
 
 Row = dict[str, Any]
 NotedRows = tuple[list[Row], list[str]]

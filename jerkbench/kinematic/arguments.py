@@ -10,7 +10,7 @@ import numpy as np
 from jerkbench.arrays import WIDE, FloatCube, FloatMatrix, FloatVector, IntArray, IntVector
 from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes, View, fields_of
-from jerkbench.sums import NEES, SUMS
+from jerkbench.estimate import NEES, SUMS
 
 SIX, MATRIX = 8, 40
 """Six numbers, and 36, with room up to the next whole eight."""
@@ -258,7 +258,7 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "own": (),  # 1 where this update has a gain of its own, which then stands in Z
     "due": (),  # above 0 where an update has a row
     "e": (6,),  # error of position and velocity
-    "sums": (SUMS,),  # of the whole run: `jerkbench.sums`
+    "sums": (SUMS,),  # of the whole run: `jerkbench.estimate.Streamed`
 }
 
 

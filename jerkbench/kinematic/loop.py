@@ -8,6 +8,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
 from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, lane, room, row, runs_in, taken
+from jerkbench.estimate import NIS, NIS_USED, UPDATES, UPDATES_USED
 from jerkbench.kinematic.adapt import adapt_runs, find_gains
 from jerkbench.kinematic.adapt_lanes import adapt_lanes, find_gains_of_lanes, note_coupling
 from jerkbench.kinematic.arguments import (
@@ -43,7 +44,6 @@ from jerkbench.kinematic.predict import (
     show_covariance,
 )
 from jerkbench.kinematic.score import AHEAD, add_errors, keep
-from jerkbench.sums import NIS, NIS_USED, UPDATES, UPDATES_USED
 
 # An update: what was measured, what the adaptation makes of it, what is kept of it, and how it counts.
 
@@ -153,7 +153,7 @@ def _take_covariance(run: Lanes, R: View, complete: bool) -> None:
 
 
 def _scale(R: View, told: View) -> None:
-    """Make of the reported R the one that each run is told (`jerkbench.measurements.ScaledMeasurements`)."""
+    """Make of the reported R the one that each run is told (`jerkbench.timeline.ScaledMeasurements`)."""
     for b in range(2):
         for r in range(3 * b, 3 * b + 3):
             for c in range(3 * b + r % STRIDE, 3 * b + 3, STRIDE):

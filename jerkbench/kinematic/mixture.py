@@ -15,7 +15,7 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import aligned_zeros, chosen
 from jerkbench.compilation.views import Lanes, View, lane, room, row, runs_in, taken
 from jerkbench.contracts import Filter
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import Estimate, Streamed
 from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, run_type
 from jerkbench.kinematic.correction import check_definite, correct, mahalanobis
 from jerkbench.kinematic.loop import APART, all_lost, expect, finish, move, rows_used, runs_of
@@ -24,8 +24,7 @@ from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes, mirror
 from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.kinematic.score import keep
-from jerkbench.sums import Run, Streamed
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import Run, Timeline
 
 # Arguments of the loop besides those of its filters; WIDTH is the number of runs side by side.
 

@@ -14,9 +14,7 @@ from jerkbench.arrays import WIDE, FloatArray, IntArray, Keyed, Same
 from jerkbench.compilation.vectors import aligned_room
 from jerkbench.contracts import Filter, axis_models
 from jerkbench.kinematic.arguments import Model, Steps, TruthRows
-from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements, axes_apart
-from jerkbench.sums import Run
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import VARIANCE_FLOOR, Measurements, Run, ScaledMeasurements, Timeline, axes_apart
 
 
 def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:

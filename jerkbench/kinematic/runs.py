@@ -14,13 +14,12 @@ from jerkbench.arrays import WIDE, FloatArray, IntArray
 from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Filter
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import NEES, NEES_POSITION, SUMS, VELOCITY_SQUARES, WHOLE, Estimate, Streamed, Updates
 from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Steps, TruthRows, exchange_for, run_type
 from jerkbench.kinematic.loop import loop_for
 from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs, together
 from jerkbench.kinematic.plugin_call import Rule, rules_of
-from jerkbench.sums import NEES, NEES_POSITION, SUMS, VELOCITY_SQUARES, WHOLE, Run, Streamed
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import Run, Timeline
 
 NO_ROWS = np.empty((0, 6, 1))
 NO_TRUTH = TruthRows(np.empty(0, np.int64), NO_ROWS[:, 0], NO_ROWS, NO_ROWS[:, :4, 0], NO_ROWS[:, 0])

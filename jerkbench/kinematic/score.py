@@ -3,8 +3,7 @@
 from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, copy, room, row, taken
-from jerkbench.kinematic.arguments import Kept, TruthRows
-from jerkbench.sums import (
+from jerkbench.estimate import (
     LARGEST,
     NEES,
     NEES_POSITION,
@@ -15,6 +14,7 @@ from jerkbench.sums import (
     VELOCITY_SQUARES,
     WHOLE,
 )
+from jerkbench.kinematic.arguments import Kept, TruthRows
 
 AHEAD = 48
 """So many rows before it is needed the memory is asked for it: about three microseconds."""

@@ -31,7 +31,7 @@ from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.vectors import aligned_zeros, chosen
 from jerkbench.compilation.views import Lanes, View, copy, eights, room, row, runs_in, taken, wide_room
 from jerkbench.contracts import Filter
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import Estimate, Streamed
 from jerkbench.kinematic.arguments import (
     RUN,
     Exchange,
@@ -50,8 +50,7 @@ from jerkbench.kinematic.plugin_call import Rule
 from jerkbench.kinematic.predict import mark_axes, mirror, transform
 from jerkbench.kinematic.runs import run_alone, run_packs
 from jerkbench.kinematic.score import compare
-from jerkbench.sums import Run, Streamed
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import Run, Timeline
 
 
 def absorb(a: Lanes, tape: Lanes, states: int) -> None:

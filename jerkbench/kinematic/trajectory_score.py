@@ -12,8 +12,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector, IntVector
 from jerkbench.compilation.compiled_loop import compiled_loop
 from jerkbench.compilation.module_cache import can_compile
-from jerkbench.estimate import Estimate
-from jerkbench.sums import (
+from jerkbench.estimate import (
     LARGEST,
     NEES,
     NEES_POSITION,
@@ -27,6 +26,7 @@ from jerkbench.sums import (
     VELOCITY_SQUARES,
     WHOLE,
     ErrorWeights,
+    Estimate,
     Streamed,
 )
 
@@ -35,7 +35,7 @@ class TrajectoryScore(NamedTuple):
     """What the k visited rows of the reference count for, and the sums.
 
     Attributes:
-        truth: (k, 6) as in `jerkbench.sums.ErrorWeights`, like the next four.
+        truth: (k, 6) as in `jerkbench.estimate.ErrorWeights`, like the next four.
         counted: (k,) likewise.
         whole: (k,) likewise.
         moving: (k,) likewise.

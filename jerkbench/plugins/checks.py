@@ -38,8 +38,7 @@ from jerkbench.parameters import provenance_of, range_problems
 from jerkbench.plugins import create, is_own, samples
 from jerkbench.plugins.members import missing_member
 from jerkbench.recording import Recording
-from jerkbench.sums import RecordedRun
-from jerkbench.timeline import Timeline, build_timeline
+from jerkbench.timeline import RecordedRun, Timeline, build_timeline
 
 Plugin = Any
 """A plugin of any kind."""

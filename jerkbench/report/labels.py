@@ -7,9 +7,9 @@ from typing import Any
 
 from jerkbench import plugins
 from jerkbench.evaluation.evaluated_run import Combination
+from jerkbench.r_scale import scale_of
 from jerkbench.renamed import new_name
 from jerkbench.report.columns import TUNED_SUFFIX
-from jerkbench.timeline import scale_of
 
 
 class Labels(Combination):

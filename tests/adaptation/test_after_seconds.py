@@ -12,8 +12,7 @@ from jerkbench.datasets.field import FieldWhite
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import prepare_reference
-from jerkbench.sums import RecordedRun, Run
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import RecordedRun, Run, build_timeline
 
 AFTER_S = 4.1
 

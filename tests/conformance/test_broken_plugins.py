@@ -13,13 +13,12 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.disturbances.imu import ImuBias as BiasDisturbance
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
-from jerkbench.estimate import Updates
+from jerkbench.estimate import Streamed, Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.plugins.samples import small_recording, true_attitude
-from jerkbench.sums import Streamed
 
 
 def fails(check, plugin, sentence):

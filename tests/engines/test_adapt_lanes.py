@@ -20,7 +20,7 @@ from jerkbench.compilation.lanes import above, chosen
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.filters.kinematic import Baseline, Jerk
-from jerkbench.sums import Run
+from jerkbench.timeline import Run
 
 
 @pytest.fixture(scope="module")

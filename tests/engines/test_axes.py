@@ -15,8 +15,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import evaluate_run, prepare_reference, sums_from
 from jerkbench.kinematic import packs, runs
-from jerkbench.sums import Run
-from jerkbench.timeline import build_timeline, step_lengths
+from jerkbench.timeline import Run, build_timeline, step_lengths
 from synthetic import level_attitude, recording_at_rest
 
 AXES = 1

@@ -10,8 +10,7 @@ from jerkbench import plugins
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.kinematic import Jerk
-from jerkbench.measurements import Measurements
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import Measurements, Timeline
 
 ENGINES = [FilterpyEngine(), CompiledEngine()]
 GAP_S = 100.0

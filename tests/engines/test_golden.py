@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from jerkbench.engines.filterpy_engine import FilterpyEngine
-from jerkbench.measurements import Measurements
 from jerkbench.plugins import create
-from jerkbench.timeline import Timeline
+from jerkbench.timeline import Measurements, Timeline
 
 CASES = ["base_none", "jerk_none", "jerk_mtf_single_axis", "jerk_scalar_r", "jerk_sage_husa_3_updates"]
 FILTERS = {"base": "baseline", "jerk": "jerk"}

@@ -35,9 +35,8 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
 from jerkbench.kalman import innovation_factor
-from jerkbench.measurements import Measurements
 from jerkbench.recording import _LEAST_FIXES, Position, Reference, Velocity
-from jerkbench.timeline import Timeline, build_timeline
+from jerkbench.timeline import Measurements, Timeline, build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 SHARE = 3

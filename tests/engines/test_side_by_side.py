@@ -16,9 +16,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, prepare_reference, sums_from
 from jerkbench.filters.kinematic import Baseline, Jerk
-from jerkbench.measurements import VARIANCE_FLOOR, Measurements, ScaledMeasurements
-from jerkbench.sums import Run
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import VARIANCE_FLOOR, Measurements, Run, ScaledMeasurements, build_timeline
 from rough import rough_recording
 from synthetic import level_attitude
 

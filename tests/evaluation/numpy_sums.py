@@ -3,7 +3,7 @@
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import Estimate, Sums, Updates
 from jerkbench.evaluation.counted_rows import (
     POSITION_AXES,
     VELOCITY_AXES,
@@ -13,7 +13,6 @@ from jerkbench.evaluation.counted_rows import (
     velocity_error_mps,
 )
 from jerkbench.recording import Recording
-from jerkbench.sums import Sums
 
 UPPER = np.triu_indices(3)
 """Where the covariance of a position has numbers of its own."""

@@ -4,8 +4,8 @@ import numpy as np
 
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.filters.gnss_only import GnssOnly
-from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS
 from jerkbench.recording import Position, Reference, Velocity
+from jerkbench.timeline import INITIAL_SPEED_SIGMA_MPS
 from synthetic import level_attitude, recording_at_rest
 
 FIX_M = np.array([1.0, 2.0, 3.0])

@@ -24,8 +24,7 @@ from jerkbench.filters.common import of_r_alone
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.kinematic.mixture import mix_alone
 from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.sums import RecordedRun
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import RecordedRun, build_timeline
 
 PAIRS = [("baseline", "jerk"), ("jerk", "baseline"), ("baseline", "baseline"), ("bias", "bias")]
 PAIRS += [("acceleration", "acceleration"), ("acceleration", "baseline")]

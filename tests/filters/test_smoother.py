@@ -25,8 +25,7 @@ from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sum
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
 from jerkbench.kinematic.plugin_call import compiled_rule
 from jerkbench.kinematic.smoother import smooth_one
-from jerkbench.sums import RecordedRun
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import RecordedRun, build_timeline
 
 MODELS = ("baseline", "bias", "jerk")
 

@@ -21,8 +21,7 @@ from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.compiled_runs import solve_compiled
 from jerkbench.inertial.run import InertialRun
 from jerkbench.recording import Heading, Velocity
-from jerkbench.sums import RecordedRun
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import RecordedRun, build_timeline
 
 BURN_IN_S = 2.0
 

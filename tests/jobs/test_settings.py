@@ -15,7 +15,7 @@ from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
 from jerkbench.jobs.rows import Task, job_rows, work
 from jerkbench.parameters import Column
-from jerkbench.timeline import RScale
+from jerkbench.r_scale import RScale
 from made_jobs import with_method
 
 FIELD = {"name": "field", "duration_s": 12.0}

@@ -7,8 +7,9 @@ import pytest
 
 import jerkbench
 from jerkbench.errors import PluginError
+from jerkbench.r_scale import RScale, scale_of, with_r_scale
 from jerkbench.recording import Velocity
-from jerkbench.timeline import RScale, build_timeline, scale_of, told_timeline, with_r_scale
+from jerkbench.timeline import build_timeline, told_timeline
 from synthetic import level_attitude, recording_at_rest
 
 SCALE = RScale(position=4.0, velocity=0.25)

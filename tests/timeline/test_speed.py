@@ -5,9 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jerkbench.estimate import Attitude
-from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, velocity_in_enu
 from jerkbench.recording import Velocity
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, build_timeline, velocity_in_enu
 from synthetic import level_attitude, recording_at_rest
 
 YAW, PITCH, ROLL = 2.0, -0.2, 0.1

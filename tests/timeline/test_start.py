@@ -10,9 +10,8 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.inertial.run_inputs import with_body_velocity
 from jerkbench.inertial.state import NavigationState, rotation_exp
-from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, UNSEEN_SIGMA_MPS2
 from jerkbench.recording import Imu, Position, Velocity
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, UNSEEN_SIGMA_MPS2, build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 FULL = np.array([[0.04, 0.01, -0.02], [0.01, 0.09, 0.03], [-0.02, 0.03, 0.16]])

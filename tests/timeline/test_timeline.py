@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from jerkbench.errors import RecordingError
-from jerkbench.measurements import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2
 from jerkbench.recording import Position, Reference, Velocity
-from jerkbench.timeline import build_timeline
+from jerkbench.timeline import INITIAL_SPEED_SIGMA_MPS, INPUT_SIGMA_MPS2, build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 COVARIANCE = 0.01 * np.eye(3)

@@ -7,14 +7,13 @@ from typing import ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, streaks
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import Estimate, Sums
 from jerkbench.evaluation.correlated_errors import whiteness_of_rows
 from jerkbench.evaluation.counted_rows import counted_errors, first_counted_s, mean
 from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.sums import Sums
 
 EXPECTED_ANEES = 6.0
 """Of position and velocity: as many as there are."""

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.arrays import BoolArray
-from jerkbench.estimate import Estimate
+from jerkbench.estimate import Estimate, Sums
 from jerkbench.evaluation.correlated_errors import block_interval
 from jerkbench.evaluation.counted_rows import (
     POSITION_AXES,
@@ -23,7 +23,6 @@ from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Column, Limit, Limited
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.sums import Sums
 
 
 @register("metric", "position_rmse")

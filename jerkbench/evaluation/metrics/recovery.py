@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, streaks
-from jerkbench.estimate import Estimate, Updates
+from jerkbench.estimate import Estimate, Sums, Updates
 from jerkbench.evaluation.counted_rows import (
     counting,
     first_counted_s,
@@ -18,11 +18,10 @@ from jerkbench.evaluation.counted_rows import (
     timed_errors,
 )
 from jerkbench.evaluation.evaluated_run import Summed
-from jerkbench.measurements import VARIANCE_FLOOR
 from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
-from jerkbench.sums import Sums
+from jerkbench.timeline import VARIANCE_FLOOR
 
 LARGER = 4.0
 """So many times its reported variance is the true one of a measurement at fault: two sigma stand for one."""

@@ -1,0 +1,101 @@
+"""The measurement updates of one run: the adaptation gives R, and a recorder stores what each update used."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from jerkbench.arrays import FloatArray, IntArray
+from jerkbench.contracts import Adaptation, Fading, clocked, empty_memory, wants_truth
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.kalman import squared_distance
+from jerkbench.timeline import Timeline
+
+
+class Recorder:
+    """States at the reference's stamps and what each update saw, in the order in which they come."""
+
+    def __init__(self, timeline: Timeline) -> None:
+        """Make room for every stamp of the reference and every update of ``timeline``."""
+        references, updates = timeline.visits
+        self._timeline = timeline
+        self._index = np.empty(references, dtype=np.int64)
+        self._x, self._P = np.empty((references, 6)), np.empty((references, 6, 6))
+        self._which = np.empty(updates, dtype=np.int64)
+        self._counts, self._nis, self._nis_used, self._log_det = np.empty((4, updates))
+        self._innovation, self._R = np.full((updates, 6), np.nan), np.full((updates, 6), np.nan)
+        self._k = self._m = 0
+
+    def state(self, reference: int, x: FloatArray, P: FloatArray) -> None:
+        """Keep position, velocity and their covariance at a stamp of the reference."""
+        self._index[self._k], self._x[self._k], self._P[self._k] = reference, x, P
+        self._k += 1
+
+    def update(
+        self,
+        which: int,
+        rows: IntArray,
+        innovation: FloatArray,
+        R_diagonal: FloatArray,
+        nis: float,
+        nis_used: float,
+        log_det: float = np.nan,
+    ) -> None:
+        """Keep what an update saw."""
+        m = self._m
+        self._which[m], self._counts[m] = which, len(rows)
+        self._nis[m], self._nis_used[m], self._log_det[m] = nis, nis_used, log_det
+        self._innovation[m, rows], self._R[m, rows] = innovation, R_diagonal
+        self._m += 1
+
+    def estimate(self, failure: str = "") -> Estimate:
+        """Return what was collected so far."""
+        k, m = self._k, self._m
+        t_s = np.asarray(self._timeline.measurements.t_ns[self._which[:m]] * 1e-9, dtype=np.float64)
+        scalars = self._counts[:m], self._nis[:m], self._nis_used[:m]
+        updates = Updates(t_s, *scalars, self._innovation[:m], self._R[:m], self._log_det[:m])
+        index, x = self._index[:k], self._x[:k]
+        return Estimate(index, x[:, :3], x[:, 3:], self._P[:k], self._timeline.euler_rad[index], updates, failure)
+
+
+Innovate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
+"""z (m,) and its rows -> the innovation y (m,) and H P H' (m, m)."""
+
+
+class AdaptedUpdates:
+    """The updates of one run: for each the adaptation says R, and the recorder keeps what it saw.
+
+    Attributes:
+        recorder: of the run.
+        fading: factor on P that the latest update asks for, before the filter takes it.
+    """
+
+    def __init__(self, timeline: Timeline, adaptation: Adaptation, *, log_det: bool = True) -> None:
+        """Begin with an empty memory; an adaptation that asks for the true covariances gets them."""
+        self.measured, self.recorder, self._log_det = timeline.measurements, Recorder(timeline), log_det
+        self._R = self.measured.covariances(true=wants_truth(adaptation))
+        self._adaptation, self._memory = clocked(adaptation, timeline), empty_memory(adaptation)
+        self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
+
+    def take(self, update: int, innovate: Innovate) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Adapt R, and keep what the update saw; without any measured row nobody is asked.
+
+        Returns:
+            The innovation y (m,), R (m, m) and the rows (m,) that are not dropped, for the filter to take.
+        """
+        self.fading = 1.0
+        z = self.measured.z[update]
+        rows = np.flatnonzero(np.isfinite(z))
+        block = np.ix_(rows, rows)
+        R, (y, HPHt) = self._R[update][block], innovate(z[rows], rows)
+        S = HPHt + self.measured.R[update][block]
+        nis, log_det = squared_distance(y, S), np.linalg.slogdet(S)[1] if self._log_det else np.nan
+        if rows.size and self._fade is not None:
+            self.fading = self._fade(y, HPHt, R, rows, self._memory)
+            HPHt = HPHt * self.fading
+        if rows.size:
+            R = self._adaptation.adapt(y, HPHt, R, rows, self._memory)
+        kept = np.isfinite(np.diag(R))
+        few = np.ix_(kept, kept)
+        used = squared_distance(y[kept], HPHt[few] + R[few]) if kept.any() else np.nan
+        self.recorder.update(update, rows, y, np.diag(R), nis, used, float(log_det))
+        return y[kept], R[few], rows[kept]

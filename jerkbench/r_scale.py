@@ -1,0 +1,80 @@
+"""Factors on the measurement covariances that the receiver reports, as a filter uses them."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+from jerkbench.errors import PluginError, unknown
+from jerkbench.recording import Position, Recording, Velocity
+
+
+@dataclass(frozen=True)
+class RScale:
+    """Factors on the covariances that the receiver reports, as the filter is told them.
+
+    A knob of tuning like those of Q. Measurements, their true covariances and the attitude stay what they are.
+
+    Attributes:
+        position: factor on the covariance of each position [-].
+        velocity: factor on the covariance of each velocity [-].
+    """
+
+    position: float = 1.0
+    velocity: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check that the factors are positive numbers."""
+        for name in ("position", "velocity"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise PluginError(f"r_scale.{name} is {value}; it must be a positive number; 1 leaves R as reported.")
+
+    @property
+    def changed(self) -> dict[str, float]:
+        """The factors that are not 1, by name."""
+        return {name: value for name, value in vars(self).items() if value != 1.0}
+
+
+def scale_of(values: object) -> RScale:
+    """Return the factors that a configuration names: a mapping, or None for R as reported.
+
+    Raises:
+        PluginError: it is no mapping, names something else, or holds what is no positive number.
+    """
+    known = [f.name for f in dataclasses.fields(RScale)]
+    factors = {} if values is None else values
+    if not isinstance(factors, Mapping):
+        raise PluginError(f"r_scale is {factors}; it has two parts: r_scale.position=2 r_scale.velocity=0.5.")
+    for name, value in factors.items():
+        if name not in known:
+            raise PluginError(unknown("parameter of r_scale", str(name), known))
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise PluginError(f"r_scale.{name} is {value}; it must be a positive number; 1 leaves R as reported.")
+    return RScale(**{name: float(value) for name, value in factors.items()})
+
+
+AS_REPORTED = RScale()
+"""R as the receiver reports it."""
+
+
+def with_r_scale(recording: Recording, scale: RScale) -> Recording:
+    """Return ``recording`` with the covariances that a filter is told; what an oracle is told stays."""
+    if not scale.changed:
+        return recording
+    p, v = recording.position, recording.velocity
+    return dataclasses.replace(
+        recording,
+        position=None if p is None else _told(p, "m2", scale.position),
+        velocity=None if v is None else _told(v, "m2ps2", scale.velocity),
+    )
+
+
+_Stream = TypeVar("_Stream", Position, Velocity)
+
+
+def _told(stream: _Stream, unit: str, factor: float) -> _Stream:
+    reported, true = (getattr(stream, f"{name}_{unit}") for name in ("covariance", "true_covariance"))
+    told = {f"covariance_{unit}": factor * reported, f"true_covariance_{unit}": reported if true is None else true}
+    return dataclasses.replace(stream, **told)
