@@ -3,7 +3,7 @@
 Each kind (`Dataset`, `Disturbance`, `AttitudeFilter`, `Filter` (kinematic), `Estimator` (any other filter),
 `Adaptation`, `Engine`, `Metric`) has one protocol with the members that every plugin of this kind needs. Its docstring
 lists the optional attributes with their defaults. Optional methods with several arguments have protocols of their own.
-`jerkbench.plugins.members` lists the optional members of each kind; a misspelt one is refused at registration.
+`jerkbench.plugins` lists the optional members of each kind; a misspelt one is refused at registration.
 
 Optional attributes of every kind:
 
@@ -12,7 +12,7 @@ Optional attributes of every kind:
   module, and environment variables as "$NAME". A change of one of them leads to new runs.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cache
 from typing import Any, ClassVar, Literal, Protocol, Self, TypeGuard, TypeVar, cast, runtime_checkable
 
@@ -381,6 +381,18 @@ class Summarising(Protocol):
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the same as `Metric.evaluate`, from the sums."""
 
+
+CONTRACTS: Mapping[str, type] = {
+    "dataset": Dataset,
+    "disturbance": Disturbance,
+    "attitude": AttitudeFilter,
+    "filter": Filter,
+    "estimator": Estimator,
+    "adaptation": Adaptation,
+    "engine": Engine,
+    "metric": Metric,
+}
+"""The protocol of each kind. A plugin of the kind filter satisfies one of two."""
 
 # Values of optional members, with their defaults
 

@@ -22,8 +22,8 @@ ORDER = [
     ["estimate", "geometry", "r_scale"],
     ["timeline"],
     ["contracts", "plugins.samples"],
-    ["plugins.members", "adapted_updates", "kinematic"],
-    ["inertial", "plugins", "simulation", "io"],
+    ["adapted_updates", "kinematic", "plugins"],
+    ["inertial", "simulation", "io"],
     ["datasets", "disturbances", "attitude", "plugins.catalogue"],
     ["filters", "adaptation"],
     ["engines", "evaluation"],
@@ -32,7 +32,6 @@ ORDER = [
     ["jobs"],
     ["campaign", "report.selection", "report.study_figures"],
     ["hydra_app", "api", "fetching", "plugins.new"],
-    ["verbs"],
     ["cli"],
     ["__main__"],
 ]
@@ -40,7 +39,7 @@ ORDER = [
 Their names contain a dot.
 """
 STAGE = {name: place for place, names in enumerate(ORDER) for name in names}
-MAX_LEVELS = 20
+MAX_LEVELS = 16
 """Length of the longest chain of parts in which each imports the next. It may be lowered, and is never raised."""
 PACKAGE = Path(jerkbench.__file__).parent
 

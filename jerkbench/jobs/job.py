@@ -26,7 +26,7 @@ from jerkbench.evaluation.evaluated_run import LIMIT_M
 from jerkbench.jobs.key import data_fingerprint, key_of
 from jerkbench.notices import notify
 from jerkbench.notices import plain as plain_text
-from jerkbench.plugins.members import missing_member
+from jerkbench.plugins import missing_member
 from jerkbench.r_scale import RScale, scale_of
 from jerkbench.report.labels import GROUPS, Labels, default_labels
 

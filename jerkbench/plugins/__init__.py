@@ -6,18 +6,19 @@ plugin's name. What each kind has to offer is written in `jerkbench.contracts`.
 """
 
 import dataclasses
+import difflib
 import importlib
-import json
 import pkgutil
 import typing
-from collections.abc import Callable, Iterable, Mapping
-from functools import cache, lru_cache, partial
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
-from jerkbench.errors import PluginError, require_known, unknown
-from jerkbench.parameters import PLUGIN_TITLES
+from jerkbench.contracts import CONTRACTS
+from jerkbench.errors import PluginError, article, require_known, unknown
+from jerkbench.parameters import PLUGIN_TITLES, Column
 from jerkbench.renamed import new_name
 
 PACKAGES = {
@@ -116,67 +117,43 @@ def names(kind: str) -> list[str]:
 
 
 def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the kind decides the contract
-    """Make a plugin from ``{"name": ..., field: value, ...}``.
+    """Return the plugin of ``{"name": ..., field: value, ...}``.
+
+    OmegaConf converts the values as Hydra does, and resolves references to other values. Numbers and texts that already
+    have the type of their field are used as they are, which is much faster.
 
     Raises:
         PluginError: unknown name or field, or a value of the wrong type; names the plugin and the field.
     """
-    from omegaconf import MISSING
+    from omegaconf import MISSING, OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
     name = str(config.get("name"))
     cls = get(kind, name)
-    known = _defaults(cls)
-    for key in config:
-        if key not in (*known, "name"):
-            raise PluginError(unknown(f"parameter of {kind} {name}", str(key), list(known)))
-    try:
-        given = {key: value for key, value in config.items() if key != "name" and repr(_as_lists(value)) != known[key]}
-        lacking = {key: MISSING for key, default in known.items() if not default and key not in given}
-        values = converted(kind, name, {**given, **lacking}, resolve=True)
-    except OmegaConfBaseException as error:
-        reason = str(error).splitlines()[0].rstrip(".")
-        raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
+    defaults = _defaults(cls)
+    given = {key: value for key, value in config.items() if key != "name"}
+    for key in given:
+        if key not in defaults:
+            raise PluginError(unknown(f"parameter of {kind} {name}", str(key), list(defaults)))
+    values = {key: MISSING for key, default in defaults.items() if not default}
+    values |= {key: value for key, value in given.items() if repr(_as_lists(value)) != defaults[key]}
+    others = values if "${" in repr(values) else {k: v for k, v in values.items() if not _fits(v, _hints(cls)[k])}
+    if others:
+        try:
+            merged = OmegaConf.merge(_structured(kind, name, cls, frozenset(others)), others)
+            plain = typing.cast("dict[str, Any]", OmegaConf.to_container(merged, resolve=True, throw_on_missing=True))
+        except OmegaConfBaseException as error:
+            reason = str(error).splitlines()[0].rstrip(".")
+            raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
+        values |= {key: plain[key] for key in others}
     return cls(**_fitted(f"{kind} {name}", cls, values))
 
 
-def converted(kind: str, name: str, values: Mapping[str, Any], *, resolve: bool = False) -> dict[str, Any]:
-    """Return ``values`` of fields of a plugin as its schema has them; what refers to another is as it stands there.
-
-    Args:
-        kind: of the plugin.
-        name: of the plugin.
-        values: by field.
-        resolve: put what is referred to in the place of references.
-
-    Raises:
-        OmegaConfBaseException: there is no such field, a value has the wrong type, or (``resolve``) is not given.
-    """
-    cls = get(kind, name)
-    if "${" in repr(values):
-        return _merged(kind, name, cls, values, resolve)
-    known = {key: json.dumps(value) for key, value in values.items() if type(value) in (bool, int, float, str)}
-    others = {key: value for key, value in values.items() if key not in known}
-    types = {key: hint for key, hint in _hints(cls).items() if key in _defaults(cls) and hint in (bool, int, float)}
-    fields = {
-        key: values[key] if types.get(key) is type(values[key]) else _field(kind, name, cls, key, text, resolve)
-        for key, text in known.items()
-    }
-    return fields | (_merged(kind, name, cls, others, resolve) if others else {})
-
-
-@lru_cache(maxsize=4096)
-def _field(kind: str, name: str, cls: type, key: str, text: str, resolve: bool) -> Any:  # noqa: ANN401 - a field's value
-    """A field from its value as JSON, read once: of a grid each is asked for again and again."""
-    return _merged(kind, name, cls, {key: json.loads(text)}, resolve)[key]
-
-
-def _merged(kind: str, name: str, cls: type, values: Mapping[str, Any], resolve: bool) -> dict[str, Any]:
-    from omegaconf import OmegaConf
-
-    merged = OmegaConf.merge(_structured(kind, name, cls, frozenset(values)), dict(values))  # which copies the first
-    plain = typing.cast("dict[str, Any]", OmegaConf.to_container(merged, resolve=resolve, throw_on_missing=resolve))
-    return {key: plain[key] for key in values}
+def _fits(value: object, hint: object) -> bool:
+    """Whether a field of this type takes the value as it is, or as ``float(value)``."""
+    if type(value) is str:
+        return hint is str and value != "???"  # which stands for a missing value
+    return hint in (bool, int, float) and (type(value) is hint or (hint is float and type(value) is int))
 
 
 @cache
@@ -227,8 +204,6 @@ def _add(kind: str, name: str, cls: type) -> None:
         raise PluginError(
             f"{kind} {name}: {cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
         )
-    from jerkbench.plugins.members import misfits  # imports the contracts, which `--help` does not need
-
     if found := list(misfits(kind, cls)):
         raise PluginError(f"{kind} {name}: {' '.join(found)}")
     owner = _registry[kind].get(name)
@@ -300,3 +275,101 @@ def _fit(value: Any, hint: Any) -> Any:  # noqa: ANN401 - a field's value and it
     if not isinstance(value, list):
         raise TypeError(f"{value!r} is not a list")
     return tuple(_fit(item, typing.get_args(hint)[0]) for item in value)
+
+
+# Members of plugins: those that each kind may have, and messages about wrong classes.
+
+OPTIONAL_METHODS: Mapping[str, tuple[str, ...]] = {
+    "disturbance": ("fingerprint",),
+    "attitude": ("require", "remarks"),
+    "filter": ("axis_models", "require", "remarks", "fingerprint", "estimate_compiled", "run_settings", "of_seed"),
+    "adaptation": ("memory_size", "memory_size_of", "at_updates", "fade", "adapt_prior", "adapt_gain"),
+    "engine": ("run_settings", "prepare"),
+    "metric": ("summarise",),
+}
+OPTIONAL_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
+    "dataset": ("default_attitude", "attitude_only", "without_imu"),
+    "filter": ("uses_imu", "attitude_only", "table_label", "provenance", "for_each_seed"),
+    "adaptation": ("wants_true_covariance", "lanes", "varying", "changes_nothing", "provenance"),
+    "metric": ("columns", "reads", "default"),
+}
+"""The optional members of each kind. `jerkbench.contracts` describes them."""
+
+OF_ALL = ("citations", "depends_on")
+"""Optional attributes of every kind."""
+
+NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
+"""Modules of bases that no author has written."""
+
+READABLE = ("attitude", "updates")
+"""Parts of an estimate that a metric may declare to read."""
+
+PARAMETERS = (bool, int, float, str, tuple)
+"""Types of the values that parameters have."""
+
+DEFAULT_TYPES = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
+"""Types that the default of a parameter may have, by the parameter's."""
+
+MISSPELT = 0.8
+"""Names with a higher similarity than this are the same name, misspelt."""
+
+
+def missing_member(kind: str, plugin: object) -> str:
+    """Return a message about the first member that ``plugin`` lacks, or an empty string."""
+    cls, sort = type(plugin).__name__, kind
+    if kind == "filter":
+        if not (hasattr(plugin, "axis_model") or hasattr(plugin, "estimate")):
+            return f"{cls} has neither axis_model() nor estimate(); it needs one of them."
+        kind, sort = ("filter", "kinematic filter") if hasattr(plugin, "axis_model") else ("estimator", "estimator")
+    for name in _public(name for name, value in vars(CONTRACTS[kind]).items() if callable(value)):
+        if not callable(getattr(plugin, name, None)):
+            return f"{cls} has no method {name}(); {article(sort)} {sort} needs it (see jerkbench.contracts)."
+    if kind in ("dataset", "disturbance") and not isinstance(seeded := getattr(plugin, "seeded", None), bool):
+        return f"{cls}.seeded is {seeded!r}; it must be True or False."
+    if kind == "estimator" and not hasattr(plugin, "adaptations"):
+        return f"{cls} has no adaptations; it must name those that it accepts."
+    return ""
+
+
+def misfits(kind: str, cls: type) -> Iterator[str]:
+    """Yield messages about members of a class that are misspelt, have no type, or have a wrong type or value."""
+    own, hints, parameters = cls.__name__, _hints(cls), {f.name: f.default for f in dataclasses.fields(cls)}
+    yield from _unknown_members(kind, cls)
+    for name in OPTIONAL_METHODS.get(kind, ()):
+        if name in parameters or (hasattr(cls, name) and not callable(getattr(cls, name))):
+            yield f"{own}.{name} must be a method (see jerkbench.contracts), or have another name."
+    if kind == "metric" and (reads := getattr(cls, "reads", READABLE[0])) not in READABLE:
+        yield f"reads: {unknown('part of an estimate', str(reads), READABLE)}"
+    columns = getattr(cls, "columns", {}) if kind == "metric" else {}
+    if not (isinstance(columns, Mapping) and all(isinstance(of, Column) for of in columns.values())):
+        yield f"{own}.columns must be a mapping of column names to jerkbench.parameters.Column."
+    varying = getattr(cls, "varying", ())
+    if not (isinstance(varying, tuple) and all(hints.get(name) is int for name in varying)):
+        yield f"{own}.varying must be a tuple of names of parameters that are integers."
+    for name, default in parameters.items():
+        suitable = DEFAULT_TYPES.get(hints[name])
+        if suitable and default is not dataclasses.MISSING and type(default) not in suitable:
+            yield f"{own}.{name} has the type {hints[name].__name__} and the default {default!r}; correct one of them."
+
+
+def _unknown_members(kind: str, cls: type) -> Iterator[str]:
+    optional = {*OPTIONAL_METHODS.get(kind, ()), *OPTIONAL_ATTRIBUTES.get(kind, ()), *OF_ALL}
+    contracts = [CONTRACTS[kind], CONTRACTS["estimator"]] if kind == "filter" else [CONTRACTS[kind]]
+    required = {name for of in contracts for name in (*vars(of), *vars(of).get("__annotations__", ()))}
+    known = optional | required | {f.name for f in dataclasses.fields(cls)}
+    for base in (base for base in cls.__mro__ if base.__module__ not in NOT_OURS):
+        typed = vars(base).get("__annotations__", {})
+        for name in _public(name for name in vars(base) if name not in known):
+            value, member = vars(base)[name], f"{cls.__name__}.{name}"
+            if meant := difflib.get_close_matches(name, optional, 1, MISSPELT):
+                yield f"{member} is not used. Did you mean {meant[0]}? Rename it to that, or to a less similar name."
+            elif name.islower() and isinstance(value, PARAMETERS) and name not in typed:
+                annotation = type(value).__name__
+                yield (
+                    f"{member} has no type, so it is not a parameter; write {name}: {annotation} = {value!r}, or"
+                    f" {name}: ClassVar[{annotation}] if it is a constant."
+                )
+
+
+def _public(names: Iterable[str]) -> list[str]:
+    return [name for name in names if not name.startswith("_")]

@@ -35,8 +35,7 @@ from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, positi
 from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_strayed
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.parameters import provenance_of, range_problems
-from jerkbench.plugins import create, is_own, samples
-from jerkbench.plugins.members import missing_member
+from jerkbench.plugins import create, is_own, missing_member, samples
 from jerkbench.recording import Recording
 from jerkbench.timeline import RecordedRun, Timeline, build_timeline
 

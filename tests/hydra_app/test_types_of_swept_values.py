@@ -3,7 +3,7 @@
 import pytest
 
 from commands import SHORT, verb
-from jerkbench.verbs.recordings import dataset_of
+from jerkbench.cli.recordings import dataset_of
 
 
 @pytest.mark.parametrize("words", [["first_seed=1,11"], ["dataset.duration_s=8.0,8.5", "adaptation=none,mtf"]])

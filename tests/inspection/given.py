@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from jerkbench.cli.recordings import dataset_of
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.path import DrivenPath
 from jerkbench.recording import Imu, Position, Recording, Reference
-from jerkbench.verbs.recordings import dataset_of
 
 LOADED = {
     "drive": ("rtklib_drive_0708", None),

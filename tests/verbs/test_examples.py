@@ -7,8 +7,7 @@ import shutil
 import pytest
 
 from commands import swept, verb
-from jerkbench.cli import RUN_HELP
-from jerkbench.verbs import parser
+from jerkbench.cli import RUN_HELP, parser
 
 NOT_RUN = ("jerkbench data fetch broad", "jerkbench data cache --clear", "jerkbench audit")
 """These examples need the network, delete compiled code, or take minutes. Their options are parsed."""

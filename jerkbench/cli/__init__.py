@@ -9,14 +9,17 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any, cast
 
+from jerkbench.cli import campaigns, inspecting, plugins, recordings, results, single_runs
+from jerkbench.cli.arguments import group
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with, let_interrupt_through
 from jerkbench.notices import plain_output
 from jerkbench.presets import take_folders
 from jerkbench.renamed import refuse_removed
-from jerkbench.verbs import parser
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
@@ -58,6 +61,53 @@ An error of a plugin is one sentence. JERKBENCH_TRACEBACK=1 in the environment s
 It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.
 """
 
+SUITE = group(
+    "suite",
+    "compare your method with published ones on a fixed test set: run, verify, board",
+    *(campaigns.suite_run_verb, campaigns.suite_verify_verb, campaigns.suite_board_verb),
+)
+
+DATA = group(
+    "data",
+    "work with recordings: inspect, receiver, convert, export, fetch, trace, cache",
+    *(
+        inspecting.inspect_verb,
+        inspecting.receiver_verb,
+        recordings.convert_verb,
+        recordings.data_export_verb,
+    ),
+    *(recordings.fetch_verb, recordings.trace_verb, recordings.cache_verb),
+)
+
+VERBS = (
+    *(plugins.list_verb, plugins.show_verb, DATA),
+    *(results.table_verb, results.figures_verb, results.report_verb, results.compare_verb, single_runs.score_verb),
+    *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
+    *(single_runs.rerun_verb, single_runs.export_verb),
+    *(plugins.new_verb, plugins.check_verb, results.cite_verb),
+)
+"""In the order in which `jerkbench --help` names them."""
+
+
+@cache
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of every command; of `run`, which Hydra parses, it has what a shell completes."""
+    whole = argparse.ArgumentParser(
+        prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
+    )
+    whole.add_argument("--version", action="version", version=f"jerkbench {version('jerkbench')}")
+    presets = "a folder with presets of your own (DIR/dataset/mine.yaml), for every verb; it may be given several times"
+    whole.add_argument("--config-dir", metavar="DIR", help=presets)
+    verbs = whole.add_subparsers(dest="verb", required=True, metavar="VERB")
+    run = verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
+    for option in ("-m", "--dry", "--cfg"):
+        run.add_argument(option)
+    run.add_argument("words", nargs="*")
+    for declare in VERBS:
+        declare(verbs)
+    return whole
+
+
 ROOM_BYTES = 3 * 2**29
 """Address space in which all libraries load."""
 
@@ -72,7 +122,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         autocomplete(parser(), default_completer=cast("Any", _overrides))
     words = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
-        _collect_seldom()
+        gc.set_threshold(50_000, 20, 100)  # imported libraries leave 200 000 objects that are never garbage
+        atexit.register(gc.freeze)
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # what the caller has closed
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
@@ -140,12 +191,10 @@ def _require_installed() -> None:
     Raises:
         JerkbenchError: this Python has no such distribution, by which Hydra finds our parts and a result its version.
     """
-    from importlib.metadata import PackageNotFoundError, distribution
-
     try:
         distribution("jerkbench")
     except PackageNotFoundError:
-        tree = Path(__file__).parents[1]
+        tree = Path(__file__).parents[2]
         raise JerkbenchError(
             f"It runs from {tree}, but is not installed for this Python; do so once: {sys.executable} -m pip install -e"
             f" {tree}"
@@ -179,12 +228,6 @@ def _require_room() -> None:
             f"A process may have {limit // 2**20} MiB of memory here (ulimit -v); the libraries need"
             f" {ROOM_BYTES // 2**20} MiB: raise the limit."
         )
-
-
-def _collect_seldom() -> None:
-    """Look for cyclic garbage less often, and not at the end: what libraries make in loading stays, 200 000 objects."""
-    gc.set_threshold(50_000, 20, 100)
-    atexit.register(gc.freeze)
 
 
 @contextmanager

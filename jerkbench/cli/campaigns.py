@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jerkbench.verbs.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
+from jerkbench.cli.arguments import RUN_PROGRAMS, WHERE, argument, count, output, verb
 
 
 @verb(

@@ -6,8 +6,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from jerkbench.cli.arguments import RUN_PROGRAMS, argument, output, verb
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
-from jerkbench.verbs.arguments import RUN_PROGRAMS, argument, output, verb
 
 DIFFERENT = 1
 """Exit code where a number is another."""

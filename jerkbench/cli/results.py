@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.errors import NOT_COMPARABLE, JerkbenchError
-from jerkbench.report import Choice
-from jerkbench.verbs.arguments import (
+from jerkbench.cli.arguments import (
     JUDGING,
     RUN_PROGRAMS,
     argument,
@@ -20,6 +18,8 @@ from jerkbench.verbs.arguments import (
     percentage,
     verb,
 )
+from jerkbench.errors import NOT_COMPARABLE, JerkbenchError
+from jerkbench.report import Choice
 
 if TYPE_CHECKING:
     from jerkbench.jobs.study import Study

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from jerkbench.cli.arguments import argument, output, require_new, verb
+from jerkbench.cli.recordings import SOURCE_WORDS, dataset_of
 from jerkbench.errors import JerkbenchError, RecordingError, require_known, unknown
-from jerkbench.verbs.arguments import argument, output, require_new, verb
-from jerkbench.verbs.recordings import SOURCE_WORDS, dataset_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from jerkbench.cli.arguments import argument, output, require_new, verb
 from jerkbench.contracts import Dataset
 from jerkbench.errors import JerkbenchError, PluginError, require_known
-from jerkbench.verbs.arguments import argument, output, require_new, verb
 
 # The recording behind the words of a person: a file or folder, or the name of a data set.
 

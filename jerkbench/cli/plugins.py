@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from jerkbench.verbs.arguments import ANSWER_FORMAT, argument, output, print_json, verb
+from jerkbench.cli.arguments import ANSWER_FORMAT, argument, output, print_json, verb
 
 
 @verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), ANSWER_FORMAT)
