@@ -4,10 +4,9 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
 from jerkbench.errors import PluginError, unknown
-from jerkbench.recording import Position, Recording, Velocity
+from jerkbench.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -66,15 +65,6 @@ def with_r_scale(recording: Recording, scale: RScale) -> Recording:
     p, v = recording.position, recording.velocity
     return dataclasses.replace(
         recording,
-        position=None if p is None else _told(p, "m2", scale.position),
-        velocity=None if v is None else _told(v, "m2ps2", scale.velocity),
+        position=p and p.changed(p.values, scale.position * p.reported, p.true),
+        velocity=v and v.changed(v.values, scale.velocity * v.reported, v.true),
     )
-
-
-_Stream = TypeVar("_Stream", Position, Velocity)
-
-
-def _told(stream: _Stream, unit: str, factor: float) -> _Stream:
-    reported, true = (getattr(stream, f"{name}_{unit}") for name in ("covariance", "true_covariance"))
-    told = {f"covariance_{unit}": factor * reported, f"true_covariance_{unit}": reported if true is None else true}
-    return dataclasses.replace(stream, **told)

@@ -7,11 +7,11 @@ time at which the value was true (the stamp less the latency). A value that is N
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
 from html import escape
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -114,8 +114,50 @@ class Imu:
         return np.concatenate(([self.nominal_interval_s], np.diff(self.t_s)))
 
 
+class Measured:
+    """What `Position` and `Velocity` have in common: values on three axes with their covariances.
+
+    Attributes:
+        fields: names of the fields with the values, the reported covariance and the true one.
+    """
+
+    fields: ClassVar[tuple[str, str, str]]
+    t_s: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes, times and covariances."""
+        freeze(self, t_s=(None,))
+        m, (values, *covariances) = len(self.t_s), self.fields
+        freeze(self, **{values: (m, 3)}, **dict.fromkeys(covariances, (m, 3, 3)))
+        require_times(self, self.t_s)
+        for name in covariances:
+            if getattr(self, name) is not None:
+                require_covariances(self, name, getattr(self, name), np.isfinite(self.values))
+
+    @property
+    def values(self) -> FloatArray:
+        """What was measured (m, 3); NaN: not there."""
+        return np.asarray(getattr(self, self.fields[0]))
+
+    @property
+    def reported(self) -> FloatArray:
+        """The covariance (m, 3, 3) as reported."""
+        return np.asarray(getattr(self, self.fields[1]))
+
+    @property
+    def true(self) -> FloatArray:
+        """The true covariance (m, 3, 3) where it is known, else the reported one."""
+        known = getattr(self, self.fields[2])
+        return self.reported if known is None else np.asarray(known)
+
+    def changed(self, values: FloatArray, reported: FloatArray, true: FloatArray) -> Self:
+        """Return the measurements with other values (m, 3), and reported and true covariances (m, 3, 3)."""
+        changes: dict[str, Any] = dict(zip(self.fields, (values, reported, true), strict=True))
+        return replace(self, **changes)  # type: ignore[type-var]  # the subclasses are dataclasses
+
+
 @dataclass(frozen=True, eq=False)
-class Position:
+class Position(Measured):
     """Position fixes.
 
     Attributes:
@@ -130,19 +172,11 @@ class Position:
     covariance_m2: FloatArray
     true_covariance_m2: FloatArray | None = None
 
-    def __post_init__(self) -> None:
-        """Check shapes, times and covariances."""
-        freeze(self, t_s=(None,))
-        m = len(self.t_s)
-        freeze(self, enu_m=(m, 3), covariance_m2=(m, 3, 3), true_covariance_m2=(m, 3, 3))
-        require_times(self, self.t_s)
-        require_covariances(self, "covariance_m2", self.covariance_m2, np.isfinite(self.enu_m))
-        if self.true_covariance_m2 is not None:
-            require_covariances(self, "true_covariance_m2", self.true_covariance_m2, np.isfinite(self.enu_m))
+    fields = ("enu_m", "covariance_m2", "true_covariance_m2")
 
 
 @dataclass(frozen=True, eq=False)
-class Velocity:
+class Velocity(Measured):
     """Velocity measurements.
 
     Attributes:
@@ -161,16 +195,12 @@ class Velocity:
     frame: Literal["enu", "body", "speed"] = "enu"
     true_covariance_m2ps2: FloatArray | None = None
 
+    fields = ("mps", "covariance_m2ps2", "true_covariance_m2ps2")
+
     def __post_init__(self) -> None:
         """Check shapes, times, covariances and the frame."""
-        freeze(self, t_s=(None,))
-        m = len(self.t_s)
-        freeze(self, mps=(m, 3), covariance_m2ps2=(m, 3, 3), true_covariance_m2ps2=(m, 3, 3))
-        require_times(self, self.t_s)
+        super().__post_init__()
         present = np.isfinite(self.mps)
-        require_covariances(self, "covariance_m2ps2", self.covariance_m2ps2, present)
-        if self.true_covariance_m2ps2 is not None:
-            require_covariances(self, "true_covariance_m2ps2", self.true_covariance_m2ps2, present)
         if self.frame not in _VELOCITY_FRAMES:
             raise RecordingError(f"Velocity.frame is '{self.frame}'; it must be 'enu', 'body' or 'speed'.")
         if self.frame == "body":

@@ -99,21 +99,19 @@ class ScaledMeasurements(Measurements):
 
 def merged_measurements(recording: Recording, attitude: Attitude) -> Measurements:
     """Merge the position and velocity of ``recording`` into rows of z."""
-    streams = []
-    if recording.position is not None:
-        p = recording.position
-        true = p.covariance_m2 if p.true_covariance_m2 is None else p.true_covariance_m2
-        streams.append((0, p.t_s, p.enu_m, p.covariance_m2, true))
-    if recording.velocity is not None:
-        v = velocity_in_enu(recording.velocity, attitude)
-        true = v.covariance_m2ps2 if v.true_covariance_m2ps2 is None else v.true_covariance_m2ps2
-        streams.append((3, v.t_s, v.mps, v.covariance_m2ps2, true))
-    stamps = [np.round(t_s * 1e9).astype(np.int64) for _, t_s, *_ in streams]
-    t_ns = np.unique(np.concatenate([*stamps, np.empty(0, dtype=np.int64)]))
+    position, velocity = recording.position, recording.velocity
+    streams = [(slice(0, 3), position), (slice(3, 6), velocity and velocity_in_enu(velocity, attitude))]
+    stamps = [np.empty(0, dtype=np.int64) if stream is None else nanoseconds(stream.t_s) for _, stream in streams]
+    t_ns = np.unique(np.concatenate(stamps))
     z, R, R_true = np.full((len(t_ns), 6), np.nan), *np.tile(np.eye(6), (2, len(t_ns), 1, 1))
-    for (at, _, values, reported, true), stamp in zip(streams, stamps, strict=True):
-        rows, block = np.searchsorted(t_ns, stamp), slice(at, at + 3)
-        z[rows, block], R[rows, block, block], R_true[rows, block, block] = values, reported, true
+    for (block, stream), stamp in zip(streams, stamps, strict=True):
+        if stream is not None:
+            rows = np.searchsorted(t_ns, stamp)
+            z[rows, block], R[rows, block, block], R_true[rows, block, block] = (
+                stream.values,
+                stream.reported,
+                stream.true,
+            )
     present = np.isfinite(z).any(axis=1)
     reported, raised = R[present], floored(R[present])
     unfloored = reported if (raised != reported).any() else None

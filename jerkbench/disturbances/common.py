@@ -169,17 +169,6 @@ class RegularWindows(Once):
 FixesOrVelocity = TypeVar("FixesOrVelocity", Position, Velocity)
 
 
-_FIELDS = {
-    Position: ("enu_m", "covariance_m2", "true_covariance_m2"),
-    Velocity: ("mps", "covariance_m2ps2", "true_covariance_m2ps2"),
-}
-
-
-def values_of(measured: Position | Velocity) -> FloatArray:
-    """Return what was measured (m, 3)."""
-    return measured.enu_m if isinstance(measured, Position) else measured.mps
-
-
 def fixes_of(recording: Recording, consequence: str) -> Position:
     """Return the fixes of a recording.
 
@@ -191,21 +180,10 @@ def fixes_of(recording: Recording, consequence: str) -> Position:
     return recording.position
 
 
-def reported_covariance(measured: Position | Velocity) -> FloatArray:
-    """Return the covariance as reported (m, 3, 3)."""
-    return measured.covariance_m2 if isinstance(measured, Position) else measured.covariance_m2ps2
-
-
-def true_covariance(measured: Position | Velocity) -> FloatArray:
-    """Return the true covariance (m, 3, 3) where it is known, else the reported one."""
-    true = measured.true_covariance_m2 if isinstance(measured, Position) else measured.true_covariance_m2ps2
-    return reported_covariance(measured) if true is None else true
-
-
-def roots_of(measured: Position | Velocity, R: FloatArray) -> FloatArray:
-    """Return L (m, 3, 3), L L' = R; an axis that was not measured has an error of its own, which nobody sees."""
-    present = np.isfinite(values_of(measured))
-    return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], R, np.eye(3)))
+def roots_of(measured: Position | Velocity) -> FloatArray:
+    """Return L (m, 3, 3), L L' = R as reported; an axis that was not measured has an error that is not used."""
+    present = np.isfinite(measured.values)
+    return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], measured.reported, np.eye(3)))
 
 
 def in_space(random: np.random.Generator, rows: int, length_m: float = 1.0) -> FloatArray:
@@ -231,15 +209,7 @@ def with_errors(
         growth: (m, 3, 3) what is added to the true covariance.
         reported_growth: (m, 3, 3) what is added to the reported one; 0: it does not know.
     """
-    reported = reported_covariance(measured) + reported_growth
-    return changed(measured, values_of(measured) + errors, reported, true_covariance(measured) + growth)
-
-
-def changed(measured: FixesOrVelocity, values: FloatArray, reported: FloatArray, true: FloatArray) -> FixesOrVelocity:
-    """Return measurements with other values (m, 3), and other reported and true covariances (m, 3, 3)."""
-    kind = Position if isinstance(measured, Position) else Velocity
-    changes: dict[str, Any] = dict(zip(_FIELDS[kind], (values, reported, true), strict=True))
-    return replace(measured, **changes)
+    return measured.changed(measured.values + errors, measured.reported + reported_growth, measured.true + growth)
 
 
 def displaced(measured: FixesOrVelocity, offsets: FloatArray) -> FixesOrVelocity:
@@ -271,6 +241,5 @@ def _scaled(measured: FixesOrVelocity | None, factor: Factor, random: np.random.
     if measured is None:
         return None
     excess = factor(measured.t_s, random) ** 2 - 1.0
-    R = reported_covariance(measured)
-    unit = np.einsum("mij,mj->mi", roots_of(measured, R), random.standard_normal((len(R), 3)))
-    return with_errors(measured, np.sqrt(excess)[:, None] * unit, excess[:, None, None] * R)
+    unit = np.einsum("mij,mj->mi", roots_of(measured), random.standard_normal((len(excess), 3)))
+    return with_errors(measured, np.sqrt(excess)[:, None] * unit, excess[:, None, None] * measured.reported)

@@ -12,13 +12,9 @@ from jerkbench.disturbances.common import (
     DrawnFault,
     FixesOrVelocity,
     Once,
-    changed,
     own_stream,
-    reported_covariance,
     require_measured,
     roots_of,
-    true_covariance,
-    values_of,
     with_errors,
     with_scaled_noise,
 )
@@ -183,9 +179,8 @@ class Coloured(DrawnFault):
         if measured is None or not share or not len(measured.t_s):
             return measured
         process = gauss_markov(measured.t_s, time_s, own_stream(seed, "coloured", self.stream, part))
-        R = reported_covariance(measured)
-        f = share / (1.0 - share)
-        errors = np.sqrt(f) * np.einsum("mij,mj->mi", roots_of(measured, R), process)
+        f, R = share / (1.0 - share), measured.reported
+        errors = np.sqrt(f) * np.einsum("mij,mj->mi", roots_of(measured), process)
         return with_errors(measured, errors, f * R, reported_growth=f * R if self.reported else 0.0)
 
 
@@ -217,7 +212,4 @@ class StatedCovariance(Once):
 
 
 def _stated(measured: FixesOrVelocity | None, factor: float) -> FixesOrVelocity | None:
-    if measured is None:
-        return None
-    R = factor**2 * reported_covariance(measured)
-    return changed(measured, values_of(measured), R, true_covariance(measured))
+    return measured and measured.changed(measured.values, factor**2 * measured.reported, measured.true)

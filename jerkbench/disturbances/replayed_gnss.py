@@ -10,9 +10,7 @@ from jerkbench.disturbances.common import (
     DrawnFault,
     fixes_of,
     own_stream,
-    reported_covariance,
     rows_of,
-    true_covariance,
 )
 from jerkbench.io.files import fingerprint
 from jerkbench.parameters import Limit
@@ -121,8 +119,8 @@ def _laid(replayed: Replayed, position: Position, true: FloatArray, known: BoolA
     return replace(
         own,
         enu_m=np.where(exact[:, None], true[keep], own.enu_m) + replayed.error_m,
-        covariance_m2=noisy * reported_covariance(own) + replayed.reported_m2,
-        true_covariance_m2=noisy * true_covariance(own) + replayed.true_m2,
+        covariance_m2=noisy * own.reported + replayed.reported_m2,
+        true_covariance_m2=noisy * own.true + replayed.true_m2,
     )
 
 

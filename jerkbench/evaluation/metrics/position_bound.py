@@ -199,20 +199,12 @@ def _noise(
     white, lasting = np.full((len(t_s), 3), np.inf), np.zeros((len(t_s), 3))
     if stream is None:
         return NoiseRows(white, lasting, time_s)
-    (drawn_s, drawn_values, covariance), (own_s, values, _) = _parts(drawn), _parts(stream)
-    rows = np.minimum(np.searchsorted(drawn_s, own_s), len(drawn_s) - 1)
-    measured = np.isfinite(values)
-    same = (drawn_s[rows] == own_s)[:, None] & ((drawn_values[rows] == values) | ~measured)
+    rows = np.minimum(np.searchsorted(drawn.t_s, stream.t_s), len(drawn.t_s) - 1)
+    measured = np.isfinite(stream.values)
+    same = (drawn.t_s[rows] == stream.t_s)[:, None] & ((drawn.values[rows] == stream.values) | ~measured)
     if not same.all() or (isinstance(stream, Velocity) and stream.frame != "enu"):
         return None
-    variance, at = np.diagonal(covariance[rows], axis1=1, axis2=2), np.searchsorted(t_s, own_s)
+    variance, at = np.diagonal(drawn.reported[rows], axis1=1, axis2=2), np.searchsorted(t_s, stream.t_s)
     white[at] = np.where(measured, (1 - share) * variance, np.inf)
     lasting[at] = np.where(measured, np.sqrt(share * variance), 0.0)
     return NoiseRows(white, lasting, time_s)
-
-
-def _parts(stream: Position | Velocity) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times, values and reported covariances."""
-    if isinstance(stream, Position):
-        return stream.t_s, stream.enu_m, stream.covariance_m2
-    return stream.t_s, stream.mps, stream.covariance_m2ps2

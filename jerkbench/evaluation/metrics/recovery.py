@@ -20,7 +20,7 @@ from jerkbench.evaluation.counted_rows import (
 from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Column
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
+from jerkbench.recording import Measured, Recording
 from jerkbench.timeline import VARIANCE_FLOOR
 
 LARGER = 4.0
@@ -34,21 +34,18 @@ def fault_windows_s(recording: Recording) -> FloatArray:
     `LARGER` times the reported one; such measurements of a stream that follow each other are one fault, which ends with
     the first that is none. Windows that overlap are one.
     """
-    position, velocity = recording.position, recording.velocity
     windows = [recording.outages_s]
-    if position is not None and position.true_covariance_m2 is not None:
-        windows.append(_windows(position.t_s, position.covariance_m2, position.true_covariance_m2))
-    if velocity is not None and velocity.true_covariance_m2ps2 is not None:
-        windows.append(_windows(velocity.t_s, velocity.covariance_m2ps2, velocity.true_covariance_m2ps2))
+    for stream in (recording.position, recording.velocity):
+        if stream is not None and len(stream.t_s):
+            begins, ends = streaks(_at_fault(stream)).T
+            windows.append(np.column_stack([stream.t_s[begins], stream.t_s[np.minimum(ends, len(stream.t_s) - 1)]]))
     return _joined(np.concatenate(windows))
 
 
-def _windows(t_s: FloatArray, reported: FloatArray, true: FloatArray) -> FloatArray:
-    """Return (k, 2) first stamp at fault and first that is not any more, or the last of all."""
-    says, is_ = (np.diagonal(covariance, axis1=1, axis2=2) for covariance in (reported, true))
-    at_fault: BoolArray = np.any(is_ > LARGER * says, axis=1)
-    begins, ends = streaks(at_fault).T
-    return np.column_stack([t_s[begins], t_s[np.minimum(ends, len(t_s) - 1)]])
+def _at_fault(stream: Measured) -> BoolArray:
+    """Return (m,) whether each measurement is at fault; none is where the true covariance is not known."""
+    reported, true = (np.diagonal(covariance, axis1=1, axis2=2) for covariance in (stream.reported, stream.true))
+    return np.asarray(np.any(true > LARGER * reported, axis=1))
 
 
 def _joined(windows_s: FloatArray) -> FloatArray:
@@ -325,12 +322,10 @@ class _Displaced(NamedTuple):
 def _displaced(recording: Recording) -> list[_Displaced]:
     """Streaks of displaced fixes by |o|^2 = trace(R_true - R), the largest of a streak."""
     position = recording.position
-    if position is None or position.true_covariance_m2 is None:
+    if position is None:
         return []
-    says, is_ = (np.diagonal(c, axis1=1, axis2=2) for c in (position.covariance_m2, position.true_covariance_m2))
-    size_m = np.sqrt(np.maximum((is_ - says).sum(axis=1), 0.0))
-    at_fault: BoolArray = np.any(is_ > LARGER * says, axis=1)
-    return [_Displaced(a, b - 1, float(size_m[a:b].max())) for a, b in streaks(at_fault).tolist()]
+    size_m = np.sqrt(np.maximum(np.trace(position.true - position.reported, axis1=1, axis2=2), 0.0))
+    return [_Displaced(a, b - 1, float(size_m[a:b].max())) for a, b in streaks(_at_fault(position)).tolist()]
 
 
 @register("metric", "gate")
