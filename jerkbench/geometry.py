@@ -1,5 +1,7 @@
 """Geodetic <-> ENU and rotations: thin over pymap3d and scipy, in the conventions of `jerkbench.recording`."""
 
+from dataclasses import astuple
+
 import numpy as np
 
 from jerkbench.arrays import FloatArray
@@ -19,8 +21,7 @@ def geodetic_to_enu(
     """Turn WGS-84 coordinates into ENU [m] at ``origin``; returns (n, 3)."""
     from pymap3d import geodetic2enu
 
-    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *origin_lla))
+    return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *astuple(origin)))
 
 
 def geodetic_to_ecef(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> FloatArray:
@@ -34,24 +35,21 @@ def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ENU [m] at ``origin`` into latitude [deg], longitude [deg], height [m]; returns (n, 3)."""
     from pymap3d import enu2geodetic
 
-    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(enu2geodetic(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *origin_lla))
+    return np.column_stack(enu2geodetic(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *astuple(origin)))
 
 
 def ecef_to_enu(ecef_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ECEF [m] into ENU [m] at ``origin``; returns (n, 3)."""
     from pymap3d import ecef2enu
 
-    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(ecef2enu(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2], *origin_lla))
+    return np.column_stack(ecef2enu(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2], *astuple(origin)))
 
 
 def enu_to_ecef(enu_m: FloatArray, origin: Origin) -> FloatArray:
     """Turn (n, 3) ENU [m] at ``origin`` into ECEF [m]; returns (n, 3)."""
     from pymap3d import enu2ecef
 
-    origin_lla = (origin.latitude_deg, origin.longitude_deg, origin.height_m)
-    return np.column_stack(enu2ecef(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *origin_lla))
+    return np.column_stack(enu2ecef(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *astuple(origin)))
 
 
 def ecef_to_geodetic(ecef_m: FloatArray) -> FloatArray:

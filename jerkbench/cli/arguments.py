@@ -111,6 +111,8 @@ def percentage(text: str) -> float:
     return value
 
 
+STUDY = argument("folder", type=Path, help="the study's folder, for example results/paper, or a folder of cells")
+
 ANSWER_FORMAT = argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
 """Lets a verb answer a program too."""
 
@@ -145,19 +147,13 @@ JUDGING = (
 """How a study's methods are judged."""
 
 
-def chosen_rule(chosen: argparse.Namespace) -> "VerdictRule":
-    """Return the rule that was asked for."""
-    from jerkbench.report.comparisons import VerdictRule
-
-    return VerdictRule(chosen.margin / 100)
-
-
-def chosen_method(chosen: argparse.Namespace) -> tuple[str, ...] | None:
-    """Return the factors of a method; None where none was asked for.
+def judging(chosen: argparse.Namespace) -> "tuple[tuple[str, ...] | None, VerdictRule]":
+    """Return the factors of a method (None: the default ones) and the rule that was asked for.
 
     Raises:
         JerkbenchError: there is no such factor, or none.
     """
     from jerkbench.report.columns import parse_method
+    from jerkbench.report.comparisons import VerdictRule
 
-    return parse_method(chosen.method) if chosen.method is not None else None
+    return None if chosen.method is None else parse_method(chosen.method), VerdictRule(chosen.margin / 100)

@@ -88,33 +88,25 @@ def check_verb(chosen: argparse.Namespace) -> None:
         PluginError: there is no such package, or it has no plugin.
         SystemExit: 1, where a plugin does not keep its contract.
     """
-    from jerkbench.files import JunitCase, junit
+    from jerkbench.files import junit
     from jerkbench.plugins.new import check_package
 
     checked = check_package(chosen.package)
-    ok = not any(plugin.errors for plugin in checked)
+    found = [[("error", e) for e in case.failures] + [("notice", n) for n in case.notes] for case in checked]
+    ok = not any(case.failures for case in checked)
     if chosen.format == "junit":
-        print(junit(f"jerkbench check {chosen.package}", [JunitCase(*plugin) for plugin in checked]).rstrip())
+        print(junit(f"jerkbench check {chosen.package}", checked).rstrip())
     elif chosen.format == "json":
+        findings = [[{"severity": severity, "sentence": message} for severity, message in of] for of in found]
         plugins = [
-            {
-                "kind": kind,
-                "name": name,
-                "ok": not errors,
-                "findings": [
-                    {"severity": severity, "sentence": message}
-                    for severity, messages in (("error", errors), ("notice", notices))
-                    for message in messages
-                ],
-            }
-            for kind, name, errors, notices in checked
+            {"kind": case.group, "name": case.name, "ok": not case.failures, "findings": of}
+            for case, of in zip(checked, findings, strict=True)
         ]
         print_json({"package": chosen.package, "ok": ok, "plugins": plugins})
     else:
-        for kind, name, errors, notices in checked:
-            for line in (*(f"error: {e}" for e in errors), *(f"notice: {n}" for n in notices)):
-                print(f"{kind} {name}: {line}")
-            if not errors:
-                print(f"{kind} {name}: keeps its contract.")
+        for case, of in zip(checked, found, strict=True):
+            lines = [f"{severity}: {message}" for severity, message in of]
+            for line in [*lines, *["keeps its contract."] * (not case.failures)]:
+                print(f"{case.group} {case.name}: {line}")
     if not ok:
         raise SystemExit(BROKEN)

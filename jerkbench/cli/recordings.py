@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from jerkbench.cli.arguments import argument, output, require_new, verb
+from jerkbench.cli.arguments import argument, count, output, require_new, verb
 from jerkbench.contracts import Dataset
 from jerkbench.errors import JerkbenchError, PluginError, require_known
 
@@ -30,22 +30,11 @@ INSIDE = {
 """Files of a folder that show its data set, or a preset of one."""
 
 
-def seed(text: str) -> int:
-    """Read the seed of a simulated recording.
-
-    Raises:
-        ArgumentTypeError: it is no whole number, or negative.
-    """
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is no seed; give a whole number, 0 or more")
-    return int(text)
-
-
 SOURCE_WORDS = (
     argument("source", help="a file or folder, or the name of a data set or its preset"),
     argument("--dataset", metavar="NAME", help="the data set that reads the file (default: by its suffix)"),
     argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="parameters of the data set"),
-    argument("--seed", type=seed, default=0, help="of a simulated recording (default 0)"),
+    argument("--seed", type=count, default=0, help="of a simulated recording (default 0)"),
 )
 """The words that name a recording."""
 

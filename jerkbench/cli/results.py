@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from jerkbench.cli.arguments import (
     JUDGING,
     RUN_PROGRAMS,
+    STUDY,
     argument,
-    chosen_method,
-    chosen_rule,
     count,
+    judging,
     output,
     percentage,
     verb,
@@ -41,7 +41,7 @@ FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separ
 
 
 @verb(
-    argument("folder", type=Path, help="the study's folder, for example results/paper, or a folder of cells"),
+    STUDY,
     argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)"),
     argument("--rows", help=f"factors that make the rows: {FACTOR_NAMES}"),
     argument("--columns", help="factors that make the columns (default: adaptation)"),
@@ -76,7 +76,7 @@ def table_verb(chosen: argparse.Namespace) -> None:
     metric = chosen.metric or main_metric(study.rows)
     baseline = parse_baseline(chosen.baseline) if chosen.baseline else None
     rows, columns = _factors(chosen.rows), _factors(chosen.columns)
-    verdicts = study_verdicts(study.rows, metric, chosen_method(chosen), chosen_rule(chosen))
+    verdicts = study_verdicts(study.rows, metric, *judging(chosen))
     table = summarise(study.rows, metric, rows, columns, study.notes, baseline, verdicts)
     if chosen.findings:
         print("\n".join(_sentences(study, verdicts, metric, baseline, every=chosen.all) or [NOTHING_COMPARED]))
@@ -125,7 +125,7 @@ def _factors(words: str | None) -> list[str] | None:
 
 
 @verb(
-    argument("folder", type=Path, help="the study's folder, or a folder of cells"),
+    STUDY,
     argument("--out", type=output, help="where they go (default: figures/ in the study's folder)"),
     argument(
         "--scenarios",
@@ -176,7 +176,7 @@ def figures_verb(chosen: argparse.Namespace) -> None:
 
 
 @verb(
-    argument("folder", type=Path, help="the study's folder, or a folder of cells"),
+    STUDY,
     argument("--out", type=output, help="the file (default: report.html in the study's folder)"),
     argument("--scenarios", type=count, default=20, help="show the runs of so many scenarios (default: 20)"),
     argument(
@@ -208,7 +208,7 @@ def report_verb(chosen: argparse.Namespace) -> None:
         raise JerkbenchError(f"{path} is a folder; give the name of a file: --out {path / REPORT}.")
     request = Request(Choice(chosen.figures), chosen.scenarios, run_programs=chosen.run_programs)
     tell_left_out(study, run_programs=chosen.run_programs)
-    write_report(study, path, request, processors(), chosen_method(chosen), chosen_rule(chosen))
+    write_report(study, path, request, processors(), *judging(chosen))
     print(path)
 
 
@@ -298,7 +298,7 @@ def compare_verb(chosen: argparse.Namespace) -> None:
     second, chosen_of = in_the_place_of(first, second, {**of_a, **of_b})
     require_alike(first, second)
     metric, varying = chosen.metric or main_metric(first.rows), varying_factors(first.rows)
-    changed = changes(first.rows, second.rows, metric, chosen_rule(chosen))
+    changed = changes(first.rows, second.rows, metric, judging(chosen)[1])
     comparison = StudyComparison(metric, changed, varying, (), chosen.fail_above, failed=False)
     sentences, code = ([], 0) if chosen.fail_above is None else _failures(comparison, first, second)
     notes = [*chosen_of, *_notes(chosen, first, second, comparison)]
@@ -318,7 +318,7 @@ def _notes(chosen: argparse.Namespace, first: "Study", second: "Study", comparis
     from jerkbench.report.selection import other_methods
     from jerkbench.report.study_verdicts import study_verdicts
 
-    rule, method, changed = chosen_rule(chosen), chosen_method(chosen), comparison.changes
+    changed = comparison.changes
     notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
     notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
     notes += [READING_NOTE, *notes_of_tests(changed)]
@@ -330,7 +330,7 @@ def _notes(chosen: argparse.Namespace, first: "Study", second: "Study", comparis
         notes.append(f"{absent} runs of A have no run of the same seed in B.")
     found = zip(comparison.names, comparison.failures, strict=True)
     notes += [f"{name} fails: {failure}." for name, failures in found for failure in failures]
-    verdicts = (study_verdicts(study.rows, comparison.metric, method, rule) for study in (first, second))
+    verdicts = (study_verdicts(study.rows, comparison.metric, *judging(chosen)) for study in (first, second))
     return [*notes, *other_leaders(*(of.standings for of in verdicts))]
 
 

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,16 +25,6 @@ from jerkbench.evaluation.counted_rows import (
 from jerkbench.kinematic.trajectory_score import scored_trajectory
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline
-
-
-class Numbers(NamedTuple):
-    """Numbers of rows, as in `jerkbench.evaluation.counted_rows.Rows`."""
-
-    position: FloatArray
-    velocity: FloatArray
-    whole: float
-    both: float
-    outage: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +54,17 @@ class PreparedReference:
         return replace(self.errors_alone, moving=np.zeros_like(self.scoring.moving))
 
     @cached_property
-    def numbers(self) -> Numbers:
-        """The numbers of counted rows: the same for every run."""
+    def constant_sums(self) -> dict[str, Any]:
+        """The parts of `Sums` that are the same for every run: how many rows count, and the outages."""
         rows = self.rows
-        position, velocity = (of.sum(axis=1).astype(np.float64) for of in (rows.position, rows.velocity))
-        return Numbers(position, velocity, *(float(of.sum()) for of in (rows.whole, rows.both, rows.outage)))
+        return {
+            "position_rows": rows.position.sum(axis=1).astype(np.float64),
+            "velocity_rows": rows.velocity.sum(axis=1).astype(np.float64),
+            "whole_rows": float(rows.whole.sum()),
+            "nees_rows": float(rows.both.sum()),
+            "outage_rows": float(rows.outage.sum()),
+            "outage_driven_m": rows.outages_driven_m,
+        }
 
 
 def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sums:
@@ -105,33 +101,25 @@ class Summed(ABC):
 
 def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Recording) -> Sums:
     """Return the sums of a run; the reference knows all axes at the same stamps, of position and of velocity."""
-    rows, numbers = prepared.rows, prepared.numbers
+    rows, constant = prepared.rows, prepared.constant_sums
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
     return Sums(
+        **constant,
+        **{name: getattr(streamed, name) for name in _SAME_SUMS},
         position_m2=_over_axes(streamed.position_m2),
-        position_rows=numbers.position,
-        position_max_m=math.sqrt(streamed.largest_m2) if numbers.position[0] else float("nan"),
-        whole_m2=streamed.whole_m2,
-        whole_rows=numbers.whole,
+        position_max_m=math.sqrt(streamed.largest_m2) if constant["position_rows"][0] else float("nan"),
         velocity_m2ps2=_over_axes(streamed.velocity_m2ps2)[_MOVING],
-        velocity_rows=numbers.velocity,
-        nees=streamed.nees,
-        nees_rows=numbers.both,
-        nees_position=streamed.nees_position,
-        nis_per_row=streamed.nis_per_row,
-        nis_updates=streamed.nis_updates,
-        nis_used_per_row=streamed.nis_used_per_row,
-        nis_used_updates=streamed.nis_used_updates,
-        outage_m2=streamed.outage_m2,
-        outage_rows=numbers.outage,
         outage_ends_m=_lengths_m(pairs[:, 1]) if ends else np.empty(0),
-        outage_driven_m=rows.outages_driven_m,
         outage_drifts_mps=_drifts_mps(pairs, rows.outages_s) if ends else np.empty(0),
         outages=len(recording.outages_s),
         sampled_m=streamed.marked_m[ends:],
         sampled_m2=streamed.marked_m2[ends:],
     )
+
+
+_SAME_SUMS = tuple(name for name in Sums._fields if name in Streamed._fields[2:])
+"""Sums that are part of both; those of position and velocity are of each axis in `Streamed`."""
 
 
 def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jerkbench import plugins
+from jerkbench.contracts import Adaptation
 from jerkbench.errors import PluginError, article, require_known
-from jerkbench.files import filled_template, write_text
+from jerkbench.files import JunitCase, filled_template, write_text
 from jerkbench.jobs.preflight import reason_of
 from jerkbench.plugins.checks import class_problems, problem
 
@@ -80,61 +81,46 @@ def _of_module(module: str) -> list[EntryPoint]:
     return inside(EntryPoint(name, f"{c.__module__}:{c.__qualname__}", f"{GROUP}{kind}") for kind, name, c in known)
 
 
-class CheckedPlugin(NamedTuple):
-    """The result of checking a plugin.
-
-    Attributes:
-        kind: kind of the plugin.
-        name: name of the plugin.
-        errors: messages. The plugin cannot run, or its results are wrong.
-        notices: messages. The plugin runs, but slowly or unchecked.
-    """
-
-    kind: str
-    name: str
-    errors: list[str]
-    notices: list[str]
-
-
-def check_package(package: str) -> list[CheckedPlugin]:
+def check_package(package: str) -> list[JunitCase]:
     """Check every plugin of a folder, a distribution or a module.
+
+    Failures: the plugin cannot run, or its results are wrong. Notes: it runs, but slowly or unchecked.
 
     Raises:
         PluginError: there is no such package, or it has no plugin.
     """
-    return [_checked(entry) for entry in entry_points_of(package)]
+    entries = [(entry.group.removeprefix(GROUP), entry) for entry in entry_points_of(package)]
+    return [JunitCase(kind, entry.name, *_findings(kind, entry)) for kind, entry in entries]
 
 
-def _checked(entry: EntryPoint) -> CheckedPlugin:
-    kind = entry.group.removeprefix(GROUP)
-    checked = CheckedPlugin(kind, entry.name, [], [])
+def _findings(kind: str, entry: EntryPoint) -> tuple[list[str], list[str]]:
+    """Return the errors and the notices about a plugin."""
     try:
         cls = entry.load()
     except Exception as error:  # noqa: BLE001 - the module of an author may raise anything
         reason = " ".join(str(error).split())
-        checked.errors.append(f"It cannot be imported: {type(error).__name__}: {reason}.")
-        return checked
+        return [f"It cannot be imported: {type(error).__name__}: {reason}."], []
     try:
         plugins.register(kind, entry.name)(cls)
         no = dataclasses.MISSING
         if required := [f.name for f in dataclasses.fields(cls) if f.default is no and f.default_factory is no]:
-            text = f"{cls.__name__} has no default for {', '.join(required)}, so it was not tried; call check_plugin."
-            checked.notices.append(text)
-            return checked
+            names = ", ".join(required)
+            return [], [f"{cls.__name__} has no default for {names}, so it was not tried; call check_plugin."]
         plugin = plugins.create(kind, {"name": entry.name})
-        checked.errors.extend(class_problems(kind, plugin))
-        checked.errors.extend(filter(None, [problem(kind, plugin)]))
+        errors = [*class_problems(kind, plugin), *filter(None, [problem(kind, plugin)])]
     except PluginError as error:
-        checked.errors.append(str(error))
+        return [str(error)], []
     except Exception as error:  # noqa: BLE001 - a plugin may raise anything
-        checked.errors.append(f"{cls.__name__} raises {reason_of(error)}.")
-    if kind == "adaptation" and not checked.errors:
-        from jerkbench.kinematic.plugin_call import obstacle  # its import takes half a second
+        return [f"{cls.__name__} raises {reason_of(error)}."], []
+    reason = _why_not_compiled(plugin) if kind == "adaptation" and not errors else ""
+    slow = f"{cls.__name__} cannot be compiled and runs on the engine filterpy, many times slower: {reason}"
+    return errors, [slow] if reason else []
 
-        if reason := obstacle(plugin):
-            text = f"{cls.__name__} cannot be compiled and runs on the engine filterpy, many times slower: {reason}"
-            checked.notices.append(text)
-    return checked
+
+def _why_not_compiled(plugin: Adaptation) -> str:
+    from jerkbench.kinematic.plugin_call import obstacle  # its import takes half a second
+
+    return obstacle(plugin)
 
 
 # A package for a plugin of one's own, to begin from.

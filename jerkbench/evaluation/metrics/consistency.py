@@ -55,8 +55,6 @@ class Consistency(Summed):
         }
 
 
-# The share of position errors within the sigmas that the filter claims.
-
 _SIGMAS = (1, 2, 3)
 
 
@@ -115,14 +113,21 @@ class SilentError(Summed):
 
     def summarise(self, sums: Sums) -> dict[str, float]:
         """Return the two values by column name."""
-        error, covariance = sums.sampled_m, sums.sampled_covariance_m2
-        definite = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(error).all(axis=1)
-        if not len(error) or not definite.all() or not (np.linalg.eigvalsh(covariance)[:, 0] > 0).all():
+        nees = _squared_distances(sums.sampled_m, sums.sampled_covariance_m2)
+        if not np.isfinite(nees).all() or not len(nees):
             return {"silent_error_percent": np.nan, "silent_error_s": np.nan}
-        white = np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
-        silent = (error * white).sum(axis=1) > RULED_OUT**2
+        silent = nees > RULED_OUT**2
         longest = np.max(np.diff(streaks(silent)), initial=0)
         return {"silent_error_percent": 100 * float(silent.mean()), "silent_error_s": float(longest)}
+
+
+def _squared_distances(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return (k,) e' P^-1 e; NaN where a covariance is not finite and positive definite."""
+    finite = np.isfinite(covariance).all(axis=(1, 2))
+    solvable = np.where(finite[:, None, None], covariance, np.eye(3))
+    definite = np.linalg.eigvalsh(solvable)[:, 0] > 0
+    white = np.linalg.solve(np.where(definite[:, None, None], solvable, np.eye(3)), error[:, :, None])[:, :, 0]
+    return np.where(finite & definite, np.sum(error * white, axis=1), np.nan)
 
 
 @register("metric", "innovation")
@@ -163,9 +168,6 @@ class Innovation:
         }
 
 
-# The likelihood of the innovations: how well a filter foretells its own measurements, without any reference.
-
-
 @register("metric", "innovation_likelihood")
 @dataclass(frozen=True)
 class InnovationLikelihood:
@@ -198,9 +200,6 @@ class InnovationLikelihood:
         rows = updates.rows[late]
         losses = 0.5 * (updates.nis[late] + updates.log_det[late] + rows * np.log(2 * np.pi))[rows > 0]
         return {"innovation_log_loss": float(losses.mean()) if len(losses) else np.nan}
-
-
-# Proper scores of a Gaussian estimate: CRPS, log score and credibility.
 
 
 @register("metric", "log_score")
@@ -242,9 +241,6 @@ def _mean_score(error: FloatArray, covariance: FloatArray) -> float:
         return float(np.mean(np.sum(white**2, axis=1) + log_det + 3 * np.log(2 * np.pi)) / 2)
 
 
-# Scores of a Gaussian estimate that reward accuracy and honesty together.
-
-
 def crps(error: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return the continuous ranked probability score of Gaussians that are wrong by ``error``, in its unit.
 
@@ -282,9 +278,6 @@ def credibility(nees: FloatArray, ideal: FloatArray) -> tuple[float, float]:
     return (float(10 * np.mean(np.abs(logs))), float(10 * np.mean(logs))) if known.any() else (np.nan, np.nan)
 
 
-# The continuous ranked probability score of the position: metres, and honesty rewarded.
-
-
 @register("metric", "crps")
 @dataclass(frozen=True)
 class Crps(Summed):
@@ -312,9 +305,6 @@ class Crps(Summed):
             return {"position_crps_m": np.nan}
         with np.errstate(over="ignore", invalid="ignore"):
             return {"position_crps_m": float(np.mean(crps(error, np.sqrt(variance))))}
-
-
-# The non-credibility index: by how many decibels the covariances are wrong.
 
 
 @register("metric", "credibility")
@@ -349,14 +339,6 @@ class Credibility(Summed):
         square = error.T @ error / max(1, len(error))
         if len(error) < 4 or not np.isfinite(square).all() or np.linalg.matrix_rank(square) < 3:
             return {"non_credibility_db": np.nan, "inclination_db": np.nan}
-        nees = _squares(error, sums.sampled_covariance_m2)
-        ideal = _squares(error, np.broadcast_to(square, (len(error), 3, 3)))
+        nees = _squared_distances(error, sums.sampled_covariance_m2)
+        ideal = _squared_distances(error, np.broadcast_to(square, (len(error), 3, 3)))
         return dict(zip(("non_credibility_db", "inclination_db"), credibility(nees, ideal), strict=True))
-
-
-def _squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return (k,) e' P^-1 e; NaN where a covariance is not positive definite."""
-    definite = np.linalg.eigvalsh(covariance)[:, 0] > 0
-    solvable = np.where(definite[:, None, None], covariance, np.eye(3))
-    white = np.linalg.solve(solvable, error[:, :, None])[:, :, 0]
-    return np.where(definite, np.sum(error * white, axis=1), np.nan)

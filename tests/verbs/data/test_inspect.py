@@ -236,4 +236,4 @@ def test_the_oddities_of_real_bags_are_found(shared_folder, file, oddities):
 def test_a_seed_is_a_whole_number(typed, seed):
     done = typed("data", "inspect", "field", "--seed", seed)
     assert (done.returncode, done.stdout) == (2, "")
-    assert f"'{seed}' is no seed" in done.stderr
+    assert f"'{seed}' is no whole number" in done.stderr
