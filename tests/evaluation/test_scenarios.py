@@ -11,7 +11,9 @@ from scipy.stats import kendalltau, t
 from jerkbench.evaluation.ranks import (
     critical_difference,
     kendall_tau,
+    mean_ranks,
     over_scenarios,
+    performance_profile,
     rank_cliques,
     rank_range,
 )
@@ -61,23 +63,17 @@ def test_what_no_scenario_changes_is_students_interval():
     assert (math.log(got.low), math.log(got.high)) == pytest.approx((0.1 - half, 0.1 + half))
 
 
-def test_one_seed_leaves_the_scenarios():
+def test_one_seed_leaves_the_scenarios_and_one_scenario_has_no_interval():
     d = drawn(9, 1)
-    got = over_scenarios(d)
     half = t.ppf(0.975, 8) * d.std(ddof=1) / 3
-    assert math.log(got.high) == pytest.approx(d.mean() + half)
-
-
-def test_one_scenario_has_no_interval_over_scenarios():
-    got = over_scenarios(drawn(1, 5))
-    assert math.isnan(got.low)
+    assert math.log(over_scenarios(d).high) == pytest.approx(d.mean() + half)
+    assert math.isnan(over_scenarios(drawn(1, 5)).low)
 
 
 def test_the_worst_scenario_is_named():
     d = drawn(6, 10)
     got = over_scenarios(d)
-    assert got.worst == int(np.argmax(d.mean(axis=1)))
-    assert got.worst_ratio == pytest.approx(math.exp(d.mean(axis=1).max()))
+    assert (got.worst, got.worst_ratio) == (np.argmax(d.mean(axis=1)), pytest.approx(np.exp(d.mean(axis=1).max())))
 
 
 def test_the_interval_over_scenarios_covers():
@@ -135,12 +131,34 @@ def test_the_best_of_many_equals_flatters_itself():
     assert abs(np.mean(honest)) < 0.02
 
 
-def test_a_setting_is_chosen_by_the_other_seeds():
+def test_a_setting_is_chosen_by_the_other_seeds_and_a_lost_run_costs_more_than_any_error():
     errors = np.array([[1.0, 1.0, 9.0], [2.0, 2.0, 2.0]])
     np.testing.assert_array_equal(chosen_on_other_seeds(errors), [1, 1, 0])
-
-
-def test_a_lost_run_costs_more_than_any_error():
     errors = np.array([[1.0, 1.0, 1.0, np.inf], [5.0, 5.0, 5.0, 5.0]])
     np.testing.assert_array_equal(chosen_on_other_seeds(errors), [1, 1, 1, 0])
     assert chosen_on_other_seeds(errors[:, 3:]) == 1
+
+
+COSTS = np.array([[1.0, 2.0, 4.0], [3.0, 3.0, np.nan], [8.0, 2.0, 2.0], [np.inf, np.inf, np.nan]])
+
+
+def test_ranks_share_ties_and_put_what_diverged_last():
+    np.testing.assert_allclose(
+        mean_ranks(COSTS), [(1 + 1.5 + 3 + 2) / 4, (2 + 1.5 + 1.5 + 2) / 4, (3 + 3 + 1.5 + 2) / 4]
+    )
+
+
+def test_the_profile_is_the_naive_count():
+    factors = np.array([1.0, 1.9, 2.0, 4.0, 1e9])
+    expected = [
+        [
+            sum(math.isfinite(c[s]) and c[s] <= tau * min(x for x in c if math.isfinite(x)) for c in COSTS[:3]) / 4
+            for tau in factors
+        ]
+        for s in range(3)
+    ]
+    np.testing.assert_allclose(performance_profile(COSTS, factors), expected)
+
+
+def test_an_error_of_nothing_is_the_best():
+    np.testing.assert_allclose(performance_profile(np.array([[0.0, 1.0]]), np.array([1.0, 100.0])), [[1, 1], [0, 0]])

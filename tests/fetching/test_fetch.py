@@ -85,15 +85,10 @@ def recording(server, path, sha256=SHA256, name="deep/a.bin", size=0):
     return PublicRecording("some", "a test", "MIT", (PublicFile(name, f"{server.address}{path}", sha256, size),))
 
 
-def said():
-    lines = []
-    return lines, lines.append
-
-
 def test_what_is_whole_is_kept_and_not_asked_for_again(server, tmp_path):
-    lines, say = said()
-    fetch(recording(server, "/whole"), tmp_path / "some", say)
-    fetch(recording(server, "/whole"), tmp_path / "some", say)
+    lines = []
+    for _ in range(2):
+        fetch(recording(server, "/whole"), tmp_path / "some", lines.append)
 
     assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
     assert [path.name for path in tmp_path.iterdir()] == ["some"]
@@ -142,7 +137,15 @@ def test_a_file_that_was_damaged_since_is_fetched_again(server, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("path", "message"), [("/gone", r"There is nothing at .*/gone \(404\)"), ("/busy", "answers 503")]
+    ("path", "message"),
+    [
+        ("/gone", r"There is nothing at .*/gone \(404\)"),
+        ("/busy", "answers 503"),
+        ("/beyond", "answers 416"),
+        ("/redirect:http://127.0.0.1:9/a", "is not https"),
+        ("/redirect:file:///etc/passwd", "is not https|302"),
+        ("/redirect:https://[", "invalid"),
+    ],
 )
 def test_a_refusal_is_a_sentence(server, tmp_path, path, message):
     with pytest.raises(RecordingError, match=message):
@@ -168,18 +171,9 @@ def test_a_slow_answer_ends(server, tmp_path, monkeypatch):
 
 def test_progress_is_printed(server, tmp_path, monkeypatch):
     monkeypatch.setattr(fetching, "PROGRESS_S", 0.0)
-    lines, say = said()
-    fetch(recording(server, "/whole", size=len(CONTENT)), tmp_path / "some", say)
+    lines = []
+    fetch(recording(server, "/whole", size=len(CONTENT)), tmp_path / "some", lines.append)
     assert lines[-1] == "0.5 of 0.5 MB"
-
-
-@pytest.mark.parametrize(
-    ("address", "message"),
-    [("http://127.0.0.1:9/a", "is not https"), ("file:///etc/passwd", "is not https|302"), ("https://[", "invalid")],
-)
-def test_a_redirect_leads_to_https_only(server, tmp_path, address, message):
-    with pytest.raises(RecordingError, match=message):
-        fetch(recording(server, f"/redirect:{address}"), tmp_path / "some", print)
 
 
 @pytest.mark.parametrize("size", [0, len(CONTENT)])
@@ -197,18 +191,10 @@ def test_a_resume_that_is_refused_starts_again_or_is_a_sentence(server, tmp_path
     assert (tmp_path / "some" / "deep" / "a.bin").read_bytes() == CONTENT
 
 
-def test_a_server_that_refuses_every_range_is_a_sentence(server, tmp_path):
-    with pytest.raises(RecordingError, match="answers 416"):
-        fetch(recording(server, "/beyond"), tmp_path / "some", print)
-
-
-def test_a_server_that_is_not_there_is_a_sentence(server, tmp_path):
+def test_a_server_that_is_not_there_and_a_folder_that_cannot_be_written_are_sentences(server, tmp_path):
     one = PublicRecording("some", "a test", "MIT", (PublicFile("a", "http://127.0.0.1:9/a", "0" * 64),))
     with pytest.raises(RecordingError, match="the server cannot be reached"):
         fetch(one, tmp_path / "some", print)
-
-
-def test_a_folder_that_cannot_be_written_is_a_sentence(server, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match="cannot be written"):
         fetch(recording(server, "/whole"), tmp_path / "file" / "some", print)
@@ -312,19 +298,17 @@ def test_the_verb_lists_and_finds(tmp_path, monkeypatch):
     assert (done.returncode, "Did you mean 'broad'" in done.stderr) == (2, True)
 
 
-def test_a_preset_of_tables_finds_what_was_fetched(tmp_path, shared_folder, monkeypatch):
-    (tmp_path / "kept").mkdir()
-    (tmp_path / "kept" / "tokyo_1105").symlink_to(shared_folder / "data" / "degraded" / "tokyo_1105")
-    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path / "kept"))
-    done = verb("data", "inspect", "tokyo_1105", cwd=tmp_path)
-    assert "position     8851 rows" in done.stdout, done.stderr
+@pytest.mark.parametrize(
+    ("name", "folder", "rows"), [("tokyo_1105", "degraded/tokyo_1105", 8851), ("comma2k19", "comma2k19", 579)]
+)
+def test_a_data_set_and_a_preset_find_what_was_fetched(tmp_path, shared_folder, monkeypatch, name, folder, rows):
+    (tmp_path / name).symlink_to(shared_folder / "data" / folder)
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path))
+    done = verb("data", "inspect", name, cwd=tmp_path)
+    assert f"position {rows:>8} rows" in done.stdout, done.stderr
+
+
+def test_what_was_not_fetched_says_how_to(tmp_path, monkeypatch):
+    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path))
     done = verb("data", "inspect", "pixel4", cwd=tmp_path)
     assert (done.returncode, "run `jerkbench data fetch pixel4`" in done.stderr) == (2, True)
-
-
-def test_a_data_set_finds_what_was_fetched(tmp_path, shared_folder, monkeypatch):
-    (tmp_path / "kept").mkdir()
-    (tmp_path / "kept" / "comma2k19").symlink_to(shared_folder / "data" / "comma2k19")
-    monkeypatch.setenv("JERKBENCH_DATA", str(tmp_path / "kept"))
-    done = verb("data", "inspect", "comma2k19", cwd=tmp_path)
-    assert "position      579 rows" in done.stdout, done.stderr
