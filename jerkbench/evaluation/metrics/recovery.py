@@ -59,9 +59,6 @@ def _joined(windows_s: FloatArray) -> FloatArray:
     return np.array(joined).reshape(-1, 2)
 
 
-# The answer to a fault: how large the error grows, and how long it takes to halve again.
-
-
 class StepResponse(NamedTuple):
     """The error after a fault.
 
@@ -93,7 +90,10 @@ def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: flo
     return StepResponse(peak, halved_s)
 
 
-# The time that a filter takes to recover from a fault.
+def step_responses(t_s: FloatArray, error: FloatArray, begins_s: FloatArray) -> list[StepResponse]:
+    """Return the response to each fault, up to the begin of the next one."""
+    ends_s = [*begins_s[1:].tolist(), np.inf]
+    return [step_response(t_s, error, *span) for span in zip(begins_s.tolist(), ends_s, strict=False)]
 
 
 @register("metric", "recovery")
@@ -126,9 +126,7 @@ class Recovery:
         """Return the three values by column name."""
         t_s, _, error = timed_errors(estimate, recording, counted)
         begins = fault_windows_s(recording)[:, 0]
-        begins = begins[begins > t_s[0]] if len(t_s) else begins[:0]
-        ends = np.append(begins, np.inf)[1:]
-        answers = [step_response(t_s, error, begin, end) for begin, end in zip(begins, ends, strict=True)]
+        answers = step_responses(t_s, error, begins[begins > t_s[0]] if len(t_s) else begins[:0])
         return {
             "recovery_s": median_time_s([answer.halved_s for answer in answers]),
             "recovery_peak_m": median_time_s([answer.peak for answer in answers]),
@@ -142,9 +140,6 @@ def median_time_s(values: Sequence[float]) -> float:
         return np.nan
     middle = float(np.median(np.where(np.isnan(values), np.inf, values)))
     return middle if np.isfinite(middle) else np.nan
-
-
-# Position errors while there is no aiding.
 
 
 @register("metric", "outage")
@@ -242,9 +237,6 @@ class OutageDrift(Summed):
         return {"outage_drift_mps": mean(float(drifts.sum()), float(drifts.size))}
 
 
-# Gates: fixes that are not believed, the spikes that are taken, and a return to a wrong place.
-
-
 INFLATED = 4.0
 """A variance that is so many times the reported one: twice the sigma."""
 
@@ -280,7 +272,7 @@ class Lockout:
         start_s = first_counted_s(recording.reference, estimate.index, counted)
         rows = (updates.t_s >= start_s) & np.isfinite(reported).any(axis=0) & ~np.isnan(used).all(axis=0)
         if not rows.any():
-            return dict.fromkeys(("inflated_percent", "rejected_percent", "lockout_s"), np.nan)
+            return dict.fromkeys(self.columns, np.nan)
         used, reported = used[:, rows], reported[:, rows]
         inflated = np.asarray((used > INFLATED * reported).any(axis=0))
         rejected = (~np.isfinite(used)).all(axis=0)
@@ -312,20 +304,30 @@ def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArra
 
 
 class _Displaced(NamedTuple):
-    """Fixes that follow each other and are worse than they say: the rows first to last, and by how much [m]."""
+    """Successive fixes that are at fault.
 
-    first: int
-    last: int
+    Attributes:
+        count: number of fixes.
+        begin_s: time of the first one.
+        end_s: time of the first fix after them; infinite if there is none.
+        size_m: largest root of trace(R_true - R).
+    """
+
+    count: int
+    begin_s: float
+    end_s: float
     size_m: float
 
 
 def _displaced(recording: Recording) -> list[_Displaced]:
-    """Streaks of displaced fixes by |o|^2 = trace(R_true - R), the largest of a streak."""
     position = recording.position
     if position is None:
         return []
     size_m = np.sqrt(np.maximum(np.trace(position.true - position.reported, axis1=1, axis2=2), 0.0))
-    return [_Displaced(a, b - 1, float(size_m[a:b].max())) for a, b in streaks(_at_fault(position)).tolist()]
+    t_s = [*position.t_s.tolist(), np.inf]
+    return [
+        _Displaced(b - a, t_s[a], t_s[b], float(size_m[a:b].max())) for a, b in streaks(_at_fault(position)).tolist()
+    ]
 
 
 @register("metric", "gate")
@@ -360,28 +362,20 @@ class Gate:
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the four values by column name."""
         t_s, error, length_m = timed_errors(estimate, recording, counted)
-        position = recording.position
-        columns = ("spike_taken_m", "spike_refused_m", "spike_step_m", "spike_recovery_s")
-        spikes = [d for d in _displaced(recording) if d.first == d.last]
-        if position is None or not spikes or len(t_s) == 0:
-            return dict.fromkeys(columns, np.nan)
-        spikes = [spike for spike in spikes if position.t_s[spike.first] > t_s[0]]
-        at_s = np.array([position.t_s[spike.first] for spike in spikes])
-        size_m, taken = np.array([spike.size_m for spike in spikes]), _taken(estimate, recording, at_s)
-        if not len(at_s):
-            return dict.fromkeys(columns, np.nan)
+        spikes = [d for d in _displaced(recording) if d.count == 1 and len(t_s) and d.begin_s > t_s[0]]
+        if not spikes:
+            return dict.fromkeys(self.columns, np.nan)
+        at_s, size_m = (np.array([getattr(spike, name) for spike in spikes]) for name in ("begin_s", "size_m"))
+        taken = _taken(estimate, recording, at_s)
         after = np.minimum(np.searchsorted(t_s, at_s - 1e-9), len(t_s) - 1)
         with np.errstate(over="ignore", invalid="ignore"):
             steps_m = np.linalg.norm(error[after] - error[np.maximum(after - 1, 0)], axis=1)
-        ends_s = np.append(at_s[1:], np.inf)
-        answers = [step_response(t_s, length_m, begin, end) for begin, end in zip(at_s, ends_s, strict=True)]
-        values = (
-            float(np.max(size_m[taken], initial=0.0)),
-            float(np.min(size_m[~taken])) if not taken.all() else np.nan,
-            float(np.max(steps_m)),
-            median_time_s([answer.halved_s for answer in answers]),
-        )
-        return dict(zip(columns, values, strict=True))
+        return {
+            "spike_taken_m": float(np.max(size_m[taken], initial=0.0)),
+            "spike_refused_m": float(np.min(size_m[~taken])) if not taken.all() else np.nan,
+            "spike_step_m": float(np.max(steps_m)),
+            "spike_recovery_s": median_time_s([of.halved_s for of in step_responses(t_s, length_m, at_s)]),
+        }
 
 
 def _taken(estimate: Estimate, recording: Recording, at_s: FloatArray) -> BoolArray:
@@ -423,22 +417,19 @@ class Capture:
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
         t_s, _, length_m = timed_errors(estimate, recording, counted)
-        position = recording.position
-        fix_s = np.empty(0) if position is None else position.t_s
-        stretches = [d for d in _displaced(recording) if d.last > d.first]
+        stretches = [d for d in _displaced(recording) if d.count > 1]
+        nexts_s = [*(stretch.begin_s for stretch in stretches[1:]), np.inf]
         captured, times_s = [], []
-        for k, stretch in enumerate(stretches):
-            end_s = float(fix_s[stretch.last + 1]) if stretch.last + 1 < len(fix_s) else np.inf
-            next_s = float(fix_s[stretches[k + 1].first]) if k + 1 < len(stretches) else np.inf
-            before, behind = t_s < end_s, (t_s >= end_s) & (t_s < next_s)
+        for stretch, next_s in zip(stretches, nexts_s, strict=False):
+            before, behind = t_s < stretch.end_s, (t_s >= stretch.end_s) & (t_s < next_s)
             if not (before.any() and behind.any()):
                 continue
             captured.append(bool(length_m[before][-1] > stretch.size_m / 2))
             far = np.flatnonzero(~(length_m[behind] <= stretch.size_m / 2))
             back = 0 if not len(far) else int(far[-1]) + 1
-            times_s.append(float(t_s[behind][back] - end_s) if back < behind.sum() else np.nan)
+            times_s.append(float(t_s[behind][back] - stretch.end_s) if back < behind.sum() else np.nan)
         if not captured:
-            return dict.fromkeys(("captured_percent", "returned_percent", "return_s"), np.nan)
+            return dict.fromkeys(self.columns, np.nan)
         return {
             "captured_percent": 100 * float(np.mean(captured)),
             "returned_percent": 100 * float(np.mean(np.isfinite(times_s))),
