@@ -39,28 +39,22 @@ def script(folder, *parts):
     )
 
 
-def test_a_script_without_a_guard_runs_once_whatever_the_workers(tmp_path):
-    done = script(tmp_path, SWEEP.format(filters="'baseline', 'jerk'", workers=2), REPORT)
-
-    assert (done.returncode, done.stdout.split("\n")) == (0, ["begun", "['ok', 'ok']", "True", ""]), done.stderr
-    assert "no figures" not in done.stderr
-
-
-def test_workers_know_a_filter_of_a_module_beside_the_script(tmp_path):
+@pytest.mark.parametrize(
+    ("before", "filters", "workers"),
+    [
+        ("", ("baseline", "jerk"), 2),
+        ("import filters_of_mine", ("mine", "jerk"), 2),
+        pytest.param(FILTER, ("mine", "jerk"), 1, marks=pytest.mark.slow),
+    ],
+    ids=["without plugins", "a filter of a module beside it", "a filter of its own, in one process"],
+)
+def test_a_script_without_a_guard_runs_once_and_its_report_is_drawn(tmp_path, before, filters, workers):
     (tmp_path / "filters_of_mine.py").write_text(FILTER, encoding="utf-8")
-    done = script(tmp_path, "import filters_of_mine", SWEEP.format(filters="'mine', 'jerk'", workers=2), REPORT)
+    done = script(tmp_path, before, SWEEP.format(filters=", ".join(map(repr, filters)), workers=workers), REPORT)
 
     assert (done.returncode, done.stdout.split("\n")) == (0, ["begun", "['ok', 'ok']", "True", ""]), done.stderr
     assert "no figures" not in done.stderr
-    assert set(load_study(tmp_path / "study").rows["filter"]) == {"mine", "jerk"}
-
-
-@pytest.mark.slow
-def test_a_filter_of_the_script_itself_runs_in_one_process_and_its_report_is_drawn(tmp_path):
-    done = script(tmp_path, FILTER, SWEEP.format(filters="'mine', 'jerk'", workers=1), REPORT)
-
-    assert (done.returncode, done.stdout.split("\n")) == (0, ["begun", "['ok', 'ok']", "True", ""]), done.stderr
-    assert "no figures" not in done.stderr
+    assert set(load_study(tmp_path / "study").rows["filter"]) == set(filters)
 
 
 def test_more_workers_are_refused_for_a_filter_of_the_script_itself(tmp_path):

@@ -164,3 +164,15 @@ def test_an_estimate_becomes_a_data_frame():
     assert frame["up_m"].iloc[7] == estimate.position_m[7, 2]
     assert frame["sigma_velocity_up_mps"].iloc[7] ** 2 == pytest.approx(estimate.covariance[7, 5, 5])
     assert "t_s" not in estimate.to_frame()
+
+
+def test_a_damaged_file_is_set_aside_and_its_cells_run_again(tmp_path, capsys):
+    first = api.sweep(tmp_path, filter="gnss_only", seeds=2)
+    for part in (tmp_path / "cells").glob("part-*"):
+        part.write_bytes(part.read_bytes()[:-40])
+
+    again = api.sweep(tmp_path, filter="gnss_only", seeds=2)
+
+    assert not again.damaged
+    assert len(again.rows) == len(first.rows) == 2
+    assert "set aside" in capsys.readouterr().err

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scored_run import make_estimate, make_recording
 
+from jerkbench.evaluation.counted_rows import counted_rows
+
 
 def once_a_second(t_s, rows):
     """The first of ``rows`` in each whole second, one after the other."""
@@ -31,3 +33,9 @@ def recording():
 @pytest.fixture
 def estimate(recording):
     return make_estimate(recording)
+
+
+@pytest.fixture
+def counted(estimate, recording):
+    """The rows that count after a burn-in of 5 s."""
+    return counted_rows(estimate, recording, 5.0)

@@ -8,16 +8,10 @@ import pytest
 from scipy.stats import chi2
 
 from jerkbench.estimate import Estimate
-from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.consistency import Consistency
 from jerkbench.recording import Imu, Recording, Reference
 
 BURN_IN_S = 5.0
-
-
-@pytest.fixture
-def counted(estimate, recording):
-    return counted_rows(estimate, recording, BURN_IN_S)
 
 
 def naive_nees(estimate, recording, counted, size):

@@ -11,7 +11,7 @@ import pytest
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.metrics.attitude import AttitudeRmse
 from jerkbench.evaluation.metrics.position import PositionRmse, VelocityRmse
-from jerkbench.evaluation.metrics.recovery import Outage
+from jerkbench.evaluation.metrics.recovery import Outage, OutageAxes
 
 BURN_IN_S = 5.0
 
@@ -22,11 +22,6 @@ def naive_rms(values, truths, axes, rows):
         if row and not any(math.isnan(truth[axis]) for axis in axes):
             squares.append(sum((value[axis] - truth[axis]) ** 2 for axis in axes))
     return math.sqrt(sum(squares) / len(squares))
-
-
-@pytest.fixture
-def counted(estimate, recording):
-    return counted_rows(estimate, recording, BURN_IN_S)
 
 
 POSITION, VELOCITY, ATTITUDE = PositionRmse(), VelocityRmse(), AttitudeRmse()
@@ -186,3 +181,19 @@ def test_an_estimate_that_is_nan_is_not_left_out(estimate, recording, counted):
 def test_a_huge_error_is_infinite_and_warns_of_nothing(estimate, recording, counted):
     far = dataclasses.replace(estimate, position_m=estimate.position_m + 1e200)
     assert PositionRmse().evaluate(far, recording, counted)["position_rmse_m"] == math.inf
+
+
+def test_the_axes_of_outage_errors_are_the_naive_loop(estimate, recording, counted):
+    squares = []
+    for row, position, count in zip(estimate.index, estimate.position_m, counted, strict=True):
+        t, truth = recording.reference.t_s[row], recording.reference.enu_m[row]
+        if count and not np.isnan(truth).any() and any(begin <= t < end for begin, end in recording.outages_s):
+            squares.append([(a - b) ** 2 for a, b in zip(position, truth, strict=True)])
+    east, north, up = (sum(axis) / len(squares) for axis in zip(*squares, strict=True))
+
+    assert 5 < len(squares) < 14
+    assert OutageAxes().evaluate(estimate, recording, counted) == pytest.approx(
+        {"outage_rmse_horizontal_m": math.sqrt(east + north), "outage_rmse_up_m": math.sqrt(up)}
+    )
+    nothing = OutageAxes().evaluate(estimate, recording, np.zeros(len(estimate.index), dtype=bool))
+    assert all(math.isnan(value) for value in nothing.values())

@@ -18,11 +18,6 @@ from jerkbench.recording import Position
 
 
 @pytest.fixture
-def counted(estimate, recording):
-    return counted_rows(estimate, recording, 5.0)
-
-
-@pytest.fixture
 def errors(estimate, recording, counted):
     """(row of the estimate, error) where all axes are known and count."""
     truth = recording.reference.enu_m[estimate.index]

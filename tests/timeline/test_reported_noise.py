@@ -105,15 +105,15 @@ def test_a_factor_without_sense_is_refused(value):
         RScale(velocity=value)
 
 
-def test_a_wrong_name_says_what_there_is():
-    with pytest.raises(PluginError, match=r"r_scale.*position"):
-        jerkbench.run(dataset=SHORT, seeds=1, r_scale={"positon": 2.0})
+WRONG = [float("inf"), "abc", [1.0], {"position": "2"}, {"position": True}, {3: 1.0}, {"positon": 2.0}]
 
 
-@pytest.mark.parametrize("values", [float("inf"), "abc", [1.0], {"position": "2"}, {"position": True}, {3: 1.0}])
+@pytest.mark.parametrize("values", WRONG)
 def test_what_is_no_pair_of_numbers_is_refused_with_a_sentence(values):
-    with pytest.raises(PluginError, match="r_scale"):
+    with pytest.raises(PluginError, match=r"r_scale.*position"):
         scale_of(values)
+    with pytest.raises(PluginError, match=r"r_scale.*position"):
+        jerkbench.run(dataset=SHORT, seeds=1, r_scale=values)
 
 
 def test_no_factors_leave_the_reported_covariances():
