@@ -112,8 +112,11 @@ WRONG = [float("inf"), "abc", [1.0], {"position": "2"}, {"position": True}, {3: 
 def test_what_is_no_pair_of_numbers_is_refused_with_a_sentence(values):
     with pytest.raises(PluginError, match=r"r_scale.*position"):
         scale_of(values)
+
+
+def test_a_wrong_name_is_refused_in_a_run():
     with pytest.raises(PluginError, match=r"r_scale.*position"):
-        jerkbench.run(dataset=SHORT, seeds=1, r_scale=values)
+        jerkbench.run(dataset=SHORT, seeds=1, r_scale={"positon": 2.0})
 
 
 def test_no_factors_leave_the_reported_covariances():
