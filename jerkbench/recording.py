@@ -114,7 +114,7 @@ class Imu:
         return np.concatenate(([self.nominal_interval_s], np.diff(self.t_s)))
 
 
-class Measured:
+class MeasuredVectors:
     """What `Position` and `Velocity` have in common: values on three axes with their covariances.
 
     Attributes:
@@ -157,7 +157,7 @@ class Measured:
 
 
 @dataclass(frozen=True, eq=False)
-class Position(Measured):
+class Position(MeasuredVectors):
     """Position fixes.
 
     Attributes:
@@ -176,7 +176,7 @@ class Position(Measured):
 
 
 @dataclass(frozen=True, eq=False)
-class Velocity(Measured):
+class Velocity(MeasuredVectors):
     """Velocity measurements.
 
     Attributes:

@@ -20,7 +20,7 @@ from jerkbench.evaluation.counted_rows import (
 from jerkbench.evaluation.evaluated_run import Summed
 from jerkbench.parameters import Column
 from jerkbench.plugins import register
-from jerkbench.recording import Measured, Recording
+from jerkbench.recording import MeasuredVectors, Recording
 from jerkbench.timeline import VARIANCE_FLOOR
 
 LARGER = 4.0
@@ -42,7 +42,7 @@ def fault_windows_s(recording: Recording) -> FloatArray:
     return _joined(np.concatenate(windows))
 
 
-def _at_fault(stream: Measured) -> BoolArray:
+def _at_fault(stream: MeasuredVectors) -> BoolArray:
     """Return (m,) whether each measurement is at fault; none is where the true covariance is not known."""
     reported, true = (np.diagonal(covariance, axis1=1, axis2=2) for covariance in (stream.reported, stream.true))
     return np.asarray(np.any(true > LARGER * reported, axis=1))
