@@ -1,6 +1,5 @@
-"""What several disturbances share: checks, draws, rows, windows, added errors, scaled noise; and `none`."""
+"""What several disturbances share: checks, draws, rows, windows, added errors; and `none`."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -78,12 +77,6 @@ class NoDisturbance(Once):
     def apply(self, recording: Recording, seed: int) -> Recording:
         """Return ``recording`` itself."""
         return recording
-
-
-def require_measured(recording: Recording, consequence: str) -> None:
-    """Raise a RecordingError, which ``consequence`` ends, where a recording has neither position nor velocity."""
-    if recording.position is None and recording.velocity is None:
-        raise RecordingError(f"{recording.name} has neither position nor velocity, {consequence}")
 
 
 def own_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.random.Generator:
@@ -180,12 +173,6 @@ def fixes_of(recording: Recording, consequence: str) -> Position:
     return recording.position
 
 
-def roots_of(measured: Position | Velocity) -> FloatArray:
-    """Return L (m, 3, 3), L L' = R as reported; an axis that was not measured has an error that is not used."""
-    present = np.isfinite(measured.values)
-    return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], measured.reported, np.eye(3)))
-
-
 def in_space(random: np.random.Generator, rows: int, length_m: float = 1.0) -> FloatArray:
     """Return vectors (rows, 3) of one length in random directions."""
     direction = random.standard_normal((rows, 3))
@@ -215,31 +202,3 @@ def with_errors(
 def displaced(measured: FixesOrVelocity, offsets: FloatArray) -> FixesOrVelocity:
     """Return the measurements with offsets o (m, 3) added that nobody reports: their true covariance grows by o o'."""
     return with_errors(measured, offsets, offsets[:, :, None] * offsets[:, None, :])
-
-
-Factor = Callable[[FloatArray, np.random.Generator], FloatArray]
-"""From the times (m,) and a random stream to the factor k (m,) on the standard deviation, at least 1."""
-
-
-def with_scaled_noise(recording: Recording, seed: int, disturbance: str, label: str, factor: Factor) -> Recording:
-    """Return the recording with noise on position and velocity that makes their standard deviations ``factor``-fold.
-
-    Raises:
-        RecordingError: it has neither.
-    """
-    require_measured(recording, f"so {disturbance} finds no noise to raise; leave it out.")
-    of_position, of_velocity = (own_stream(seed, disturbance, label, part) for part in ("position", "velocity"))
-    return replace(
-        recording,
-        position=_scaled(recording.position, factor, of_position),
-        velocity=_scaled(recording.velocity, factor, of_velocity),
-    )
-
-
-def _scaled(measured: FixesOrVelocity | None, factor: Factor, random: np.random.Generator) -> FixesOrVelocity | None:
-    """Add noise of covariance (k^2 - 1) R; noise that has R already then has k^2 R."""
-    if measured is None:
-        return None
-    excess = factor(measured.t_s, random) ** 2 - 1.0
-    unit = np.einsum("mij,mj->mi", roots_of(measured), random.standard_normal((len(excess), 3)))
-    return with_errors(measured, np.sqrt(excess)[:, None] * unit, excess[:, None, None] * measured.reported)

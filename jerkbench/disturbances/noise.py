@@ -1,7 +1,8 @@
 """Measurement noise that is not what the covariance says: larger, heavy-tailed, correlated, or stated otherwise."""
 
+from abc import abstractmethod
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -13,14 +14,12 @@ from jerkbench.disturbances.common import (
     FixesOrVelocity,
     Once,
     own_stream,
-    require_measured,
-    roots_of,
     with_errors,
-    with_scaled_noise,
 )
+from jerkbench.errors import RecordingError
 from jerkbench.parameters import Limit
 from jerkbench.plugins import register
-from jerkbench.recording import Recording
+from jerkbench.recording import Position, Recording, Velocity
 from jerkbench.simulation.imu import gauss_markov
 
 FINITE = Limit(lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
@@ -29,9 +28,58 @@ BELOW_1 = Limit(lambda share: 0 <= share < 1, "a share must be from 0 to below 1
 _STATED = Limit(lambda k: 0 < k < np.inf, "a standard deviation must stay positive.")
 
 
+def require_measured(recording: Recording, consequence: str) -> None:
+    """Raise a RecordingError, which ``consequence`` ends, where a recording has neither position nor velocity."""
+    if recording.position is None and recording.velocity is None:
+        raise RecordingError(f"{recording.name} has neither position nor velocity, {consequence}")
+
+
+def roots_of(measured: Position | Velocity) -> FloatArray:
+    """Return L (m, 3, 3), L L' = R as reported; an axis that was not measured has an error that is not used."""
+    present = np.isfinite(measured.values)
+    return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], measured.reported, np.eye(3)))
+
+
+class ScaledNoise(DrawnFault):
+    """Noise that multiplies the standard deviations of position and velocity by a factor k(t), at least 1.
+
+    Noise of covariance (k^2 - 1) R is added; noise that has the covariance R already then has k^2 R.
+
+    Attributes:
+        stream_name: name of the random stream.
+        stream: label of the random stream.
+    """
+
+    stream_name: ClassVar[str]
+    stream: str
+
+    @abstractmethod
+    def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+        """Return k (m,) at the times (m,)."""
+
+    def apply(self, recording: Recording, seed: int) -> Recording:
+        """Return the recording with the noise of ``seed``.
+
+        Raises:
+            RecordingError: it has neither position nor velocity.
+        """
+        require_measured(recording, f"so {self.stream_name} finds no noise to raise; leave it out.")
+        position, velocity = recording.position, recording.velocity
+        return replace(
+            recording,
+            position=position and self._scaled(position, own_stream(seed, self.stream_name, self.stream, "position")),
+            velocity=velocity and self._scaled(velocity, own_stream(seed, self.stream_name, self.stream, "velocity")),
+        )
+
+    def _scaled(self, measured: FixesOrVelocity, random: np.random.Generator) -> FixesOrVelocity:
+        excess = self.factor_at(measured.t_s, random) ** 2 - 1.0
+        unit = np.einsum("mij,mj->mi", roots_of(measured), random.standard_normal((len(excess), 3)))
+        return with_errors(measured, np.sqrt(excess)[:, None] * unit, excess[:, None, None] * measured.reported)
+
+
 @register("disturbance", "noise_step")
 @dataclass(frozen=True)
-class NoiseStep(DrawnFault):
+class NoiseStep(ScaledNoise):
     """Noise of position and velocity that doubles at each of the given times; the covariance does not say so.
 
     With n(t) the number of times up to t, the standard deviation of the noise is k(t) = factor^n(t) times the reported
@@ -44,26 +92,21 @@ class NoiseStep(DrawnFault):
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
 
+    stream_name: ClassVar[str] = "noise_step"
+
     times_s: Annotated[tuple[float, ...], FINITE] = (50.0, 100.0)
     factor: Annotated[float, ADDED] = 2.0
     stream: str = ""
 
-    def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the noise of ``seed``.
-
-        Raises:
-            RecordingError: it has neither position nor velocity.
-        """
-        return with_scaled_noise(recording, seed, "noise_step", self.stream, self._factor)
-
-    def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+    def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+        """Return k (m,) at the times (m,)."""
         steps = np.searchsorted(np.sort(self.times_s), t_s, side="right")
         return np.asarray(self.factor**steps)
 
 
 @register("disturbance", "noise_sine")
 @dataclass(frozen=True)
-class NoiseSine(DrawnFault):
+class NoiseSine(ScaledNoise):
     """Noise of position and velocity whose standard deviation follows a sine; the covariance does not say so.
 
     The standard deviation is k(t) times the reported one, between 1 and the largest factor::
@@ -79,25 +122,20 @@ class NoiseSine(DrawnFault):
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
 
+    stream_name: ClassVar[str] = "noise_sine"
+
     largest: Annotated[float, ADDED] = 5.0
     period_s: Annotated[float, Limit(lambda time: 0 < time < np.inf, "give a positive number.")] = 60.0
     stream: str = ""
 
-    def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the noise of ``seed``.
-
-        Raises:
-            RecordingError: it has neither position nor velocity.
-        """
-        return with_scaled_noise(recording, seed, "noise_sine", self.stream, self._factor)
-
-    def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+    def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+        """Return k (m,) at the times (m,)."""
         return np.asarray(1.0 + 0.5 * (self.largest - 1.0) * (1.0 - np.cos(2.0 * np.pi * t_s / self.period_s)))
 
 
 @register("disturbance", "heavy_tailed")
 @dataclass(frozen=True)
-class HeavyTailed(DrawnFault):
+class HeavyTailed(ScaledNoise):
     """Heavy-tailed noise of position and velocity: a tenth of it has ten sigma; the covariance does not say so.
 
     Tukey's contaminated normal, at the level of what is reported::
@@ -116,19 +154,14 @@ class HeavyTailed(DrawnFault):
         stream: label of the random stream; give a second disturbance of this name in a list another one.
     """
 
+    stream_name: ClassVar[str] = "heavy_tailed"
+
     probability: Annotated[float, FROM_0_TO_1] = 0.1
     factor: Annotated[float, ADDED] = 10.0
     stream: str = ""
 
-    def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the contamination of ``seed``.
-
-        Raises:
-            RecordingError: it has neither position nor velocity.
-        """
-        return with_scaled_noise(recording, seed, "heavy_tailed", self.stream, self._factor)
-
-    def _factor(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+    def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
+        """Return k (m,) at the times (m,)."""
         return np.where(random.uniform(size=len(t_s)) < self.probability, self.factor, 1.0)
 
 
