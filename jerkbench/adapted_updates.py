@@ -12,10 +12,10 @@ from jerkbench.timeline import Timeline
 
 
 class Recorder:
-    """States at the reference's stamps and what each update saw, in the order in which they come."""
+    """Stores states at the stamps of the reference and the data of each update."""
 
     def __init__(self, timeline: Timeline) -> None:
-        """Make room for every stamp of the reference and every update of ``timeline``."""
+        """Allocate arrays for every stamp of the reference and every update of ``timeline``."""
         references, updates = timeline.visits
         self._timeline = timeline
         self._index = np.empty(references, dtype=np.int64)
@@ -26,7 +26,7 @@ class Recorder:
         self._k = self._m = 0
 
     def state(self, reference: int, x: FloatArray, P: FloatArray) -> None:
-        """Keep position, velocity and their covariance at a stamp of the reference."""
+        """Store position, velocity and their covariance at a stamp of the reference."""
         self._index[self._k], self._x[self._k], self._P[self._k] = reference, x, P
         self._k += 1
 
@@ -40,7 +40,7 @@ class Recorder:
         nis_used: float,
         log_det: float = np.nan,
     ) -> None:
-        """Keep what an update saw."""
+        """Store the data of an update."""
         m = self._m
         self._which[m], self._counts[m] = which, len(rows)
         self._nis[m], self._nis_used[m], self._log_det[m] = nis, nis_used, log_det
@@ -48,7 +48,7 @@ class Recorder:
         self._m += 1
 
     def estimate(self, failure: str = "") -> Estimate:
-        """Return what was collected so far."""
+        """Return the estimate of the run up to here."""
         k, m = self._k, self._m
         t_s = np.asarray(self._timeline.measurements.t_ns[self._which[:m]] * 1e-9, dtype=np.float64)
         scalars = self._counts[:m], self._nis[:m], self._nis_used[:m]
@@ -62,25 +62,25 @@ Innovate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
 
 
 class AdaptedUpdates:
-    """The updates of one run: for each the adaptation says R, and the recorder keeps what it saw.
+    """The updates of one run: the adaptation gives R for each, and the recorder stores its data.
 
     Attributes:
         recorder: of the run.
-        fading: factor on P that the latest update asks for, before the filter takes it.
+        fading: factor on the prior covariance in the latest update.
     """
 
     def __init__(self, timeline: Timeline, adaptation: Adaptation, *, log_det: bool = True) -> None:
-        """Begin with an empty memory; an adaptation that asks for the true covariances gets them."""
+        """Start with an empty memory, and with the true covariances if the adaptation wants them."""
         self.measured, self.recorder, self._log_det = timeline.measurements, Recorder(timeline), log_det
         self._R = self.measured.covariances(true=wants_truth(adaptation))
         self._adaptation, self._memory = clocked(adaptation, timeline), empty_memory(adaptation)
         self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
 
     def take(self, update: int, innovate: Innovate) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Adapt R, and keep what the update saw; without any measured row nobody is asked.
+        """Adapt R and store the data of the update; without a measured row the adaptation is not called.
 
         Returns:
-            The innovation y (m,), R (m, m) and the rows (m,) that are not dropped, for the filter to take.
+            The innovation y (m,), R (m, m) and the rows (m,) that are not dropped.
         """
         self.fading = 1.0
         z = self.measured.z[update]

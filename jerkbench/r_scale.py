@@ -11,9 +11,9 @@ from jerkbench.recording import Recording
 
 @dataclass(frozen=True)
 class RScale:
-    """Factors on the covariances that the receiver reports, as the filter is told them.
+    """Factors on the covariances that the receiver reports: tunable parameters, as the process noise has them.
 
-    A knob of tuning like those of Q. Measurements, their true covariances and the attitude stay what they are.
+    Measurements, their true covariances and the attitude do not change.
 
     Attributes:
         position: factor on the covariance of each position [-].
@@ -40,7 +40,7 @@ def scale_of(values: object) -> RScale:
     """Return the factors that a configuration names: a mapping, or None for R as reported.
 
     Raises:
-        PluginError: it is no mapping, names something else, or holds what is no positive number.
+        PluginError: it is not a mapping, has another name, or a value is not a positive number.
     """
     known = [f.name for f in dataclasses.fields(RScale)]
     factors = {} if values is None else values
@@ -59,7 +59,7 @@ AS_REPORTED = RScale()
 
 
 def with_r_scale(recording: Recording, scale: RScale) -> Recording:
-    """Return ``recording`` with the covariances that a filter is told; what an oracle is told stays."""
+    """Return ``recording`` with scaled covariances; the true covariances, which an oracle uses, do not change."""
     if not scale.changed:
         return recording
     p, v = recording.position, recording.velocity
