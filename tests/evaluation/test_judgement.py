@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, pareto, sem, ttest_1samp
 
-from jerkbench.evaluation.judgement import DEFEATS, WINS, Verdict, judged, log_ratios
-from jerkbench.evaluation.max_t import _RESAMPLES, _SEED, max_t
+from jerkbench.evaluation.judgement import _RESAMPLES, _SEED, DEFEATS, WINS, Verdict, judged, log_ratios, max_t
 
 
 def scatter(rng, sigma, n=20):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm, ttest_1samp
 
-from jerkbench.evaluation.judgement import Verdict, judged, log_ratios
-from jerkbench.evaluation.max_t import max_t
+from jerkbench.evaluation.judgement import Verdict, judged, log_ratios, max_t
 from jerkbench.evaluation.planning import critical_t, interim_levels, interim_sizes, seeds_needed
 
 
