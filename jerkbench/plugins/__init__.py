@@ -131,21 +131,21 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
     name = str(config.get("name"))
     cls = get(kind, name)
     defaults = _defaults(cls)
-    given = {key: value for key, value in config.items() if key != "name"}
-    for key in given:
-        if key not in defaults:
+    for key in config:
+        if key not in (*defaults, "name"):
             raise PluginError(unknown(f"parameter of {kind} {name}", str(key), list(defaults)))
     values = {key: MISSING for key, default in defaults.items() if not default}
-    values |= {key: value for key, value in given.items() if repr(_as_lists(value)) != defaults[key]}
-    others = values if "${" in repr(values) else {k: v for k, v in values.items() if not _fits(v, _hints(cls)[k])}
-    if others:
-        try:
+    try:
+        given = {key: value for key, value in config.items() if key != "name"}
+        values |= {key: value for key, value in given.items() if repr(_as_lists(value)) != defaults[key]}
+        others = values if "${" in repr(values) else {k: v for k, v in values.items() if not _fits(v, _hints(cls)[k])}
+        if others:
             merged = OmegaConf.merge(_structured(kind, name, cls, frozenset(others)), others)
             plain = typing.cast("dict[str, Any]", OmegaConf.to_container(merged, resolve=True, throw_on_missing=True))
-        except OmegaConfBaseException as error:
-            reason = str(error).splitlines()[0].rstrip(".")
-            raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
-        values |= {key: plain[key] for key in others}
+            values |= {key: plain[key] for key in others}
+    except OmegaConfBaseException as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise PluginError(f"{kind} {name}, parameter '{error.full_key}': {reason}.") from error
     return cls(**_fitted(f"{kind} {name}", cls, values))
 
 
