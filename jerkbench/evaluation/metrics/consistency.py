@@ -123,7 +123,7 @@ class SilentError(Summed):
 
 def _squared_distances(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return (k,) e' P^-1 e; NaN where a covariance is not finite and positive definite."""
-    finite = np.isfinite(covariance).all(axis=(1, 2))
+    finite: BoolArray = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     solvable = np.where(finite[:, None, None], covariance, np.eye(3))
     definite = np.linalg.eigvalsh(solvable)[:, 0] > 0
     white = np.linalg.solve(np.where(definite[:, None, None], solvable, np.eye(3)), error[:, :, None])[:, :, 0]

@@ -307,13 +307,13 @@ class _Displaced(NamedTuple):
     """Successive fixes that are at fault.
 
     Attributes:
-        count: number of fixes.
+        fixes: number of fixes.
         begin_s: time of the first one.
         end_s: time of the first fix after them; infinite if there is none.
         size_m: largest root of trace(R_true - R).
     """
 
-    count: int
+    fixes: int
     begin_s: float
     end_s: float
     size_m: float
@@ -362,7 +362,7 @@ class Gate:
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the four values by column name."""
         t_s, error, length_m = timed_errors(estimate, recording, counted)
-        spikes = [d for d in _displaced(recording) if d.count == 1 and len(t_s) and d.begin_s > t_s[0]]
+        spikes = [d for d in _displaced(recording) if d.fixes == 1 and len(t_s) and d.begin_s > t_s[0]]
         if not spikes:
             return dict.fromkeys(self.columns, np.nan)
         at_s, size_m = (np.array([getattr(spike, name) for spike in spikes]) for name in ("begin_s", "size_m"))
@@ -417,7 +417,7 @@ class Capture:
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
         """Return the three values by column name."""
         t_s, _, length_m = timed_errors(estimate, recording, counted)
-        stretches = [d for d in _displaced(recording) if d.count > 1]
+        stretches = [d for d in _displaced(recording) if d.fixes > 1]
         nexts_s = [*(stretch.begin_s for stretch in stretches[1:]), np.inf]
         captured, times_s = [], []
         for stretch, next_s in zip(stretches, nexts_s, strict=False):
