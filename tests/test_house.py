@@ -23,7 +23,7 @@ MOST_FILES, MOST_FOLDERS = 189, 25
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "audit": 621,
-    "cli": 939,
+    "cli": 943,
     "compilation": 1018,
     "evaluation": 1062,
     "hydra_app": 772,
