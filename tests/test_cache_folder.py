@@ -3,7 +3,7 @@ from platformdirs import user_cache_path
 
 from jerkbench.compilation.module_cache import COMPILED
 from jerkbench.files import cache_folder
-from jerkbench.io.bag_extract import BAGS
+from jerkbench.io.bag import BAGS
 from jerkbench.io.files import fetched_folder
 from jerkbench.jobs.inputs import SIMULATED
 

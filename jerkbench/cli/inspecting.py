@@ -105,7 +105,7 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
       jerkbench data inspect drive.bag --figure overview.png
       jerkbench data inspect field --set duration_s=30 --seed 1
     """
-    from jerkbench.io.bag_streams import BagOptions
+    from jerkbench.io.bag_dataset import BagOptions
 
     _require_figure(chosen.figure)
     if _guesses_columns(chosen):
@@ -115,8 +115,8 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
     if not isinstance(dataset, BagOptions):
         _describe(dataset.load(chosen.seed), dataset, chosen.figure)
         return
+    from jerkbench.inspection.topics import survey
     from jerkbench.io.bag import open_bag
-    from jerkbench.io.bag_survey import survey
 
     with open_bag(dataset.path) as bag:
         print(*survey(bag), "", sep="\n")

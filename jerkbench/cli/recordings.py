@@ -260,12 +260,12 @@ def cache_verb(chosen: argparse.Namespace) -> None:
     """
     from jerkbench.compilation import module_cache
     from jerkbench.files import cache_folder
-    from jerkbench.io import bag_extract as extract
+    from jerkbench.io import bag
     from jerkbench.jobs import inputs as simulation_cache
 
     for title, name, patterns in (
         ("compiled filters and adaptations", module_cache.COMPILED, ("jerkbench_*", "__pycache__/jerkbench_*")),
-        ("messages of bags", extract.BAGS, (extract.PATTERN,)),
+        ("messages of bags", bag.BAGS, (bag.PATTERN,)),
         ("simulated recordings", simulation_cache.SIMULATED, (simulation_cache.SIMULATED_PATTERN,)),
     ):
         folder = cache_folder(name)

@@ -6,12 +6,11 @@ import numpy as np
 
 from jerkbench.arrays import require_choices
 from jerkbench.errors import RecordingError, require_known
-from jerkbench.io.bag import Bag, Topic
-from jerkbench.io.bag_assembly import BagDataset, Loaded, with_courses
-from jerkbench.io.bag_extract import Frames, HeadingSource
-from jerkbench.io.bag_roles import FIX, IMU, ODOMETRY, ROLES, Role, TopicPlan, complete_plan, is_ecef
-from jerkbench.io.bag_streams import POSE_FRAMES, VELOCITY_FRAMES
+from jerkbench.io.bag import FIX, IMU, ODOMETRY, Bag, Topic
+from jerkbench.io.bag_dataset import POSE_FRAMES, VELOCITY_FRAMES, BagDataset
+from jerkbench.io.bag_topics import ROLES, Role, TopicPlan, guessed_topics, is_ecef
 from jerkbench.plugins import register
+from jerkbench.recording import Heading, Position, Recording
 
 
 @register("dataset", "rosbag")
@@ -70,19 +69,68 @@ class RosBag(BagDataset):
         }
         require_choices(self, choices)
 
-    def loaded(self) -> Loaded:
-        """Return the drive with the sanitiser's report and the topics."""
-        loaded = super().loaded()
-        if not self.course_over_s:
-            return loaded
-        return replace(loaded, recording=with_courses(loaded.recording, self.course_over_s))
+    def load(self, seed: int = 0) -> Recording:
+        """Return the drive; ``seed`` changes nothing.
 
-    def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+        Raises:
+            RecordingError: the bag is damaged, a topic is missing, nothing usable is left, or ``sanitise`` refuses.
+        """
+        recording = super().load(seed)
+        return with_courses(recording, self.course_over_s) if self.course_over_s else recording
+
+    def plan(self, bag: Bag) -> TopicPlan:
         """Return the topics that are given, the others guessed, and their frames."""
-        plan = complete_plan(bag, {role: getattr(self, f"{role}_topic") for role in ROLES})
-        axes = self.covariance_order, self.position_frame, self.velocity_frame, self.reference_frame
-        heading: HeadingSource = "dual_antenna" if self.heading_source == "dual_antenna" else "odometry"
-        return plan, Frames(*axes, heading, self.reference_source, self.reference_independent)
+        topics, notes = guessed_topics(bag, {role: getattr(self, f"{role}_topic") for role in ROLES})
+        return TopicPlan(
+            topics,
+            notes,
+            covariance_order=self.covariance_order,
+            position_frame=self.position_frame,
+            velocity_frame=self.velocity_frame,
+            reference_frame=self.reference_frame,
+            heading_source="dual_antenna" if self.heading_source == "dual_antenna" else "odometry",
+            reference_source=self.reference_source,
+            reference_independent=self.reference_independent,
+        )
+
+
+MIN_STEP_SIGMAS = 4.0
+"""A step between fixes of so many sigmas has a course whose error is Gaussian and not reversed."""
+
+
+def with_courses(recording: Recording, over_s: float) -> Recording:
+    """Return the recording with a heading every ``over_s`` seconds, and a note that says so.
+
+    Raises:
+        RecordingError: it has no positions, has headings already, or never moves far enough.
+    """
+    if recording.heading is not None or recording.position is None:
+        obstacle = "has headings already" if recording.heading is not None else "has no positions"
+        raise RecordingError(f"{recording.name} {obstacle}; leave course_over_s at 0.")
+    heading = courses(recording.position, over_s)
+    if not len(heading.t_s):
+        raise RecordingError(
+            f"{recording.name}: within {over_s:g} s no two fixes are further apart than {MIN_STEP_SIGMAS:g} of their"
+            " sigmas; make course_over_s longer."
+        )
+    ahead = f"they look {over_s / 2:g} s ahead, and share the fixes' errors."
+    note = f"Headings are courses between fixes {over_s:g} s apart, placed in the middle: {ahead}"
+    return replace(recording, heading=heading, notes=(*recording.notes, note))
+
+
+def courses(position: Position, over_s: float) -> Heading:
+    """Return the direction between fixes that are ``over_s`` apart, one after the other without overlap."""
+    usual_s = float(np.median(np.diff(position.t_s)))
+    rows = np.arange(0, len(position.t_s), max(round(over_s / usual_s), 1))
+    t_s = position.t_s[rows]
+    step_m, duration_s = np.diff(position.enu_m[rows, :2], axis=0), np.diff(t_s)
+    variance = np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2)[:, :2].max(axis=1)
+    sigma_m = np.sqrt(variance[1:] + variance[:-1])
+    distance_m = np.linalg.norm(step_m, axis=1)
+    with np.errstate(invalid="ignore"):  # a step with NaN or over a gap has no course
+        sure = (distance_m > MIN_STEP_SIGMAS * sigma_m) & (duration_s < 1.5 * over_s + usual_s)
+    yaw_rad = np.arctan2(step_m[sure, 1], step_m[sure, 0])
+    return Heading(0.5 * (t_s[1:] + t_s[:-1])[sure], yaw_rad, sigma_m[sure] / distance_m[sure], "course")
 
 
 # The topics of the Fixposition Vision-RTK 2 driver, versions 4 to 8.
@@ -105,7 +153,7 @@ def find_odometry(bag: Bag, namespace: str) -> Topic:
     found = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and t.name.startswith(inside)]
     odometries = [topic for last in ODOMETRIES for topic in found if topic.name.rsplit("/", 1)[-1] == last]
     for topic in odometries:
-        position = bag.read({topic.name: ["position"]})[topic.name]["position"]
+        position = bag.read({topic.name: ("position",)})[topic.name]["position"]
         if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the fusion starts it may write zeros
             return topic
     listing = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
@@ -195,9 +243,9 @@ class Fixposition(BagDataset):
         for name, available in (("velocity", _VELOCITIES), ("heading", HEADINGS)):
             require_known(f"{name} of fixposition", getattr(self, name), available)
 
-    def plan(self, bag: Bag) -> tuple[TopicPlan, Frames]:
+    def plan(self, bag: Bag) -> TopicPlan:
         """Return the topics of the driver, and their frames."""
         velocity, heading = self.velocity == "odometry", self.heading == "odometry"
         plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
         source = f"the sensor's own fusion ({plan.topics['reference']})"
-        return plan, Frames(covariance_order=self.covariance_order, reference="ecef", reference_source=source)
+        return replace(plan, covariance_order=self.covariance_order, reference_frame="ecef", reference_source=source)

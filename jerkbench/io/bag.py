@@ -1,35 +1,49 @@
-"""A bag: its files, the one error of a damaged one, its topics, and their messages as arrays; rosbags reads it."""
+"""ROS bags: finding the files, the error of a damaged one, and the messages of topics as arrays. rosbags decodes."""
 
+import hashlib
+import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import warnings
+import zipfile
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, RecordingError, unknown
-from jerkbench.io.bag_decode import LAYOUTS, MessageBlock, decode, source_of
+from jerkbench.files import cache_folder, forget_oldest, write_atomically
+from jerkbench.io.files import NO_ARRAY, fingerprint
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
 
+STRING = "std_msgs/msg/String"
 
-# The one error for all that libraries raise on a damaged bag.
+_MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mcap"}
+"""The first bytes of a bag, and the suffix that rosbags expects."""
+
+_PART = re.compile(r"^(.*?)(_?\d{4}(-\d\d){5})?_(\d+)$")
+"""Name of a part of a split bag: NAME_NUMBER; `rosbag record` writes the start of each part before the number."""
 
 
 class BagError(RecordingError):
-    """A bag that cannot be read: which file, which topic, and the way out."""
+    """A bag that cannot be read: which file, which topic, and how to repair it."""
 
 
 @contextmanager
-def bag_errors(path: Path, topic: str = "") -> Iterator[None]:
-    """Turn whatever is raised inside into a BagError that names ``path`` and ``topic``.
+def bag_errors(path: Path, topics: str = "") -> Iterator[None]:
+    """Turn every error into a BagError that names ``path`` and ``topics``.
 
-    rosbags raises a dozen unrelated types on damage (its own, those of lz4, bz2, zstd, SQLite and YAML, and those of
-    Python where an assertion or a struct fails), so that everything but our own errors is caught here.
+    rosbags raises a dozen unrelated types on damage: its own, those of lz4, bz2, zstd, SQLite and YAML, and those of
+    failed assertions and structs. Only errors of jerkbench pass unchanged.
     """
     try:
         yield
@@ -38,98 +52,73 @@ def bag_errors(path: Path, topic: str = "") -> Iterator[None]:
     except PermissionError as error:
         raise BagError(f"{path} cannot be read: {error.strerror}; give yourself the right to read it.") from error
     except Exception as error:
-        where, message = f"{path}, topic {topic}" if topic else f"{path}", " ".join(str(error).split()).rstrip(".")
+        where, message = f"{path}, topic {topics}" if topics else f"{path}", " ".join(str(error).split()).rstrip(".")
         reason = f"{type(error).__name__}{': ' if message else ''}{message}"
-        raise BagError(f"{where} cannot be read: {reason}. {way_out(path)}") from error
+        raise BagError(f"{where} cannot be read: {reason}. {repair_advice(path)}") from error
 
 
-def way_out(path: Path) -> str:
-    """Return what to do about a damaged bag."""
-    repair = {".bag": "`rosbag reindex`", ".mcap": "`mcap recover`"}.get(path.suffix, "`ros2 bag reindex`")
-    return f"Copy it again from where it was recorded, or repair it with {repair}."
-
-
-_MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mcap"}
-"""First bytes of a file, and the suffix that it needs to be read."""
-
-_SPLIT = re.compile(r"^(.*)_(\d+)$")
-_STARTED = re.compile(r"_?\d{4}-\d\d-\d\d-\d\d-\d\d-\d\d$")
-"""The time that `rosbag record` writes before the number of a part: the part's begin."""
+def repair_advice(path: Path) -> str:
+    """Return how to repair a damaged bag."""
+    tool = {".bag": "`rosbag reindex`", ".mcap": "`mcap recover`"}.get(path.suffix, "`ros2 bag reindex`")
+    return f"Copy it again from where it was recorded, or repair it with {tool}."
 
 
 def bag_files(path: Path) -> tuple[Path, ...]:
-    """Return what to open: one file, the parts of a split ROS 1 bag in a folder, or the folder of a ROS 2 bag.
+    """Return the paths to open: a file, the parts of a split ROS 1 bag in a folder, or the folder of a ROS 2 bag.
 
     Raises:
-        BagError: there is nothing, it is empty, or its content is not what its suffix says.
+        BagError: there is no bag, a file is empty, or its content does not fit its suffix.
     """
-    if path.is_dir():
-        return (path,) if (path / "metadata.yaml").exists() else _parts(path)
-    return (_checked(path),)
-
-
-def content_files(path: Path) -> tuple[Path, ...]:
-    """Return every file whose bytes make the bag, for its fingerprint.
-
-    Raises:
-        BagError: as in `bag_files`.
-    """
-    inside = [p for top in bag_files(path) for p in (sorted(top.iterdir()) if top.is_dir() else [top])]
-    return tuple(p for p in inside if p.is_file())
-
-
-def missing_parts(paths: tuple[Path, ...]) -> list[int]:
-    """Return the numbers that are missing between the parts of split bags (name_0.bag, name_1.bag, ...)."""
-    numbers = [_number(path)[0] for path in paths]
-    return sorted(set(range(max(numbers) + 1)) - set(numbers)) if len(numbers) > 1 else []
-
-
-def _parts(folder: Path) -> tuple[Path, ...]:
-    parts = sorted(folder.glob("*.bag"), key=_number) or sorted(folder.glob("*.mcap")) or sorted(folder.glob("*.db3"))
+    if not path.is_dir():
+        return (_checked(path),)
+    if (path / "metadata.yaml").exists():
+        return (path,)
+    parts = sorted(path.glob("*.bag"), key=_number) or sorted(path.glob("*.mcap")) or sorted(path.glob("*.db3"))
     if not parts:
-        raise BagError(f"{folder} holds no metadata.yaml and no .bag, .mcap or .db3; give the bag itself.")
+        raise BagError(f"{path} holds no metadata.yaml and no .bag, .mcap or .db3; give the bag itself.")
     if parts[0].suffix != ".bag" and len(parts) > 1:
         raise BagError(
-            f"{folder} holds {len(parts)} files ending in {parts[0].suffix} but no metadata.yaml; copy it there, or let"
+            f"{path} holds {len(parts)} files ending in {parts[0].suffix} but no metadata.yaml; copy it there, or let"
             " `ros2 bag reindex` write it."
         )
-    if len({_drive(part) for part in parts}) > 1:
+    if len({match[1] if (match := _PART.match(part.stem)) else part.name for part in parts}) > 1:
         raise BagError(
-            f"{folder} holds {len(parts)} bags that are no parts of one ({', '.join(part.name for part in parts)}):"
+            f"{path} holds {len(parts)} bags that are no parts of one ({', '.join(part.name for part in parts)}):"
             " give one of them; the parts of one are called NAME_0.bag, NAME_1.bag, ..."
         )
     return tuple(map(_checked, parts))
 
 
-def _drive(part: Path) -> str:
-    """Return the common part of the names of one drive's parts; of any other file, its own name."""
-    match = _SPLIT.match(part.stem)
-    return f"{_STARTED.sub('', match[1])}_*" if match else part.name
+def content_files(path: Path) -> tuple[Path, ...]:
+    """Return all files of the bag, for its fingerprint.
+
+    Raises:
+        BagError: as in `bag_files`.
+    """
+    inside = [file for top in bag_files(path) for file in (sorted(top.iterdir()) if top.is_dir() else [top])]
+    return tuple(file for file in inside if file.is_file())
+
+
+def missing_parts(paths: tuple[Path, ...]) -> list[int]:
+    """Return the numbers that are missing between the parts of a split bag (name_0.bag, name_1.bag, ...)."""
+    numbers = [_number(path)[0] for path in paths]
+    return sorted(set(range(max(numbers) + 1)) - set(numbers)) if len(numbers) > 1 else []
 
 
 def _number(path: Path) -> tuple[int, str]:
-    match = _SPLIT.match(path.stem)
-    return (int(match[2]) if match else -1, path.name)
-
-
-def first_bytes(path: Path) -> bytes:
-    """Return the first 16 bytes of a bag.
-
-    Raises:
-        BagError: there is no such file, or it cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            return file.read(16)
-    except FileNotFoundError as error:
-        raise BagError(f"There is no bag {path}; correct the path.") from error
-    except OSError as error:
-        raise BagError(f"{path} cannot be read: {error.strerror}.") from error
+    match = _PART.match(path.stem)
+    return (int(match[4]) if match else -1, path.name)
 
 
 def _checked(path: Path) -> Path:
     """Return the path of a file whose content is what its suffix says."""
-    first = first_bytes(path)
+    try:
+        with path.open("rb") as file:
+            first = file.read(16)
+    except FileNotFoundError as error:
+        raise BagError(f"There is no bag {path}; correct the path.") from error
+    except OSError as error:
+        raise BagError(f"{path} cannot be read: {error.strerror}.") from error
     if not first:
         raise BagError(f"{path} is empty; copy it again from where it was recorded.")
     suffix = next((suffix for magic, suffix in _MAGIC.items() if first.startswith(magic)), "")
@@ -143,7 +132,59 @@ def _checked(path: Path) -> Path:
     return path
 
 
-# The container of one topic's messages, as arrays.
+# The numbers of a message behind its header.
+
+Getter = Callable[[Any], Any]
+
+
+def _axes(path: str, axes: str = "xyz") -> Getter:
+    return attrgetter(*(f"{path}.{axis}" for axis in axes))
+
+
+def _scalar(path: str) -> Getter:
+    get = attrgetter(path)
+    return lambda message: (get(message),)
+
+
+def _block(path: str, first: int) -> Getter:
+    """Return a getter of the 3 x 3 block of a 6 x 6 covariance that starts at row and column ``first``."""
+    get, part = attrgetter(path), slice(first, first + 3)
+    return lambda message: get(message).reshape(6, 6)[part, part].ravel()
+
+
+_POSE = {
+    "position": _axes("pose.pose.position"),
+    "orientation": _axes("pose.pose.orientation", "xyzw"),
+    "position_covariance": _block("pose.covariance", 0),
+    "orientation_covariance": _block("pose.covariance", 3),
+}
+_TWIST = {"linear": _axes("twist.twist.linear"), "linear_covariance": _block("twist.covariance", 0)}
+
+IMU, FIX, ODOMETRY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix", "nav_msgs/msg/Odometry"
+POSE_COVARIANCE, POSE = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseStamped"
+TWIST_COVARIANCE, TWIST = "geometry_msgs/msg/TwistWithCovarianceStamped", "geometry_msgs/msg/TwistStamped"
+VECTOR = "geometry_msgs/msg/Vector3Stamped"
+
+FIELDS: dict[str, dict[str, Getter]] = {
+    IMU: {
+        "orientation": _axes("orientation", "xyzw"),
+        "orientation_covariance": attrgetter("orientation_covariance"),
+        "angular_velocity": _axes("angular_velocity"),
+        "linear_acceleration": _axes("linear_acceleration"),
+    },
+    FIX: {
+        "status": _scalar("status.status"),
+        **{name: _scalar(name) for name in ("latitude", "longitude", "altitude")},
+        "position_covariance": attrgetter("position_covariance"),
+    },
+    ODOMETRY: _POSE | _TWIST,
+    POSE: {"position": _axes("pose.position"), "orientation": _axes("pose.orientation", "xyzw")},
+    POSE_COVARIANCE: _POSE,
+    TWIST: {"linear": _axes("twist.linear")},
+    TWIST_COVARIANCE: _TWIST,
+    VECTOR: {"linear": _axes("vector")},
+}
+"""The fields that are read of each type of message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +192,13 @@ class Messages:
     """All messages of a topic, in the order in which they were recorded.
 
     Attributes:
-        topic: its name.
-        msgtype: its type, as ROS 2 writes it: sensor_msgs/msg/Imu.
-        frame_id: of the first message; empty where there is none.
-        child_frame_id: the same.
-        bag_ns: (n,) when each was recorded, by the recording computer's clock.
+        topic: name of the topic.
+        msgtype: type as in ROS 2: sensor_msgs/msg/Imu.
+        frame_id: of the first message; empty if there is none.
+        child_frame_id: of the first message; empty if there is none.
+        bag_ns: (n,) times of recording, by the recording computer's clock.
         stamp_ns: (n,) stamps of the headers, nanoseconds since 1970.
-        values: the fields by name, (n, k) each; `jerkbench.io.bag_decode.LAYOUTS` has the names.
+        values: the fields by the names of `FIELDS`, (n, k) each.
     """
 
     topic: str
@@ -190,19 +231,38 @@ class Messages:
         return replace(self, values={**self.values, **changed})
 
     def rate_hz(self) -> float:
-        """Mean rate of the recording; 0 of fewer than two messages."""
+        """Return the mean rate of the recording; 0 for fewer than two messages."""
         duration_ns = int(np.ptp(self.bag_ns)) if len(self) > 1 else 0
         return 1e9 * (len(self) - 1) / duration_ns if duration_ns > 0 else 0.0
 
 
-BLOCK = 8192
-"""So many messages of a topic become arrays at once: the serialised ones of a long bag need not be kept."""
+class _Columns:
+    """Buffers of a topic's messages, eight bytes per number."""
 
-Blocks = list[tuple[IntArray, MessageBlock]]
-"""When messages were recorded (n,), and what was read of them, block by block."""
+    def __init__(self, fields: Mapping[str, Getter]) -> None:
+        self.getters = fields
+        self.bag_ns, self.stamp_ns = array("q"), array("q")
+        self.values = {name: array("d") for name in fields}
+        self.frames = "", ""
 
-Wanted = Mapping[str, Sequence[str]]
-"""Topics, and the fields of each that are read."""
+    def append(self, bag_ns: int, message: Any) -> None:  # noqa: ANN401 - a class that rosbags makes at run time
+        header = message.header
+        if not self.bag_ns:
+            self.frames = header.frame_id, getattr(message, "child_frame_id", "")
+        self.bag_ns.append(bag_ns)
+        self.stamp_ns.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec)
+        for name, get in self.getters.items():
+            self.values[name].extend(get(message))
+
+    def messages(self, topic: str, msgtype: str) -> Messages:
+        bag_ns, stamp_ns = (np.array(stamps, dtype=np.int64) for stamps in (self.bag_ns, self.stamp_ns))
+        values = {
+            name: np.array(numbers, dtype=np.float64).reshape(len(bag_ns), -1 if len(bag_ns) else 1)
+            for name, numbers in self.values.items()
+        }
+        messages = Messages(topic, msgtype, *self.frames, bag_ns, stamp_ns, values)
+        in_order = bool((np.diff(bag_ns) >= 0).all())
+        return messages if in_order else messages.rows(np.argsort(bag_ns, kind="stable"))
 
 
 @dataclass(frozen=True)
@@ -212,7 +272,7 @@ class Topic:
     Attributes:
         name: with its namespace.
         msgtype: as ROS 2 writes it: sensor_msgs/msg/Imu.
-        count: how many messages there are.
+        count: the number of messages.
     """
 
     name: str
@@ -221,7 +281,7 @@ class Topic:
 
 
 class Bag:
-    """An open bag; `open_bag` makes it."""
+    """An open bag; `open_bag` opens it."""
 
     def __init__(self, path: Path, reader: "AnyReader") -> None:
         """Take over an open ``reader``."""
@@ -233,96 +293,87 @@ class Bag:
         """Return the topic ``name``.
 
         Raises:
-            BagError: there is none; says what there is.
+            BagError: there is no such topic; lists the topics.
         """
         topics = {topic.name: topic for topic in self.topics}
         if name not in topics:
             raise BagError(f"{self.path}: {unknown('topic', name, topics)}")
         return topics[name]
 
-    def read(self, wanted: Wanted, most: int | None = None) -> dict[str, Messages]:
-        """Return the messages of each topic, in one pass over the bag.
-
-        Args:
-            wanted: which fields of which topics.
-            most: only so many messages of each topic, the first ones.
+    def first(self, name: str, field: str, count: int) -> FloatArray:
+        """Return (n, k) a field of the first ``count`` messages of a topic.
 
         Raises:
-            BagError: a topic is missing, of a type that is not read, or damaged.
+            BagError: the topic is missing or damaged.
         """
-        types = {name: self._type_of(name) for name in wanted}
-        waiting: dict[str, list[tuple[int, bytes]]] = {name: [] for name in wanted}
-        read: dict[str, Blocks] = {name: [] for name in wanted}
-        counts = dict.fromkeys(wanted, 0)
+        return self._decoded({name: (field,)}, count)[name][field]
 
-        def flush(name: str) -> None:
-            times, raw = zip(*waiting[name], strict=True)
-            with bag_errors(self.path, name):
-                block = decode(raw, types[name], wanted[name], self._reader.deserialize)
-            read[name].append((np.array(times, dtype=np.int64), block))
-            waiting[name].clear()
+    def read(self, wanted: Mapping[str, Sequence[str]]) -> dict[str, Messages]:
+        """Return the messages of each topic with the fields ``wanted``; those of a large bag are cached.
 
-        with bag_errors(self.path, ", ".join(wanted)):
-            for name, bag_ns, raw in self._messages(list(wanted)):
-                if most is None or counts[name] < most:
-                    counts[name] += 1
-                    waiting[name].append((bag_ns, raw))
-                elif all(count >= most for count in counts.values()):
-                    break
-                if len(waiting[name]) >= BLOCK:
-                    flush(name)
-        for name in wanted:
-            if waiting[name]:
-                flush(name)
-            self._check_count(name, counts[name], most)
-        return {name: self._joined(name, fields, read[name]) for name, fields in wanted.items()}
+        Raises:
+            BagError: a topic is missing, its type cannot be read, or it is damaged.
+        """
+        files = content_files(self.path)
+        if sum(file.stat().st_size for file in files) < MIN_CACHED_BYTES:
+            return self._decoded(wanted)
+        mark = fingerprint(files)
+        paths = {name: _cache_path(mark, name, fields) for name, fields in wanted.items()}
+        stored = {name: messages for name, path in paths.items() if (messages := read_stored(path))}
+        decoded = self._decoded({name: fields for name, fields in wanted.items() if name not in stored})
+        if fingerprint(content_files(self.path)) == mark:  # otherwise the bag changed while it was read
+            for name, messages in decoded.items():
+                _store(messages, paths[name])
+        return {name: stored.get(name) or decoded[name] for name in wanted}
 
     def text(self, name: str) -> str:
-        """Return the last message of a topic of type std_msgs/msg/String."""
+        """Return the last message of a topic of type std_msgs/msg/String.
+
+        Raises:
+            BagError: there is no message, or it is damaged.
+        """
         with bag_errors(self.path, name):
-            texts = [self._reader.deserialize(raw, "std_msgs/msg/String").data for _, _, raw in self._messages([name])]  # type: ignore[attr-defined]
+            texts = [self._reader.deserialize(raw, STRING).data for _, _, raw in self._messages([name])]  # type: ignore[attr-defined]
         if not texts:
             raise BagError(f"{self.path}: the topic {name} has no message.")
         return str(texts[-1])
 
+    def _decoded(self, wanted: Mapping[str, Sequence[str]], most: int | None = None) -> dict[str, Messages]:
+        """Read the topics in one pass over the bag, or only the first ``most`` messages of each."""
+        types = {name: self._type_of(name) for name in wanted}
+        columns = {
+            name: _Columns({field: FIELDS[types[name]][field] for field in fields}) for name, fields in wanted.items()
+        }
+        with bag_errors(self.path, ", ".join(wanted)):
+            for name, bag_ns, raw in self._messages(list(wanted)):
+                if most is None or len(columns[name].bag_ns) < most:
+                    columns[name].append(bag_ns, self._reader.deserialize(raw, types[name]))
+                elif all(len(column.bag_ns) >= most for column in columns.values()):
+                    break
+            read = {name: column.messages(name, types[name]) for name, column in columns.items()}
+        for name, messages in read.items():  # some damage raises no error and ends the reading
+            promised = self.topic(name).count
+            if most is None and len(messages) != promised:
+                raise BagError(
+                    f"{self.path}, topic {name}: {len(messages)} messages can be read, and its index promises"
+                    f" {promised}. {repair_advice(self.path)}"
+                )
+        return read
+
     def _messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
         connections = [c for c in self._reader.connections if c.topic in names]
-        if connections:  # an empty list would mean all of them
+        if connections:  # rosbags takes an empty list as all of them
             for connection, bag_ns, raw in self._reader.messages(connections):
                 yield connection.topic, bag_ns, raw
 
     def _type_of(self, name: str) -> str:
         topic = self.topic(name)
-        if topic.msgtype not in LAYOUTS:
+        if topic.msgtype not in FIELDS:
             raise BagError(
-                f"{self.path}, topic {name} is of type {topic.msgtype}; read are {', '.join(sorted(LAYOUTS))}:"
+                f"{self.path}, topic {name} is of type {topic.msgtype}; read are {', '.join(sorted(FIELDS))}:"
                 " choose another topic."
             )
         return topic.msgtype
-
-    def _check_count(self, name: str, count: int, most: int | None) -> None:
-        """Compare what was read with what the index promises: some damage raises nothing and ends the reading."""
-        promised = self.topic(name).count
-        if most is None and count != promised:
-            raise BagError(
-                f"{self.path}, topic {name}: {count} messages can be read, and its index promises {promised}."
-                f" {way_out(self.path)}"
-            )
-
-    def _joined(self, name: str, fields: Sequence[str], parts: Blocks) -> Messages:
-        """The blocks of a topic as one, in the order in which they were recorded; takes the values out of them."""
-        msgtype, values = self.topic(name).msgtype, {}
-        for wanted in fields:
-            part, first = source_of(msgtype, wanted)
-            empty = np.empty((0, part.count if first is None else 9))
-            values[wanted] = np.concatenate([empty, *(block.values.pop(wanted) for _, block in parts)])
-        none = np.empty(0, dtype=np.int64)
-        bag_ns = np.concatenate([none, *(times for times, _ in parts)])
-        stamp_ns = np.concatenate([none, *(block.stamp_ns for _, block in parts)])
-        strings = parts[0][1].strings if parts else ("", "")
-        messages = Messages(name, msgtype, *strings, bag_ns, stamp_ns, values)
-        in_order = bool((np.diff(bag_ns) >= 0).all())
-        return messages if in_order else messages.rows(np.argsort(bag_ns, kind="stable"))
 
 
 @contextmanager
@@ -348,3 +399,50 @@ def open_bag(path: Path) -> Iterator[Bag]:
         yield bag
     finally:
         reader.close()
+
+
+# The cache of decoded messages.
+
+BAGS, PATTERN = "bags", "*.npz"
+"""The kind of cache, and its files."""
+
+MIN_CACHED_BYTES, MAX_CACHED_BYTES = 4_000_000, 2_000_000_000
+"""A smaller bag is read quickly enough; the files that were not used for the longest time are deleted first."""
+
+DAMAGE = (*NO_ARRAY, KeyError, AttributeError, RuntimeError, zipfile.BadZipFile)
+"""Errors of a damaged or deleted file of the cache; the bag itself is read again."""
+
+
+def _cache_path(mark: str, topic: str, fields: Sequence[str]) -> Path:
+    key = f"{mark} {topic} {' '.join(fields)} {_reader_digest()}"
+    return cache_folder(BAGS) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
+
+
+def _store(messages: Messages, path: Path) -> None:
+    names = [messages.topic, messages.msgtype, messages.frame_id, messages.child_frame_id]
+    arrays: dict[str, Any] = {"names": np.array(names), "bag_ns": messages.bag_ns, "stamp_ns": messages.stamp_ns}
+    arrays |= {f"value {name}": value for name, value in messages.values.items()}
+    try:
+        write_atomically(path, lambda partial: np.savez(partial, **arrays))
+        forget_oldest(path.parent, PATTERN, MAX_CACHED_BYTES)
+    except OSError as error:
+        warnings.warn(f"{path.parent} cannot be written ({error}); bags are read anew each time.", stacklevel=2)
+
+
+def read_stored(path: Path) -> Messages | None:
+    """Return the messages in a file of the cache; None if it does not exist or is damaged."""
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:  # closed on damage too
+            arrays = {name: file[name] for name in file.files}
+        names, stamps = arrays.pop("names").tolist(), [arrays.pop(name) for name in ("bag_ns", "stamp_ns")]
+        with suppress(OSError):
+            os.utime(path)  # the file was used just now; a read-only cache stays as it is
+        return Messages(*names, *stamps, {name.removeprefix("value "): value for name, value in arrays.items()})
+    except DAMAGE:
+        return None
+
+
+@cache
+def _reader_digest() -> str:
+    """Hash of this module: messages that another version stored are not read."""
+    return hashlib.sha256(Path(__file__).read_bytes()).hexdigest() + version("rosbags")

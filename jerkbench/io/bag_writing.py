@@ -16,7 +16,8 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.geometry import dcm_from_euler, enu_axes, enu_to_ecef, enu_to_geodetic, quaternion_from_dcm
-from jerkbench.io.bag_extract import METADATA_TOPIC, STRING, Metadata
+from jerkbench.io.bag import STRING
+from jerkbench.io.bag_topics import METADATA_TOPIC, Metadata
 from jerkbench.recording import Heading, Imu, Origin, Recording, Reference, Velocity
 
 if TYPE_CHECKING:

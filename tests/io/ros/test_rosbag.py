@@ -180,7 +180,7 @@ def test_times_are_the_headers_or_the_bags_less_their_latencies(tmp_path):
 
 def test_origin_and_reference_as_configured(tmp_path):
     path = bag(tmp_path / "a.bag")
-    recording = RosBag(path, origin=(0.0, 10.0, 5.0), reference_topic="/fix").load(0)
+    recording = RosBag(path, origin=(0.0, 10.0, 5.0), position_topic="/fix", reference_topic="/fix").load(0)
     np.testing.assert_allclose(recording.position.enu_m[0], [0, 0, 2], atol=1e-9)
     np.testing.assert_array_equal(recording.reference.enu_m, recording.position.enu_m)
     assert not recording.reference.independent

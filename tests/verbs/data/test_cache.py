@@ -3,13 +3,13 @@ import pytest
 from bag_maker import Drive
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.errors import RecordingError
-from jerkbench.io import bag_extract as extract
+from jerkbench.io import bag
 
 
 def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, monkeypatch):
     cache = tmp_path / "cache"
     monkeypatch.setenv("JERKBENCH_CACHE", str(cache))
-    monkeypatch.setattr(extract, "WORTH_BYTES", 0)
+    monkeypatch.setattr(bag, "MIN_CACHED_BYTES", 0)
     Fixposition(str(Drive(duration_s=3.0).write(tmp_path / "a.bag"))).load(0)
     (cache / "compiled" / "__pycache__").mkdir(parents=True)
     for ours in ("jerkbench_mtf_1.py", "__pycache__/jerkbench_mtf_1.nbi"):
@@ -17,7 +17,7 @@ def test_what_is_kept_is_shown_and_cleared_and_nothing_else(tmp_path, typed, mon
     (cache / "mine.txt").touch()
     shown = typed("data", "cache").stdout
     assert f"compiled filters and adaptations: 2 files, 1.0 MB in {cache / 'compiled'}\n" in shown
-    assert "messages of bags: 1 files, 0.0 MB" in shown
+    assert "messages of bags: 4 files, " in shown
     assert typed("data", "cache", "--clear").stdout.count(", deleted") == 2
     assert [path.name for path in cache.rglob("*") if path.is_file()] == ["mine.txt"]
     assert typed("data", "cache").stdout.count(": 0 files, 0.0 MB") == 3
