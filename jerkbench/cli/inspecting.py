@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jerkbench.inspection.guessing import Draft
     from jerkbench.recording import Recording
 
-TABLE_SUFFIX = ".csv"
+TABLE_SUFFIXES = (".csv", ".pos")
 
 
 def _guesses_columns(chosen: argparse.Namespace) -> bool:
@@ -29,13 +29,15 @@ def _guesses_columns(chosen: argparse.Namespace) -> bool:
     from jerkbench.io.tracks import track_reader
 
     paths = [Path(source).expanduser() for source in chosen.source]
-    tables = [path for path in paths if path.is_file() and (path.suffix.lower() == TABLE_SUFFIX or track_reader(path))]
+    tables = [
+        path for path in paths if path.is_file() and (path.suffix.lower() in TABLE_SUFFIXES or track_reader(path))
+    ]
     guesses = chosen.dataset is None and tables == paths
     if not guesses and (getattr(chosen, "preset", None) is not None or len(paths) > 1):
         which = next((path for path in paths if path not in tables), paths[0])
         raise JerkbenchError(
-            "--preset, and several files, are for tables (.csv, NMEA, GPX, gpsd's JSON) whose columns are guessed, and"
-            f" {which} is none."
+            "--preset, and several files, are for tables (.csv, .pos, NMEA, GPX, gpsd's JSON) whose columns are"
+            f" guessed, and {which} is none."
         )
     return guesses
 
@@ -57,10 +59,10 @@ def _print_guesses(chosen: argparse.Namespace) -> None:
         print(f"not used: {', '.join(draft.unused)}; columns of an attitude or of the truth go to reference_...")
     unsure = [guess.parameter for guess in draft.guesses.values() if guess.grade == "unsure"]
     print(f"Say yourself: {', '.join(unsure)}." if unsure else "Nothing is unsure.")
-    if chosen.preset is not None:
-        _write_preset(draft, chosen.preset)
     print()
     _describe_if_whole(draft.load, Tables(**draft.settings), chosen.figure)
+    if chosen.preset is not None:
+        _write_preset(draft, chosen.preset)
 
 
 def _write_preset(draft: "Draft", preset: Path) -> None:
@@ -115,8 +117,8 @@ def inspect_verb(chosen: argparse.Namespace) -> None:
     if not isinstance(dataset, BagOptions):
         _describe(dataset.load(chosen.seed), dataset, chosen.figure)
         return
-    from jerkbench.inspection.topics import survey
     from jerkbench.io.bag import open_bag
+    from jerkbench.io.bag_survey import survey
 
     with open_bag(dataset.path) as bag:
         print(*survey(bag), "", sep="\n")

@@ -13,8 +13,7 @@ from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, wrap_angle
 from jerkbench.io.clocks import UNIX_EPOCH
 from jerkbench.io.files import NO_ARRAY, FromFiles, recording_folder
 from jerkbench.io.frames import axes_to_judge, body_from_sensor, in_enu
-from jerkbench.io.limits import possible_rows
-from jerkbench.io.sanitiser import steady_rows
+from jerkbench.io.sanitiser import possible_rows, steady_rows
 from jerkbench.io.text import LARGEST_NUMBER, require_content, require_possible
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity

@@ -5,35 +5,39 @@ from pathlib import Path
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, require_choices, require_lengths
+from jerkbench.arrays import FloatArray, IntArray, require_choices, require_lengths
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, utc_of, velocity_when_true, with_common_time
-from jerkbench.io.columns import TIME_UNITS, read_columns, times_ns
+from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
 from jerkbench.io.files import FromFiles, find_file, recording_folder
 from jerkbench.io.frames import (
     ACCEL_UNITS,
     GYRO_UNITS,
     axes_matrix,
+    axes_to_judge,
     body_from_sensor,
     calibrated_at_rest,
     first_rest_s,
     gravity_notes,
     imu_in_body,
+    in_enu,
 )
-from jerkbench.io.limits import possible_rows
 from jerkbench.io.rtklib import (
     LEAST_ROWS,
+    POS_COVARIANCE,
+    POS_PLACE,
+    POS_QUALITY,
+    POS_VELOCITY,
+    POS_VELOCITY_COVARIANCE,
     ImuLog,
-    PosSolution,
-    accepted_fixes,
+    is_ellipsoidal,
     read_imu_log,
-    read_rtklib_pos,
-    steady_fixes,
 )
-from jerkbench.io.sanitiser import possible_imu, repeat_notes
+from jerkbench.io.sanitiser import possible_imu, possible_rows, repeat_notes, steady_rows
+from jerkbench.io.table import CovarianceMap, accepted, covariances_of
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
-from jerkbench.recording import Position, Recording, Reference, Velocity
+from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 
 
 @register("dataset", "rtklib")
@@ -138,31 +142,36 @@ class RtklibDrive(FromFiles):
             RecordingError: a file is missing or damaged, no fix is accepted, or there is no rest to calibrate in.
         """
         pos_path, imu_path = self.paths()[:2]
-        solution = read_rtklib_pos(pos_path, self.gpst_minus_utc_s)
-        fixes, leaps = steady_fixes(accepted_fixes(solution, self.accepted_quality, pos_path))
+        columns = read_columns((pos_path,), TextFormat(), self.gpst_minus_utc_s)
+        of_file, quality = columns.notes, columns.numbers([POS_QUALITY])[:, 0]
+        columns = columns.only(accepted(str(pos_path), quality, self.accepted_quality, "accepted_quality"))
         log = self._log()
         zero_ns = log.start_gpst_ns + round(self.imu_shift_s * 1e9)
-        t_s = ((fixes.gpst_ns - zero_ns) * 1e-9).astype(np.float64)
-        position, origin = fixes.position(t_s)
-        speed_mps = _ground_speed(fixes, position)
+        t_s = np.asarray((_gpst_ns(columns, self.gpst_minus_utc_s) - zero_ns) * 1e-9, dtype=np.float64)
+        places = columns.numbers(POS_PLACE)
+        steady, leaps = steady_rows(t_s, axes_to_judge(places, "geodetic"))
+        columns, t_s, places = columns.only(steady), t_s[steady], places[steady]
+        origin = Origin(*places[0].tolist())
+        position = Position(t_s, in_enu(places, "geodetic", origin), _covariances(columns, POS_COVARIANCE))
+        speed_mps = _ground_speed(columns, position)
         rest_s = first_rest_s(t_s, speed_mps, log.t_s[-1]) if self.rest_s is None else self.rest_s
         turn = body_from_sensor(self.imu_axis_signs, self.mounting_yaw_deg, self.mounting_pitch_deg)
         turn = turn @ axes_matrix(self.imu_axes)
         imu = imu_in_body(log.t_s, log.accel, log.gyro, (self.accel_unit, self.gyro_unit), turn)
-        imu = possible_imu(str(imu_path), imu)
+        imu, impossible = possible_imu(str(imu_path), imu)
         imu = calibrated_at_rest(imu, rest_s, gyro=self.remove_gyro_bias, accel=self.scale_accel_to_gravity)
         own, moves = "the receiver's own fixes", speed_mps >= self.min_speed_mps
-        of_imu = *gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *log.notes
+        of_imu = *gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *log.notes, *impossible
         recording = Recording(
             name=pos_path.parent.resolve().name,
             imu=imu,
             reference=Reference(t_s, own, independent=False, enu_m=position.enu_m, scored=moves),
             position=position,
-            velocity=_velocity_of_fixes(fixes, t_s, self.velocity_latency_s),
+            velocity=_velocity_of_fixes(columns, t_s, self.velocity_latency_s),
             origin=origin,
             start_utc=utc_of(zero_ns, self.gpst_minus_utc_s),
             static_start_s=rest_s,
-            notes=(*of_imu, *leaps, *solution.notes, *HEIGHTS[solution.ellipsoidal], SAME, *_fitted_notes(self)),
+            notes=(*of_imu, *leaps, *of_file, *HEIGHTS[is_ellipsoidal(pos_path)], SAME, *_fitted_notes(self)),
         )
         return with_common_time(recording, f"check that {imu_path.name} is of the same drive, and its times in GPST")
 
@@ -193,20 +202,32 @@ class RtklibDrive(FromFiles):
 # What the solution says about the motion, and the sentences under a table of it.
 
 
-def _ground_speed(fixes: PosSolution, position: Position) -> FloatArray:
+def _ground_speed(columns: Columns, position: Position) -> FloatArray:
     """Return the speed over ground (m,): the receiver's, or, where it gives none, from fix to fix."""
-    if fixes.speed_mps is not None:
-        return fixes.speed_mps
+    if columns.has(POS_VELOCITY):
+        return np.asarray(np.hypot(*columns.numbers(POS_VELOCITY[:2]).T))
     if len(position.t_s) < 2:
         return np.zeros(len(position.t_s))
     return np.asarray(np.hypot(*np.gradient(position.enu_m[:, :2], position.t_s, axis=0).T))
 
 
-def _velocity_of_fixes(fixes: PosSolution, t_s: FloatArray, latency_s: tuple[float, ...]) -> Velocity | None:
+def _velocity_of_fixes(columns: Columns, t_s: FloatArray, latency_s: tuple[float, ...]) -> Velocity | None:
     """Return the velocities of the fixes at ``t_s`` (m,) when they were true; None where the file has none."""
-    if fixes.velocity_enu_mps is None or fixes.velocity_covariance_m2ps2 is None:
+    if not columns.has(POS_VELOCITY):
         return None
-    return velocity_when_true(t_s, fixes.velocity_enu_mps, fixes.velocity_covariance_m2ps2, latency_s)
+    return velocity_when_true(
+        t_s, columns.numbers(POS_VELOCITY), _covariances(columns, POS_VELOCITY_COVARIANCE), latency_s
+    )
+
+
+def _gpst_ns(columns: Columns, gpst_minus_utc_s: float) -> IntArray:
+    utc_ns = columns.dates_ns("t", gpst_minus_utc_s)
+    assert utc_ns is not None  # noqa: S101 - a solution has dates
+    return utc_ns + round(gpst_minus_utc_s * 1e9)
+
+
+def _covariances(columns: Columns, names: tuple[str, ...]) -> FloatArray:
+    return covariances_of(columns, CovarianceMap((), names, "enu", sigma_otherwise=1.0), None)[0]
 
 
 SAME = "The receiver's fixes are measurement and reference at once unless they are withheld from the filter."

@@ -4,7 +4,7 @@ The plugin: its parameters, and `load`, a stream at a time. Each stream is read 
 .pos, from RTKLIB's solution.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -14,10 +14,11 @@ from jerkbench.arrays import FloatArray, require_choices, require_not_negative, 
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import enu_axes
 from jerkbench.io.clocks import with_common_time, with_own_outages
-from jerkbench.io.columns import Columns
+from jerkbench.io.columns import SOLUTION, Columns
 from jerkbench.io.files import FromFiles, named_folder
 from jerkbench.io.frames import (
     LOCAL_FRAMES,
+    SPEED_UNITS,
     axes_in_enu,
     axes_matrix,
     axes_to_judge,
@@ -28,11 +29,23 @@ from jerkbench.io.frames import (
     in_enu,
     origin_of,
 )
-from jerkbench.io.limits import possible_rows, require_origin
-from jerkbench.io.sanitiser import possible_imu, repeat_notes, steady_rows
+from jerkbench.io.rtklib import POS_QUALITY
+from jerkbench.io.sanitiser import (
+    HELD,
+    MOST_MPS,
+    drop_notes,
+    held_rows,
+    impossible_speeds,
+    possible_imu,
+    possible_rows,
+    repeat_notes,
+    require_origin,
+    steady_rows,
+)
 from jerkbench.io.table import (
     CHOICES,
     COVARIANCE_FRAMES,
+    SOLUTION_SETTINGS,
     AttitudeMap,
     CovarianceMap,
     Source,
@@ -102,6 +115,13 @@ class Tables(FromFiles, TimedColumns):
         imu_time: its column of times.
         imu_accel: columns of the specific force x, y, z.
         imu_gyro: columns of the angular rate x, y, z.
+        gyro_file: the file of the gyro, if it is not that of the accelerometer; its rates are interpolated to the
+            accelerometer's stamps.
+        gyro_time: its column of times.
+        imu_increments: whether the columns are increments over the interval that ends at each stamp (of velocity and
+            angle), as KF-GINS and some INS write them.
+        imu_instance_column: column with the number of the sensor, if rows of several sensors are mixed.
+        imu_instance: the number of the sensor whose rows are used.
         accel_unit: g or m/s2.
         gyro_unit: deg/s or rad/s.
         imu_axes: what the body's x (forward), y (left), z (up) are on the sensor: x, -x, y, -y, z or -z each.
@@ -124,13 +144,16 @@ class Tables(FromFiles, TimedColumns):
         position_sigma_scale: what position_sigma is multiplied with: where it names a DOP, one sigma of a range [m].
         position_sigma_m: one standard deviation of an axis, where there are no columns of it.
         position_shift_s: added to its stamps.
-        angle_unit: of latitude and longitude: deg or rad.
+        angle_unit: of latitude and longitude: deg, rad, 1e-7 deg (integers of receivers) or ddmm (degrees and minutes
+            as in NMEA, ddmm.mmmm).
+        height_unit: of the height of a latitude and longitude: m, cm, mm or ft.
         origin: latitude [deg], longitude [deg] and height [m] of ENU, and of the zero of local frames; empty: as above.
         velocity_file: the file of the velocities; empty: there are none.
         velocity_time: its column of times.
         velocity_time_unit: as position_time_unit.
         velocity_columns: three columns, one for a speed.
         velocity_frame: enu, ned, ecef, body (FLU) or speed.
+        velocity_unit: of the velocities: m/s, km/h, knots, cm/s or mm/s.
         velocity_sigma: as position_sigma [m/s], in velocity_frame.
         velocity_covariance: as position_covariance [m2/s2], in velocity_frame.
         velocity_sigma_mps: one standard deviation of an axis, where there are no columns of it.
@@ -164,6 +187,11 @@ class Tables(FromFiles, TimedColumns):
     imu_time: str = "t"
     imu_accel: tuple[str, ...] = ("ax", "ay", "az")
     imu_gyro: tuple[str, ...] = ("gx", "gy", "gz")
+    gyro_file: str = ""
+    gyro_time: str = "t"
+    imu_increments: bool = False
+    imu_instance_column: str = ""
+    imu_instance: float = 0.0
     accel_unit: str = "m/s2"
     gyro_unit: str = "rad/s"
     imu_axes: tuple[str, ...] = ("x", "y", "z")
@@ -184,12 +212,14 @@ class Tables(FromFiles, TimedColumns):
     position_sigma_m: float = 1.0
     position_shift_s: float = 0.0
     angle_unit: str = "deg"
+    height_unit: str = "m"
     origin: tuple[float, ...] = ()
     velocity_file: str = ""
     velocity_time: str = "t"
     velocity_time_unit: str = ""
     velocity_columns: tuple[str, ...] = ("ve", "vn", "vu")
     velocity_frame: str = "enu"
+    velocity_unit: str = "m/s"
     velocity_sigma: tuple[str, ...] = ()
     velocity_covariance: tuple[str, ...] = ()
     velocity_sigma_mps: float = 0.1
@@ -239,6 +269,10 @@ class Tables(FromFiles, TimedColumns):
         Raises:
             RecordingError: a file is missing or damaged, a column is not there, or what is in it makes no recording.
         """
+        solved = [stream for stream in SOLUTION_SETTINGS if self._source(stream).solved]
+        changed = {name: value for stream in solved for name, value in SOLUTION_SETTINGS[stream].items()}
+        if any(getattr(self, name) != value for name, value in changed.items()):
+            return replace(self, **changed).load()
         samples = self._samples()
         zero_ns = self._first_ns(samples)
         fixes = self._fixes(zero_ns)
@@ -262,7 +296,14 @@ class Tables(FromFiles, TimedColumns):
 
     def paths(self) -> tuple[Path, ...]:
         """Return the files that are read."""
-        names = (self.imu_file, self.position_file, self.velocity_file, self.reference_file, self.time_file)
+        names = (
+            self.imu_file,
+            self.gyro_file,
+            self.position_file,
+            self.velocity_file,
+            self.reference_file,
+            self.time_file,
+        )
         return tuple(path for name in dict.fromkeys(names) if name for path in self.files(name, "folder"))
 
     def _require_one_origin(self) -> None:
@@ -287,23 +328,31 @@ class Tables(FromFiles, TimedColumns):
             getattr(self, f"{stream}_{name}") for name in ("file", "time", "shift_s", "time_unit")
         )
         qualities = self.reference_quality if stream == "reference" else self.position_quality
-        quality = getattr(self, f"{stream}_quality_column", "")
-        return Source(stream, file, time, shift_s, unit, qualities, quality)
+        if file.endswith(SOLUTION):
+            return Source(stream, file, "t", shift_s, "", qualities, POS_QUALITY)
+        return Source(stream, file, time, shift_s, unit, qualities, getattr(self, f"{stream}_quality_column", ""))
 
     def _samples(self) -> TableStream | None:
         """Return the rows of the IMU; None where there is none."""
         if not self.imu_file:
             return None
-        stream = self.read(Source("imu", self.imu_file, self.imu_time, self.imu_shift_s))
-        return stream.only((*self.imu_accel, *self.imu_gyro))
+        source = Source("imu", self.imu_file, self.imu_time, self.imu_shift_s)
+        stream = self.read(source._replace(qualities=(self.imu_instance,), quality=self.imu_instance_column))
+        return stream.only(self.imu_accel if self.gyro_file else (*self.imu_accel, *self.imu_gyro))
+
+    def _rates(self, samples: TableStream) -> FloatArray:
+        """Return (n, 3) the angular rates at the stamps of the samples; NaN outside the times of a gyro's own file."""
+        if not self.gyro_file:
+            return samples.columns.numbers(self.imu_gyro)
+        gyro = self.read(Source("gyro", self.gyro_file, self.gyro_time, self.imu_shift_s)).only(self.imu_gyro)
+        t_ns = gyro.t_ns - samples.t_ns[0]
+        at_ns, rates = samples.t_ns - samples.t_ns[0], gyro.columns.numbers(self.imu_gyro)
+        return np.column_stack([np.interp(at_ns, t_ns, rate, left=np.nan, right=np.nan) for rate in rates.T])
 
     def _first_ns(self, samples: TableStream | None) -> int:
         """Return time 0: that of the first sample, or, without an IMU, of the first fix."""
         if samples is None:
-            source = self._source("position")
-            if source.solved:
-                return int(self.solution_of(source)[0][0])
-            samples = self.read(source).only(self.position_columns)
+            samples = self.read(self._source("position")).only(self.position_columns)
         return int(samples.t_ns[0]) if len(samples.t_ns) else 0
 
     def _imu(self, samples: TableStream | None, zero_ns: int) -> tuple[Imu | None, tuple[str, ...]]:
@@ -312,52 +361,51 @@ class Tables(FromFiles, TimedColumns):
             return None, (NO_IMU,)
         columns = samples.columns
         units, turn = (self.accel_unit, self.gyro_unit), axes_matrix(self.imu_axes)
-        measured = (columns.numbers(self.imu_accel), columns.numbers(self.imu_gyro))
-        imu = imu_in_body(samples.t_s(zero_ns), *measured, units, turn)
+        t_s, accel, gyro = samples.t_s(zero_ns), columns.numbers(self.imu_accel), self._rates(samples)
+        if self.imu_increments:
+            steps_s = np.diff(t_s)
+            interval_s = np.concatenate([[np.median(steps_s)], steps_s])[:, None]
+            accel, gyro = accel / interval_s, gyro / interval_s
+        both = np.isfinite(gyro).all(axis=1) if self.gyro_file else np.ones(len(t_s), dtype=np.bool_)
+        imu = imu_in_body(t_s[both], accel[both], gyro[both], units, turn)
         imu = calibrated_at_rest(imu, self.static_start_s, gyro=self.remove_gyro_bias, accel=False)
-        imu = possible_imu(columns.where, imu)
-        return imu, (*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *columns.notes)
+        imu, impossible = possible_imu(columns.where, imu)
+        return imu, (*gravity_notes(imu.accel_mps2, "imu_axes"), *repeat_notes(imu), *columns.notes, *impossible)
 
     def _fixes(self, zero_ns: int) -> Fixes:
         """Return the fixes about the origin; without one, about the first complete one that does not leap."""
         source, origin = self._source("position"), Origin(*self.origin) if self.origin else None
         if not source.file:
             return Fixes(None, origin)
-        if source.solved:
-            t_s, solution, leaps = self.read_solution(source, zero_ns)
-            return Fixes(*(solution.with_axes_at(origin) if origin else solution).position(t_s, origin), leaps)
-        stream = self.read(source).only(self.position_columns)
-        stream, places = self._placed(stream, self.position_columns, self.position_frame)
-        t_s = stream.t_s(zero_ns)
-        steady, leaps = np.ones(len(t_s), dtype=np.bool_), ()
-        if self.drop_leaps:
-            steady, leaps = steady_rows(t_s, axes_to_judge(places, self.position_frame))
-        origin = origin or origin_of(places[steady], self.position_frame)
+        stream, places = self._placed(source, self.position_columns, self.position_frame)
+        origin = origin or origin_of(places, self.position_frame)
         named = self.position_sigma, self.position_covariance, self.position_covariance_frame
         mapping = CovarianceMap(*named, self.position_sigma_m, self.position_sigma_scale)
-        covariance, rounded = covariances_of(stream.columns.only(steady), mapping, origin)
-        position = Position(t_s[steady], in_enu(places[steady], self.position_frame, origin), covariance)
-        return Fixes(position, origin, (*stream.columns.notes, *leaps, *rounded))
+        covariance, rounded = covariances_of(stream.columns, mapping, origin)
+        position = Position(stream.t_s(zero_ns), in_enu(places, self.position_frame, origin), covariance)
+        return Fixes(position, origin, (*stream.columns.notes, *rounded))
 
     def _velocity(self, zero_ns: int, origin: Origin | None) -> tuple[Velocity | None, tuple[str, ...]]:
         """Return the velocities, None where there are none, and what was dropped."""
         source, frame = self._source("velocity"), self.velocity_frame
         if not source.file:
             return None, ()
-        if source.solved:
-            t_s, solution, notes = self.read_solution(source, zero_ns)
-            if solution.velocity_enu_mps is None or solution.velocity_covariance_m2ps2 is None:
-                raise RecordingError(
-                    f"dataset table: {source.file} has no velocities; let RTKLIB write them (out-outvel=on), or leave"
-                    f" {source.parameter} empty."
-                )
-            return Velocity(t_s, solution.velocity_enu_mps, solution.velocity_covariance_m2ps2), notes
-        stream = self.read(source).only(self.velocity_columns)
+        stream = self.read(source)
+        if source.solved and not stream.columns.has(self.velocity_columns):
+            raise RecordingError(
+                f"dataset table: {source.file} has no velocities; let RTKLIB write them (out-outvel=on), or leave"
+                f" {source.parameter} empty."
+            )
+        stream = stream.only(self.velocity_columns)
+        unit = "m/s" if source.solved else self.velocity_unit
+        values = SPEED_UNITS[unit] * stream.columns.numbers(self.velocity_columns)
+        faults = {HELD: held_rows(values), f"a velocity beyond {MOST_MPS:g} m/s": impossible_speeds(values)}
+        good = ~np.logical_or.reduce(list(faults.values()))
+        stream, values = stream.at(good, drop_notes(stream.name, faults)), values[good]
         columns = stream.columns
         axes = frame if frame in COVARIANCE_FRAMES else "enu"
         mapping = CovarianceMap(self.velocity_sigma, self.velocity_covariance, axes, self.velocity_sigma_mps)
         covariance, notes = covariances_of(columns, mapping, origin)
-        values = columns.numbers(self.velocity_columns)
         if frame == "speed":
             values = np.column_stack([values, np.full((len(values), 2), np.nan)])
         elif frame == "ecef":
@@ -378,43 +426,45 @@ class Tables(FromFiles, TimedColumns):
             if p is None:
                 return Reference(np.array([0.0]), source="none", independent=False), origin, ()
             return Reference(p.t_s, "the fixes themselves", independent=False, enu_m=p.enu_m), origin, ()
-        said: tuple[str, bool] = (self.reference_source, self.reference_independent)
-        if source.solved:
-            t_s, solution, notes = self.read_solution(source, zero_ns)
-            origin = origin or solution.first
-            solution = solution.with_axes_at(origin)
-            enu_m, mps = solution.enu_m(origin) + self.reference_offset_m, solution.velocity_enu_mps
-            notes = tuple(f"Reference: {note}" for note in notes)
-            reference = Reference(t_s, *said, enu_m=enu_m, velocity_mps=mps)
-            reference, of_sigma = with_sigma(reference, self._reference_sigma(None, len(t_s)), self.reference_worst_m)
-            return reference, origin, (*notes, *of_sigma)
-        stream, frame = self.read(source), self.reference_frame
-        if named := (*self.reference_position, *self.reference_velocity, *self.reference_attitude):
+        stream, frame, places = self.read(source), self.reference_frame, None
+        moving = self.reference_velocity if not source.solved or stream.columns.has(self.reference_velocity) else ()
+        if named := (*self.reference_position, *moving, *self.reference_attitude):
             stream = stream.only(named)
-        places = None
         if self.reference_position:
-            stream, places = self._placed(stream, self.reference_position, frame)
+            stream, places = self._placed(source, self.reference_position, frame, stream)
             origin = origin or origin_of(places, frame)
         columns = stream.columns
-        mps = axes_in_enu(columns.numbers(self.reference_velocity), frame) if self.reference_velocity else None
         local, body = self.attitude_frame or frame, self.reference_body
         attitude = AttitudeMap(self.reference_attitude, self.attitude_unit, local, body, self.imu_axes)
         reference = Reference(
             stream.t_s(zero_ns),
-            *said,
+            self.reference_source,
+            self.reference_independent,
             enu_m=None if places is None else in_enu(places, frame, origin) + self.reference_offset_m,
-            velocity_mps=mps,
+            velocity_mps=axes_in_enu(columns.numbers(moving), frame) if moving else None,
             euler_rad=read_attitude(columns, attitude),
         )
         sigma_m = self._reference_sigma(columns, len(columns))
         reference, of_sigma = with_sigma(reference, sigma_m, self.reference_worst_m)
         return reference, origin, (*columns.notes, *of_sigma)
 
-    def _placed(self, stream: TableStream, names: tuple[str, ...], frame: str) -> tuple[TableStream, FloatArray]:
-        """Return the rows on the Earth and their places, angles in degrees."""
-        places = in_degrees(stream.columns.numbers(names), frame, self.angle_unit)
+    def _placed(
+        self, source: Source, names: tuple[str, ...], frame: str, stream: TableStream | None = None
+    ) -> tuple[TableStream, FloatArray]:
+        """Return the rows on the Earth that do not leap, and their places, angles in degrees."""
+        stream = self.read(source).only(names) if stream is None else stream
+        units = ("deg", "m") if source.solved else (self.angle_unit, self.height_unit)
+        places = in_degrees(stream.columns.numbers(names), frame, *units)
         rows, notes = possible_rows(stream.name, places=places, frame=frame)
-        return stream.at(rows, notes), places[rows]
+        stream, places = stream.at(rows, notes), places[rows]
+        if source.name == "reference" and not source.solved:
+            return stream, places
+        held = held_rows(places)
+        stream, places = stream.at(~held, drop_notes(stream.name, {HELD: held})), places[~held]
+        if self.drop_leaps:
+            steady, notes = steady_rows(stream.t_s(int(stream.t_ns[0])), axes_to_judge(places, frame))
+            stream, places = stream.at(steady, notes), places[steady]
+        return stream, places
 
     def _reference_sigma(self, columns: Columns | None, rows: int) -> FloatArray | None:
         """Return (rows, 3) one standard deviation of the reference's places; None where nobody says it."""

@@ -34,7 +34,7 @@ from jerkbench.inspection.evidence import (
 )
 from jerkbench.inspection.lags import LONGEST_GAP_S, Lag, all_lags, attitude_rates, clock_offsets
 from jerkbench.inspection.noise import understated_noise
-from jerkbench.io.frames import felt_axis
+from jerkbench.io.frames import UPRIGHT, UPRIGHT_SHARE, felt_axis, gravity_share
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
 
 LEAST_FIT = 0.5
@@ -52,19 +52,6 @@ TILTING = 3.0
 
 LEADS_S = (-1.4, -1.2, -1.0, -0.8, -0.6, -0.4, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4)
 """By so much may a hand turn before or after its walker."""
-
-UPRIGHT_SHARE = 0.9
-"""Gravity is on an axis where this part of it and more is."""
-
-UPRIGHT = {
-    "+z": ("x", "y", "z"),
-    "-z": ("x", "-y", "-z"),
-    "+x": ("y", "z", "x"),
-    "-x": ("z", "y", "-x"),
-    "+y": ("z", "x", "y"),
-    "-y": ("x", "z", "-y"),
-}
-"""A right-handed body for each axis that gravity is felt on; which way is forward has to be measured."""
 
 IDENTITY = "as they are"
 MIRRORED_Y = "second axis the other way"
@@ -131,12 +118,6 @@ def axes_text(way: str, names: tuple[str, str]) -> tuple[str, str]:
     """Return which of the axes given, called ``names``, is to become the first, and which the second: "-y", "x"."""
     first, second = (("-" if sum(row) < 0 else "") + names[0 if row[0] else 1] for row in PLANE[way])
     return first, second
-
-
-def gravity_share(accel_mps2: FloatArray) -> tuple[str, float]:
-    """Return the axis on which gravity is felt most, and which part of it (the cosine of the angle)."""
-    force = np.abs(np.median(accel_mps2, axis=0))
-    return felt_axis(accel_mps2), float(force.max() / np.linalg.norm(force)) if force.any() else 0.0
 
 
 def mounting(recording: Recording) -> list[Diagnosis]:
@@ -424,7 +405,7 @@ def first_diagnoses(recording: Recording) -> list[Diagnosis]:
     A mistake is told once, by those that see it best. Where streams do not agree on east and north, a reference says
     nothing of their errors. Where the IMU's units or axes are wrong, it says nothing of an attitude.
     """
-    units = [*accelerometer_unit(recording), *gyro_unit(recording)]
+    units = increments(recording) or [*accelerometer_unit(recording), *gyro_unit(recording)]
     axes, degrees, exchanged = mounting(recording), exchanged_degrees(recording), exchanged_axes(recording)
     of_fixes = [one for one in axes if one.name in ("track mirrored", "track or gyro mirrored")]
     of_imu = [one for one in axes if one not in of_fixes]
@@ -436,7 +417,44 @@ def first_diagnoses(recording: Recording) -> list[Diagnosis]:
         of_fixes, exchanged = [replace(of_fixes[0], measured=", and ".join(measured))], {}
     attitude = [] if units or of_imu else list(attitude_mistakes(recording))
     noise = understated_noise(recording, reference=agreed)
-    return [*units, *of_imu, *of_fixes, *degrees, *exchanged.values(), *attitude, *noise]
+    world = velocity_in_world(recording) if agreed else []
+    return [*units, *of_imu, *of_fixes, *degrees, *exchanged.values(), *world, *attitude, *noise]
+
+
+def increments(recording: Recording) -> list[Diagnosis]:
+    """Return whether the IMU's values are sums over the time between two rows: |f| is gravity times that time."""
+    imu = recording.imu
+    median_mps2 = GRAVITY_MPS2 if imu is None else float(np.median(np.linalg.norm(imu.accel_mps2, axis=1)))
+    if imu is None or accelerometer_unit(recording) or abs(median_mps2 / GRAVITY_MPS2 - 1.0) < TOLERANCE:
+        return []
+    rate_mps2 = median_mps2 / imu.nominal_interval_s
+    measured = f"the median of |f| is {median_mps2:.3g}, and {rate_mps2:.3g} m/s2 divided by the step"
+    found = abs(rate_mps2 / GRAVITY_MPS2 - 1.0) < TOLERANCE
+    return [diagnosis("increments", measured, interval_s=imu.nominal_interval_s)] if found else []
+
+
+MIN_ASIDE = 0.3
+"""A body moves ahead: a velocity with a larger part across it that agrees with the track is that of the world."""
+
+
+def velocity_in_world(recording: Recording) -> list[Diagnosis]:
+    """Return whether a velocity in the body's axes agrees with the fixes' east and north as it is."""
+    position, velocity = recording.position, recording.velocity
+    if position is None or velocity is None or velocity.frame != "body":
+        return []
+    (fix_s, places), (t_s, mps) = (
+        without_nan_rows(t_s, values[:, :2])
+        for t_s, values in ((position.t_s, position.enu_m), (velocity.t_s, velocity.mps))
+    )
+    edges_s = common_edges(_LENGTHS_S[0], fix_s, t_s)
+    if min(len(fix_s), len(t_s), len(edges_s)) <= _LEAST_ROWS:
+        return []
+    way_mps, given_mps = mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
+    size = float(np.sqrt(np.sum(way_mps**2) * np.sum(given_mps**2)))
+    cosine, aside = np.sum(way_mps * given_mps) / (size or 1.0), np.sqrt(np.mean(given_mps[:, 1] ** 2))
+    if cosine < LEAST_COSINE or aside < MIN_ASIDE * np.sqrt(np.mean(np.sum(given_mps**2, axis=1))):
+        return []
+    return [diagnosis("velocity_in_world", f"they fit east and north of the fixes (cosine {cosine:.3f})")]
 
 
 def accelerometer_unit(recording: Recording) -> list[Diagnosis]:

@@ -36,9 +36,6 @@ LEAST_FORCE_MPS2 = 1e-6
 MAX_WINDOWS, MAX_WINDOWS_PER_ROW = 100_000, 10
 """So many windows any recording may have, and a longer one for each of its rows: more are empty."""
 
-IMU_GAP_S = 0.2
-"""A longer step between two samples of the IMU is reported: in it a vehicle turns and brakes."""
-
 SURE = 5.0
 """So many standard deviations from none is a relation, among the many that are tried."""
 
@@ -124,19 +121,6 @@ def common_edges(length_s: float, *stamps_s: FloatArray) -> FloatArray:
         return np.empty(0)
     begin_s, end_s = max(t_s[0] for t_s in stamps_s), min(t_s[-1] for t_s in stamps_s)
     return np.arange(begin_s, end_s, length_s)
-
-
-def imu_gap_notes(imu: Imu | None) -> tuple[str, ...]:
-    """Return a note that counts the gaps of the IMU, or none."""
-    if imu is None or imu.largest_interval_s <= IMU_GAP_S:
-        return ()
-    steps_s = np.diff(imu.t_s)
-    gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * imu.nominal_interval_s)]
-    if not len(gaps_s):
-        return ()
-    count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
-    lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
-    return (f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there.",)
 
 
 def window_means(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, Track, is_coarse, select_headings
 from jerkbench.inspection.doctor import diagnoses
-from jerkbench.inspection.evidence import imu_gap_notes, moving_speed_mps, without_nan_rows
+from jerkbench.inspection.evidence import moving_speed_mps, without_nan_rows
 from jerkbench.inspection.lags import LEAST_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags
 from jerkbench.inspection.noise import (
     SHORTEST_REST_S,
@@ -23,7 +23,7 @@ from jerkbench.inspection.noise import (
     velocity_dependence,
 )
 from jerkbench.io.frames import felt_axis
-from jerkbench.io.sanitiser import repeated_samples
+from jerkbench.io.sanitiser import imu_gap_notes, repeated_samples
 from jerkbench.recording import Heading, Imu, Position, Recording, Reference, Velocity
 from jerkbench.report.plots.style import (
     DOTS_PER_INCH,
@@ -173,7 +173,7 @@ def _remedy(lag: Lag) -> str:
     if not lag.sure or lag.correlation < LEAST_CORRELATION:
         return ""
     well_known = np.isfinite(lag.lag_s) and abs(lag.lag_s) > lag.within_s
-    return f"; to {'mend' if well_known else 'try'} it add {-lag.best_s:+.2f} to {SHIFT_PARAMETERS[lag.stream]}"
+    return f"; to mend it add {-lag.best_s:+.2f} to {SHIFT_PARAMETERS[lag.stream]}" if well_known else ""
 
 
 def _sigma_line(sigma: Sigma) -> str:

@@ -1,11 +1,8 @@
 """Guesses of units and frames: by the values of columns, by the gyro against the track, by fixes against velocity."""
 
-import re
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -15,10 +12,7 @@ from jerkbench.inspection.doctor import (
     IDENTITY,
     LEAST_COSINE,
     TOLERANCE,
-    UPRIGHT,
-    UPRIGHT_SHARE,
     axes_text,
-    gravity_share,
     plane_fit,
 )
 from jerkbench.inspection.evidence import (
@@ -33,159 +27,41 @@ from jerkbench.inspection.evidence import (
     window_means,
     without_nan_rows,
 )
-from jerkbench.recording import GRAVITY_MPS2, Recording
-
-_SMALL = ("cm", "mm")
-"""Lengths that only a standard deviation may be in: it has a scale."""
-
-_NAMES = tomllib.loads((Path(__file__).parent / "names.toml").read_text(encoding="utf-8"))
-UNITS, VECTORS, _AXES, SCALARS = (
-    {spelling: meaning for meaning, spellings in _NAMES[kind].items() for spelling in spellings.split()}
-    for kind in ("units", "vectors", "axes", "scalars")
+from jerkbench.io.column_names import Name, common_unit
+from jerkbench.io.columns import TIME_UNITS
+from jerkbench.io.frames import (
+    ACCEL_UNITS,
+    ANGLE_UNITS,
+    GYRO_UNITS,
+    HEIGHT_UNITS,
+    SPEED_UNITS,
+    UPRIGHT,
+    UPRIGHT_SHARE,
+    gravity_share,
 )
-"""What each spelling means."""
-
-SENSORS = {"imu", "gnss", "gps", "ins", "sensor", "drive", "meas", "measured"}
-"""Words that say who measured, and not what."""
-
-
-class Name(NamedTuple):
-    """What a name says.
-
-    Attributes:
-        column: the name.
-        quantity: accel, gyro, velocity, position, sigma (of a position), time, week, latitude, longitude, height,
-            roll, pitch or yaw.
-        axis: x, y, z, east, north, up, down, forward, left, right, or nothing.
-        unit: that the name says, or nothing.
-    """
-
-    column: str
-    quantity: str
-    axis: str
-    unit: str
-
-
-def parse_name(column: str) -> Name | None:
-    """Return what the name of a column says; None where it says nothing that is known."""
-    words, unit = _words(column)
-    quantity, axis = _meaning("".join(words))
-    return Name(column, quantity, axis, unit) if quantity and (unit not in _SMALL or quantity == "sigma") else None
-
-
-def _meaning(text: str) -> tuple[str, str]:
-    """Quantity and axis of a name without its unit; nothing where it says nothing that is known."""
-    if text in SCALARS:
-        return SCALARS[text], ""
-    if text in _AXES.values() and text not in ("forward", "left"):
-        return "position", text
-    for spelling, quantity in VECTORS.items():
-        rest = text.removeprefix(spelling)
-        axis = _AXES.get(rest, rest if rest in {*_AXES.values(), "right"} else "")
-        if axis and text.startswith(spelling):
-            return quantity, axis
-    return "", ""
-
-
-def triple(names: Sequence[Name], quantity: str, axes: Sequence[str]) -> tuple[Name, ...]:
-    """Return the columns of a quantity on ``axes``, in their order; nothing where one is lacking or is there twice."""
-    chosen = [[name for name in names if (name.quantity, name.axis) == (quantity, axis)] for axis in axes]
-    return tuple(names[0] for names in chosen) if all(len(names) == 1 for names in chosen) else ()
-
-
-def common_unit(names: Sequence[Name], allowed: Mapping[str, object]) -> str:
-    """Return the unit that all the names say, if it is one that may be."""
-    units = {name.unit for name in names}
-    return units.pop() if len(units) == 1 and units <= set(allowed) else ""
-
-
-def _words(column: str) -> tuple[list[str], str]:
-    """Lower-case words of a name without those of sensors and units, and the unit."""
-    bracketed = re.search(r"[\[(]([^\])]*)[\])]", column)
-    text = re.sub(r"[\[(].*", "", column)
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower()
-    words = [word for word in re.split(r"[^a-z0-9]+", text) if word and word not in SENSORS]
-    if bracketed:
-        return words, UNITS.get(bracketed[1].strip().lower().replace(" ", ""), "")
-    return (words[:-1], UNITS[words[-1]]) if len(words) > 1 and words[-1] in UNITS else (words, "")
-
-
-SENSOR_AXES = (("x", "y", "z"), ("forward", "left", "up"), ("forward", "right", "down"))
-"""Names of an IMU's axes."""
-
-_LOCAL = {("east", "north", "up"): "enu", ("north", "east", "down"): "ned", ("x", "y", "z"): ""}
-"""Names of local axes, and their frame where the names say it."""
-
-MOVING = _LOCAL | {("forward", "left", "up"): "body"}
-"""The same of velocities."""
-
-
-class Triple(NamedTuple):
-    """Three columns.
-
-    Attributes:
-        names: of the columns.
-        frame: that the names say, or nothing.
-    """
-
-    names: tuple[Name, ...]
-    frame: str
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The columns."""
-        return tuple(name.column for name in self.names)
-
-
-def sensors_of(names: Sequence[Name]) -> tuple[Triple, Triple] | None:
-    """Return the first accelerometer and gyro that are whole, on the same axes."""
-    for axes in SENSOR_AXES:
-        accel, gyro = triple(names, "accel", axes), triple(names, "gyro", axes)
-        if accel and gyro:
-            return Triple(accel, ""), Triple(gyro, "")
-    return None
-
-
-def position_columns(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of places: latitude, longitude and height before local axes."""
-    angles = [[name for name in names if name.quantity == word] for word in ("latitude", "longitude", "height")]
-    if all(len(columns) == 1 for columns in angles):
-        return Triple(tuple(columns[0] for columns in angles), "geodetic")
-    return _first(names, "position", _LOCAL)
-
-
-def velocity_columns(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of velocities."""
-    return _first(names, "velocity", MOVING)
-
-
-def sigma_of(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of the standard deviations of places, where they say their axes."""
-    return _first(names, "sigma", {axes: frame for axes, frame in _LOCAL.items() if frame})
-
-
-def _first(names: Sequence[Name], quantity: str, frames: dict[tuple[str, str, str], str]) -> Triple | None:
-    for axes, frame in frames.items():
-        if columns := triple(names, quantity, axes):
-            return Triple(columns, frame)
-    return None
-
-
-# The guesses by values.
+from jerkbench.io.sanitiser import MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG
+from jerkbench.recording import GRAVITY_MPS2, Recording
 
 Value = str | float | tuple[str, ...]
 
-STAMPS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
+STAMPS = {"s": 1e8, "ms": 1e11, "us": 1e14, "ns": 1e17}
 """Stamps since 1970 or 1980 are larger than these, in each unit, and smaller than 100 times that."""
 
 RATES_HZ = (0.5, 2500.0)
 """A log's rows come so often."""
 
+FASTEST_FIXES_HZ = 50.0
+"""No receiver has a higher rate."""
+
+SLOWEST_HZ = 0.01
+"""Stamps whose size fits a date but that make a lower rate are in another unit."""
+
+WEEK_S = 604_800
 LATITUDE_RAD, LONGITUDE_RAD = np.pi / 2, np.pi
+MIN_MM = 20_000.0
+"""A height beyond this is in millimetres."""
 
 _WINDOW_S = 1.0
-SCALES = {"m/s": 1.0, "km/h": 3.6, "knots": 1.94384}
-"""What a velocity in each unit is multiplied with."""
 
 _SCALE_WITHIN = 0.2
 LEAST_EDGES = 10
@@ -218,25 +94,34 @@ def is_date(stamps: FloatArray, unit: str) -> bool:
     return unit in STAMPS and bool(STAMPS[unit] <= stamps[0] < 100 * STAMPS[unit])
 
 
-def guess_time_unit(stamps: FloatArray, named: str) -> Guess:
-    """Return the unit of a column of times, by its name, by the size of its stamps, or by its rate."""
+def guess_time_unit(stamps: FloatArray, named: str, *, fixes: bool = False, of_week: bool = False) -> Guess:
+    """Return the unit of a column of times, by its name, by the size of its stamps, or by its rate.
+
+    Args:
+        stamps: the times.
+        named: the unit that the name says, or nothing.
+        fixes: whether they are those of fixes alone, which no receiver gives as often as an IMU gives samples.
+        of_week: whether the name says that they are times of the GPS week, from 0 to 604 800 s.
+    """
     step = float(np.median(np.diff(stamps)))
     if named:
         return Guess("time_unit", named, "named", f"the column says so; the median step is {step:g} {named}")
-    for unit in STAMPS:
-        if is_date(stamps, unit):
+    rates = {unit: 1e9 / TIME_UNITS[unit] / step if step > 0 else 0.0 for unit in STAMPS}
+    for unit in () if of_week else STAMPS:
+        if is_date(stamps, unit) and rates[unit] >= SLOWEST_HZ:
             return Guess("time_unit", unit, "measured", f"{stamps[0]:.0f} is a date of our time in {unit}")
-    scales = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9} if step > 0 else {}
-    rates = {unit: scale / step for unit, scale in scales.items()}
-    fitting = [unit for unit, rate_hz in rates.items() if RATES_HZ[0] <= rate_hz <= RATES_HZ[1]]
+    fastest_hz = FASTEST_FIXES_HZ if fixes else RATES_HZ[1]
+    fitting = [unit for unit, rate_hz in rates.items() if RATES_HZ[0] <= rate_hz <= fastest_hz]
+    if of_week:
+        fitting = [unit for unit in fitting if stamps.max() <= WEEK_S * 1e9 / TIME_UNITS[unit]]
     if len(fitting) == 1:
         why = f"the median step is {step:g}, which makes {rates[fitting[0]]:g} Hz"
-        return Guess("time_unit", fitting[0], "measured", why)
+        return Guess("time_unit", fitting[0], "measured", f"{why}, and it is a time of week" if of_week else why)
     others = f"{' or '.join(fitting)} would fit" if fitting else "no unit makes a usual rate"
     return Guess("time_unit", fitting[0] if fitting else "s", "unsure", f"the median step is {step:g}: {others}")
 
 
-def guess_accel_unit(accel: FloatArray, named: str) -> Guess:
+def guess_accel_unit(accel: FloatArray, names: Sequence[Name]) -> Guess:
     """Return the unit of specific forces (n, 3), by the size of gravity."""
     size = float(np.median(np.linalg.norm(accel, axis=1)))
     median = f"the median of |f| is {size:.3g}"
@@ -244,7 +129,7 @@ def guess_accel_unit(accel: FloatArray, named: str) -> Guess:
         if abs(size / gravity - 1.0) < TOLERANCE:
             return Guess("accel_unit", unit, "measured", f"{median}, gravity is {gravity:g} {unit}")
     why = f"{median}, which is gravity in no unit; is it without gravity?"
-    return Guess("accel_unit", named or "m/s2", "unsure", why)
+    return Guess("accel_unit", common_unit(names, ACCEL_UNITS) or "m/s2", "unsure", why)
 
 
 def guess_upright(accel: FloatArray) -> Guess:
@@ -254,24 +139,44 @@ def guess_upright(accel: FloatArray) -> Guess:
     return Guess("imu_axes", UPRIGHT[felt], "measured" if share > UPRIGHT_SHARE else "unsure", why)
 
 
-def guess_angle_unit(latitude: FloatArray, longitude: FloatArray, named: str) -> Guess:
+def guess_angle_unit(latitude: FloatArray, longitude: FloatArray, names: Sequence[Name]) -> Guess:
     """Return the unit of latitudes and longitudes; near 0, 0 the values do not tell."""
-    largest = float(np.nanmax(np.abs(latitude))), float(np.nanmax(np.abs(longitude)))
+    angles = np.abs(np.column_stack([latitude, longitude]))
+    largest = np.nanmax(angles, axis=0)
     text = f"the largest are {largest[0]:.6g} and {largest[1]:.6g}"
+    if (largest > np.array([MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG])).any():
+        minutes = angles % 100.0
+        if (largest <= np.array([MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG]) * 100.0).all() and np.nanmax(minutes) < 60.0:
+            return Guess("angle_unit", "ddmm", "measured", f"{text}: degrees and minutes, ddmm.mmmm")
+        if (largest <= np.array([MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG]) * 1e7).all() and largest.max() > 1e6:
+            return Guess("angle_unit", "1e-7 deg", "measured", f"{text}: degrees times ten million")
+        return Guess("angle_unit", "deg", "unsure", f"{text}, which are angles in no unit that is known")
     if largest[0] > LATITUDE_RAD or largest[1] > LONGITUDE_RAD:
         return Guess("angle_unit", "deg", "measured", f"{text}: more than any angle in rad")
-    if named:
+    if named := common_unit(names, ANGLE_UNITS):
         return Guess("angle_unit", named, "named", f"the column says so; {text}")
     return Guess("angle_unit", "rad", "unsure", f"{text}: rad, or degrees in the Gulf of Guinea")
 
 
-def guess_gyro_unit(recording: Recording, named: str) -> Guess:
+def guess_height_unit(height: FloatArray, named: str, angle_unit: str) -> Guess | None:
+    """Return the unit of heights; None if nothing speaks against metres."""
+    if named in HEIGHT_UNITS:
+        return Guess("height_unit", named, "named", "the column says so") if named != "m" else None
+    largest = float(np.nanmax(np.abs(height)))
+    if largest > MIN_MM:
+        return Guess("height_unit", "mm", "measured", f"the largest is {largest:.0f}, higher than any vehicle in m")
+    if angle_unit == "1e-7 deg":
+        return Guess("height_unit", "mm", "unsure", "receivers that write 1e-7 deg write heights in mm")
+    return None
+
+
+def guess_gyro_unit(recording: Recording, names: Sequence[Name]) -> Guess:
     """Return the unit of a gyro that was read as if it were in rad/s, by the track and by gravity."""
     for turning in sure_turnings(recording):
         for unit, factor in (("rad/s", 1.0), ("deg/s", 1 / DEG_PER_RAD)):
             if turning.is_about(factor):
                 return Guess("gyro_unit", unit, "measured", _turning_text(turning))
-    if named:
+    if named := common_unit(names, GYRO_UNITS):
         return Guess("gyro_unit", named, "named", "the columns say so; too few turns to see it")
     return Guess("gyro_unit", "rad/s", "unsure", "too few turns to see it, and the columns do not say it")
 
@@ -302,11 +207,8 @@ def guess_forward(recording: Recording, body: tuple[str, ...], upright: Guess) -
     return Guess("imu_axes", (*turned, body[2]), "measured", f"{why} (correlation {fit.correlation:.2f})")
 
 
-def guess_velocity_frame(recording: Recording, named: str) -> Guess:
-    """Return the frame of velocities that were read as ENU, by the fixes' way from second to second.
-
-    Where the fixes move at another speed the guess is unsure, and says the unit that would make them agree.
-    """
+def guess_velocity_frame(recording: Recording, named: str) -> list[Guess]:
+    """Return the frame and the unit of velocities that were read as ENU [m/s], by the fixes' way each second."""
     way, means = _ways(recording)
     frames = {"enu": means, "ned": means[:, [1, 0, 2]] * [1.0, 1.0, -1.0]}
     size = float(np.sqrt(np.sum(way**2) * np.sum(means**2))) or 1.0
@@ -314,15 +216,16 @@ def guess_velocity_frame(recording: Recording, named: str) -> Guess:
     other, best = sorted(cosines, key=lambda frame: cosines[frame])
     if cosines[best] < LEAST_COSINE or cosines[best] - cosines[other] < COSINE_GAIN:
         grade, why = ("named", "the columns say so") if named else ("unsure", "the columns do not say it")
-        return Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it")  # type: ignore[arg-type]
+        return [Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it")]  # type: ignore[arg-type]
     why = f"cosine with the fixes' way: {', '.join(f'{frame} {cosine:.3f}' for frame, cosine in cosines.items())}"
     factor = slope(way, frames[best])
-    unit = next((unit for unit, scale in SCALES.items() if abs(factor * scale - 1.0) < _SCALE_WITHIN), "")
-    if unit == "m/s":
-        return Guess("velocity_frame", best, "measured", why)
-    unit = unit or "no unit that is known"
-    why = f"{why}; but the fixes move {factor:.3g} times as fast: {unit}; make m/s of it"
-    return Guess("velocity_frame", best, "unsure", why)
+    unit = next((unit for unit, scale in SPEED_UNITS.items() if abs(factor / scale - 1.0) < _SCALE_WITHIN), "")
+    moves = f"the fixes move {factor:.3g} times as fast as its numbers"
+    of_unit = {
+        "m/s": [],
+        "": [Guess("velocity_unit", "m/s", "unsure", f"{moves}, which is no unit that is known")],
+    }.get(unit, [Guess("velocity_unit", unit, "measured", moves)])
+    return [Guess("velocity_frame", best, "measured", why), *of_unit]
 
 
 def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:

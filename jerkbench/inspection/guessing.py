@@ -15,30 +15,36 @@ from jerkbench.datasets.table import Tables
 from jerkbench.errors import RecordingError
 from jerkbench.inspection.guesses import (
     Guess,
-    Name,
-    Triple,
     Value,
-    common_unit,
     guess_accel_unit,
     guess_angle_unit,
     guess_forward,
     guess_gyro_unit,
+    guess_height_unit,
     guess_time_unit,
     guess_upright,
     guess_velocity_frame,
     is_date,
-    parse_name,
-    position_columns,
-    sensors_of,
-    sigma_of,
     turns_with_gyro,
-    velocity_columns,
 )
 from jerkbench.inspection.lags import CLOCK_CORRELATION, SHIFT_PARAMETERS, all_lags
 from jerkbench.inspection.noise import longest_rest
 from jerkbench.io.clocks import GPST_MINUS_UTC_S
-from jerkbench.io.columns import LARGEST_NS, Columns, read_columns
-from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS
+from jerkbench.io.column_names import (
+    Name,
+    Triple,
+    accel_columns,
+    common_unit,
+    covariance_columns,
+    gyro_columns,
+    parse_name,
+    position_columns,
+    sigma_of,
+    velocity_columns,
+    with_meaning,
+)
+from jerkbench.io.columns import LARGEST_NS, SOLUTION, Columns, read_columns
+from jerkbench.io.frames import SPEED_UNITS
 from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import track_reader
 from jerkbench.recording import Recording
@@ -76,7 +82,7 @@ class GuessedTable(NamedTuple):
 
     Attributes:
         path: the file.
-        separator: between its columns; None: it has none (NMEA, GPX, gpsd's JSON).
+        separator: between its columns; None: it has none (NMEA, GPX, gpsd's JSON, RTKLIB's .pos).
         columns: what was read.
         names: those that say something.
     """
@@ -97,7 +103,7 @@ class Draft:
     """What is known of a log so far.
 
     Attributes:
-        tables: the table of each stream: imu, position, velocity, reference; one table may have several.
+        tables: the table of each stream: imu, gyro (if apart), position, velocity, reference; one may have several.
         guesses: in order.
     """
 
@@ -161,16 +167,16 @@ def guess_tables(*paths: Path) -> Draft:
     """
     draft = Draft(_streams([_table(path.resolve()) for path in paths]))
     imu, position, velocity, reference = map(draft.tables.get, ("imu", "position", "velocity", "reference"))
-    sensors = sensors_of(imu.names) if imu else None
     _times(draft)
-    if imu and sensors:
-        _imu(draft, imu, *sensors)
-    if position:
+    gyro = _imu(draft, imu) if imu else None
+    if position and position.path.suffix == SOLUTION:
+        draft.name("it is a solution of RTKLIB", position_file=draft.file("position"), position_frame="geodetic")
+    elif position:
         draft.name("it has places", position_file=draft.file("position"))
         places = _places(draft, position, "position_columns", "position_frame")
         _sigma(draft, position, np.asarray(np.isfinite(places).all(axis=1)))
-    if sensors:
-        _measure_imu(draft, sensors[1])
+    if gyro:
+        _measure_imu(draft, gyro)
     if velocity:
         _velocity(draft, velocity)
     if reference:
@@ -184,32 +190,37 @@ def guess_tables(*paths: Path) -> Draft:
 
 def _table(path: Path) -> GuessedTable:
     separator = None
-    if track_reader(path) is None:
+    if track_reader(path) is None and path.suffix != SOLUTION:
         with path.open(encoding="utf-8", errors="replace") as lines:
             first = lines.readline()
         separator = next((mark for mark in SEPARATORS if mark in first), "")
     columns = read_columns((path,), TextFormat(separator or ""))
-    names = [name for column in columns.names if (name := parse_name(column)) is not None]
+    names = [name for column in columns.names if (name := parse_name(column, path.stem)) is not None]
     return GuessedTable(path, separator, columns, names)
 
 
 def _streams(tables: Sequence[GuessedTable]) -> dict[str, GuessedTable]:
-    inertial = [table for table in tables if sensors_of(table.names)]
+    inertial = [table for table in tables if accel_columns(table.names)]
+    gyros = [table for table in tables if gyro_columns(table.names) and table not in inertial]
     placed = [table for table in tables if table.is_placed]
+    lacking = len(inertial) - len(gyros) != sum(gyro_columns(table.names) is not None for table in inertial)
     for table in tables:
-        if table not in (*inertial, *placed):
+        if table not in (*inertial, *gyros, *placed) or (lacking and table in inertial and not table.is_placed):
             raise RecordingError(
                 f"{table.path} has the columns {', '.join(table.columns.names)}: no three of them are called a place,"
-                " no six an accelerometer and a gyro; name them in the header, for example t, ax, gx, lat."
+                " no six an accelerometer and a gyro (which may be two files); name them in the header, for example t,"
+                " ax, gx, lat."
             )
     separators = {table.separator for table in tables if table.separator is not None}
-    if len(inertial) > 1 or len(placed) > 2 or len(separators) > 1:
+    if len(inertial) > 1 or len(gyros) > 1 or len(placed) > 2 or len(separators) > 1:
         names = ", ".join(table.path.name for table in tables)
         raise RecordingError(
             f"{names}: give one file with an IMU, one with fixes and one with a reference, in this order, separated by"
             f" the same sign (here {' and '.join(map(repr, sorted(separators)))})."
         )
-    streams = dict(zip(("imu",), inertial, strict=False)) | dict(zip(("position", "reference"), placed, strict=False))
+    inertial = [] if lacking else inertial
+    streams = {name: found[0] for name, found in (("imu", inertial), ("gyro", gyros)) if found}
+    streams |= dict(zip(("position", "reference"), placed, strict=False))
     if placed and velocity_columns(placed[0].names):
         streams["velocity"] = placed[0]
     return streams
@@ -219,23 +230,26 @@ def _times(draft: Draft) -> None:
     """Guess column and unit of each stream's times, and what they count from: the same for all but dates."""
     epochs: dict[str, Guess] = {}
     for stream, table in draft.tables.items():
-        times = [name for name in table.names if name.quantity == "time"]
-        if len(times) != 1:
-            count = "none" if not times else ", ".join(name.column for name in times)
-            raise RecordingError(f"{table.path} needs one column of times, and has {count}; call one of them t.")
-        draft.name("its name", **{f"{stream}_time": times[0].column})
-        if table.columns.dates_ns(times[0].column, GPST_MINUS_UTC_S) is not None:
+        time = with_meaning(table.names, "time") or with_meaning(table.names, "tow")
+        if time is None:
+            named = ", ".join(name.column for name in table.names if name.quantity in ("time", "tow")) or "none"
+            raise RecordingError(f"{table.path} needs one column of times, and has {named}; call one of them t.")
+        draft.name("its name", **{f"{stream}_time": time.column})
+        if table.columns.dates_ns(time.column, GPST_MINUS_UTC_S) is not None:
             epochs.setdefault("dates", Guess("epoch", "unix", "measured", "the stamps are dates"))
             continue
-        stamps = table.columns.numbers([times[0].column], LARGEST_NS)[:, 0]
-        unit = guess_time_unit(stamps[np.isfinite(stamps)], times[0].unit)
+        stamps = table.columns.numbers([time.column], LARGEST_NS)[:, 0]
+        week = with_meaning(table.names, "week")
+        of_week, fixes = time.quantity == "tow" or week is not None, table not in _of_imu(draft)
+        unit = guess_time_unit(stamps[np.isfinite(stamps)], time.unit, fixes=fixes, of_week=of_week)
         common = draft.guesses.get("time_unit", unit)
         if unit.grade == "unsure":
             unit = common
         if unit.value != common.value:
             unit = replace(unit, parameter=f"{stream}_time_unit")
         draft.add(unit)
-        epoch = _epoch(draft, table, dated=is_date(stamps, str(unit.value)))
+        dated = not of_week and unit.grade != "unsure" and is_date(stamps, str(unit.value))
+        epoch = _epoch(draft, week, dated=dated, of_week=of_week)
         epochs[str(epoch.value)] = epoch
     counted = [epoch for name, epoch in epochs.items() if name != "dates"]
     if len(counted) > 1 or ("dates" in epochs and "none" in epochs):
@@ -246,22 +260,38 @@ def _times(draft: Draft) -> None:
     draft.add(*(counted or epochs.values()))
 
 
-def _epoch(draft: Draft, table: GuessedTable, *, dated: bool) -> Guess:
-    weeks = [name.column for name in table.names if name.quantity == "week"]
-    if len(weeks) == 1:
-        draft.name("its name", time_week=weeks[0])
+def _of_imu(draft: Draft) -> list[GuessedTable]:
+    return [draft.tables[stream] for stream in ("imu", "gyro") if stream in draft.tables]
+
+
+def _epoch(draft: Draft, week: Name | None, *, dated: bool, of_week: bool) -> Guess:
+    if week is not None:
+        draft.name("its name", time_week=week.column)
         return Guess("epoch", "gps", "named", "it has a column of weeks")
     if dated:
         return Guess("epoch", "unix", "unsure", "the stamps are dates; of UTC, or of GPS time, 18 s ahead")
+    if of_week:
+        return Guess("epoch", "none", "named", "a time of the GPS week, and no column says which week")
     return Guess("epoch", "none", "measured", "the stamps are no dates of our time")
 
 
-def _imu(draft: Draft, table: GuessedTable, accel: Triple, gyro: Triple) -> None:
+def _imu(draft: Draft, table: GuessedTable) -> Triple:
+    """Guess the columns of the IMU; return those of the gyro."""
+    of_gyro = draft.tables.get("gyro", table)
+    accel, gyro = accel_columns(table.names), gyro_columns(of_gyro.names)
+    assert accel is not None  # noqa: S101 - the stream has them
+    assert gyro is not None  # noqa: S101 - the stream has them
     draft.name("it has an IMU", imu_file=draft.file("imu"))
     draft.name("their names", imu_accel=accel.columns, imu_gyro=gyro.columns)
-    force = table.columns.numbers(accel.columns)
+    if of_gyro is not table:
+        draft.name("it has the gyro", gyro_file=draft.file("gyro"))
+    instance, force = with_meaning(table.names, "instance"), table.columns.numbers(accel.columns)
+    if instance is not None and len(sensors := np.unique(table.columns.numbers([instance.column]))) > 1:
+        why = f"rows of {len(sensors)} sensors are mixed; the first is used"
+        draft.name(why, imu_instance_column=instance.column, imu_instance=float(sensors[0]))
     force = force[np.isfinite(force).all(axis=1)]
-    draft.add(guess_accel_unit(force, common_unit(accel.names, ACCEL_UNITS)), guess_upright(force))
+    draft.add(guess_accel_unit(force, accel.names), guess_upright(force))
+    return gyro
 
 
 def _places(draft: Draft, table: GuessedTable, columns: str, frame: str) -> FloatArray:
@@ -279,13 +309,17 @@ def _places(draft: Draft, table: GuessedTable, columns: str, frame: str) -> Floa
     else:
         draft.add(Guess(frame, "enu", "unsure", "x, y, z: the columns do not say it"))
     if position.frame == "geodetic" and "angle_unit" not in draft.guesses:
-        named = common_unit(position.names[:2], {"deg": 0, "rad": 0})
-        draft.add(guess_angle_unit(places[:, 0], places[:, 1], named))
+        angle = guess_angle_unit(places[:, 0], places[:, 1], position.names[:2])
+        height = guess_height_unit(places[:, 2], position.names[2].unit, str(angle.value))
+        draft.add(angle, *([height] if height else []))
     return places
 
 
 def _sigma(draft: Draft, table: GuessedTable, fixes: BoolArray) -> None:
     """Guess the standard deviations of the fixes in the rows ``fixes``: three columns that are positive there."""
+    if nine := covariance_columns(table.names):
+        draft.name("their names", position_covariance=nine)
+        return
     sigma = sigma_of(table.names)
     values = np.zeros((1, 3)) if sigma is None else table.columns.numbers(sigma.columns)[fixes]
     if sigma is None or not (values > 0).any() or (values <= 0).any():  # they may be missing at some fixes
@@ -300,7 +334,7 @@ def _sigma(draft: Draft, table: GuessedTable, fixes: BoolArray) -> None:
 def _measure_imu(draft: Draft, gyro: Triple) -> None:
     """Weigh the gyro's unit first: all else compares turns or forces with the track."""
     upright = draft.guesses["imu_axes"]
-    draft.add(guess_gyro_unit(draft.load(gyro_unit="rad/s"), common_unit(gyro.names, GYRO_UNITS)))
+    draft.add(guess_gyro_unit(draft.load(gyro_unit="rad/s"), gyro.names))
     if "position" in draft.tables:
         draft.add(_turned_frame(draft))
     draft.add(guess_forward(draft.load(), _words(upright.value), upright))
@@ -323,12 +357,16 @@ def _velocity(draft: Draft, table: GuessedTable) -> None:
     if velocity is None:
         return
     draft.name("it has velocities", velocity_file=draft.file("velocity"))
+    if table.path.suffix == SOLUTION:
+        return
     draft.name("their names", velocity_columns=velocity.columns)
     draft.add(Guess("velocity_sigma_mps", 0.1, "unsure", f"{DEFAULT} velocity_sigma"))
+    if unit := common_unit(velocity.names, SPEED_UNITS):
+        draft.name("the columns say so", velocity_unit=unit)
     if velocity.frame == "body" or table.separator is None:
         draft.name("the columns say so", velocity_frame=velocity.frame)
     else:
-        draft.add(guess_velocity_frame(draft.load(velocity_frame="enu"), velocity.frame))
+        draft.add(*guess_velocity_frame(draft.load(velocity_frame="enu"), velocity.frame))
 
 
 def _reference(draft: Draft, table: GuessedTable) -> None:

@@ -271,7 +271,8 @@ OF_THE_TRACK, OF_A_WHEEL = "the turning of the track", "the acceleration of a wh
 
 SHIFT_PARAMETERS = {"position": "position_shift_s", "imu": "imu_shift_s"}
 SHIFT_PARAMETERS |= dict.fromkeys(("velocity, horizontal", "velocity, up", "speed"), "velocity_shift_s")
-
+LATENCIES = {"position_shift_s": "position_latency_s={0:.2f}", "velocity_shift_s": "velocity_latency_s=[{0:.2f}, ...]"}
+"""The parameters of the data sets that read tables, and of those that read bags."""
 
 Pairs = Callable[[float], tuple[FloatArray, FloatArray] | None]
 """What another stream says of the windows, and what the IMU says so much later; None: too few."""
@@ -287,14 +288,35 @@ def clock_offsets(lags: list[Lag]) -> list[Diagnosis]:
         measured = f"lag {lag.lag_s:+.2f} s against {lag.against}, give or take {lag.within_s:.2f} s"
         parts = {"stream": lag.stream, "size": abs(lag.lag_s), "side": "late" if lag.lag_s > 0 else "early"}
         parts |= {"shift": -lag.lag_s, "parameter": (parameter := SHIFT_PARAMETERS[lag.stream])}
+        if parameter in LATENCIES:
+            parts["parameter"] = (
+                f"{parameter} (dataset=table), or set {LATENCIES[parameter].format(lag.lag_s)} of a bag"
+            )
         offsets.setdefault(parameter, diagnosis("clock", f"{measured} (correlation {lag.correlation:.2f})", **parts))
     return list(offsets.values())
 
 
 def all_lags(recording: Recording) -> list[Lag]:
-    """Return those of `estimated_lags` and that of `late_imu`."""
+    """Return those of `estimated_lags` and that of `late_imu`; of late fixes that of the fixes alone."""
     late = late_imu(recording)
-    return [*estimated_lags(recording), *([late] if late else [])]
+    return of_late_fixes([*estimated_lags(recording), *([late] if late else [])])
+
+
+def of_late_fixes(lags: list[Lag]) -> list[Lag]:
+    """Return the lag of the fixes alone where several sensors differ from the fixes by one time, each in its own way.
+
+    The lags of velocity and IMU are relative to the fixes, directly or by a velocity at its corrected stamps. If both,
+    or one of them and the reference, say that the fixes are late by one time, the fixes are late and nothing else is.
+    """
+    late_s = [(lag.lag_s if lag.stream == "position" else -lag.lag_s, lag) for lag in lags if np.isfinite(lag.lag_s)]
+    for first_s, first in late_s:
+        agreed = [lag for one_s, lag in late_s if abs(one_s - first_s) <= WORST_S]
+        kinds = {lag.stream.partition(",")[0] for lag in agreed}
+        witnesses = first.stream == "position" or (first.stream != "imu" and "imu" in kinds)
+        if abs(first_s) >= CLOCK_S and witnesses and len(kinds) > 1:
+            others = " and ".join(sorted({"the reference" if kind == "position" else kind for kind in kinds}))
+            return [replace(first, stream="position", against=f"{others}, which agree with each other", lag_s=first_s)]
+    return lags
 
 
 def late_imu(recording: Recording) -> Lag | None:

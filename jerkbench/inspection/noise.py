@@ -233,8 +233,6 @@ SPREAD = "the middle of the error against the reference, about its median"
 BY_REFERENCE = (_MEDIAN, SPREAD)
 """What the errors are measured by."""
 
-SIGMA_PARAMETERS = {"position": "position_sigma_scale or position_sigma_m", "velocity": "velocity_sigma_mps"}
-
 SHIFTS = range(-2, 3)
 """By so many rows a velocity may be older or younger than the slope that it was computed from."""
 
@@ -346,7 +344,7 @@ def understated_noise(recording: Recording, *, reference: bool = True) -> list[D
         if asked and ratio >= limit and ratio > worst.get(stream, (0.0, ""))[0]:
             worst[stream] = ratio, basis
     return [
-        diagnosis("understated", measured, stream=stream, ratio=ratio, parameter=SIGMA_PARAMETERS[stream])
+        diagnosis("understated", measured, stream=stream, ratio=ratio, square=ratio**2)
         for stream, (ratio, basis) in worst.items()
         for measured in [f"{basis} is {ratio:.1f} times as large as stated"]
     ]
@@ -371,7 +369,7 @@ def overstated_noise(recording: Recording, rest: Rest | None) -> Iterator[str]:
         yield (
             f"The standard deviations of {stream} may be too large: {stated:.3g} {unit} is stated, {stated * ratio:.2g}"
             f" {unit} measured, {1 / ratio:.3g} times less ({basis}).{slow} To correct them, scale them by {ratio:.2g}:"
-            f" {SIGMA_PARAMETERS[stream]}."
+            f" r_scale.{stream}={ratio**2:.2g}."
         )
 
 
@@ -440,35 +438,21 @@ def second_difference(x: FloatArray) -> FloatArray:
     return x[1:-1] - 0.5 * (x[2:] + x[:-2])
 
 
-class Dependence(NamedTuple):
-    """The share of the positions' noise in the noise of a velocity.
+def velocity_dependence(recording: Recording) -> Iterator[tuple[str, float]]:
+    """Yield how an ENU velocity of as many rows as there are positions follows their slope; horizontal and up apart.
 
-    Attributes:
-        stream: "velocity, horizontal" or "velocity, up".
-        correlation: of the fast changes of both: near 0 for noise of its own, 1 where one is computed from the other.
-    """
-
-    stream: str
-    correlation: float
-
-
-def velocity_dependence(recording: Recording) -> list[Dependence]:
-    """Return how an ENU velocity of as many rows as there are positions follows their slope; horizontal and up apart.
-
-    With s_i = (p_i - p_i-1)/(t_i - t_i-1), and x''_i = x_i - (x_i-1 + x_i+1)/2::
+    The correlation is near 0 for noise of its own, and 1 where the velocity is computed from the positions. With
+    s_i = (p_i - p_i-1)/(t_i - t_i-1), and x''_i = x_i - (x_i-1 + x_i+1)/2::
 
         max over k from -2 to 2 of corr(s''_i, v''_i-k)
     """
     position, velocity = recording.position, recording.velocity
     if position is None or velocity is None or velocity.frame != "enu" or np.isnan(position.enu_m).any():
-        return []
-    dependences = []
+        return
     for name, axes in (("velocity, horizontal", [0, 1]), ("velocity, up", [2])):
         _, mps = without_nan_rows(velocity.t_s, velocity.mps[:, axes])
         if len(mps) == len(position.t_s) >= MIDDLE_ROWS:
             way_mps = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
             inside = slice(max(SHIFTS), -max(SHIFTS))  # rolled over the ends
             shifted = [second_difference(np.roll(mps, k, axis=0)[1:])[inside] for k in SHIFTS]
-            correlations = [correlation_of(second_difference(way_mps)[inside], one) for one in shifted]
-            dependences.append(Dependence(name, max(correlations)))
-    return dependences
+            yield name, max(correlation_of(second_difference(way_mps)[inside], one) for one in shifted)

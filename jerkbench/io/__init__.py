@@ -1,7 +1,7 @@
 """Files: what a recording or a trajectory is read from and written to. No plugin.
 
-The way of a table: `text`, `tracks` and `columns` read it, `frames` turns it into ENU and the body's axes, `table`
-makes its streams. The way of a bag: `bag` and `bag_decode` read messages,
-`bag_roles` says what each topic is, `bag_extract` keeps what was read, `bag_streams` makes the parts of a recording,
-`bag_assembly` the whole; `bag_writing` is the way back. `sanitiser` finds what is wrong in either.
+Tables: `text`, `tracks`, `rtklib` and `columns` read them, `column_names` knows what loggers call their columns,
+`frames` turns values into ENU and the body's axes, and `table` makes streams of them. Bags: `bag` reads messages,
+`bag_topics` assigns roles to topics, `bag_cleaning` drops or repairs what is wrong, and `bag_dataset` makes the
+recording; `bag_writing` is the way back. `sanitiser` has the limits of all readers.
 """

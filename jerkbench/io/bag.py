@@ -434,10 +434,12 @@ def read_stored(path: Path) -> Messages | None:
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:  # closed on damage too
             arrays = {name: file[name] for name in file.files}
-        names, stamps = arrays.pop("names").tolist(), [arrays.pop(name) for name in ("bag_ns", "stamp_ns")]
+        topic, msgtype, frame, child = arrays.pop("names").tolist()
+        bag_ns, stamp_ns = arrays.pop("bag_ns"), arrays.pop("stamp_ns")
         with suppress(OSError):
             os.utime(path)  # the file was used just now; a read-only cache stays as it is
-        return Messages(*names, *stamps, {name.removeprefix("value "): value for name, value in arrays.items()})
+        values = {name.removeprefix("value "): value for name, value in arrays.items()}
+        return Messages(topic, msgtype, frame, child, bag_ns, stamp_ns, values)
     except DAMAGE:
         return None
 

@@ -23,7 +23,8 @@ from jerkbench.geometry import (
     enu_axes,
     euler_from_dcm,
 )
-from jerkbench.io.bag import IMU, Bag, Messages, bag_files, content_files, missing_parts, open_bag
+from jerkbench.io.bag import Bag, Messages, bag_files, content_files, missing_parts, open_bag
+from jerkbench.io.bag_cleaning import MODES, Ledger, clean_topics, report_jumps, sound_covariances
 from jerkbench.io.bag_topics import Metadata, TopicPlan, is_ecef
 from jerkbench.io.clocks import UNIX_EPOCH, velocity_when_true, with_common_time, with_own_outages
 from jerkbench.io.files import FETCHED, FromFiles, named_folder
@@ -43,25 +44,7 @@ from jerkbench.io.frames import (
     swapped,
     turned_covariance,
 )
-from jerkbench.io.limits import MAX_LOCAL_M, UNDATED, off_earth, require_origin, undated
-from jerkbench.io.sanitiser import (
-    MODES,
-    MOST_MPS,
-    MOST_MPS2,
-    MOST_RADPS,
-    Ledger,
-    frozen_rows,
-    leaping_rows,
-    ordered,
-    report_gaps,
-    report_jumps,
-    sound_covariances,
-    unit_quaternions,
-    usual_delay_ns,
-    with_late_enough_stamps,
-    without_impossible,
-    without_no_fix,
-)
+from jerkbench.io.sanitiser import HELD, held_rows, leaping_rows, require_origin, unit_quaternions
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 BagFrame = Literal["geodetic", "ecef", "enu", "ned"]
@@ -83,7 +66,7 @@ _CHOICES = {
     "accel_unit": tuple(ACCEL_UNITS),
     "gyro_unit": tuple(GYRO_UNITS),
 }
-LENGTHS = dict.fromkeys(("mounting_deg", "lever_arm_m", "velocity_latency_s"), (3,))
+LENGTHS: dict[str, tuple[int, ...]] = dict.fromkeys(("mounting_deg", "lever_arm_m", "velocity_latency_s"), (3,))
 LENGTHS |= dict.fromkeys(("position_sigma_m", "velocity_sigma_mps"), (0, 3))
 
 
@@ -208,7 +191,7 @@ class BagDataset(FromFiles, BagOptions):
         rate = samples["angular_velocity"] * GYRO_UNITS[self.gyro_unit]
         raw[samples.topic] = samples.with_values(linear_acceleration=force, angular_velocity=rate)
         ledger = Ledger(self.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
-        clean = clean_topics(raw, plan, ledger, self)
+        clean = clean_topics(raw, plan, ledger, self.earliest_ns, bag_time=self.time_source == "bag")
         recording = with_common_time(_Assembly(self, plan, ledger, clean).recording(metadata), OTHER_CLOCK)
         parts = missing_parts(bag_files(self.path))
         notes = [*self.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
@@ -218,54 +201,6 @@ class BagDataset(FromFiles, BagOptions):
     def paths(self) -> tuple[Path, ...]:
         """Return the bag's files."""
         return content_files(self.path)
-
-
-def clean_topics(raw: dict[str, Messages], plan: TopicPlan, ledger: Ledger, options: BagOptions) -> dict[str, Messages]:
-    """Return the messages of each topic with good stamps and possible values; takes them out of ``raw``.
-
-    Raises:
-        RecordingError: nothing of a topic is left, or the mode is "refuse" and something is wrong.
-    """
-    earliest_ns = options.earliest_ns
-    delays = [delay for m in raw.values() if (delay := usual_delay_ns(m, earliest_ns)) is not None]
-    offset_ns = int(np.median(delays)) if delays else None
-    clean = {}
-    for topic in list(raw):
-        messages, label = raw.pop(topic), plan.label(topic)
-        if options.time_source == "bag":
-            messages = messages.stamped(messages.bag_ns)
-        else:
-            messages = with_late_enough_stamps(label, messages, ledger, earliest_ns, offset_ns)
-        messages = ledger.drop(label, messages, UNDATED, undated(messages.stamp_ns))
-        messages = ordered(label, _possible(label, messages, plan, ledger), ledger)
-        report_gaps(label, messages, ledger)
-        if len(messages) < 2:
-            findings = " ".join(str(f) for f in ledger.findings if f.stream == label) or "It has no more messages."
-            raise RecordingError(
-                f"{label}: {len(messages)} usable messages are left; at least 2 are needed. {findings}"
-            )
-        clean[topic] = messages
-    return clean
-
-
-def _possible(label: str, messages: Messages, plan: TopicPlan, ledger: Ledger) -> Messages:
-    if messages.msgtype == IMU and "imu" in plan.roles(messages.topic):
-        limits = [("linear_acceleration", MOST_MPS2), ("angular_velocity", MOST_RADPS)]
-        messages = without_impossible(label, messages, ledger, limits)
-        return ledger.drop(label, messages, "a frozen angular rate", frozen_rows(messages["angular_velocity"]))
-    if "latitude" in messages.values:
-        return without_no_fix(label, messages, ledger)
-    if "position" in messages.values:
-        messages = without_impossible(label, messages, ledger, [("position", MAX_LOCAL_M)])
-        unit = unit_quaternions(messages["orientation"])
-        if unit.any():  # otherwise the topic never has an orientation
-            messages = ledger.drop(label, messages, "an orientation that is no unit quaternion", ~unit)
-        if is_ecef(messages["position"]):
-            off = off_earth(messages["position"], "ecef")
-            messages = ledger.drop(label, messages, "an ECEF position that is not on Earth", off)
-    if "linear" in messages.values:
-        messages = without_impossible(label, messages, ledger, [("linear", MOST_MPS)])
-    return messages
 
 
 def frame_of(messages: Messages, stated: str) -> BagFrame:
@@ -382,6 +317,8 @@ class _Assembly:
         messages = messages.with_values(enu_m=in_enu(places, frame, origin_of(places[middle], frame)))
         leaps = leaping_rows(np.asarray(messages.stamp_ns * 1e-9), messages["enu_m"])
         messages = self.ledger.drop(label, messages, "a position that leaps out of its neighbours", leaps)
+        held = held_rows(places_of(messages))
+        messages = self.ledger.drop(label, messages, HELD, held)
         status = messages["status"][:, 0] if "status" in messages.values else None
         report_jumps(label, messages, self.ledger, "enu_m", status)
         if len(messages) < 2:

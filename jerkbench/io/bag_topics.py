@@ -23,7 +23,7 @@ from jerkbench.io.bag import (
     BagError,
     Topic,
 )
-from jerkbench.io.limits import UNDATED, require_origin, undated
+from jerkbench.io.sanitiser import UNDATED, require_origin, undated
 
 Role = Literal["imu", "position", "velocity", "heading", "reference"]
 ROLES: tuple[Role, ...] = get_args(Role)

@@ -12,14 +12,16 @@ import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
-from jerkbench.io.clocks import GPS_EPOCH_NS, WEEK_NS, calendar_ns
-from jerkbench.io.limits import MAX_DATE_NS, MIN_DATE_NS, require_size
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
+from jerkbench.io.rtklib import read_pos
+from jerkbench.io.sanitiser import MAX_DATE_NS, MIN_DATE_NS, require_size
 from jerkbench.io.text import LARGEST_NUMBER, TextFormat, is_number, read_lines, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
     import h5py
     import pandas as pd
+    import pyarrow as pa
 
 
 # A MATLAB file (version 5 to 7, or 7.3, which is HDF5) -> a table of its numeric vectors and
@@ -194,9 +196,9 @@ class Columns:
         entries = self._table.iloc[:, [self._place(name) for name in names]].notna()
         return np.asarray(entries.any(axis=1), dtype=np.bool_)
 
-    def only(self, rows: BoolArray) -> "Columns":
+    def only(self, rows: BoolArray | IntArray) -> "Columns":
         """Return the table with only ``rows``; they keep their numbers in errors."""
-        return Columns(self.where, self._table[rows], self.notes)
+        return Columns(self.where, self._table.iloc[rows], self.notes)
 
     def noted(self, notes: tuple[str, ...]) -> "Columns":
         """Return the table with ``notes`` beside those that it has."""
@@ -311,6 +313,9 @@ def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
     return t_ns + columns.stamps_ns(week, "week") if week else t_ns
 
 
+SOLUTION = ".pos"
+"""Ending of RTKLIB's solutions."""
+
 _MARKS = "_events.pos"
 
 
@@ -336,15 +341,20 @@ def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
     return paths
 
 
-def read_columns(paths: Sequence[Path], text: TextFormat) -> Columns:
+def read_columns(paths: Sequence[Path], text: TextFormat, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> Columns:
     """Read the files one after the other into one table.
+
+    Args:
+        paths: CSV, other text, Parquet, MATLAB, RTKLIB's .pos, or a receiver's own format.
+        text: the format of a text of columns.
+        gpst_minus_utc_s: leap seconds of the times in a .pos.
 
     Raises:
         RecordingError: a file is missing, empty, or no table; the files have different columns.
     """
     import pandas as pd
 
-    read = [_read(path, text) for path in paths]
+    read = [_read(path, text, gpst_minus_utc_s) for path in paths]
     tables, notes = [table for table, _ in read], tuple(note for _, remarks in read for note in remarks)
     for path, table in zip(paths, tables, strict=True):
         if len(table.columns) != len(tables[0].columns):
@@ -378,11 +388,12 @@ def read_datetimes_ns(path: Path) -> IntArray:
     return np.array(stamps, dtype=np.int64)
 
 
-def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]]:
-    import pandas as pd
+def _read(path: Path, text: TextFormat, gpst_minus_utc_s: float) -> tuple["pd.DataFrame", tuple[str, ...]]:
 
     if path.suffix == ".mat":
         return read_matlab(path), ()
+    if path.suffix == SOLUTION:
+        return read_pos(path, gpst_minus_utc_s)
     require_content(path)
     if reader := track_reader(path):
         return reader(path)
@@ -390,8 +401,7 @@ def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]
     try:
         if path.suffix != ".parquet":
             return read_text(path, text)
-        _require_parquet_size(path)
-        return pd.read_parquet(path), ()
+        return _read_parquet(path), ()
     except RecordingError:
         raise
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
@@ -399,10 +409,29 @@ def _read(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]
         raise RecordingError(f"{path} cannot be read as {kind} ({reason}); correct it.") from error
 
 
-def _require_parquet_size(path: Path) -> None:
-    from pyarrow.parquet import read_metadata
+def _read_parquet(path: Path) -> "pd.DataFrame":
+    """Return the flat columns; text stays coded by its dictionary, so that a small file cannot fill the memory."""
+    import pyarrow as pa
+    from pyarrow.parquet import ParquetFile
 
-    about = read_metadata(path)
+    file = ParquetFile(path)
+    about, schema = file.metadata, file.schema_arrow
     groups = [about.row_group(k) for k in range(about.num_row_groups)]
     parts = [group.column(k) for group in groups for k in range(group.num_columns)]
     require_size(path, sum(max(part.num_values, part.total_uncompressed_size // 8) for part in parts))
+    flat = [field.name for field in schema if _is_flat(field.type)]
+    text = [name for name in flat if pa.types.is_string(schema.field(name).type)]
+    batches, size = [], 0
+    for batch in ParquetFile(path, read_dictionary=text).iter_batches(columns=flat):
+        size += batch.nbytes
+        require_size(path, size // 8)
+        batches.append(batch)
+    table: pd.DataFrame = pa.Table.from_batches(batches, batches[0].schema if batches else schema).to_pandas()
+    return table
+
+
+def _is_flat(kind: "pa.DataType") -> bool:
+    from pyarrow import types
+
+    tests = (types.is_integer, types.is_floating, types.is_boolean, types.is_temporal, types.is_string)
+    return any(test(kind) for test in tests)

@@ -13,17 +13,27 @@ FRAMES = ("enu", "ned", "geodetic", "ecef")
 LOCAL_FRAMES = ("enu", "ned")
 """Those whose zero is not said: it may be anywhere on the Earth."""
 
-ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0))}
-"""Degrees in each unit of latitude and longitude."""
+ANGLE_UNITS = {"deg": 1.0, "rad": float(np.degrees(1.0)), "1e-7 deg": 1e-7, "ddmm": 1.0}
+"""Degrees in each unit of latitude and longitude; ddmm.mmmm is 100 times the degrees plus the minutes, as in NMEA."""
+
+HEIGHT_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
+SPEED_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "knots": 1852.0 / 3600.0, "cm/s": 0.01, "mm/s": 0.001}
+"""Metres, and metres per second, in each unit."""
 
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
 """Each is its own inverse."""
 
 
-def in_degrees(places: FloatArray, frame: str, unit: str) -> FloatArray:
-    """Return (n, 3) places, their latitude and longitude in degrees; those of other frames have none."""
-    return places * ([ANGLE_UNITS[unit]] * 2 + [1.0]) if frame == "geodetic" else places
+def in_degrees(places: FloatArray, frame: str, unit: str, height_unit: str = "m") -> FloatArray:
+    """Return (n, 3) places, their angles in degrees and heights in metres; those of other frames as they are."""
+    if frame != "geodetic":
+        return places
+    angles = places[:, :2] * ANGLE_UNITS[unit]
+    if unit == "ddmm":
+        degrees, minutes = np.divmod(np.abs(angles), 100.0)
+        angles = np.copysign(degrees + minutes / 60.0, angles)
+    return np.column_stack([angles, places[:, 2] * HEIGHT_UNITS[height_unit]])
 
 
 def origin_of(values: FloatArray, frame: str) -> Origin | None:
@@ -154,7 +164,18 @@ def imu_in_body(t_s: FloatArray, accel: FloatArray, gyro: FloatArray, units: tup
     return Imu(t_s, accel * ACCEL_UNITS[accel_unit] @ turn.T, gyro * GYRO_UNITS[gyro_unit] @ turn.T)
 
 
-# The direction of gravity, as the accelerometer feels it.
+UPRIGHT_SHARE = 0.9
+"""Gravity is on an axis where this part of it and more is."""
+
+UPRIGHT = {
+    "+z": ("x", "y", "z"),
+    "-z": ("x", "-y", "-z"),
+    "+x": ("y", "z", "x"),
+    "-x": ("z", "y", "-x"),
+    "+y": ("z", "x", "y"),
+    "-y": ("x", "z", "-y"),
+}
+"""A right-handed body for each axis that gravity is felt on; which way is forward has to be measured."""
 
 
 def felt_axis(accel_mps2: FloatArray) -> str:
@@ -162,6 +183,12 @@ def felt_axis(accel_mps2: FloatArray) -> str:
     force = np.median(accel_mps2, axis=0)
     axis = int(np.argmax(np.abs(force)))
     return f"{'+' if force[axis] > 0 else '-'}{'xyz'[axis]}"
+
+
+def gravity_share(accel_mps2: FloatArray) -> tuple[str, float]:
+    """Return the axis on which gravity is felt most, and which part of it (the cosine of the angle)."""
+    force = np.abs(np.median(accel_mps2, axis=0))
+    return felt_axis(accel_mps2), float(force.max() / np.linalg.norm(force)) if force.any() else 0.0
 
 
 def gravity_notes(accel_mps2: FloatArray, parameter: str) -> tuple[str, ...]:

@@ -1,21 +1,18 @@
-"""A solution of RTKLIB (.pos): its header, its rows in ENU order, several files as one; and the logs beside it."""
+"""A solution of RTKLIB (.pos) as a table in ENU, and the logs that RTKLIB writes with it."""
 
 import re
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
-from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_to_geodetic, geodetic_to_enu
+from jerkbench.geometry import ecef_to_geodetic, ecef_to_origin, enu_axes, enu_to_geodetic
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
-from jerkbench.io.frames import axes_to_judge, turned_covariance
-from jerkbench.io.limits import possible_rows
-from jerkbench.io.sanitiser import steady_rows
+from jerkbench.io.sanitiser import possible_rows
 from jerkbench.io.text import (
     Line,
     cut_note,
@@ -25,7 +22,10 @@ from jerkbench.io.text import (
     require_increasing,
     whole_lines,
 )
-from jerkbench.recording import Origin, Position
+from jerkbench.recording import Origin
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # The header of a .pos file: the options that RTKLIB wrote with, and its columns.
 
@@ -126,85 +126,26 @@ _SEPARATORS = str.maketrans(",;\t", "   ")
 _WEEK, _TIME_OF_WEEK = re.compile(r"\d{1,4}", re.ASCII), re.compile(r"\d{1,6}(\.\d{1,12})?", re.ASCII)
 _JST_NS = 9 * 3600 * 1_000_000_000
 _ENU_FROM = {"neu": [1, 0, 2], "enu": [0, 1, 2], "xyz": [0, 1, 2]}
-"""The places of east, north, up among the file's axes; x, y, z are turned afterwards."""
+"""The rows of the file's axes that are east, north, up; x, y, z are turned by the place."""
 
 
-@dataclass(frozen=True, eq=False)
-class PosSolution:
-    """The content of a .pos file, at its own stamps.
+POS_PLACE = ("latitude", "longitude", "height")
+POS_VELOCITY = ("ve", "vn", "vu")
+_PAIRS = ("ee", "nn", "uu", "en", "eu", "nu")
+POS_COVARIANCE = tuple(f"c{pair}" for pair in _PAIRS)
+POS_VELOCITY_COVARIANCE = tuple(f"cv{pair}" for pair in _PAIRS)
+"""The columns of a solution: degrees and metres; the covariances are of east, north and up."""
 
-    Attributes:
-        gpst_ns: (m,) stamps, nanoseconds of the GPST calendar since 1970.
-        latitude_deg: (m,).
-        longitude_deg: (m,).
-        height_m: (m,) above whatever datum the receiver used.
-        quality: (m,) 1 fixed, 2 float, 4 differential, 5 single.
-        covariance_m2: (m, 3, 3) of the position, ENU.
-        velocity_enu_mps: (m, 3), or None where the file has none.
-        velocity_covariance_m2ps2: (m, 3, 3), ENU, or None.
-        axes_at: of a file in ECEF, where the vectors' east, north and up are: the first fix; None: at each fix.
-        ellipsoidal: whether the header says that heights are above the ellipsoid; None: it does not say.
-        notes: what was dropped, in sentences.
-    """
-
-    gpst_ns: IntArray
-    latitude_deg: FloatArray
-    longitude_deg: FloatArray
-    height_m: FloatArray
-    quality: IntArray
-    covariance_m2: FloatArray
-    velocity_enu_mps: FloatArray | None
-    velocity_covariance_m2ps2: FloatArray | None
-    axes_at: Origin | None = None
-    ellipsoidal: bool | None = None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def first(self) -> Origin:
-        """The place of the first fix."""
-        return Origin(*(float(v[0]) for v in (self.latitude_deg, self.longitude_deg, self.height_m)))
-
-    @property
-    def speed_mps(self) -> FloatArray | None:
-        """Speed over ground (m,), or None where the file has no velocities."""
-        return None if self.velocity_enu_mps is None else np.hypot(*self.velocity_enu_mps[:, :2].T)
-
-    def position(self, t_s: FloatArray, origin: Origin | None = None) -> tuple[Position, Origin]:
-        """Return the fixes at the times ``t_s`` (m,), and the origin of their ENU: ``origin``, or the first one."""
-        origin = origin or self.first
-        return Position(t_s, self.enu_m(origin), self.covariance_m2), origin
-
-    def enu_m(self, origin: Origin) -> FloatArray:
-        """Return the places (m, 3) in ENU."""
-        return geodetic_to_enu(self.latitude_deg, self.longitude_deg, self.height_m, origin)
-
-    def select(self, rows: BoolArray) -> "PosSolution":
-        """Return the solution with only the ``rows`` (m,) that are True; ``axes_at`` is the first of these."""
-        names = [name for name, values in vars(self).items() if isinstance(values, np.ndarray)]
-        chosen: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
-        kept = replace(self, **chosen)
-        return kept.with_axes_at(kept.first) if rows.any() else kept
-
-    def with_axes_at(self, place: Origin) -> "PosSolution":
-        """Return the solution with its vectors along east, north and up at ``place``; as it is where they have none."""
-        if self.axes_at in (None, place):
-            return self
-        turn = enu_axes(place) @ enu_axes(self.axes_at).T
-        velocity, covariance = self.velocity_enu_mps, self.velocity_covariance_m2ps2
-        return replace(
-            self,
-            covariance_m2=turned_covariance(turn, self.covariance_m2),
-            velocity_enu_mps=None if velocity is None else velocity @ turn.T,
-            velocity_covariance_m2ps2=None if covariance is None else turned_covariance(turn, covariance),
-            axes_at=place,
-        )
+POS_QUALITY = "quality"
 
 
-def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> PosSolution:
-    """Read a .pos file, whatever RTKLIB was told to write.
+def read_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Read a .pos file in any format that RTKLIB writes; return the table, and notes on what was dropped.
 
     Times in GPST, UTC or JST, as dates or as week and time of week; places in degrees, in degrees, minutes and seconds,
-    in ECEF, or as a baseline from a base whose place the header gives; velocities or none; any separator.
+    in ECEF, or as a baseline from a base whose place the header gives; velocities or none; any separator. The table has
+    the columns t (UTC), `POS_PLACE`, `POS_QUALITY`, `POS_COVARIANCE`, and, where the file has velocities,
+    `POS_VELOCITY` and `POS_VELOCITY_COVARIANCE`, all in ENU at each fix.
 
     A last line that was cut off is dropped. RTKLIB writes each covariance as the root of its absolute value with its
     sign: c = sd |sd|.
@@ -214,6 +155,8 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
     Raises:
         RecordingError: no such file, empty, another header, or a line that is damaged; names file and line.
     """
+    import pandas as pd
+
     lines = [(number, text.translate(_SEPARATORS)) for number, text in read_lines(path)]
     header = read_header(path, [line for line in lines if line[1].startswith("%")])
     rows, notes = whole_lines(path, [line for line in lines if not line[1].startswith("%")])
@@ -222,30 +165,25 @@ def read_rtklib_pos(path: Path, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> P
     leap_ns = round(gpst_minus_utc_s * 1e9)
     gpst_ns = np.array([_gpst_ns(path, n, fields[:2], header.clock, leap_ns) for n, fields in split], dtype=np.int64)
     require_increasing(path, rows, gpst_ns, "the time")
-    places, turn = _places(path, header, numbers)
+    places, turns = _places(path, header, numbers)
+    possible, impossible = possible_rows(path.name, places=places, utc_ns=gpst_ns - leap_ns)
+    numbers, turns = numbers[possible], turns[possible]
+    columns = {"t": pd.to_datetime(gpst_ns[possible] - leap_ns, utc=True)}
+    columns |= dict(zip(POS_PLACE, places[possible].T, strict=True)) | {POS_QUALITY: numbers[:, header.columns["Q"]]}
+    deviations = header.named(*(f"sd{letters}(m)" for letters in header.crossed))
+    columns |= dict(zip(POS_COVARIANCE, _covariance(numbers[:, deviations], turns), strict=True))
     velocity = header.named(*(f"v{axis}(m/s)" for axis in header.axes))
     deviations = header.named(*(f"sdv{letters}" for letters in header.crossed))
-    mps = spread = None
     if velocity and deviations:
-        mps = numbers[:, velocity][:, _ENU_FROM[header.axes]] @ turn.T
-        spread = _covariance(numbers[:, deviations], header.axes, turn)
-    ecef = header.frame == "ecef"
-    solution = PosSolution(
-        gpst_ns=gpst_ns,
-        latitude_deg=places[:, 0],
-        longitude_deg=places[:, 1],
-        height_m=places[:, 2],
-        quality=numbers[:, header.columns["Q"]].astype(np.int64),
-        covariance_m2=_covariance(
-            numbers[:, header.named(*(f"sd{letters}(m)" for letters in header.crossed))], header.axes, turn
-        ),
-        velocity_enu_mps=mps,
-        velocity_covariance_m2ps2=spread,
-        axes_at=ecef_to_origin(numbers[0, _columns(header)]) if ecef else None,
-        ellipsoidal=True if ecef else header.ellipsoidal,
-    )
-    possible, impossible = possible_rows(path.name, places=places, utc_ns=gpst_ns - leap_ns)
-    return replace(solution.select(possible), notes=(*notes, *impossible))
+        mps = np.einsum("nij,nj->ni", turns, numbers[:, velocity])
+        columns |= dict(zip(POS_VELOCITY, mps.T, strict=True))
+        columns |= dict(zip(POS_VELOCITY_COVARIANCE, _covariance(numbers[:, deviations], turns), strict=True))
+    return pd.DataFrame(columns), (*notes, *impossible)
+
+
+def is_ellipsoidal(path: Path) -> bool | None:
+    """Return whether the header says that heights are above the ellipsoid; None: it does not say."""
+    return read_header(path, [line for line in read_lines(path) if line[1].startswith("%")]).ellipsoidal
 
 
 def _columns(header: PosHeader) -> list[int]:
@@ -255,22 +193,23 @@ def _columns(header: PosHeader) -> list[int]:
 
 
 def _places(path: Path, header: PosHeader, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Latitude and longitude [deg] and height [m] (m, 3), and what turns the file's vectors (3, 3) into ENU."""
+    """Latitude and longitude [deg] and height [m] (m, 3), and what turns the file's vectors into ENU (m, 3, 3)."""
     columns = _columns(header)
     position = numbers[:, columns]
+    turns = np.tile(np.eye(3)[_ENU_FROM[header.axes]], (len(numbers), 1, 1))
     if header.frame == "dms":
-        angles = [_degrees(numbers[:, begin : begin + 3]) for begin in columns[:2]]
-        return np.column_stack([*angles, position[:, 2]]), np.eye(3)
+        angles = [_degrees(numbers[:, first : first + 3]) for first in columns[:2]]
+        return np.column_stack([*angles, position[:, 2]]), turns
     if header.frame == "ecef":
-        return ecef_to_geodetic(position), enu_axes(ecef_to_origin(position[0]))
+        return ecef_to_geodetic(position), np.array([enu_axes(ecef_to_origin(place)) for place in position])
     if header.frame == "baseline":
         if len(header.reference) != 3:
             raise RecordingError(
                 f"{path} has baselines, and its header does not say from where (% ref pos : latitude longitude height);"
                 " let RTKLIB write degrees or ECEF."
             )
-        return enu_to_geodetic(position, Origin(*header.reference)), np.eye(3)
-    return position, np.eye(3)
+        return enu_to_geodetic(position, Origin(*header.reference)), turns
+    return position, turns
 
 
 def _degrees(dms: FloatArray) -> FloatArray:
@@ -293,81 +232,11 @@ def _gpst_ns(path: Path, number: int, fields: list[str], clock: str, leap_ns: in
     return stamp_ns + {"GPST": 0, "UTC": leap_ns, "JST": leap_ns - _JST_NS}[clock]
 
 
-def _covariance(sd: FloatArray, axes: str, turn: FloatArray) -> FloatArray:
-    """(m, 6) a, b, c, ab, bc, ca -> (m, 3, 3) in ENU."""
+def _covariance(sd: FloatArray, turns: FloatArray) -> FloatArray:
+    """(m, 6) a, b, c, ab, bc, ca in the file's axes -> (6, m) in the order of `POS_COVARIANCE`."""
     a, b, c, ab, bc, ca = (sd * np.abs(sd)).T
-    matrices = np.stack([a, ab, ca, ab, b, bc, ca, bc, c], axis=1).reshape(-1, 3, 3)
-    order = _ENU_FROM[axes]
-    return np.asarray(turn @ matrices[:, order][:, :, order] @ turn.T)
-
-
-# Which fixes of a solution are used.
-
-
-def accepted_fixes(fixes: PosSolution, qualities: tuple[float, ...], path: Path) -> PosSolution:
-    """Return the solution with only the fixes whose Q is one of ``qualities``.
-
-    Raises:
-        RecordingError: there is none; says which Q the file ``path`` has.
-    """
-    rows = np.isin(fixes.quality, qualities)
-    if not rows.any():
-        qualities_text = ", ".join(str(q) for q in np.unique(fixes.quality))
-        raise RecordingError(
-            f"{path} has no fix with Q in {qualities}; there is Q {qualities_text}: add it to accepted_quality."
-        )
-    return fixes.select(rows)
-
-
-def steady_fixes(fixes: PosSolution) -> tuple[PosSolution, tuple[str, ...]]:
-    """Return the solution without fixes that leap, and a note that counts them, or none.
-
-    Raises:
-        RecordingError: all of them leap.
-    """
-    t_s = np.asarray((fixes.gpst_ns - fixes.gpst_ns[0]) * 1e-9, dtype=np.float64)
-    places = np.column_stack([fixes.latitude_deg, fixes.longitude_deg, fixes.height_m])
-    steady, notes = steady_rows(t_s, axes_to_judge(places, "geodetic"))
-    return fixes.select(steady), notes
-
-
-# Several .pos files of one drive, one after the other -> one solution.
-
-
-def read_pos_files(paths: Sequence[Path], gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> PosSolution:
-    """Read the files one after the other into one solution.
-
-    Raises:
-        RecordingError: a file is missing or damaged, begins before the one before it ends, or is alone with velocities.
-    """
-    solutions = [read_rtklib_pos(path, gpst_minus_utc_s) for path in paths]
-    for k in range(1, len(paths)):
-        if solutions[k].gpst_ns[0] <= solutions[k - 1].gpst_ns[-1]:
-            raise RecordingError(
-                f"{paths[k]} begins before {paths[k - 1]} ends, and files that fit a pattern are read one after the"
-                " other, by their names; name one of them, or remove or rename the odd one."
-            )
-    for content, present in (
-        ("velocities", [solution.velocity_enu_mps is not None for solution in solutions]),
-        ("ECEF", [solution.axes_at is not None for solution in solutions]),
-    ):
-        if any(present) and not all(present):
-            has, lacks = paths[present.index(True)], paths[present.index(False)]
-            raise RecordingError(
-                f"{has} has {content}, {lacks} has none: they cannot be read one after the other; let RTKLIB write both"
-                " alike, or name one of them."
-            )
-    return _joined(solutions) if len(solutions) > 1 else solutions[0]
-
-
-def _joined(solutions: Sequence[PosSolution]) -> PosSolution:
-    """The rows of all, vectors of ECEF along the axes at the first fix of the first."""
-    first = solutions[0]
-    alike = [vars(s if s.axes_at is None else s.with_axes_at(first.first)) for s in solutions]
-    names = [name for name, values in vars(first).items() if isinstance(values, np.ndarray)]
-    whole: dict[str, Any] = {name: np.concatenate([values[name] for values in alike]) for name in names}
-    notes = tuple(note for solution in solutions for note in solution.notes)
-    return replace(first, **whole, axes_at=None if first.axes_at is None else first.first, notes=notes)
+    matrices = turns @ np.stack([a, ab, ca, ab, b, bc, ca, bc, c], axis=1).reshape(-1, 3, 3) @ turns.transpose(0, 2, 1)
+    return np.asarray(matrices[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].T)
 
 
 # The time tag that RTKLIB writes beside a stream (.tag): when the stream began and how long it

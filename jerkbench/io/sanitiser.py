@@ -1,281 +1,217 @@
-"""Faults of recorded messages: counted, reported, and dropped, repaired or refused.
+"""Impossible measurements in arrays from any reader: places, dates, stamps, repeated values, and sizes of files."""
 
-Each check takes `Messages` and a `Ledger` and returns the messages that are left. With the mode "repair" what can be
-mended is mended and the rest dropped, with "drop" everything wrong is dropped, with "refuse" it is an error.
-"""
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
-from jerkbench.errors import RecordingError, require_known
-from jerkbench.io.bag import Messages
-from jerkbench.io.limits import off_earth
+from jerkbench.errors import PluginError, RecordingError
+from jerkbench.geometry import ecef_to_geodetic
 from jerkbench.io.text import require_possible
 from jerkbench.recording import Imu
 
-MODES = ("drop", "refuse", "repair")
-DROPPED = "dropped"
-KEPT = "kept"
+MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 360.0
+MIN_HEIGHT_M, MAX_HEIGHT_M = -1000.0, 20_000.0
+MAX_LOCAL_M = 1e8
+"""No local or UTM coordinate is larger."""
 
+MIN_DATE_NS, MAX_DATE_NS = (int(np.datetime64(year, "ns").astype(np.int64)) for year in ("1980", "2100"))
+"""The dates of recordings, in nanoseconds since 1970."""
 
-@dataclass(frozen=True)
-class Finding:
-    """One kind of trouble in one stream.
+NO_FIX = "a place of zeros (no fix)"
+OFF_EARTH = (
+    f"a place that is not on Earth (latitude within {MAX_LATITUDE_DEG:g} deg, longitude within"
+    f" {MAX_LONGITUDE_DEG:g} deg, height {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m)"
+)
+HELD = "the values of the row before, held until the next measurement"
+UNDATED = "a date that is not between 1980 and 2100"
 
-    Attributes:
-        stream: its name.
-        fault: what is wrong with the rows, after "rows with".
-        count: how many rows.
-        of: of how many.
-        done: what became of them.
-        first_s: time of the first of them since the first message of the bag, by the recording computer's clock.
-    """
+MOST_MPS2, MOST_RADPS, MOST_MPS = 1000.0, 100.0, 200.0
+"""Larger values are damage: 100 g, 5700 deg/s, 720 km/h."""
 
-    stream: str
-    fault: str
-    count: int
-    of: int
-    done: str
-    first_s: float
-
-    @property
-    def trouble(self) -> str:
-        """What was wrong."""
-        rows = f"{self.count} of {self.of} rows with {self.fault}"
-        return f"{self.stream}: {rows}, the first {self.first_s:.2f} s into the bag"
-
-    def __str__(self) -> str:
-        """Return the finding as a sentence."""
-        return f"{self.trouble}: {self.done}."
-
-
-class Ledger:
-    """Collects findings; in the mode "refuse" the first one is an error."""
-
-    def __init__(self, mode: str, start_ns: int) -> None:
-        """Begin an empty report.
-
-        Args:
-            mode: one of `MODES`.
-            start_ns: when the bag begins, by the recording computer's clock.
-
-        Raises:
-            PluginError: no such mode.
-        """
-        require_known("sanitise mode", mode, MODES)
-        self.mode, self.start_ns = mode, start_ns
-        self.findings: list[Finding] = []
-
-    @property
-    def repairs(self) -> bool:
-        """Whether what can be mended is to be mended."""
-        return self.mode == "repair"
-
-    def add(self, stream: str, fault: str, rows: BoolArray, bag_ns: IntArray, done: str) -> None:
-        """Note that ``rows`` (n,), recorded at ``bag_ns`` (n,), have the ``fault``, if any has.
-
-        Raises:
-            RecordingError: any has, and the mode is "refuse".
-        """
-        count = int(np.count_nonzero(rows))
-        if not count:
-            return
-        first_s = (int(bag_ns[int(np.argmax(rows))]) - self.start_ns) * 1e-9
-        finding = Finding(stream, fault, count, len(rows), done, first_s)
-        if self.mode == "refuse":
-            raise RecordingError(f"{finding.trouble}; choose sanitise=repair or sanitise=drop to go on without them.")
-        self.findings.append(finding)
-
-    def drop(self, stream: str, messages: Messages, fault: str, rows: BoolArray) -> Messages:
-        """Note that ``rows`` (n,) have the ``fault``, and return the messages without them."""
-        self.add(stream, fault, rows, messages.bag_ns, DROPPED)
-        return messages.rows(~rows) if rows.any() else messages
-
-
-# Impossible stamps: before there was such a recording, repeated, backwards, far from when they were
-# recorded.
-
-LATE_NS = 1_000_000_000
-"""A message that is older than the one before it by less came late; by more, a clock was set back."""
-
-FAR_NS = 10_000_000_000
-"""A stamp that differs from the time of recording by so much more than usual is damaged."""
-
-_FEW = 0.1
-"""If more than this part of the stamps is far off, it is the recording computer's clock that does not fit."""
-
-_GAP = 2.5
-"""A step of more than so many usual intervals is a gap."""
-
-
-def with_late_enough_stamps(
-    stream: str, messages: Messages, ledger: Ledger, earliest_ns: int, offset_ns: int | None
-) -> Messages:
-    """Repair or drop stamps before ``earliest_ns``.
-
-    A repaired stamp is the time of recording less the usual delay: that of this stream's good stamps, else
-    ``offset_ns`` (another stream's), else none.
-    """
-    early = messages.stamp_ns < earliest_ns
-    fault = f"a stamp before {np.datetime64(earliest_ns, 'ns').astype('datetime64[D]')}"
-    if not ledger.repairs:
-        return ledger.drop(stream, messages, fault, early)
-    own = usual_delay_ns(messages, earliest_ns)
-    delay = (offset_ns or 0) if own is None else own
-    done = f"replaced by the time of recording less {delay * 1e-9:.3f} s"
-    ledger.add(stream, fault, early, messages.bag_ns, done)
-    return messages.stamped(np.where(early, messages.bag_ns - delay, messages.stamp_ns))
-
-
-def usual_delay_ns(messages: Messages, earliest_ns: int) -> int | None:
-    """Median of the time of recording less the stamp, over the stamps that can be; None where there is none."""
-    good = messages.stamp_ns >= earliest_ns
-    return int(np.median((messages.bag_ns - messages.stamp_ns)[good])) if good.any() else None
-
-
-def ordered(stream: str, messages: Messages, ledger: Ledger) -> Messages:
-    """Return messages whose stamps increase: without repeated, far and backward ones; late ones sorted in."""
-    messages = ledger.drop(stream, messages, "the stamp of the row before", _repeated(messages.stamp_ns))
-    messages = _near(stream, messages, ledger)
-    backwards = messages.stamp_ns < _highest_before(messages.stamp_ns)
-    if ledger.repairs:
-        late = backwards & (messages.stamp_ns > _highest_before(messages.stamp_ns) - LATE_NS)
-        ledger.add(stream, "a stamp older than an earlier row's", late, messages.bag_ns, "sorted in")
-        messages = ledger.drop(stream, messages, "a stamp that was set back by seconds", backwards & ~late)
-        messages = messages.rows(np.argsort(messages.stamp_ns, kind="stable"))
-        return ledger.drop(stream, messages, "the stamp of another row", _repeated(messages.stamp_ns))
-    stale = messages.stamp_ns <= _highest_before(messages.stamp_ns)
-    return ledger.drop(stream, messages, "a stamp not newer than an earlier row's", stale)
-
-
-def report_gaps(stream: str, messages: Messages, ledger: Ledger) -> None:
-    """Count the steps of ordered stamps that are longer than usual."""
-    if len(messages) > 2:
-        steps = np.diff(messages.stamp_ns)
-        wide = np.concatenate([[False], steps > _GAP * np.median(steps)])
-        longest = steps.max() * 1e-9
-        ledger.add(stream, f"a gap before them, up to {longest:.2f} s", wide, messages.bag_ns, KEPT)
-
-
-def _near(stream: str, messages: Messages, ledger: Ledger) -> Messages:
-    if not len(messages):
-        return messages
-    delay = messages.bag_ns - messages.stamp_ns
-    far = np.abs(delay - np.median(delay).astype(np.int64)) > FAR_NS
-    fault = "a stamp far from the time of recording"
-    if far.mean() > _FEW:
-        ledger.add(stream, f"{fault}, whose clock ran otherwise", far, messages.bag_ns, KEPT)
-        return messages
-    return ledger.drop(stream, messages, fault, far)
-
-
-def _repeated(stamp_ns: IntArray) -> BoolArray:
-    return np.concatenate([[False], np.diff(stamp_ns) == 0])[: len(stamp_ns)]
-
-
-def _highest_before(stamp_ns: IntArray) -> IntArray:
-    """(n,) highest of all stamps before each; of the first, one less than itself."""
-    if not len(stamp_ns):
-        return stamp_ns
-    return np.concatenate([[stamp_ns[0] - 1], np.maximum.accumulate(stamp_ns)[:-1]])
-
-
-# Unusable covariances: NaN, zero, or not positive definite.
-
-_ROUNDING = 1e-6
-"""A covariance that is asymmetric by less, relatively, was rounded on its way."""
-
-SMALLEST = 1e-14
-"""A smaller variance (0.1 micrometres) is a placeholder."""
-
-
-def sound_covariances(
-    stream: str, messages: Messages, ledger: Ledger, field: str, sigma: Sequence[float], parameter: str
-) -> Messages:
-    """Symmetrise the covariances (n, 9) of ``field``; replace or drop those that are none.
-
-    In the mode "repair" such a row gets ``sigma`` squared on its diagonal, or, where that is empty, the covariance of
-    the stream's median trace; with "drop" it is dropped, unless ``sigma`` is given and no row has a covariance.
-
-    Raises:
-        RecordingError: no row has a covariance, and ``sigma`` is empty; names ``parameter``, which gives it.
-    """
-    matrices = messages[field].reshape(-1, 3, 3)
-    whole = 0.5 * (matrices + matrices.transpose(0, 2, 1))
-    good = _is_covariance(matrices, whole)
-    if not good.any() and len(messages) and not sigma:
-        raise RecordingError(
-            f"{stream}: none of the {len(messages)} rows has a covariance (zero, NaN or not positive definite);"
-            f" give {parameter}: three standard deviations."
-        )
-    messages = messages.with_values(**{field: whole.reshape(-1, 9)})
-    fault = f"a {field.replace('_', ' ')} that is zero, NaN or not positive definite"
-    if good.all() or (good.any() and not ledger.repairs):
-        return ledger.drop(stream, messages, fault, ~good)
-    replacement, done = np.diag(np.square(sigma)), "replaced by sigmas of " + ", ".join(f"{s:g}" for s in sigma)
-    if not sigma:
-        traces = np.trace(whole[good], axis1=1, axis2=2)
-        replacement = whole[good][np.argsort(traces)[len(traces) // 2]]
-        done = "replaced by the stream's median covariance"
-    ledger.add(stream, fault, ~good, messages.bag_ns, done)
-    return messages.with_values(**{field: np.where(good[:, None], messages[field], replacement.ravel())})
-
-
-def _is_covariance(matrices: FloatArray, whole: FloatArray) -> BoolArray:
-    finite: BoolArray = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    usable = np.where(finite[:, None, None], whole, 0.0)
-    size = np.abs(usable).max(axis=(1, 2), initial=0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        skew = np.abs(matrices - whole).max(axis=(1, 2), initial=0)
-        symmetric = finite & (skew <= _ROUNDING * size)
-    bounded = size < 1e12  # a receiver without a fix writes 1e20 or so
-    lowest = np.linalg.eigvalsh(np.where((symmetric & bounded)[:, None, None], usable, 0.0))[:, 0]
-    return np.asarray(symmetric & bounded & (lowest > SMALLEST))
-
-
-# Impossible values: not a number, beyond anything that moves on the ground, frozen.
-
-MOST_MPS2 = 1000.0
-MOST_RADPS = 100.0
-MOST_MPS = 200.0
-"""Beyond these a value is damage: 100 g, 5700 deg/s, 720 km/h."""
+MAX_DAMAGED = 0.1
+"""If a larger part of the values is too large, they are in another unit and not damaged."""
 
 FROZEN_ROWS = 10
-"""An angular rate that is the same so often in a row is not measured: noise alone would move the last digit."""
+"""An angular rate that is the same so often in a row is not measured: noise alone would change the last digit."""
 
 REPEATED = 0.05
-"""A part of repeated samples that is larger is said: the logger asks more often than the sensor measures."""
+"""A larger part of repeated samples is reported: the logger asks more often than the sensor measures."""
 
 UNIT_WITHIN = 0.02
 """The largest difference of a unit quaternion's length from 1."""
 
+LEAP_M, LEAP_MPS = 50.0, 100.0
+"""A fix that is further from the median of its neighbours than this, plus this per second, is damage."""
 
-def without_impossible(
-    stream: str, messages: Messages, ledger: Ledger, limits: Sequence[tuple[str, float]]
-) -> Messages:
-    """Drop rows in which a field is no finite number, or its length is above its limit."""
-    for field, most in limits:
-        finite: BoolArray = np.asarray(np.isfinite(messages[field]).all(axis=1))
-        words = {"linear": "linear velocity"}.get(field, field.replace("_", " "))
-        messages = ledger.drop(stream, messages, f"a NaN or infinite {words}", ~finite)
-        with np.errstate(over="ignore"):
-            over = np.linalg.norm(messages[field], axis=1) > most
-        messages = ledger.drop(stream, messages, f"an impossible {words}, above {most:g}", over)
-    return messages
+IMU_GAP_S = 0.2
+"""A longer step between two samples of the IMU is reported: in it a vehicle turns and brakes."""
+
+MIN_HELD_RUNS, HELD_WITHIN = 10, 0.2
+"""So many runs of equal values, half of them of the same length within this part, show that a logger holds a value."""
+
+LATE_NS = 1_000_000_000
+"""A row that is older than the one before by less came late; by more, a clock was set back."""
+
+MAX_NUMBERS, MAX_RATIO = 16_000_000, 20
+"""The numbers (of 8 bytes) that any file may hold, and the bytes of numbers for each byte of a larger file: measured
+values can hardly be compressed, and a file of two kilobytes can promise gigabytes."""
 
 
-def possible_imu(where: str, imu: Imu) -> Imu:
-    """Return the samples, of which none is beyond what an IMU measures.
+def require_size(path: Path, numbers: int) -> None:
+    """Check, before memory is allocated, how many numbers a file promises.
 
     Raises:
-        RecordingError: one is, by damage or by a wrong unit; names ``where`` and the row.
+        RecordingError: they are far more than a file of this size can hold.
     """
-    require_possible(f"{where}, specific force", imu.accel_mps2, MOST_MPS2)
-    require_possible(f"{where}, angular rate", imu.gyro_radps, MOST_RADPS)
-    return imu
+    size = path.stat().st_size
+    if numbers > max(MAX_NUMBERS, MAX_RATIO * size // 8):
+        raise RecordingError(
+            f"{path} has {size} bytes and promises {numbers:.3g} numbers, which need {numbers / 1.25e8:.3g} GB: it is"
+            " damaged, or its arrays are empty; write only the measured rows."
+        )
+
+
+def require_origin(owner: str, origin: tuple[float, ...]) -> None:
+    """Raise a PluginError unless there is no origin, or one on Earth."""
+    given, parts = f"{owner}: origin is {origin}", "give latitude [deg], longitude [deg] and height [m]"
+    if len(origin) not in (0, 3):
+        raise PluginError(f"{given}; {parts}, or none.")
+    if origin and (np.isnan(origin).any() or off_earth(np.array([origin]), "geodetic").any()):
+        raise PluginError(f"{given}, which is not on Earth; {parts}, in this order.")
+
+
+def off_earth(places: FloatArray, frame: str) -> BoolArray:
+    """Return (n,) which places (n, 3) are impossible; a coordinate that is NaN was not measured.
+
+    Args:
+        places: latitude, longitude [deg] and height [m] in the frame "geodetic"; ECEF; or local coordinates [m].
+        frame: of the places.
+    """
+    if frame not in ("geodetic", "ecef"):
+        return np.asarray((np.abs(places) > MAX_LOCAL_M).any(axis=1))
+    with np.errstate(all="ignore"):
+        latitude, longitude, height = (ecef_to_geodetic(places) if frame == "ecef" else places).T
+        bad = (np.abs(latitude) > MAX_LATITUDE_DEG) | (np.abs(longitude) > MAX_LONGITUDE_DEG)
+    return np.asarray(bad | (height < MIN_HEIGHT_M) | (height > MAX_HEIGHT_M))
+
+
+def without_fix(places: FloatArray, frame: str) -> BoolArray:
+    """Return (n,) which places (n, 3) on the Earth are zeros that a logger wrote without a fix."""
+    axes = {"geodetic": 2, "ecef": 3}.get(frame)
+    return np.zeros(len(places), dtype=np.bool_) if axes is None else np.asarray((places[:, :axes] == 0).all(axis=1))
+
+
+def undated(utc_ns: npt.ArrayLike) -> BoolArray:
+    """Return (n,) which UTC times, in nanoseconds since 1970, are impossible."""
+    return ~((np.asarray(utc_ns) >= MIN_DATE_NS) & (np.asarray(utc_ns) < MAX_DATE_NS))
+
+
+def possible_rows(
+    where: str,
+    *,
+    places: FloatArray | None = None,
+    frame: str = "geodetic",
+    utc_ns: npt.ArrayLike | None = None,
+) -> tuple[BoolArray, tuple[str, ...]]:
+    """Return (n,) which rows are possible, and a note for each fault that counts the others.
+
+    Args:
+        where: the file.
+        places: (n, 3) as `off_earth` takes them.
+        frame: of the places.
+        utc_ns: (n,) as `undated` takes them.
+
+    Raises:
+        RecordingError: no row is possible.
+    """
+    faults = {} if places is None else {NO_FIX: without_fix(places, frame), OFF_EARTH: off_earth(places, frame)}
+    faults |= {} if utc_ns is None else {UNDATED: undated(utc_ns)}
+    bad = np.logical_or.reduce(list(faults.values()))
+    if len(bad) and bad.all():
+        worst = max(faults, key=lambda fault: faults[fault].sum())
+        raise RecordingError(f"{where}: all {len(bad)} rows have {worst}; check the columns, their units and frame.")
+    return ~bad, drop_notes(where, faults)
+
+
+def drop_notes(where: str, faults: Mapping[str, BoolArray]) -> tuple[str, ...]:
+    """Return a note for each fault that some rows have."""
+    counts = {fault: (int(rows.sum()), len(rows)) for fault, rows in faults.items()}
+    return tuple(
+        f"{where}: {count} of {n} rows have {fault}: dropped." for fault, (count, n) in counts.items() if count
+    )
+
+
+def ordered_rows(where: str, t_ns: IntArray) -> tuple[IntArray, tuple[str, ...]]:
+    """Return the rows in the order of their stamps, each stamp once, and notes that count what was done.
+
+    Rows that came late are sorted in; those after a clock was set back by more than a second are dropped.
+
+    Raises:
+        RecordingError: they are so many that the rows are those of several logs.
+    """
+    highest = highest_before(t_ns)
+    repeated, set_back = repeats_before(t_ns), t_ns <= highest - LATE_NS
+    if len(t_ns) and set_back.mean() > MAX_DAMAGED:
+        raise RecordingError(
+            f"{where}: {int(set_back.sum())} of {len(t_ns)} rows are more than a second older than rows before them:"
+            " they are of several logs or clocks; name one file, or cut the log where its clock was set."
+        )
+    order = np.flatnonzero(~set_back & ~repeated)
+    late = int((t_ns[order] < highest[order]).sum())
+    order = order[np.argsort(t_ns[order], kind="stable")]
+    again = repeats_before(t_ns[order])
+    repeated[order[again]] = True
+    faults = {"the stamp of another row": repeated, "a stamp that was set back by seconds": set_back}
+    notes = drop_notes(where, faults)
+    if late:
+        notes += (f"{where}: {late} of {len(t_ns)} rows are older than a row before them: sorted in.",)
+    return order[~again], notes
+
+
+def held_rows(values: FloatArray) -> BoolArray:
+    """Return (n,) which rows repeat a measurement that a logger held until the next one.
+
+    Measurements (n, k) come at a lower rate than the rows if they are equal to the bit in runs of nearly one length.
+    The first row of each run counts, and in a longer run, as at rest, one row for each such length.
+    """
+    n = len(values)
+    new = np.concatenate([[True], (values[1:] != values[:-1]).any(axis=1)])[:n]
+    starts = np.flatnonzero(new)
+    lengths = np.diff(np.append(starts, n))
+    period = int(np.median(lengths)) if len(lengths) else 0
+    alike = np.abs(lengths - period) <= max(1.0, HELD_WITHIN * period)
+    if period < 2 or len(starts) < MIN_HELD_RUNS or np.mean(alike) < 0.5:
+        return np.zeros(n, dtype=np.bool_)
+    run = np.cumsum(new) - 1
+    since = np.arange(n) - starts[run]
+    measured = (since % period == 0) & ((since == 0) | (lengths[run] - since >= period / 2))
+    return np.asarray(~measured)
+
+
+def possible_imu(where: str, imu: Imu) -> tuple[Imu, tuple[str, ...]]:
+    """Return the samples without those that no IMU measures, and a note that counts these.
+
+    Raises:
+        RecordingError: they are so many that the unit is wrong; names ``where`` and the first row.
+    """
+    beyond = (np.abs(imu.accel_mps2) > MOST_MPS2).any(axis=1) | (np.abs(imu.gyro_radps) > MOST_RADPS).any(axis=1)
+    if beyond.mean() > MAX_DAMAGED:
+        require_possible(f"{where}, specific force", imu.accel_mps2, MOST_MPS2)
+        require_possible(f"{where}, angular rate", imu.gyro_radps, MOST_RADPS)
+    if not beyond.any():
+        return imu, ()
+    fault = f"a specific force beyond {MOST_MPS2:g} m/s2 or an angular rate beyond {MOST_RADPS:g} rad/s"
+    kept = Imu(imu.t_s[~beyond], imu.accel_mps2[~beyond], imu.gyro_radps[~beyond])
+    return kept, drop_notes(Path(where).name, {fault: np.asarray(beyond)})
+
+
+def impossible_speeds(mps: FloatArray) -> BoolArray:
+    """Return (n,) which velocities (n, k) no land vehicle has, unless many rows have them."""
+    beyond = np.asarray((np.abs(mps) > MOST_MPS).any(axis=1))
+    return beyond if beyond.mean() <= MAX_DAMAGED else np.zeros(len(mps), dtype=np.bool_)
 
 
 def repeated_samples(imu: Imu) -> int:
@@ -289,6 +225,19 @@ def repeat_notes(imu: Imu) -> tuple[str, ...]:
     count, n = repeated_samples(imu), len(imu.t_s)
     few = f"{count} of {n} IMU samples ({count / n:.0%}) repeat all values of the one before"
     return (f"{few}: they measure nothing new.",) if count > REPEATED * n else ()
+
+
+def imu_gap_notes(imu: Imu | None) -> tuple[str, ...]:
+    """Return a note that counts the gaps of the IMU, or none."""
+    if imu is None or imu.largest_interval_s <= IMU_GAP_S:
+        return ()
+    steps_s = np.diff(imu.t_s)
+    gaps_s = steps_s[steps_s > max(IMU_GAP_S, 2.5 * imu.nominal_interval_s)]
+    if not len(gaps_s):
+        return ()
+    count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
+    lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
+    return (f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there.",)
 
 
 def frozen_rows(values: FloatArray) -> BoolArray:
@@ -306,25 +255,6 @@ def unit_quaternions(quaternions: FloatArray) -> BoolArray:
     """Return (n,) which of (n, 4) are of length 1."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= UNIT_WITHIN)
-
-
-# Faulty fixes: impossible ones, leaps, and jumps where the kind of fix changes.
-
-LEAP_M, LEAP_MPS = 50.0, 100.0
-"""A fix that is further from the median of its neighbours than this, plus this a second, is damage."""
-
-MANOEUVRE_MPS2 = 10.0
-ANOTHER_LEVEL = 4.0
-"""A ratio of traces from which another covariance means another kind of fix."""
-
-
-def without_no_fix(stream: str, messages: Messages, ledger: Ledger) -> Messages:
-    """Drop what has the status -1, and coordinates that are not on Earth (or exactly 0, 0: never filled in)."""
-    messages = ledger.drop(stream, messages, "status -1 (no fix)", messages["status"][:, 0] < 0)
-    places = np.column_stack([messages[name] for name in ("latitude", "longitude", "altitude")])
-    unknown = ~np.isfinite(places).all(axis=1) | (places[:, :2] == 0).all(axis=1)
-    bad = unknown | off_earth(places, "geodetic")
-    return ledger.drop(stream, messages, "coordinates that are NaN, zero or not on Earth", bad)
 
 
 def steady_rows(t_s: FloatArray, position_m: FloatArray) -> tuple[BoolArray, tuple[str, ...]]:
@@ -370,23 +300,13 @@ def _over_limit(t_s: FloatArray, axis_m: FloatArray) -> FloatArray:
     return np.asarray(np.abs(axis_m - np.median(axis_m[around], axis=1)) / (LEAP_M + LEAP_MPS * span_s))
 
 
-def report_jumps(stream: str, messages: Messages, ledger: Ledger, field: str, status: FloatArray | None = None) -> None:
-    """Count jumps where status or covariance level changes: a receiver leaves or finds its fixed solution.
+def repeats_before(stamp_ns: IntArray) -> BoolArray:
+    """Return (n,) which stamps equal the one before."""
+    return np.concatenate([[False], np.diff(stamp_ns) == 0])[: len(stamp_ns)]
 
-    The position [m] of ``field`` is compared with the one extrapolated from the two before; a jump is more than 3 sigma
-    of both and what 10 m/s2 would explain.
-    """
-    p, t_s = messages[field], messages.stamp_ns * 1e-9
-    if len(p) < 3:
-        return
-    dt = np.diff(t_s)
-    trace = np.trace(messages["position_covariance"].reshape(-1, 3, 3), axis1=1, axis2=2)
-    ratio = trace[2:] / trace[1:-1]
-    changed = (ratio > ANOTHER_LEVEL) | (ratio < 1 / ANOTHER_LEVEL)
-    if status is not None:
-        changed |= np.diff(status)[1:] != 0
-    expected = p[1:-1] + (p[1:-1] - p[:-2]) * (dt[1:] / dt[:-1])[:, None]
-    explained = 3 * np.sqrt(trace[2:] + trace[1:-1]) + 0.5 * MANOEUVRE_MPS2 * (dt[1:] ** 2 + dt[1:] * dt[:-1])
-    jumped = changed & (np.linalg.norm(p[2:] - expected, axis=1) > explained)
-    rows = np.concatenate([[False, False], jumped])
-    ledger.add(stream, "a jump at a change of the kind of fix", rows, messages.bag_ns, KEPT)
+
+def highest_before(stamp_ns: IntArray) -> IntArray:
+    """Return (n,) the highest stamp before each row; of the first, one less than itself."""
+    if not len(stamp_ns):
+        return stamp_ns
+    return np.concatenate([[stamp_ns[0] - 1], np.maximum.accumulate(stamp_ns)[:-1]])

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray, positive_definite,
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH
-from jerkbench.io.columns import TIME_UNITS, Columns, find_tables, read_columns, read_datetimes_ns, times_ns
+from jerkbench.io.columns import SOLUTION, TIME_UNITS, Columns, find_tables, read_columns, read_datetimes_ns, times_ns
 from jerkbench.io.files import named_folder
 from jerkbench.io.frames import (
     ACCEL_UNITS,
@@ -21,13 +21,15 @@ from jerkbench.io.frames import (
     FLU_FROM_FRD,
     FRAMES,
     GYRO_UNITS,
+    HEIGHT_UNITS,
+    SPEED_UNITS,
     axes_matrix,
     covariance_in_enu,
     enu_from,
     turned_covariance,
 )
-from jerkbench.io.limits import MIN_DATE_NS, possible_rows
-from jerkbench.io.rtklib import PosSolution, accepted_fixes, read_pos_files, steady_fixes
+from jerkbench.io.rtklib import POS_COVARIANCE, POS_PLACE, POS_VELOCITY, POS_VELOCITY_COVARIANCE
+from jerkbench.io.sanitiser import MIN_DATE_NS, ordered_rows, possible_rows
 from jerkbench.io.text import TextFormat, cut_note
 from jerkbench.recording import Origin, Reference
 
@@ -160,7 +162,10 @@ CHOICES = {
     "gyro_unit": tuple(GYRO_UNITS),
     "time_unit": tuple(TIME_UNITS),
     **dict.fromkeys((f"{stream}_time_unit" for stream in _STREAMS), ("", *TIME_UNITS)),
-    **dict.fromkeys(("angle_unit", "attitude_unit"), tuple(ANGLE_UNITS)),
+    "angle_unit": tuple(ANGLE_UNITS),
+    "attitude_unit": ("deg", "rad"),
+    "height_unit": tuple(HEIGHT_UNITS),
+    "velocity_unit": tuple(SPEED_UNITS),
     "epoch": EPOCHS,
     "attitude_frame": ("", "enu", "ned"),
     **dict.fromkeys(("position_frame", "reference_frame"), FRAMES),
@@ -204,8 +209,29 @@ def require_columns(table: object, velocity_frame: str) -> None:
 LEAST_STEPS = 4
 """Of fewer steps nobody can say which is odd."""
 
-SOLUTION = ".pos"
-"""Ending of RTKLIB's solutions, which say themselves what their columns are."""
+SOLUTION_SETTINGS: dict[str, dict[str, Any]] = {
+    "position": {
+        "position_columns": POS_PLACE,
+        "position_frame": "geodetic",
+        "position_sigma": (),
+        "position_covariance": POS_COVARIANCE,
+        "position_covariance_frame": "enu",
+    },
+    "velocity": {
+        "velocity_columns": POS_VELOCITY,
+        "velocity_frame": "enu",
+        "velocity_sigma": (),
+        "velocity_covariance": POS_VELOCITY_COVARIANCE,
+    },
+    "reference": {
+        "reference_position": POS_PLACE,
+        "reference_velocity": POS_VELOCITY,
+        "reference_attitude": (),
+        "reference_frame": "geodetic",
+        "reference_sigma": (),
+    },
+}
+"""The parameters of a stream whose file is a solution of RTKLIB."""
 
 
 class Source(NamedTuple):
@@ -245,6 +271,19 @@ class Source(NamedTuple):
         return round(self.shift_s * 1e9)
 
 
+def accepted(where: str, quality: FloatArray, qualities: tuple[float, ...], parameter: str) -> BoolArray:
+    """Return (n,) which rows have one of the ``qualities``.
+
+    Raises:
+        RecordingError: no row has; lists the qualities of the file.
+    """
+    rows = np.isin(quality, qualities)
+    if not rows.any():
+        there = ", ".join(f"{q:g}" for q in np.unique(quality))
+        raise RecordingError(f"{where} has no fix with Q in {qualities}; there is Q {there}: add it to {parameter}.")
+    return rows
+
+
 class TableStream(NamedTuple):
     """A file's columns with their stamps.
 
@@ -257,7 +296,9 @@ class TableStream(NamedTuple):
     t_ns: IntArray
 
     def only(self, names: Sequence[str]) -> "TableStream":
-        """Return the rows in which the stream's columns ``names`` are not all empty: others belong to other streams.
+        """Return the rows in which the stream's columns ``names`` are not all empty, in the order of their stamps.
+
+        The other rows belong to other streams.
 
         Raises:
             RecordingError: there is no such column, or it has no entry at all.
@@ -265,11 +306,12 @@ class TableStream(NamedTuple):
         rows = self.columns.rows_of(names)
         if not rows.any():
             raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
-        return self.at(rows)
+        stream = self.at(rows)
+        return stream.at(*ordered_rows(stream.name, stream.t_ns))
 
-    def at(self, rows: BoolArray, notes: tuple[str, ...] = ()) -> "TableStream":
-        """Return only ``rows`` (n,), with ``notes`` that say why."""
-        return self if rows.all() else TableStream(self.columns.only(rows).noted(notes), self.t_ns[rows])
+    def at(self, rows: BoolArray | IntArray, notes: tuple[str, ...] = ()) -> "TableStream":
+        """Return only ``rows``, with ``notes`` that say why."""
+        return TableStream(self.columns.only(rows).noted(notes), self.t_ns[rows])
 
     def whole(self) -> "TableStream":
         """Return the stream without a first and a last row whose time alone was cut, and with a note that counts them.
@@ -344,11 +386,12 @@ class TimedColumns:
             RecordingError: a file is missing or damaged, or there are not as many dates as rows.
         """
         text = TextFormat(self.separator, self.header, self.comment)
-        columns = read_columns(self.files(source.file, source.parameter), text)
+        columns = read_columns(self.files(source.file, source.parameter), text, self.gpst_minus_utc_s)
         if source.file.endswith(MATLAB) and source.time:
             columns = columns.only(columns.rows_of([source.time]))
         if source.quality and source.qualities:
-            columns = columns.only(np.isin(columns.numbers([source.quality])[:, 0], source.qualities))
+            quality = columns.numbers([source.quality])[:, 0]
+            columns = columns.only(accepted(columns.where, quality, source.qualities, f"{source.name}_quality"))
         t_ns = self._stamps_ns(columns, source)
         if len(t_ns) != len(columns):
             rows = f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times"
@@ -356,25 +399,6 @@ class TimedColumns:
         stream = TableStream(columns, t_ns + source.shift_ns).whole()
         utc_ns = self._utc_ns(stream.t_ns)
         return stream if utc_ns is None else stream.at(*possible_rows(stream.name, utc_ns=utc_ns))
-
-    def read_solution(self, source: Source, zero_ns: int) -> tuple[FloatArray, PosSolution, tuple[str, ...]]:
-        """Return the times of RTKLIB's solution since ``zero_ns``, and `solution_of`."""
-        t_ns, solution, notes = self.solution_of(source)
-        return np.asarray((t_ns - zero_ns) * 1e-9), solution, notes
-
-    def solution_of(self, source: Source) -> tuple[IntArray, PosSolution, tuple[str, ...]]:
-        """Return RTKLIB's solution without fixes that leap, its shifted stamps since the epoch, and what was dropped.
-
-        Raises:
-            PluginError: the tables' clock is not known.
-            RecordingError: a file is missing or damaged, or several cannot be joined.
-        """
-        files = self.files(source.file, source.parameter)
-        solution = read_pos_files(files, self.gpst_minus_utc_s)
-        if source.qualities:
-            solution = accepted_fixes(solution, source.qualities, files[0])
-        solution, leaps = steady_fixes(solution) if self.drop_leaps else (solution, ())
-        return solution.gpst_ns - self._zero_gpst_ns(source) + source.shift_ns, solution, (*solution.notes, *leaps)
 
     def _zero_gpst_ns(self, source: Source) -> int:
         """The GPST, in nanoseconds of its calendar since 1970, from which the tables' times count.

@@ -18,8 +18,8 @@ import numpy as np
 
 from jerkbench.errors import RecordingError
 from jerkbench.io.clocks import calendar_ns, ns_since_1970
-from jerkbench.io.limits import possible_rows
-from jerkbench.io.text import read_lines, require_content
+from jerkbench.io.sanitiser import possible_rows
+from jerkbench.io.text import read_bytes, read_lines, require_content
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,10 +34,16 @@ _PLACE = ("latitude", "longitude", "height")
 ORDER = ("t", *_PLACE, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
 
 
+MIXED = ".ubx"
+"""Ending of logs in which sentences of NMEA are between binary messages."""
+
+
 def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
     """Return what reads the file, by its first bytes; None: it is no track."""
     if not path.is_file():
         return None
+    if path.suffix.lower() == MIXED:
+        return read_nmea
     with path.open("rb") as file:
         head = file.read(400).lstrip(b"\xef\xbb\xbf \t\r\n")
     if re.match(rb"[$!][A-Z]{4,5},|\$P[A-Z]", head):
@@ -92,10 +98,10 @@ def _table(path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str) 
 
 
 def read_nmea(path: Path) -> "TrackTable":
-    """Return the fixes of the sentences GGA and RMC, with GST's standard deviations and RMC's velocity.
+    """Return the fixes of the sentences GGA, GNS and RMC, with GST's standard deviations and RMC's velocity.
 
-    A sentence with a wrong checksum is dropped. Heights are above the ellipsoid where GGA says how far the geoid is
-    above it. The dates are RMC's or ZDA's; a time of day that begins anew is the next day's.
+    A sentence with a wrong checksum is dropped. Heights are above the ellipsoid where GGA or GNS says how far
+    the geoid is above it. The dates are RMC's or ZDA's; a time of day that begins anew is the next day's.
 
     Raises:
         RecordingError: the file is missing, or no sentence has a place, or none has a date.
@@ -103,7 +109,7 @@ def read_nmea(path: Path) -> "TrackTable":
     epochs: dict[int, TrackRow] = {}
     dates: dict[int, int] = {}
     damaged, invalid, day, last_ms = 0, 0, 0, 0
-    for _, line in read_lines(path):
+    for line in _sentences(path):
         fields, sound = _sentence(line)
         damaged += not sound
         kind = fields[0][-3:] if sound and fields[0].startswith("$") else ""
@@ -132,6 +138,13 @@ def read_nmea(path: Path) -> "TrackTable":
         f"{path.name}: {count} sentences have {what}: they are dropped." for what, count in counts.items() if count
     ]
     return _table(path, list(epochs.values()), tuple(notes), "let the receiver write GGA and RMC")
+
+
+def _sentences(path: Path) -> list[str]:
+    if path.suffix.lower() == MIXED:
+        found = re.findall(rb"[$][A-Z]{5},[ -)+-~]{0,100}[*][0-9A-Fa-f]{2}", read_bytes(path))
+        return [sentence.decode("ascii") for sentence in found]
+    return [line for _, line in read_lines(path)]
 
 
 def _sentence(line: str) -> tuple[list[str], bool]:
@@ -163,6 +176,13 @@ def _gga(fields: list[str]) -> TrackRow:
     return row | {"height": None if height_m is None else height_m + (geoid_m or 0.0)}
 
 
+def _gns(fields: list[str]) -> TrackRow:
+    height_m, geoid_m = _number(fields[9]), _number(fields[10])
+    quality = max((GNS_QUALITY.get(letter, 0.0) for letter in fields[6]), default=0.0)
+    row = _place(*fields[2:6]) | {"quality": quality, "hdop": _number(fields[8])}
+    return row | {"height": None if height_m is None else height_m + (geoid_m or 0.0)}
+
+
 def _rmc(fields: list[str]) -> TrackRow:
     speed, course = _number(fields[7]), _number(fields[8])
     row: TrackRow = {"status": fields[2], **_place(*fields[3:7])}
@@ -182,7 +202,10 @@ def _zda(fields: list[str]) -> TrackRow:
     return {"date": calendar_ns(f"{year}-{month:0>2}-{day:0>2}", "00:00:00")} if day + month + year else {}
 
 
-READ = {"GGA": (12, _gga), "RMC": (10, _rmc), "GST": (9, _gst), "ZDA": (5, _zda)}
+GNS_QUALITY = {"A": 1.0, "D": 2.0, "R": 4.0, "F": 5.0}
+"""The quality, as in GGA, of each letter of GNS's mode."""
+
+READ = {"GGA": (12, _gga), "GNS": (11, _gns), "RMC": (10, _rmc), "GST": (9, _gst), "ZDA": (5, _zda)}
 """The least number of fields of each sentence, and what they say."""
 
 

@@ -19,7 +19,7 @@ from jerkbench.io.bag_writing import SOMETIME
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
 from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, covariance_in_enu, in_degrees, in_enu
-from jerkbench.io.limits import OFF_EARTH, off_earth
+from jerkbench.io.sanitiser import OFF_EARTH, off_earth
 from jerkbench.io.table import AttitudeMap, read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import POSITIONS, VELOCITIES

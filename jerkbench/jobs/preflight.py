@@ -10,7 +10,7 @@ import numpy as np
 from jerkbench.contracts import Remarking, Requiring, has_methods
 from jerkbench.errors import NO_ROOM, JerkbenchError, PluginError
 from jerkbench.inspection.doctor import first_diagnoses
-from jerkbench.inspection.evidence import imu_gap_notes
+from jerkbench.io.sanitiser import imu_gap_notes
 from jerkbench.jobs.inputs import Inputs
 from jerkbench.jobs.job import Job
 from jerkbench.notices import plain

@@ -148,8 +148,8 @@ def test_the_bearing_is_a_course(tmp_path):
         ({"processed_log/IMU/gyro/value": np.full((1001, 3), 1e3)}, "gyro/value, row 1 holds a value beyond 100"),
         ({"processed_log/GNSS/live_gnss_ublox/value": np.full((101, 6), 1e200)}, "row 1 holds a value beyond 1e"),
         ({"global_pose/frame_times": np.zeros(201)}, "t_s row 1 .* does not increase"),
-        ({"processed_log/GNSS/live_gnss_ublox/value": np.zeros((101, 6))}, "101 rows have a date that is not between"),
-        ({"processed_log/GNSS/live_gnss_ublox/value": np.full((101, 6), [0, 0, 0, 1.6e12, 0, 0])}, "UTC of fix 1 is"),
+        ({"processed_log/GNSS/live_gnss_ublox/value": np.zeros((101, 6))}, "101 rows have a place of zeros"),
+        ({"processed_log/GNSS/live_gnss_ublox/value": np.full((101, 6), [48, 11, 0, 1.6e12, 0, 0])}, "UTC of fix 1 is"),
     ],
 )
 def test_damaged_files_are_sentences(tmp_path, changes, said):

@@ -319,10 +319,14 @@ def test_units_axes_shifts_and_parquet(tmp_path):
     check_plugin("dataset", dataset)
 
 
-def test_another_unit_or_damage_is_a_sentence(tmp_path):
-    write(tmp_path / "imu.csv", PLAIN | {"az": np.where(np.arange(1000) == 6, 9e5, 1.0)})
+def test_another_unit_is_a_sentence_and_a_damaged_sample_is_dropped(tmp_path):
+    write(tmp_path / "imu.csv", PLAIN | {"az": np.where(np.arange(1000) >= 6, 9e5, 1.0)})
     with pytest.raises(RecordingError, match=r"imu\.csv, specific force, row 7"):
         Tables(str(tmp_path), **GIVEN).load(0)
+    write(tmp_path / "imu.csv", PLAIN | {"az": np.where(np.arange(1000) == 6, -9999.0, 1.0)})
+    recording = Tables(str(tmp_path), **GIVEN).load(0)
+    assert len(recording.imu.t_s) == 999
+    assert any(note.startswith("imu.csv: 1 of 1000 rows have a specific force beyond") for note in recording.notes)
 
 
 @pytest.mark.parametrize("every", [2, 5])
@@ -396,7 +400,7 @@ def test_a_pattern_of_solutions_reads_all_files(tmp_path):
     np.testing.assert_allclose(both.position.enu_m, whole.position.enu_m)
     assert len(loaded("urbannav", tmp_path, position_file="rover.pos").position.t_s) == 40
     (tmp_path / "a.pos").write_text("\n".join([head, *rows]))
-    with pytest.raises(RecordingError, match=r"rover\.pos begins before .*a\.pos ends"):
+    with pytest.raises(RecordingError, match=r"85 of 190 rows are more than a second older"):
         loaded("urbannav", tmp_path)
 
 
@@ -513,7 +517,6 @@ def test_a_row_that_changes_changes_the_fingerprint(tmp_path):
         ({"imu_file": "gone.csv"}, "There is no file .*gone.csv; correct 'imu_file'"),
         ({"imu_file": "../imu.csv/"}, "imu_file|There is no file"),
         ({"imu_time": ""}, "no file|time_file"),
-        ({"imu_time": "gz"}, "t_s row 1 .*does not increase"),
         ({"position_file": "imu.csv", "position_time": "t"}, "no column 'latitude'"),
     ],
 )

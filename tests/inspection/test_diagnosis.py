@@ -121,3 +121,25 @@ def test_a_cars_frd_imu_left_as_flu_is_not_called_a_mirrored_track(shared_folder
 
 def test_a_sensor_in_a_hand_may_lie_on_any_side(field):
     assert diagnoses(replace(in_axes(field, FRD), position=None, velocity=None)) == []
+
+
+def test_increments_are_told_and_nothing_else_of_the_units(field):
+    step_s = field.imu.nominal_interval_s
+    summed = of_imu(field, lambda w: w * step_s, lambda f: f * step_s)
+    names = [one.name for one in first_diagnoses(summed)]
+    assert "increments instead of rates" in names
+    assert not any("gyro" in name or "accelerometer" in name for name in names)
+
+
+def test_a_velocity_of_the_world_that_is_taken_for_the_bodys(field):
+    world = replace(field, velocity=replace(field.velocity, frame="body"))
+    assert "velocity in the world frame" in [one.name for one in first_diagnoses(world)]
+    assert "velocity_frame=enu" in findings_text(world)
+
+
+def test_late_fixes_are_blamed_and_not_the_sensors_that_agree():
+    drive = FieldWhite(duration_s=200.0).load(0)
+    late = replace(drive, position=replace(drive.position, t_s=drive.position.t_s + 0.6))
+    clocks = [one for one in diagnoses(late) if one.name.startswith("clock")]
+    assert [one.name for one in clocks] == ["clock of position"]
+    assert "position_latency_s=0.6" in clocks[0].remedy

@@ -25,8 +25,8 @@ from jerkbench.inspection.facts import facts_text
 from jerkbench.inspection.guesses import guess_time_unit
 from jerkbench.inspection.receiver import receiver_errors, receiver_figure
 from jerkbench.io.columns import read_columns
-from jerkbench.io.limits import off_earth
 from jerkbench.io.rtklib import _COLUMNS, read_time_tag
+from jerkbench.io.sanitiser import off_earth
 from jerkbench.io.text import TextFormat
 from jerkbench.recording import Imu, Position, Recording, Reference
 
@@ -375,3 +375,13 @@ def test_an_imu_table_beside_a_solution_is_dated(tmp_path):
 
     assert len(recording.inertial.t_s) == len(t) - 1
     assert any("1 of 600 rows have a date" in note for note in recording.notes)
+
+
+def test_text_that_a_dictionary_codes_does_not_fill_the_memory(tmp_path):
+    rows, long = 200_000, "x" * 100_000
+    table = pa.table({"t": np.arange(rows) * 0.1, "text": pa.DictionaryArray.from_arrays(np.zeros(rows, "i4"), [long])})
+    pq.write_table(table, tmp_path / "a.parquet", store_schema=False)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    columns = read_columns([tmp_path / "a.parquet"], TextFormat())
+    assert len(columns) == rows
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000  # kB; as plain text it is 20 GB

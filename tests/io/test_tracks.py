@@ -162,3 +162,18 @@ def test_a_reference_of_rtklib_with_sigmas_of_zero_is_taken(tmp_path):
     recording = loaded(tmp_path, "fix.csv", reference_file="truth.pos")
 
     np.testing.assert_allclose(recording.reference.enu_m, 0, atol=1e-6)
+
+
+def test_gns_has_heights_and_sentences_are_found_between_binary_messages(tmp_path):
+    text = "".join(
+        nmea(f"GNGNS,1235{k:02},4807.{k:03},N,01131.000,E,RAN,12,0.9,545.4,46.9,,")
+        + nmea(f"GNRMC,1235{k:02},A,4807.{k:03},N,01131.000,E,0.0,,140524,,")
+        for k in range(9)
+    )
+    binary = b"".join(b"\xb5b\x01\x07\x00$\x00" + line.encode() for line in text.splitlines(keepends=True))
+    (tmp_path / "log.ubx").write_bytes(binary)
+    (tmp_path / "log.nmea").write_text(text)
+    for name in ("log.ubx", "log.nmea"):
+        recording = loaded(tmp_path, name)
+        assert len(recording.position.t_s) == 9
+        assert recording.origin.height_m == pytest.approx(545.4 + 46.9)

@@ -79,7 +79,6 @@ def test_a_map_is_followed_without_a_word(tmp_path):
         ({"reference_topic": "/imu"}, "which gives no reference"),
         ({"imu_topic": "/imu_zeros"}, r"imu \(/imu_zeros\): 0 usable messages are left.*frozen angular rate"),
         ({"lever_arm_m": (1.0, 0.0, 0.0)}, r"lever_arm_m needs the attitude of a reference"),
-        ({"position_topic": "/fix", "reference_topic": "/odom"}, "is in the frame enu, and the fixes are not"),
         ({"course_over_s": 1.0}, "no two fixes are further apart"),
         ({"remove_gyro_bias": True, "velocity_topic": "none"}, "stands still for 0.00 s"),
     ],
@@ -201,3 +200,18 @@ def test_courses_are_headings_from_fix_to_fix(tmp_path):
     np.testing.assert_allclose(heading.t_s, [0.5, 1.5, 2.5], atol=1e-6)
     np.testing.assert_allclose(heading.sigma_rad, np.sqrt(0.02) / 5, rtol=1e-3)
     assert heading.source == "course"
+
+
+def test_a_given_origin_joins_a_local_reference_and_geodetic_fixes(tmp_path):
+    path = bag(tmp_path / "a.bag")
+    given = {"position_topic": "/fix", "reference_topic": "/odom", "velocity_topic": "none"}
+    recording = RosBag(path, origin=(0.0, 10.0, 7.0), **given).load(0)
+    np.testing.assert_allclose(recording.reference.enu_m[:, 0], np.arange(80) / 20, atol=1e-9)
+    np.testing.assert_allclose(recording.position.enu_m[-1, 0], 3.8 * 1e-5 * np.radians(1) * 6_378_144, rtol=1e-6)
+    with pytest.raises(RecordingError, match="without origin: give the latitude"):
+        RosBag(path, **given).load(0)
+
+
+def test_the_topic_of_the_reference_is_never_guessed_as_a_measurement(tmp_path):
+    recording = RosBag(bag(tmp_path / "a.bag"), reference_topic="/odom", origin=(0.0, 10.0, 7.0)).load(0)
+    assert any("guessed: /odom_slow" in note for note in recording.notes)

@@ -3,8 +3,8 @@ import pytest
 
 from bag_maker import ROS1, START_NS, Drive, odometry
 from jerkbench.inspection.facts import facts_text
-from jerkbench.inspection.topics import survey
 from jerkbench.io.bag import open_bag
+from jerkbench.io.bag_survey import survey
 from jerkbench.recording import Imu, Recording, Reference, Velocity
 
 
