@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jerkbench.inspection.guessing import Draft
     from jerkbench.recording import Recording
 
-TABLE_SUFFIXES = (".csv", ".pos")
+TABULAR = (".csv", ".pos")
 
 
 def _guesses_columns(chosen: argparse.Namespace) -> bool:
@@ -29,9 +29,7 @@ def _guesses_columns(chosen: argparse.Namespace) -> bool:
     from jerkbench.io.tracks import track_reader
 
     paths = [Path(source).expanduser() for source in chosen.source]
-    tables = [
-        path for path in paths if path.is_file() and (path.suffix.lower() in TABLE_SUFFIXES or track_reader(path))
-    ]
+    tables = [path for path in paths if path.is_file() and (path.suffix.lower() in TABULAR or track_reader(path))]
     guesses = chosen.dataset is None and tables == paths
     if not guesses and (getattr(chosen, "preset", None) is not None or len(paths) > 1):
         which = next((path for path in paths if path not in tables), paths[0])

@@ -76,7 +76,7 @@ def test_sigmas_that_may_be_too_large_are_told(stated_m, told):
     if told:
         assert "4.84 m is stated, 0.087 m measured" in text
         assert "the scatter at rest" in text
-        assert "scale them by 0.018: position_sigma_scale or position_sigma_m" in text
+        assert "scale them by 0.018: r_scale.position=0.00033" in text
 
 
 def test_a_slow_error_that_the_reference_shows_is_no_sigma_that_is_too_large():
