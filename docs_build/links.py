@@ -1,22 +1,28 @@
-"""Files of the repository that pages link to: studies and boards are pages of the site, others are copied into it."""
+"""Links of docs/ that work in a clone, as links within the site.
+
+Studies and the leaderboard are pages of the site. Other files of the repository are copied into it.
+"""
 
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-OUTWARD = re.compile(r"\]\(\.\./([\w./-]+)\)")
-"""A link of a page of docs/ to a file of the repository."""
+OUTWARD = re.compile(r"\]\(\.\./([\w./-]+)")
+"""A link from a page in docs/ to a file of the repository."""
+
+PLUGIN = re.compile(r"\]\(plugins/(\w+)/index\.md#(\w+)\)")
+"""A link to a plugin. The site has a page for each plugin; a clone has only the page of each kind."""
 
 STUDIES = ("experiments/*/README.md", "results/suite-*/board.md")
-"""Pages that stand outside docs/, with the pictures beside them; they keep their paths, and so their links."""
+"""Pages outside docs/. They have the same paths in the site, so that the links between them work."""
 
 FOLDER = "source"
-"""Where the copies stand in the site."""
+"""Folder of the copied files in the site."""
 
 
 def studies() -> dict[str, str | bytes]:
-    """Return the pages that stand outside docs/ and their pictures, by their paths in the site."""
+    """Return the pages outside docs/ and their pictures, by their paths in the site."""
     pages = [page for pattern in STUDIES for page in sorted(ROOT.glob(pattern))]
     pictures = [picture for page in pages for picture in sorted(page.parent.glob("*.png"))]
     return {
@@ -26,18 +32,18 @@ def studies() -> dict[str, str | bytes]:
 
 
 def copied(docs: str) -> dict[str, str]:
-    """Return the content of every other file that some page links to, by its path in the site."""
+    """Return the content of every other file that a page links to, by its path in the site."""
     texts = (page.read_text(encoding="utf-8") for page in sorted(Path(docs).glob("*.md")))
     targets = sorted({target for text in texts for target in OUTWARD.findall(text)})
     return {_in_site(target): (ROOT / target).read_text(encoding="utf-8") for target in targets if not _is_page(target)}
 
 
-def with_links_inside(markdown: str, page: str) -> str:
-    """Return the text of a page of docs/ with its outward links to what the site has of them."""
+def with_site_links(markdown: str, page: str) -> str:
+    """Return the text of a page with links to plugins and to files of the repository as the site has them."""
     if _is_page(page):
         return markdown
-    up = "../" * page.count("/")
-    return OUTWARD.sub(lambda link: f"]({up}{_in_site(link[1])})", markdown)
+    text = PLUGIN.sub(r"](plugins/\1/\2.md)", markdown)
+    return text if "/" in page else OUTWARD.sub(lambda link: f"]({_in_site(link[1])}", text)
 
 
 def _is_page(path: str) -> bool:
@@ -45,7 +51,7 @@ def _is_page(path: str) -> bool:
 
 
 def _in_site(target: str) -> str:
-    """The path of a page, or of a copy with a name that no browser runs."""
+    """Return the path of a page, or of a copy. The copy has an extension that no browser executes."""
     return target if _is_page(target) else f"{FOLDER}/{target}.txt"
 
 

@@ -1,4 +1,4 @@
-"""Pages of the plugins: a list for each kind, a page for each plugin and preset, and all metrics by their equations."""
+"""Generated text about plugins: the list of each kind, a page for each plugin and preset, and the metrics."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -26,64 +26,54 @@ TITLES = {
     "engine": "Engines",
     "metric": "Metrics",
 }
-"""Each kind in the plural."""
-
-METRICS_HEAD = """\
-# Every metric by its equation
-
-This page defines every metric. A metric is computed from one run. It compares the estimate with the reference at the
-stamps of the reference, from `burn_in_s` on. Nothing is aligned, and nothing is interpolated. The name of a column ends
-with its unit. A table shows the median over the seeds with its 95 % interval: [how to read a result](report.md).
-
-`metrics=[all]` computes all metrics. Some are computed only if you ask for them; their text says so.
-"""
-
+"""Title of each kind in the navigation."""
 
 PARAMETERS_HEAD = """\
-| parameter | default | what it is | range of `tune` | where the default comes from |
+| parameter | default | meaning | range of `tune` | origin of the default |
 |---|---|---|---|---|"""
 
 
-def plugin_pages() -> tuple[dict[str, str | bytes], dict[str, list[Any]]]:
-    """Return the content of every page and figure by its path, and the navigation of each kind by its title."""
+def plugin_pages() -> tuple[dict[str, str | bytes], dict[str, str], dict[str, list[Any]]]:
+    """Return every page and figure by its path, the list of each kind by its page, and the navigation by kind."""
     pages: dict[str, str | bytes] = {}
+    lists: dict[str, str] = {}
     nav: dict[str, list[Any]] = {}
     for kind, title in TITLES.items():
-        own = [entry for entry in entries(kind) if entry.package == "jerkbench"]
-        figures = FIGURES[kind]([entry.name for entry in own]) if kind in FIGURES else {}
-        pages[f"plugins/{kind}/index.md"] = _list_page(kind, title, own, figures)
+        builtin = [entry for entry in entries(kind) if entry.package == "jerkbench"]
+        figures = FIGURES[kind]([entry.name for entry in builtin]) if kind in FIGURES else {}
+        index = f"plugins/{kind}/index.md"
+        lists[index] = _list(builtin, CAPTIONS.get(kind, ""), figures)
         pages |= {f"plugins/{kind}/{name}.png": png for name, png in figures.items()}
-        pages |= {f"plugins/{kind}/{entry.name}.md": _page(kind, entry, entry.name in figures) for entry in own}
-        nav[title] = [f"plugins/{kind}/index.md", *({entry.name: f"plugins/{kind}/{entry.name}.md"} for entry in own)]
-    return pages, nav
+        pages |= {f"plugins/{kind}/{entry.name}.md": _page(kind, entry, entry.name in figures) for entry in builtin}
+        nav[title] = [index, *({entry.name: f"plugins/{kind}/{entry.name}.md"} for entry in builtin)]
+    return pages, lists, nav
 
 
-def metrics_page() -> str:
-    """Return the page with every metric's docstring."""
-    sections = [METRICS_HEAD]
+def metric_sections() -> str:
+    """Return a section with the docstring and the parameters of each metric."""
+    sections = []
     for name in plugins.names("metric"):
         documented = _documented("metric", name)
         sections.append(f"## {name}\n\n{documented.body}\n\n{_parameters('metric', name, documented.parameters)}")
     return "\n\n".join(sections)
 
 
-def _list_page(kind: str, title: str, listed: list[CatalogueEntry], figures: Mapping[str, bytes]) -> str:
-    shown_by = f"In a terminal, `jerkbench list {kind}` prints this list, and `jerkbench show {kind} NAME` each page."
-    lines = [f"# {title}", "", shown_by, "", "| name | what it is |", "|---|---|", *map(_line, listed)]
+def _list(listed: list[CatalogueEntry], caption: str, figures: Mapping[str, bytes]) -> str:
+    lines = ["| name | description |", "|---|---|", *map(_line, listed)]
     if figures:
-        lines += ["", "## Gallery", "", CAPTIONS[kind], "", *_gallery(list(figures))]
+        lines += ["", "## Gallery", "", caption, "", *_gallery(list(figures))]
     return "\n".join(lines)
 
 
 def _gallery(names: list[str]) -> list[str]:
-    """Return a table of figures, each below its name."""
+    """Return a table of figures, each below the name of its plugin."""
     cells = [f"[{name}]({name}.md)<br>[![{name}]({name}.png)]({name}.md)" for name in names]
     rows = (cells[k : k + ABREAST] for k in range(0, len(cells), ABREAST))
     return ["| " * ABREAST + "|", "|---" * ABREAST + "|", *(f"| {' | '.join(row)} |" for row in rows)]
 
 
 ABREAST = 3
-"""Figures side by side in a gallery."""
+"""Figures in a row of the gallery."""
 
 
 def _line(entry: CatalogueEntry) -> str:
@@ -92,32 +82,33 @@ def _line(entry: CatalogueEntry) -> str:
 
 CAPTIONS = {
     "disturbance": (
-        "What each does to the same 80 s of `field_white`. The panels show the errors of fixes and velocities, what is "
-        "added to the IMU, and the reported sigma. Grey: without the disturbance."
+        "The disturbance acts on 80 s of `field_white`. The panels show the errors of the measured positions and "
+        "velocities, the change of the IMU signals, and the reported standard deviation. Grey: without the disturbance."
     ),
     "adaptation": (
-        "The baseline on the same 80 s of `field_white`, with bursts of multipath on one axis. From 60 s on the noise "
-        "doubles. Above: its error with the adaptation and without. Below: the sigma that the adaptation uses for each "
-        "fix, divided by the reported one. A row that is dropped is not drawn."
+        "The filter `baseline` on 80 s of `field_white` with bursts of multipath on one axis. From 60 s on, the noise "
+        "is doubled. Upper panel: position error with and without the adaptation. Lower panel: standard deviation used "
+        "for each fix, divided by the reported standard deviation. Rejected measurements are not drawn."
     ),
 }
-"""What the figures of a kind show."""
+"""Captions of the figures of each kind."""
 
 
 def _page(kind: str, entry: CatalogueEntry, drawn: bool) -> str:
-    figure = f"![{entry.name}]({entry.name}.png)\n\n{CAPTIONS[kind].replace('What each', 'What it')}" if drawn else ""
+    figure = f"![{entry.name}]({entry.name}.png)\n\n{CAPTIONS[kind]}" if drawn else ""
     body = _preset_body(kind, entry.name, figure) if entry.preset else _plugin_body(kind, entry.name, figure)
-    return f"# {entry.name}\n\n`{_chosen(kind, entry.name)}`\n\n{body}\n"
+    return f"# {entry.name}\n\n`{_override(kind, entry.name)}`\n\n{body}\n"
 
 
-def _chosen(kind: str, name: str) -> str:
-    """Return what one types to have it."""
+def _override(kind: str, name: str) -> str:
+    """Return the override that selects the plugin."""
     return f"metrics=[{name}]" if kind == "metric" else f"{kind}={name}"
 
 
 def _preset_body(kind: str, name: str, figure: str) -> str:
     text = preset_files(kind)[name].read_text(encoding="utf-8").rstrip()
-    return f"This is a preset: a file of values, `conf/{kind}/{name}.yaml`.\n\n```yaml\n{text}\n```\n\n{figure}"
+    introduction = f"This is a preset, a file with parameter values: `conf/{kind}/{name}.yaml`."
+    return f"{introduction}\n\n```yaml\n{text}\n```\n\n{figure}"
 
 
 def _plugin_body(kind: str, name: str, figure: str) -> str:
@@ -127,7 +118,7 @@ def _plugin_body(kind: str, name: str, figure: str) -> str:
 
 
 def _documented(kind: str, name: str) -> Docstring:
-    """Return a plugin's docstring, with those of the classes that it varies behind it."""
+    """Return the docstring of a plugin, followed by the docstrings of its base classes."""
     parts = [parsed(text) for text in docstrings(plugin_class(kind, name))]
     body = "\n\n".join(part.body for part in parts)
     return Docstring(body, {key: text for part in reversed(parts) for key, text in part.parameters.items()})
@@ -136,19 +127,19 @@ def _documented(kind: str, name: str) -> Docstring:
 def _parameters(kind: str, name: str, described: Mapping[str, str]) -> str:
     rows = [_row(parameter, described) for parameter in shown_json(kind, name)["parameters"]]
     if not rows:
-        return "It has no parameters."
+        return "This plugin has no parameters."
     return "\n".join([PARAMETERS_HEAD, *rows])
 
 
 def _row(parameter: Mapping[str, Any], described: Mapping[str, str]) -> str:
     known = parameter.get("range")
     bounds = f"{known['low']:g} to {known['high']:g}" if known else ""
-    default = f"`{_plain(parameter['default'])}`" if "default" in parameter else "has to be given"
+    default = f"`{_plain(parameter['default'])}`" if "default" in parameter else "required"
     meaning = prose(described.get(parameter["name"], ""))
     cells = [f"`{parameter['name']}`", default, meaning, bounds, parameter.get("origin", "")]
     return f"| {' | '.join(cells)} |"
 
 
 def _plain(value: object) -> str:
-    """Return a default as one types it."""
+    """Return a default in the syntax of the command line."""
     return '""' if value == "" else str(value)

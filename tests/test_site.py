@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 def site(tmp_path_factory):
     for module in ("mkdocs", "material", "mkdocstrings"):
         if importlib.util.find_spec(module) is None:
-            pytest.skip(f"{module} is not there; pip install 'jerkbench[docs]'")
+            pytest.skip(f"{module} is not installed; pip install 'jerkbench[docs]'")
     built = tmp_path_factory.mktemp("site")
     unreachable = {"http_proxy": "http://127.0.0.1:9", "https_proxy": "http://127.0.0.1:9", "NO_MKDOCS_2_WARNING": "1"}
     here = environment(PYTHONPATH=str(ROOT), **unreachable)
@@ -41,7 +41,7 @@ def test_every_plugin_has_its_page(site, kind):
         assert (site / "plugins" / kind / f"{name}.png").is_file() == (kind in DRAWN)
 
 
-def test_equations_are_blocks_and_words_stand_beside_parameters(site):
+def test_a_plugin_page_has_equations_and_a_table_of_parameters(site):
     page = (site / "plugins" / "adaptation" / "huber_r.html").read_text(encoding="utf-8")
 
     assert re.search(r"<code>r_i = r_i max\(1, \|y_i\| / \(k sqrt\(h_i \+ r_i\)\)\)", page)
@@ -50,19 +50,34 @@ def test_equations_are_blocks_and_words_stand_beside_parameters(site):
     assert "Attributes:" not in page
 
 
-def test_signs_of_prose_arrive_as_they_are(site):
+def test_special_characters_are_escaped(site):
     page = (site / "plugins" / "adaptation" / "mtf.html").read_text(encoding="utf-8")
 
     assert "With mu = 1, y_i^2 &lt;= S_ii afterwards." in page
 
 
-def test_nothing_is_fetched_by_a_reader(site):
+def test_equations_in_latex_are_marked_for_the_local_copy_of_katex(site):
+    page = (site / "adaptive_filters.html").read_text(encoding="utf-8")
+
+    assert page.count('class="arithmatex"') > 20
+    assert (site / "katex" / "katex.min.js").is_file()
+    assert (site / "katex" / "LICENSE").is_file()
+
+
+def test_the_page_of_commands_has_the_help_of_each(site):
+    page = (site / "commands.html").read_text(encoding="utf-8")
+
+    assert all(f'id="{name}"' in page for name in ("run", "table", "tune", "cite"))
+    assert "jerkbench run -m experiment=paper" in page
+
+
+def test_a_page_loads_nothing_from_the_network(site):
     loads = re.compile(r'(?:<script[^>]*src|<link[^>]*rel="(?:stylesheet|icon)"[^>]*href|<img[^>]*src)="https?://')
 
     assert [page.name for page in site.rglob("*.html") if loads.search(page.read_text(encoding="utf-8"))] == []
 
 
-def test_a_page_that_is_opened_from_a_file_is_searched(site):
+def test_the_search_works_in_a_page_opened_from_a_file(site):
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if browser is None:
         pytest.skip("there is no Chromium")
@@ -73,7 +88,7 @@ def test_a_page_that_is_opened_from_a_file_is_searched(site):
     assert re.search(r'md-search-result__meta">[1-9]\d* matching documents', done.stdout)
 
 
-def test_a_link_out_of_the_pages_leads_to_a_copy(site):
+def test_a_link_to_a_source_file_leads_to_a_copy(site):
     copy = site / "source" / "examples" / "any_language" / "baseline.c.txt"
 
     assert copy.read_text(encoding="utf-8") == (ROOT / "examples/any_language/baseline.c").read_text(encoding="utf-8")
