@@ -1,4 +1,4 @@
-"""The commands of the README and of two pages, typed on a shorter drive; the README's plugin is installed and swept."""
+"""The commands of the README and of three pages, on shorter drives; the README's plugin is installed and swept."""
 
 import re
 import shlex
@@ -11,10 +11,10 @@ from commands import jerkbench, verb
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-TEXT = README + pages.text("everyday") + pages.text("inspect")
+TEXT = README + pages.text("sweeps") + pages.text("inspect") + pages.text("receiver")
 BRIEF = ("data", "report", "new", "check", "compare", "cite")
 """Verbs of which some only name the file that they wrote."""
-IN_FULL = pages.commands("everyday")
+IN_FULL = pages.commands("sweeps")
 """They are typed by `test_pages.py`, which compares what they print."""
 QUICK = ["dataset.duration_s=80", "seeds=1", "workers=1"]
 
@@ -120,17 +120,17 @@ def test_the_two_commands_of_the_readme_are_what_the_gate_runs():
 
 
 def test_what_was_drawn_can_be_asked_of_the_rows(tmp_path, monkeypatch, capsys):
-    (words,) = [words for words in pages.commands("everyday") if "dataset=mixture" in words]
+    (words,) = [words for words in pages.commands("sweeps") if "dataset=mixture" in words]
     done = verb(*words, "seeds=3", "workers=1", cwd=tmp_path)
     monkeypatch.chdir(tmp_path)
-    exec(pages.files("everyday")["by_faults.py"], {})  # noqa: S102 - our own page
+    exec(pages.files("sweeps")["by_faults.py"], {})  # noqa: S102 - our own page
 
     assert done.returncode == 0, done.stderr
     assert "drawn.faults\n2.0" in capsys.readouterr().out
 
 
-def test_the_python_of_everyday_use_runs(capsys):
-    exec(pages.files("everyday")["first_run.py"], {})  # noqa: S102 - our own page
+def test_the_python_of_the_page_of_sweeps_runs(capsys):
+    exec(pages.files("sweeps")["first_run.py"], {})  # noqa: S102 - our own page
 
     assert "outage_end_m" in capsys.readouterr().out
 
