@@ -50,7 +50,7 @@ def agree(shown, printed):
 def sentences(markdown):
     """The sentences of a text, without code, tables, headings and the targets of links."""
     prose = re.sub(
-        r"^:::.*?(?=\n\S|\Z)|```.*?```|<[^>]*>|^[|#][^\n]*", "\n\n", markdown, flags=re.DOTALL | re.MULTILINE
+        r"^:::.*?(?=\n\S|\Z)|```.*?```|<[^>]*>|^ *[|#][^\n]*", "\n\n", markdown, flags=re.DOTALL | re.MULTILINE
     )
     prose = re.sub(r"\]\([^)]*\)", "]", re.sub(r"^\s*(?:[-*]|\d+\.) ", "\n\n", prose, flags=re.MULTILINE))
     paragraphs = (" ".join(paragraph.split()) for paragraph in re.split(r"\n\s*\n", prose))

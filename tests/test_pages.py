@@ -21,8 +21,9 @@ SHORTER = {
 """Words behind those of a page, by verb; of runs none where a page shows their output."""
 
 TYPED = {
-    "everyday": [],
     "index": [],
+    "installation": [],
+    "sweeps": [],
     "first_table": [],
     "own_filter": [
         "engine=filterpy",
@@ -187,6 +188,26 @@ def test_every_block_says_its_language():
         assert set(openings) <= {"sh", "python", "yaml", "toml", "text"}, page.name
 
 
-def test_python_of_a_page_is_a_file_of_it():
-    """So that it is run."""
+def test_every_python_block_is_a_file_so_that_it_is_run():
     assert [page.name for page in pages.DOCS.glob("*.md") if pages.blocks(page.stem, "python")] == []
+
+
+def test_links_lead_to_files_of_a_clone():
+    link = re.compile(r"\]\((?!https?:|#)([^)#\s]+)")
+    found = [
+        (page, page.parent / target)
+        for page in (*pages.DOCS.rglob("*.md"), *STUDIES.glob("*/README.md"))
+        for target in link.findall(re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL))
+    ]
+
+    assert len(found) > 100
+    assert [(page.name, target.name) for page, target in found if not target.exists()] == []
+
+
+def test_the_numbers_of_which_filter_are_in_their_sources():
+    row = re.compile(r"^\|.*?(\d\.\d\d \[\d\.\d\d, \d\.\d\d\]).*\]\((\S+?\.md)[#)].*\|$", re.MULTILINE)
+    numbers = row.findall(pages.text("which_filter"))
+
+    assert len(numbers) > 15
+    for interval, source in numbers:
+        assert interval in (pages.DOCS / source).read_text(encoding="utf-8"), interval
