@@ -1,18 +1,18 @@
-"""Docstrings of plugins as Markdown: prose, equations as they stand, and the words on each parameter."""
+"""Docstrings of plugins as Markdown: prose, equations as text blocks, and descriptions of parameters."""
 
 import re
 from typing import NamedTuple
 
 SECTION = "Attributes:"
-"""Begins the list of parameters, which ends the docstring."""
+"""Start of the list of parameters, which is the last part of a docstring."""
 
 
 class Docstring(NamedTuple):
-    """A docstring in parts.
+    """The parts of a docstring.
 
     Attributes:
         body: prose and equations, as Markdown.
-        parameters: what is said about each parameter.
+        parameters: description of each parameter.
     """
 
     body: str
@@ -26,7 +26,7 @@ def parsed(text: str) -> Docstring:
 
 
 def as_markdown(text: str) -> str:
-    """Return prose with its literal blocks (after ``::``) fenced, and the signs of Markdown escaped."""
+    """Return the text with fenced literal blocks (after ``::``) and escaped Markdown characters."""
     lines: list[str] = []
     literal = False
     for line in text.splitlines():
@@ -44,7 +44,7 @@ def as_markdown(text: str) -> str:
 
 
 def prose(line: str) -> str:
-    """Return a line of text with the signs of Markdown escaped, but for code in backticks."""
+    """Return a line of text with escaped Markdown characters, except in code between backticks."""
     parts = re.split(r"(``[^`]+``|`[^`]+`)", line)
     return "".join(part if part.startswith("`") else _escaped(part) for part in parts)
 

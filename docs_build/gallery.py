@@ -1,4 +1,4 @@
-"""The gallery: what each disturbance does to a simulated drive, and each adaptation to a filter under faults."""
+"""The gallery: figures of each disturbance on a simulated drive, and of each adaptation under faults."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -13,23 +13,23 @@ from jerkbench.estimate import Estimate
 from jerkbench.recording import Recording
 
 DRIVE = {"name": "field_white", "duration_s": 80.0, "imu_rate_hz": 20.0, "reference_rate_hz": 20.0}
-"""Slow rates, so that all figures take seconds."""
+"""A short drive with low sample rates, so that all figures take seconds."""
 
 SEED = 3
 GNSS = ["multipath_single_axis", {"name": "noise_step", "times_s": [60.0]}]
-"""The faults that an adaptation meets."""
+"""The faults in the figures of adaptations."""
 
 GREY, COLOUR = "0.65", "C0"
 
 
 def disturbance_figures(names: Sequence[str]) -> dict[str, bytes]:
-    """Return a figure of each disturbance: what it changes of the measurements."""
+    """Return a figure of each disturbance with the measurements that it changes."""
     drive = api.load(DRIVE, SEED)
     return {name: _png(_disturbance_figure(drive, api.disturb(drive, name, SEED))) for name in names}
 
 
 def adaptation_figures(names: Sequence[str]) -> dict[str, bytes]:
-    """Return a figure of each adaptation: the error of a filter with it and without, and the R that it used."""
+    """Return a figure of each adaptation with the error of the filter and the R that it used."""
     drive = api.disturb(api.load(DRIVE, SEED), GNSS, SEED)
     plain = _run(drive, "none")
     return {name: _png(_adaptation_figure(drive, plain, _run(drive, name))) for name in names}
@@ -39,7 +39,7 @@ FIGURES: dict[str, Callable[[Sequence[str]], dict[str, bytes]]] = {
     "disturbance": disturbance_figures,
     "adaptation": adaptation_figures,
 }
-"""What draws the figures of a kind."""
+"""Functions that draw the figures of a kind."""
 
 
 def _run(drive: Recording, adaptation: str) -> Estimate:
@@ -80,7 +80,7 @@ def _error(drive: Recording, estimate: Estimate) -> tuple[FloatArray, FloatArray
 
 
 def _sigma_ratios(plain: Estimate, adapted: Estimate) -> FloatArray:
-    """Return (m, 3) how much larger the sigma of the fixes is than reported; NaN where the row was dropped."""
+    """Return (m, 3) the used divided by the reported standard deviation; NaN for rejected measurements."""
     used, reported = adapted.updates.R_diagonal[:, :3], plain.updates.R_diagonal[: len(adapted.updates.t_s), :3]
     return np.sqrt(np.where(np.isfinite(used), used, np.nan) / reported)
 

@@ -1,4 +1,4 @@
-"""Panels of the gallery: each shows what a disturbance does to one stream of a recording."""
+"""Panels of the gallery. Each panel shows the effect of a disturbance on one stream of a recording."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,11 +15,11 @@ ENU, FLU = ("east", "north", "up"), ("forward", "left", "up")
 
 
 class Series(NamedTuple):
-    """What a panel shows of a recording.
+    """The samples in a panel.
 
     Attributes:
         t_s: (n,) times.
-        values: (n, 3) one line for each axis.
+        values: (n, 3) one column for each axis.
     """
 
     t_s: FloatArray
@@ -30,10 +30,10 @@ class Panel(NamedTuple):
     """One stream.
 
     Attributes:
-        label: with its unit.
-        axes: their names.
-        of: reads the stream off a recording.
-        relative: whether the change is shown, in place of the values.
+        label: quantity and unit.
+        axes: names of the axes.
+        of: reads the stream from a recording.
+        relative: show the change instead of the values.
     """
 
     label: str
@@ -43,19 +43,19 @@ class Panel(NamedTuple):
 
 
 def position_error(recording: Recording) -> Series:
-    """Return the fixes less the truth at their stamps."""
+    """Return the fixes minus the truth."""
     fixes, truth = recording.position, recording.reference
     return Series(fixes.t_s, fixes.enu_m - _at(fixes.t_s, truth.t_s, truth.enu_m))
 
 
 def velocity_error(recording: Recording) -> Series:
-    """Return the velocities less the truth at their stamps."""
+    """Return the measured velocities minus the truth."""
     measured, truth = recording.velocity, recording.reference
     return Series(measured.t_s, measured.mps - _at(measured.t_s, truth.t_s, truth.velocity_mps))
 
 
 def position_sigma(recording: Recording) -> Series:
-    """Return the standard deviations that the fixes report."""
+    """Return the reported standard deviations of the fixes."""
     fixes = recording.position
     return Series(fixes.t_s, np.sqrt(np.diagonal(fixes.covariance_m2, axis1=1, axis2=2)))
 
@@ -80,12 +80,12 @@ PANELS = (
 
 
 def changed(before: Recording, after: Recording) -> list[Panel]:
-    """Return the panels whose content differs; of nothing that differs the first."""
+    """Return the panels whose content differs, or the first panel if nothing differs."""
     return [panel for panel in PANELS if _differ(panel.of(before), panel.of(after))] or [PANELS[0]]
 
 
 def draw(ax: Axes, panel: Panel, before: Recording, after: Recording) -> None:
-    """Draw one stream of both."""
+    """Draw one stream of both recordings."""
     old, new = panel.of(before), panel.of(after)
     if panel.relative:
         new = Series(new.t_s, new.values - _at(new.t_s, old.t_s, old.values))
@@ -103,7 +103,7 @@ def draw(ax: Axes, panel: Panel, before: Recording, after: Recording) -> None:
 
 
 def _differ(old: Series, new: Series) -> bool:
-    """Whether values are new or absent; the sigma of a fix that is absent says nothing."""
+    """Return whether values differ. Constant standard deviations of removed fixes do not count."""
     if len(old.t_s) == len(new.t_s):
         return not (np.array_equal(old.t_s, new.t_s) and np.array_equal(old.values, new.values, equal_nan=True))
     return not np.isin(new.values, old.values).all() or len(np.unique(old.values)) > len(ENU)

@@ -1,4 +1,4 @@
-"""The figures that pages of docs/ show: `python docs_build/pictures.py` draws them anew into docs/img."""
+"""The figures of docs/. `python docs_build/pictures.py` draws them into docs/img."""
 
 import shlex
 import subprocess
@@ -12,7 +12,7 @@ IMAGES = ROOT / "docs" / "img"
 
 
 class Page(NamedTuple):
-    """Commands, one a line, and the figures of theirs that are kept: pattern of the file -> name in docs/img."""
+    """The commands (one per line) of a page, and the figures to copy: file pattern -> name in docs/img."""
 
     commands: str
     drawn: dict[str, str]
@@ -67,11 +67,11 @@ figures results/truth
         {"receiver.png": "receiver.png"},
     ),
 }
-"""By the page of docs/, or by the recording that is fetched for one."""
+"""Keys are pages of docs/ or names of recordings."""
 
 
 def draw(page: Page) -> None:
-    """Type the commands beside the log of docs/own_log.md, and keep the figures."""
+    """Run the commands in a folder with the log of docs/own_log.md, and copy the figures."""
     sys.path.insert(0, str(ROOT / "tests" / "inspection"))
     from logs import car_log
 
@@ -79,10 +79,10 @@ def draw(page: Page) -> None:
         car_log(Path(folder))
         for words in page.commands.splitlines():
             command = [sys.executable, "-m", "jerkbench", *shlex.split(words)]
-            subprocess.run(command, cwd=folder, check=True)  # noqa: S603 - our own words
-        for pattern, kept in page.drawn.items():
+            subprocess.run(command, cwd=folder, check=True)  # noqa: S603 - fixed commands
+        for pattern, name in page.drawn.items():
             (path,) = Path(folder).glob(pattern)
-            (IMAGES / kept).write_bytes(path.read_bytes())
+            (IMAGES / name).write_bytes(path.read_bytes())
 
 
 if __name__ == "__main__":
