@@ -1,4 +1,4 @@
-"""The commands of the pages of docs/, typed on shorter drives; pages that need more have a test of their own."""
+"""The commands of docs/ on shorter drives, and properties of all pages. Some pages have a separate test module."""
 
 import os
 import re
@@ -18,7 +18,7 @@ SHORTER = {
     "figures": ["--methods", "baseline"],
     "report": ["--figures", "none"],
 }
-"""Words behind those of a page, by verb; of runs none where a page shows their output."""
+"""Additional arguments by command. They are not used for runs whose output is shown on the page."""
 
 TYPED = {
     "index": [],
@@ -40,20 +40,20 @@ TYPED = {
     "report": [],
     "statistics": [],
 }
-"""The pages that are typed here, with more words for their runs."""
+"""Pages whose commands run here, with additional arguments of their runs."""
 
 ELSEWHERE = {"agents", "any_language", "suite"}
-"""Pages whose own test holds what they show as output."""
+"""Pages whose outputs are checked by a separate test module."""
 
 STUDIES = pages.DOCS.parent / "experiments"
 
 LONG_STUDIES = {"attitude", "audit"}
-"""Studies with long sentences; none is added."""
+"""Studies with long sentences."""
 
 
 @pytest.fixture(scope="module")
 def typed(tmp_path_factory):
-    """Types a page, once: returns its folder."""
+    """Return a function that runs the commands of a page once and returns the working folder."""
     folders = {}
 
     def type_page(page):
@@ -83,7 +83,7 @@ def _type(page, folder):
 
 
 def _prepare(page, folder):
-    """What the reader has, or writes first."""
+    """Create the files that a page expects."""
     if page == "gate":
         shutil.copytree(pages.DOCS.parent / "examples" / "plugin", folder / "benchmarks" / "plugin")
         pages.install(folder / "benchmarks" / "plugin")
@@ -109,14 +109,14 @@ def _write(folder, files):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", TYPED)
-def test_every_command_goes_well(typed, page):
+def test_every_command_succeeds(typed, page):
     studies = {re.search(r"study=(\w+)", line)[1] for line in pages.lines(page) if "study=" in line}
 
     assert {path.name for path in typed(page).rglob("*") if path.is_dir()} >= studies
 
 
 @pytest.mark.slow
-def test_filters_of_the_reader_stand_beside_ours(typed):
+def test_plugins_of_a_page_are_rows_of_the_table(typed):
     rows = pd.read_csv(typed("own_filter") / "results" / "mine" / "rows.csv")
 
     assert set(rows["status"]) == {"ok"}
@@ -125,7 +125,7 @@ def test_filters_of_the_reader_stand_beside_ours(typed):
 
 
 @pytest.mark.slow
-def test_the_mistake_of_the_page_is_reported_as_it_shows(typed, tmp_path):
+def test_a_mistake_is_reported_as_on_the_page(typed, tmp_path):
     shutil.copytree(typed("own_filter") / "gentle", tmp_path / "gentle")
     module = tmp_path / "gentle" / "gentle.py"
     module.write_text(module.read_text().replace("return adapted\n", "return adapted[:1]\n"))
@@ -157,7 +157,7 @@ def test_the_sentences_of_a_study_are_short(study):
     assert len(longest.split()) <= 30, longest
 
 
-def test_every_output_of_a_page_is_held():
+def test_every_output_of_a_page_is_checked():
     shown = {path.stem for path in pages.DOCS.glob("*.md") if "<!-- output -->" in path.read_text(encoding="utf-8")}
 
     assert shown <= {*TYPED, *ELSEWHERE}
@@ -166,7 +166,7 @@ def test_every_output_of_a_page_is_held():
         assert set(pages.outputs(page)) <= set(pages.lines(page))
 
 
-def test_every_picture_is_drawn_by_the_script_and_shown():
+def test_every_picture_is_drawn_by_the_script_and_used():
     script = (pages.DOCS.parent / "docs_build" / "pictures.py").read_text(encoding="utf-8")
     shown = {name for page in pages.DOCS.glob("*.md") for name in re.findall(r"\]\(img/(\S+)\)", page.read_text())}
 
@@ -174,15 +174,15 @@ def test_every_picture_is_drawn_by_the_script_and_shown():
     assert all(f'"{name}"' in script for name in shown)
 
 
-def test_no_page_is_left_untyped():
+def test_the_commands_of_every_page_are_run():
     tests = (path.read_text(encoding="utf-8") for path in Path(__file__).parent.rglob("test_*.py"))
     elsewhere = {page for text in tests for page in re.findall(r'pages\.\w+\("(\w+)"', text)}
-    told = {path.stem for path in pages.DOCS.glob("*.md") if pages.lines(path.stem)}
+    with_commands = {path.stem for path in pages.DOCS.glob("*.md") if pages.lines(path.stem)}
 
-    assert told - elsewhere - set(TYPED) == set()
+    assert with_commands - elsewhere - set(TYPED) == set()
 
 
-def test_every_block_says_its_language():
+def test_every_block_has_a_language():
     for page in pages.DOCS.glob("*.md"):
         openings = re.findall(r"^```(.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)[::2]
         assert set(openings) <= {"sh", "python", "yaml", "toml", "text"}, page.name
