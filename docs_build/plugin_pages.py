@@ -45,7 +45,7 @@ def plugin_pages() -> tuple[dict[str, str | bytes], dict[str, str], dict[str, li
         lists[index] = _list(builtin, CAPTIONS.get(kind, ""), figures)
         pages |= {f"plugins/{kind}/{name}.png": png for name, png in figures.items()}
         pages |= {f"plugins/{kind}/{entry.name}.md": _page(kind, entry, entry.name in figures) for entry in builtin}
-        nav[title] = [index, *({entry.name: f"plugins/{kind}/{entry.name}.md"} for entry in builtin)]
+        nav[title] = [{"Overview": index}, *({entry.name: f"plugins/{kind}/{entry.name}.md"} for entry in builtin)]
     return pages, lists, nav
 
 
