@@ -47,7 +47,7 @@ ELSEWHERE = {"agents", "any_language", "suite"}
 
 STUDIES = pages.DOCS.parent / "experiments"
 
-LONG_STUDIES = {"attitude", "audit"}
+LONG_STUDIES = {"audit"}
 """Studies with long sentences."""
 
 
