@@ -19,29 +19,27 @@ ROOT = Path(jerkbench.__file__).parents[1]
 LONGEST = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 189, 25
+MOST_FILES, MOST_FOLDERS = 178, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "audit": 621,
-    "cli": 943,
+    "campaign": 1803,
+    "cli": 944,
     "compilation": 1018,
-    "evaluation": 1062,
-    "hydra_app": 772,
+    "evaluation": 1051,
+    "hydra_app": 760,
     "hydra_plugins": 23,
     "inertial": 1146,
-    "inspection": 1801,
-    "io": 3179,
-    "jerkbench": 2003,
-    "jobs": 2633,
+    "inspection": 1796,
+    "io": 3166,
+    "jerkbench": 1865,
+    "jobs": 1847,
     "kinematic": 2139,
-    "plugins": 894,
-    "report": 3314,
+    "plugins": 861,
+    "report": 3992,
     "simulation": 598,
-    "suite": 542,
-    "tuning": 814,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
-MOST_LONE = 15
+MOST_LONE = 14
 """Modules that one other module imports; the aim is none."""
 
 DOUBLES = {"anywhere", "chosen", "each_run"}

@@ -23,9 +23,9 @@ PACKAGE_FOLDER = Path(__file__).parents[1]
 KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
     *("adaptation", "attitude", "compilation", "datasets", "disturbances", "engines"),
-    *("filters", "inertial", "io", "kinematic", "recording", "simulation", "measurements", "timeline"),
-    *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman"),
-    *("random_streams", "renamed", "sums", "campaign/split"),
+    *("filters", "inertial", "io", "kinematic", "recording", "simulation", "timeline"),
+    *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman", "adapted_updates", "r_scale"),
+    *("random_streams", "renamed", "campaign/split"),
     *("jobs/inputs", "jobs/job", "jobs/rows", "report/columns", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
