@@ -16,6 +16,7 @@ LOST = 0.02
 """The share of lost runs."""
 FACTORS = {
     "dataset": "field",
+    "disturbance": "none",
     "attitude": "tilt",
     "noise": "default",
     "replicate": "seed",
@@ -25,15 +26,19 @@ FACTORS = {
 """What all rows of a study have in common."""
 
 
+def cell_rows(filter_name, adaptation, values, **more):
+    """The rows of a combination as a sweep stores them, one for each value."""
+    head = {**FACTORS, "filter": filter_name, "adaptation": adaptation, **more}
+    return [{**head, "seed": seed, "position_rmse_m": value} for seed, value in enumerate(values)]
+
+
 def study_rows(seeds, times):
     """Rows of two filters and mtf in two scenarios, mtf so many times better than the baseline."""
-    rng = np.random.default_rng(5)
-    made = []
+    rng, made = np.random.default_rng(5), []
     for name, adaptation, factor in (("baseline", "none", 1.0), ("jerk", "none", 0.9), ("jerk", "mtf", 1 / times)):
         for disturbance in ("none", "bias"):
             values = factor * np.exp(0.1 * rng.standard_normal(seeds))
-            head = {**FACTORS, "filter": name, "adaptation": adaptation, "disturbance": disturbance}
-            made += [{**head, "seed": seed, "position_rmse_m": value} for seed, value in enumerate(values)]
+            made += cell_rows(name, adaptation, values, disturbance=disturbance)
     return pd.DataFrame(made)
 
 
@@ -48,31 +53,20 @@ def made_rows(protocol=SMALL, seed=0, ratio=None):
     tuned, judged, settings = [], [], []
     for method in [*protocol.competing, *protocol.beside]:
         mean, luck = ratio.get(tuple(method), 0.0), dict(zip(level, rng.normal(0.0, 0.3, len(level)), strict=True))
+        searches = max(protocol.searches(method))
         for tuning in protocol.tunings_of(method):
-            for trial in range(max(protocol.searches(method))):
+            head = {**method._asdict(), "tuning": tuning}
+            for trial in range(searches):
                 loss = -3.0 + mean + rng.normal(0.0, 0.2)
-                head = {"filter": method.filter, "adaptation": method.adaptation, "tuning": tuning, "trial": trial}
-                tuned.append({**head, "drives": protocol.tune_drives, "lost": 0, "loss": loss})
+                tuned.append({**head, "trial": trial, "drives": protocol.tune_drives, "lost": 0, "loss": loss})
             own = [(tried, mean + rng.normal(0.0, 0.05)) for tried in protocol.searches(method)]
-            settings += [
-                {**method._asdict(), "tuning": tuning, "tried": tried, "knob": "adaptation.window", "value": value}
-                for tried, value in own
-            ]
+            settings += [{**head, "tried": tried, "knob": "adaptation.window", "value": value} for tried, value in own]
             for tried, value in [(1, mean + 0.4), *own] if tuning == 0 else own:
-                best = min((row["loss"], row["trial"]) for row in tuned[-max(protocol.searches(method)) :][:tried])
+                best = min((row["loss"], row["trial"]) for row in tuned[-searches:][:tried])
+                run = {**head, "tried": tried, "trial": 0 if tried == 1 else best[1]}
                 for drive in protocol.judges(method):
                     error = level[drive] + luck[drive] + value + rng.normal(0.0, 0.1)
                     lost = rng.random() < LOST
-                    judged.append(
-                        {
-                            "filter": method.filter,
-                            "adaptation": method.adaptation,
-                            "tuning": tuning,
-                            "tried": tried,
-                            "trial": 0 if tried == 1 else best[1],
-                            "seed": drive,
-                            "status": "diverged" if lost else "ok",
-                            "log_error": np.nan if lost else error,
-                        }
-                    )
+                    ended = {"status": "diverged" if lost else "ok", "log_error": np.nan if lost else error}
+                    judged.append({**run, "seed": drive, **ended})
     return AuditRows(protocol, drives, pd.DataFrame(tuned), pd.DataFrame(judged), pd.DataFrame(settings))

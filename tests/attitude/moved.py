@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from jerkbench.geometry import dcm_from_euler
 from jerkbench.recording import Imu, Recording, Reference
 
 G = 9.81
@@ -13,6 +14,11 @@ def recording(gyro, accel, static_start_s=0.0, rate_hz=RATE_HZ, t_s=None, **part
     t = np.arange(1, len(gyro) + 1) / rate_hz if t_s is None else t_s
     reference = Reference([t[-1]], "made up", independent=True)
     return Recording("moved", Imu(t, accel, gyro), reference, static_start_s=static_start_s, **parts)
+
+
+def standing(euler=(0.0, 0.0, 0.0), n=300):
+    """The specific force of a body at rest with these angles."""
+    return np.tile(dcm_from_euler(np.array(euler)).T @ [0.0, 0.0, G], (n, 1))
 
 
 def shaken(n=2000, seed=0, static_start_s=0.0):

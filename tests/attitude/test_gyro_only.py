@@ -1,25 +1,20 @@
 import dataclasses
 
+import moved
 import numpy as np
 import pytest
+from moved import G, standing
 from scipy.spatial.transform import Rotation
 
 from jerkbench.attitude.gyro_only import GyroOnly
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
-from jerkbench.errors import PluginError, RecordingError
-from jerkbench.geometry import dcm_from_euler
-from jerkbench.recording import Heading, Imu, Recording, Reference
-
-G = 9.81
+from jerkbench.errors import RecordingError
+from jerkbench.recording import Heading, Imu
 
 
-def recording(gyro, accel=None, euler=(0.0, 0.0, 0.0), **parts):
-    n = len(gyro)
-    rest = np.tile(dcm_from_euler(np.array(euler)).T @ [0.0, 0.0, G], (n, 1))
-    imu = Imu(0.01 * np.arange(1, n + 1), rest if accel is None else accel, gyro)
-    reference = Reference([0.01 * n], "made up", independent=True)
-    return Recording("farm", imu, reference, **{"static_start_s": 2.0, **parts})
+def recording(gyro, euler=(0.0, 0.0, 0.0), **parts):
+    return moved.recording(gyro, standing(euler, len(gyro)), 2.0, **parts)
 
 
 def test_tilt_is_the_composition_of_the_turns():
@@ -62,6 +57,11 @@ def test_yaw_is_that_of_the_tilt_filter():
         np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
 
+def test_a_heading_that_is_not_there_is_one_sentence():
+    with pytest.raises(RecordingError, match="no dual-antenna heading"):
+        GyroOnly(yaw_source="dual_antenna").estimate(recording(np.zeros((300, 3))))
+
+
 def test_on_the_field_without_noise_it_stays_with_the_truth():
     """The gyro is exact there; what is left is the alignment's tilt error and the yaw's walk."""
     drive = FieldWhite(duration_s=40.0, noise=False).load(0)
@@ -71,16 +71,3 @@ def test_on_the_field_without_noise_it_stays_with_the_truth():
     assert np.abs(first).max() < 40
     u = np.diff(drive.reference.velocity_mps, axis=0) / 0.01
     np.testing.assert_allclose(attitude.accel_enu_mps2[1:, 2], u[:, 2], atol=1e-4)
-
-
-def test_what_makes_no_sense_is_one_sentence():
-    for wrong, sentence in (
-        ({"compensation": "mid"}, "no compensation of attitude gyro_only 'mid'"),
-        ({"yaw_source": "compass"}, "no yaw_source of attitude gyro_only 'compass'"),
-        ({"course_min_speed_mps": 0.0}, "course_min_speed_mps is 0.0"),
-        ({"yaw_walk_rad_per_sqrt_s": -1.0}, "yaw_walk_rad_per_sqrt_s is -1.0"),
-    ):
-        with pytest.raises(PluginError, match=sentence):
-            GyroOnly(**wrong)
-    with pytest.raises(RecordingError, match="no dual-antenna heading"):
-        GyroOnly(yaw_source="dual_antenna").estimate(recording(np.zeros((300, 3))))

@@ -34,15 +34,6 @@ def test_course_and_its_sigma():
     assert headings.sigma_rad[0] == pytest.approx(math.sqrt((0.64 + 0.24 + 0.81) / 25) / 5)
 
 
-def test_course_sigma_is_that_of_sampled_velocities():
-    mean, R = np.array([1.0, -2.0]), 1e-4 * np.array([[4.0, 1.5], [1.5, 2.0]])
-    full = np.eye(3)
-    full[:2, :2] = R
-    sampled = np.random.default_rng(0).multivariate_normal(mean, R, 100_000)
-    headings = course_headings(Velocity([0.0], [[*mean, 0.0]], [full]), 0.5, 1e-6)
-    assert headings.sigma_rad[0] == pytest.approx(np.arctan2(sampled[:, 1], sampled[:, 0]).std(), rel=0.01)
-
-
 def test_course_leaves_out_what_is_slow_or_absent_and_keeps_the_least_sigma():
     nan = math.nan
     mps = [[0.5, 0.0, 0.0], [nan, 2.0, 0.0], [2.0, nan, 0.0], [2.0, 0.0, nan]]

@@ -4,7 +4,7 @@ import pytest
 from jerkbench import plugins
 from jerkbench.attitude.reference import ReferenceAttitude
 from jerkbench.datasets.field import FieldWhite
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.errors import RecordingError
 from jerkbench.recording import Imu, Recording, Reference
 from synthetic import recording_at_rest
 
@@ -30,10 +30,10 @@ def test_the_nearest_stamp_is_taken_and_rows_with_a_nan_are_passed_over():
     np.testing.assert_array_equal(attitude.euler_rad[:, 0], [0.1, 0.1, 0.3, 0.3])
 
 
-@pytest.mark.parametrize(("t_s", "wanted"), [([0.2], [0.0] * 4), ([-0.1], [0.0] * 4)])
-def test_one_stamp_serves_all_that_are_near_enough(t_s, wanted):
-    attitude = ReferenceAttitude(gap_s=0.3).estimate(made(t_s, np.zeros((1, 3))))
-    assert attitude.euler_rad[:, 0].tolist() == wanted
+@pytest.mark.parametrize("stamp_s", [0.2, -0.1])
+def test_one_stamp_serves_all_that_are_near_enough(stamp_s):
+    attitude = ReferenceAttitude(gap_s=0.3).estimate(made([stamp_s], np.zeros((1, 3))))
+    assert attitude.euler_rad[:, 0].tolist() == [0.0] * 4
 
 
 def test_endpoint_and_midpoint():
@@ -54,10 +54,6 @@ def test_no_attitude_and_a_gap_are_sentences():
         ReferenceAttitude().estimate(nowhere)
     with pytest.raises(RecordingError, match="gap_s"):
         ReferenceAttitude().estimate(made([0.0], np.zeros((1, 3))))
-    with pytest.raises(PluginError, match="no compensation of attitude reference"):
-        ReferenceAttitude(compensation="mid")
-    with pytest.raises(PluginError, match="gap_s is 0"):
-        ReferenceAttitude(gap_s=0.0)
 
 
 def test_what_the_reference_lacks_is_said_before_a_sweep_begins():

@@ -6,7 +6,7 @@ import pytest
 
 from experiment_scripts import experiment
 from jerkbench.campaign.answer import NO_FAULT
-from made_rows import FACTORS, made_rows, study_rows
+from made_rows import cell_rows, made_rows, study_rows
 
 of_paper = experiment("paper/claims.py")
 ten_times = experiment("paper/ten_times.py")
@@ -42,11 +42,6 @@ def test_resilience_is_asked_under_a_fault_only():
     claim, other = found(-1.5)["resilient:"], found(-1.5)["more"]
     assert {s.fault for s in other.scenarios} - {s.fault for s in claim.scenarios} == {NO_FAULT}
     assert "| resilient: under a fault better | baseline |" in claim_table([claim])
-
-
-def cell_rows(filter_name, adaptation, values):
-    head = {**FACTORS, "filter": filter_name, "adaptation": adaptation, "disturbance": "none"}
-    return [{**head, "seed": seed, "position_rmse_m": value} for seed, value in enumerate(values)]
 
 
 @pytest.mark.parametrize(("factor", "word"), [(25.0, "It holds"), (2.0, "It does not hold"), (10.0, "It stays open")])

@@ -3,21 +3,8 @@
 import pandas as pd
 import pytest
 
+import made_rows
 from jerkbench.evaluation.judgement import Judgement
-
-FACTORS = ("dataset", "disturbance", "attitude", "filter", "adaptation", "noise")
-
-
-def make_row(seed=0, status="ok", reason="", replicate="seed", **values):
-    factors = {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "default"}
-    return {**factors, "seed": seed, "replicate": replicate, "status": status, "reason": reason, **values}
-
-
-def make_cell(filter_name, adaptation, values, **more):
-    return [
-        make_row(seed, filter=filter_name, adaptation=adaptation, position_rmse_m=value, **more)
-        for seed, value in enumerate(values)
-    ]
 
 
 @pytest.fixture
@@ -29,22 +16,17 @@ def judgement():
 
 
 @pytest.fixture
-def row():
-    return make_row
-
-
-@pytest.fixture
 def cell_rows():
-    return make_cell
+    return made_rows.cell_rows
 
 
 @pytest.fixture
-def rows():
+def rows(cell_rows):
     """Two filters with two adaptations; one combination is missing, in one four of eight runs diverged."""
     cells = [
-        *make_cell("jerk", "none", 2 * [0.011, 0.012, 0.014, 0.013], anees=4.0),
-        *make_cell("jerk", "sage_husa", 2 * [0.021, 0.022, 0.024, 0.023], anees=5.0),
-        *make_cell("baseline", "none", 4 * [0.031] + 4 * [9.0], anees=6.0),
+        *cell_rows("jerk", "none", 2 * [0.011, 0.012, 0.014, 0.013], anees=4.0),
+        *cell_rows("jerk", "sage_husa", 2 * [0.021, 0.022, 0.024, 0.023], anees=5.0),
+        *cell_rows("baseline", "none", 4 * [0.031] + 4 * [9.0], anees=6.0),
     ]
     for run in cells[-4:]:
         run.update(status="diverged", reason="The position error is 4000 m at 3.00 s; the limit is 1000 m.")

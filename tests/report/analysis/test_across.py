@@ -18,16 +18,12 @@ LEVELS = {"best": 1.0, "middle": 1.3, "last": 3.0}
 
 
 @pytest.fixture
-def rows():
-    rng = np.random.default_rng(11)
-    fixed = {"dataset": "field", "attitude": "tilt", "noise": "default", "adaptation": "none", "replicate": "seed"}
-    made = []
-    for scenario, name in itertools.product(("a", "b", "c", "d", "e"), LEVELS):
-        for seed in range(8):
-            error = LEVELS[name] * np.exp(0.02 * rng.standard_normal())
-            head = {**fixed, "status": "ok", "reason": "", "disturbance": scenario, "filter": name, "seed": seed}
-            made.append({**head, METRIC: error, "velocity_rmse_mps": 1 / error})
-    return pd.DataFrame(made)
+def rows(cell_rows):
+    rng, made = np.random.default_rng(11), []
+    for scenario, name in itertools.product("abcde", LEVELS):
+        errors = LEVELS[name] * np.exp(0.02 * rng.standard_normal(8))
+        made += cell_rows(name, "none", errors, disturbance=scenario)
+    return pd.DataFrame(made).assign(velocity_rmse_mps=lambda made: 1 / made[METRIC])
 
 
 def test_places_ratios_ranks_and_agreement_are_told(rows):
@@ -77,17 +73,13 @@ def test_the_interval_of_the_first_over_the_last_allows_for_their_selection(rows
 
 
 def test_four_scenarios_have_no_mixed_model(rows):
-    four = rows[rows["disturbance"] != "e"]
-    assert not any(" over " in line.split(":")[0] and "times" in line for line in told_over_all(four))
-    assert any("mixed model" in line for line in told_over_all(rows))
+    four, five = (
+        across(frame, study_verdicts(frame, METRIC), METRIC) for frame in (rows[rows["disturbance"] != "e"], rows)
+    )
+    assert not any(" over " in line.split(":")[0] and "times" in line for line in four)
+    assert any("mixed model" in line for line in five)
 
 
-def told_over_all(rows):
-    return across(rows, study_verdicts(rows, METRIC), METRIC)
-
-
-def test_one_scenario_says_nothing_over_scenarios(rows):
-    alone = rows[rows["disturbance"] == "a"]
-    assert across(alone, study_verdicts(alone, METRIC), METRIC) == []
-    phases = rows.assign(replicate="phase")
-    assert across(phases, study_verdicts(phases, METRIC), METRIC) == []
+def test_one_scenario_and_phases_say_nothing_over_scenarios(rows):
+    for frame in (rows[rows["disturbance"] == "a"], rows.assign(replicate="phase")):
+        assert across(frame, study_verdicts(frame, METRIC), METRIC) == []

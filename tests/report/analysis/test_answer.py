@@ -1,12 +1,14 @@
 """The answer in one sentence, and the findings by size and certainty."""
 
+import math
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from jerkbench.evaluation.judgement import Verdict
 from jerkbench.report.comparisons import verdict_sentences
-from jerkbench.report.findings import answer, certain_size, duels, findings, strongest
+from jerkbench.report.findings import ALL_LOST, answer, certain_size, duels, findings, size_text, strongest
 from jerkbench.report.study_verdicts import study_verdicts
 
 SCENES = ("none", "bias", "gnss_outage")
@@ -176,3 +178,14 @@ def test_a_duel_is_told_by_the_one_who_wins_more(study):
     (duel,) = duels(study_verdicts(study({"a": (2.0, 2.0, 1.0), "b": (1.0, 1.0, 2.0)}), "position_rmse_m").standings)
     assert (duel.ours, duel.won, duel.lost) == ("b", 2, 1)
     assert (duel.turned.won, duel.turned.lost) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ratio", "word"), [(Verdict.BETTER, 0.0, "better"), (Verdict.WORSE, math.inf, "worse")]
+)
+def test_where_the_median_run_of_one_is_lost_there_is_a_weight_and_no_size(judgement, verdict, ratio, word):
+    lost = judgement(verdict, ratio, ratio, ratio, (0, 17))
+    assert certain_size(lost) == ALL_LOST
+    assert size_text(lost) == f"{word}, as the median run of the one is lost"
+    half = judgement(Verdict.WORSE, 8.0, 2.0, math.inf, (6, 0))  # the other end remains
+    assert certain_size(half) == pytest.approx(math.log(2.0))

@@ -95,13 +95,26 @@ def test_without_a_common_seed_both_values_are_printed_and_there_is_no_verdict(b
     ]
 
 
-def test_more_lost_runs_are_worse(before):
-    later = before.copy()
-    later.loc[later["seed"] == 3, "status"] = "diverged"
+@pytest.mark.parametrize(
+    ("column", "at_seed_3", "reason"),
+    [
+        ("status", "diverged", "1 of 20 runs diverged or failed in B, 0 in A (seed 3)"),
+        (METRIC, np.nan, "19 of 20 runs have a value in B, 20 in A (seed 3)"),
+    ],
+)
+def test_more_lost_runs_and_fewer_values_are_worse(before, column, at_seed_3, reason):
+    later = before.assign(**{column: before[column].mask(before["seed"] == 3, at_seed_3)})
     for one in changes(before, later, METRIC):
-        assert one.lost == (0, 1)
-        assert one.failures(50.0) == ["1 of 20 runs diverged or failed in B, 0 in A (seed 3)"]
+        assert one.lost == (0, int(column == "status"))
+        assert one.failures(50.0) == [reason]
     assert not any(one.failures(50.0) for one in changes(later, before, METRIC))
+
+
+def test_what_rises_from_nothing_is_worse_although_it_has_no_ratio(before):
+    none = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3, 0.0))
+    for one in changes(none, before, METRIC):
+        assert one.failures(50.0) == ["1 of 20 runs increased from 0 (seed 3)"]
+    assert not any(one.failures(50.0) or one.unjudged for one in changes(before, none, METRIC))
 
 
 def test_only_what_both_have_is_compared(before):
@@ -131,20 +144,6 @@ def test_what_the_second_lacks_is_not_judged(before):
     assert (none.unjudged, none.absent, mtf.unjudged, mtf.absent) == ("", 0, "runs of A are missing in B", 16)
     halves = [before.assign(status=np.where((before["seed"] % 2 == k), "ok", "diverged")) for k in (0, 1)]
     assert all(one.unjudged and not one.same for one in changes(*halves, METRIC))  # as many lost, but never a pair
-
-
-def test_a_value_that_is_gone_is_worse(before):
-    later = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3))
-    for one in changes(before, later, METRIC):
-        assert one.failures(50.0) == ["19 of 20 runs have a value in B, 20 in A (seed 3)"]
-    assert not any(one.failures(50.0) for one in changes(later, before, METRIC))
-
-
-def test_what_rises_from_nothing_is_worse_although_it_has_no_ratio(before):
-    none = before.assign(position_rmse_m=before[METRIC].where(before["seed"] != 3, 0.0))
-    for one in changes(none, before, METRIC):
-        assert one.failures(50.0) == ["1 of 20 runs increased from 0 (seed 3)"]
-    assert not any(one.failures(50.0) or one.unjudged for one in changes(before, none, METRIC))
 
 
 def test_who_loses_more_runs_is_not_better_on_the_same_seeds(before):

@@ -6,26 +6,16 @@ import pytest
 
 from jerkbench.report.plots.sweeps import severity_figure
 from jerkbench.report.sweeps import crossings, smallest_noticed, with_severity
+from made_rows import cell_rows
 
 
 def rows(sizes=(0.1, 1.0, 10.0), seeds=5):
     made = []
     for size in sizes:
-        for seed in range(seeds):
-            for adaptation, cost, acts in (("none", size, 0.0), ("chi2", 0.5 + 0.05 * size, 20.0 * (size > 0.5))):
-                made.append(
-                    {
-                        "dataset": "field",
-                        "disturbance": f"bias+false_fix(offset_m={size:g}, length_s=5)",
-                        "filter": "jerk",
-                        "adaptation": adaptation,
-                        "seed": seed,
-                        "status": "ok",
-                        "position_rmse_m": cost,
-                        "rejected_percent": acts + 0.1 * seed,
-                    }
-                )
-    return pd.DataFrame(made)
+        fault = f"bias+false_fix(offset_m={size:g}, length_s=5)"
+        for adaptation, cost, acts in (("none", size, 0.0), ("chi2", 0.5 + 0.05 * size, 20.0 * (size > 0.5))):
+            made += cell_rows("jerk", adaptation, [cost] * seeds, disturbance=fault, rejected_percent=acts)
+    return pd.DataFrame(made).assign(rejected_percent=lambda made: made["rejected_percent"] + 0.1 * made["seed"])
 
 
 def test_the_parameter_that_is_swept_is_the_size():

@@ -10,6 +10,7 @@ from jerkbench.evaluation.judgement import SWAPPED
 from jerkbench.report.findings import findings
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import summarise
+from made_rows import cell_rows
 
 METRIC = "position_rmse_m"
 
@@ -18,20 +19,10 @@ METRIC = "position_rmse_m"
 def rows():
     """Three scenarios, two filters with three adaptations (one is the oracle), and the floor; eight seeds."""
     rng = np.random.default_rng(7)
-    factors = {
-        "dataset": "field",
-        "attitude": "tilt",
-        "noise": "default",
-        "replicate": "seed",
-        "status": "ok",
-        "reason": "",
-    }
     methods = [*itertools.product(("jerk", "baseline"), ("none", "mtf", "oracle")), ("gnss_only", "none")]
     made = []
-    for scenario, (k, (name, adaptation)) in itertools.product(("none", "bias", "outage"), enumerate(methods)):
-        values = np.exp(0.05 * k + 0.06 * rng.standard_normal(8))
-        head = {**factors, "reason": "", "disturbance": scenario, "filter": name, "adaptation": adaptation}
-        made += [{**head, "seed": seed, METRIC: value} for seed, value in enumerate(values)]
+    for scenario, (k, method) in itertools.product(("none", "bias", "outage"), enumerate(methods)):
+        made += cell_rows(*method, np.exp(0.05 * k + 0.06 * rng.standard_normal(8)), disturbance=scenario)
     return pd.DataFrame(made)
 
 

@@ -1,62 +1,26 @@
 """Figures: what is drawn is the data, nothing overlaps, and a strange run is drawn too."""
 
 import dataclasses
+from functools import partial
 
+import made_runs
 import numpy as np
 import pytest
+from made_runs import T_S, N, bare_recording, broken_estimate, make_estimate, moved
 from matplotlib.image import imread
 
 from jerkbench import plugins
-from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import evaluate_run
-from jerkbench.recording import Imu, Position, Recording, Reference
 from jerkbench.report.plots.runs import error_figure, trajectory_figure
 from jerkbench.report.plots.style import save_figure
 
-N = 400
-T_S = 0.1 * np.arange(N)
-
-
-def make_recording(**changes):
-    angle = 2 * np.pi * T_S / T_S[-1]
-    enu_m = np.column_stack([30 * np.sin(angle), 10 * np.sin(2 * angle), 0 * angle])
-    zeros = np.zeros((N, 3))
-    values = {
-        "position": Position(T_S[::5], enu_m[::5] + 0.3, np.tile(np.eye(3), (N // 5, 1, 1))),
-        "outages_s": np.array([[10.0, 15.0], [20.0, 22.0]]),
-        "reference": Reference(T_S, "drawn", independent=True, enu_m=enu_m),
-    }
-    return Recording("A field", Imu(T_S, zeros, zeros), **(values | changes))
-
-
-def make_estimate(error_m=0.1, index=None):
-    rows = np.arange(N) if index is None else index
-    error = error_m * np.random.default_rng(1).normal(size=(N, 3))
-    position_m = make_recording().reference.enu_m + error
-    covariance = np.tile(np.eye(6) * 0.04, (len(rows), 1, 1))
-    return Estimate(rows, position_m[rows], np.zeros((len(rows), 3)), covariance, np.zeros((len(rows), 3)))
-
-
-def broken_estimate():
-    """Runs away, and then is no number."""
-    one = make_estimate()
-    position_m = one.position_m.copy()
-    position_m[200:300] += 1e5 * np.arange(100)[:, None]
-    position_m[300:350] = 1e300
-    position_m[350:] = np.nan
-    return dataclasses.replace(one, position_m=position_m)
+make_recording = partial(made_runs.make_recording, outages_s=np.array([[10.0, 15.0], [20.0, 22.0]]))
 
 
 def kicked_estimate():
     """Its ticks depend on the height of the axes (found by a scan): a layout that let them clipped the labels."""
     one = make_estimate(0.001)
-    position_m = one.position_m.copy()
-    position_m[150] += [2.05, -1.2, 0.4 / 1.3]
-    return dataclasses.replace(one, position_m=position_m, covariance=one.covariance * 1e-4)
-
-
-def labelled(axes):
-    return {line.get_label(): line for line in axes.get_lines()}
+    return moved(dataclasses.replace(one, covariance=4.0 * one.covariance), 150, [2.05, -1.2, 0.4 / 1.3])
 
 
 def test_the_rmse_in_the_legend_is_the_tables_and_says_from_when_on():
@@ -83,7 +47,7 @@ def texts(figure):
 def test_the_trajectory_is_the_data_to_scale():
     recording, estimates = make_recording(), {"jerk + none": make_estimate(), "baseline + mtf": make_estimate(0.5)}
     axes = trajectory_figure(recording, estimates).axes[0]
-    drawn = labelled(axes)
+    drawn = {line.get_label(): line for line in axes.get_lines()}
     np.testing.assert_array_equal(drawn["reference"].get_xydata(), recording.reference.enu_m[:, :2])
     np.testing.assert_array_equal(drawn["measured"].get_xydata(), recording.position.enu_m[:, :2])
     for name, estimate in estimates.items():
@@ -105,7 +69,7 @@ def test_a_run_that_leaves_the_picture_says_so_and_the_picture_stays():
 
 def test_the_error_is_the_norm_at_the_estimates_own_stamps():
     index = np.arange(40, 300)
-    estimate = make_estimate(index=index)
+    estimate = make_estimate(rows=index)
     recording = make_recording()
     scored = np.arange(N) >= 100
     recording = dataclasses.replace(recording, reference=dataclasses.replace(recording.reference, scored=scored))
@@ -118,30 +82,20 @@ def test_the_error_is_the_norm_at_the_estimates_own_stamps():
 
 
 def test_one_estimate_has_three_axes_with_three_sigmas():
-    figure = error_figure(make_recording(), {"jerk": make_estimate()})
-    assert [axes.get_ylabel() for axes in figure.axes] == [
-        "Position error [m]",
-        "East error [m]",
-        "North error [m]",
-        "Up error [m]",
-    ]
-    estimate = make_estimate()
-    for axis, axes in enumerate(figure.axes[1:]):
-        (line,) = axes.get_lines()
-        error = estimate.position_m[:, axis] - make_recording().reference.enu_m[:, axis]
+    recording, estimate = make_recording(), make_estimate()
+    first, *three = error_figure(recording, {"jerk": estimate}).axes
+    assert first.get_ylabel() == "Position error [m]"
+    for axis, (name, axes) in enumerate(zip(("East", "North", "Up"), three, strict=True)):
+        assert axes.get_ylabel() == f"{name} error [m]"
+        (line,), (band,) = axes.get_lines(), axes.collections
+        error = estimate.position_m[:, axis] - recording.reference.enu_m[:, axis]
         np.testing.assert_allclose(line.get_ydata(), error, atol=1e-12)
-        (band,) = axes.collections
-        assert band.get_paths()[0].get_extents().height == pytest.approx(2 * 3 * 0.2)
+        assert band.get_paths()[0].get_extents().height == pytest.approx(2 * 3 * 0.1)
 
 
 @pytest.mark.parametrize(("estimate", "scale"), [(make_estimate(), "linear"), (broken_estimate(), "log")])
 def test_a_wide_spread_is_logarithmic(estimate, scale):
     assert error_figure(make_recording(), {"one": estimate}).axes[0].get_yscale() == scale
-
-
-def apart(estimate, k):
-    """The estimate, so far from the others that no two coincide."""
-    return dataclasses.replace(estimate, position_m=estimate.position_m + 0.3 * k)
 
 
 @pytest.mark.parametrize("draw", [trajectory_figure, error_figure])
@@ -151,32 +105,27 @@ def apart(estimate, k):
 )
 def test_everything_is_inside_and_the_legend_apart(draw, count, length, estimate):
     names = [f"{k}{'gnss_only + variational_bayes_and_more'[:length]}" for k in range(count)]
-    figure = draw(make_recording(), {name: apart(estimate, k) for k, name in enumerate(names)})
+    apart = {name: moved(estimate, slice(None), 0.3 * k) for k, name in enumerate(names)}  # so that no two coincide
+    figure = draw(make_recording(), apart)
     figure.draw_without_rendering()
     whole = figure.bbox
     boxes = [axes.get_tightbbox() for axes in figure.axes]
     legend = figure.legends[0].get_window_extent()
     for box in (*boxes, legend):
-        assert box.x0 >= whole.x0 - 1
-        assert box.y0 >= whole.y0 - 1
-        assert box.x1 <= whole.x1 + 1
-        assert box.y1 <= whole.y1 + 1
+        assert whole.x0 - 1 <= box.x0 < box.x1 <= whole.x1 + 1
+        assert whole.y0 - 1 <= box.y0 < box.y1 <= whole.y1 + 1
     assert legend.y1 <= min(box.y0 for box in boxes) + 1
 
 
 @pytest.mark.parametrize("draw", [trajectory_figure, error_figure])
-@pytest.mark.parametrize("estimate", [broken_estimate(), make_estimate(index=np.arange(0))])
-@pytest.mark.parametrize("known", [True, False])
-def test_odd_runs_are_drawn_without_a_warning(draw, estimate, known, tmp_path):
-    recording = make_recording()
-    if not known:
-        recording = make_recording(reference=Reference(T_S, "none", independent=True), position=None)
+@pytest.mark.parametrize("estimate", [broken_estimate(), make_estimate(rows=slice(0))])
+@pytest.mark.parametrize("recording", [make_recording(), bare_recording()])
+def test_odd_runs_are_drawn_without_a_warning(draw, estimate, recording, tmp_path):
     save_figure(draw(recording, {"one": estimate}), tmp_path / "new" / "figure.png")
     assert imread(tmp_path / "new" / "figure.png").std() > 0.01
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["figure.png"]
 
 
 def test_without_a_reference_it_says_so():
-    recording = make_recording(reference=Reference(T_S, "none", independent=True))
-    (axes,) = error_figure(recording, {"one": make_estimate()}).axes
+    (axes,) = error_figure(bare_recording(), {"one": make_estimate()}).axes
     assert [text.get_text() for text in axes.texts] == ["The recording has no position reference."]

@@ -3,10 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from made_runs import make_estimate, make_recording
 from matplotlib.colors import to_hex
 
-from jerkbench.estimate import Estimate, Updates
-from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.drawings import of_rows, palette_of
 from jerkbench.report.plots.consistency import adapted_r_figure, tilt_figure
 from jerkbench.report.plots.runs import (
@@ -18,7 +17,6 @@ from jerkbench.report.plots.runs import (
 )
 from jerkbench.report.plots.style import COLOURS, Palette, method_of
 
-N = 50
 METHODS = ("jerk + mtf", "jerk + none", "bias + mtf", "bias + none")
 STUDY = Palette.of(
     [("gnss_only", "none"), *((f, a) for f in ("baseline", "jerk", "bias") for a in ("none", "huber", "mtf"))]
@@ -26,41 +24,16 @@ STUDY = Palette.of(
 PLAIN = {"-", "None"}
 
 
-@pytest.fixture
-def recording():
-    t_s = np.arange(1.0, N + 1)
-    enu_m = np.column_stack([t_s, np.sin(t_s), 0 * t_s])
-    reference = Reference(t_s, "drawn", independent=True, enu_m=enu_m, euler_rad=0.1 * enu_m)
-    position = Position(t_s, enu_m, np.tile(np.eye(3), (N, 1, 1)))
-    return Recording("A field", None, position=position, reference=reference)
-
-
-@pytest.fixture
-def estimates(recording):
-    rng = np.random.default_rng(1)
-    t_s, truth = recording.reference.t_s, recording.reference
-    return {
-        name: Estimate(
-            np.arange(N),
-            truth.enu_m + rng.normal(size=(N, 3)),
-            np.zeros((N, 3)),
-            np.tile(np.eye(6), (N, 1, 1)),
-            truth.euler_rad + 0.1 * rng.normal(size=(N, 3)),
-            Updates(t_s, *(np.ones(N) for _ in range(3)), np.zeros((N, 6)), rng.uniform(1.0, 2.0, (N, 6))),
-        )
-        for name in METHODS
-    }
-
-
 def figures(recording, estimates):
+    given = recording, estimates
     return {
-        "errors": error_figure(recording, estimates, palette=STUDY),
-        "zoom": zoomed_error_figure(recording, estimates, (3.0, 30.0), palette=STUDY),
-        "trajectory": trajectory_figure(recording, estimates, STUDY),
-        "inset": inset_trajectory_figure(recording, estimates, STUDY),
-        "adapted-r": adapted_r_figure(recording, estimates, STUDY),
-        "tilt": tilt_figure(recording, estimates, STUDY),
-        "inclination": inclination_figure(recording, estimates, STUDY),
+        "errors": error_figure(*given, palette=STUDY),
+        "zoom": zoomed_error_figure(*given, (3.0, 30.0), palette=STUDY),
+        "trajectory": trajectory_figure(*given, STUDY),
+        "inset": inset_trajectory_figure(*given, STUDY),
+        "adapted-r": adapted_r_figure(*given, STUDY),
+        "tilt": tilt_figure(*given, STUDY),
+        "inclination": inclination_figure(*given, STUDY),
     }
 
 
@@ -76,9 +49,10 @@ def drawn(figure):
 
 
 @pytest.mark.parametrize("chosen", [METHODS, METHODS[::-1], METHODS[2:]])
-def test_every_figure_of_runs_draws_a_method_alike_whatever_else_is_in_it(recording, estimates, chosen):
+def test_every_figure_of_runs_draws_a_method_alike_whatever_else_is_in_it(chosen):
     blue = {"jerk": COLOURS[2], "bias": COLOURS[3]}
-    for kind, figure in figures(recording, {name: estimates[name] for name in chosen}).items():
+    estimates = {name: make_estimate(1.0, seed=METHODS.index(name)) for name in chosen}
+    for kind, figure in figures(make_recording(), estimates).items():
         expected = {name: (blue[name[:4]].upper(), name.endswith("none")) for name in chosen}
         assert drawn(figure) == expected, kind
 

@@ -8,6 +8,7 @@ from jerkbench.report import summary
 from jerkbench.report.columns import metric_columns
 from jerkbench.report.summary import main_metric, summarise, write_tables
 from jerkbench.report.writers import tidy_csv
+from made_rows import cell_rows
 
 LABELS = [
     ("drive,2", 'base"line', "none", "accel=0.1"),
@@ -20,22 +21,13 @@ LABELS = [
 
 def runs_of(count, replicate, seed):
     """Runs of every ending, with metrics that some of them lack, that are negative, zero, huge or the same in all."""
-    rng = np.random.default_rng(seed)
-    rows = []
+    rng, rows = np.random.default_rng(seed), []
     for dataset, model, rule, noise in LABELS:
-        for number in range(count):
-            status = rng.choice(["ok", "diverged", "failed"], p=[0.8, 0.1, 0.1])
-            row = {"dataset": dataset, "disturbance": "none", "attitude": "tilt", "filter": model, "adaptation": rule}
-            row |= {"noise": noise, "seed": number, "replicate": replicate, "status": status, "reason": ""}
-            values = rng.lognormal(0, 1.5, 5)
-            row |= {"position_rmse_m": values[0], "anees": values[1] if rng.random() < 0.7 else np.nan}
-            row |= {
-                "drift_mps": values[2] - 1,
-                "step_us": 3,
-                "outage_end_m": np.nan,
-                "velocity_rmse_mps": 1e300 * values[3],
-            }
-            rows.append(row)
+        for row in cell_rows(model, rule, rng.lognormal(0, 1.5, count), dataset=dataset, noise=noise):
+            anees, drift, speed = rng.lognormal(0, 1.5, 3)
+            row |= {"replicate": replicate, "status": rng.choice(["ok", "diverged", "failed"], p=[0.8, 0.1, 0.1])}
+            row |= {"anees": anees if rng.random() < 0.7 else np.nan, "drift_mps": drift - 1, "step_us": 3}
+            rows.append(row | {"outage_end_m": np.nan, "velocity_rmse_mps": 1e300 * speed})
     return pd.DataFrame(rows)
 
 
