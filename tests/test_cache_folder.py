@@ -9,24 +9,14 @@ from jerkbench.jobs.inputs import SIMULATED
 
 
 @pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])
-def test_every_kind_of_cache_follows_the_variable_alike(monkeypatch, tmp_path, kind):
-    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
-
-    assert cache_folder(kind) == tmp_path / kind
-
-
-@pytest.mark.parametrize("kind", [BAGS, COMPILED, SIMULATED])
-def test_without_the_variable_it_is_in_the_users_cache(monkeypatch, tmp_path, kind):
+def test_every_kind_of_cache_is_in_the_users_cache_or_where_the_variable_says(monkeypatch, tmp_path, kind):
     monkeypatch.delenv("JERKBENCH_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-
     assert cache_folder(kind) == user_cache_path("jerkbench", appauthor=False) / kind
-
-
-def test_a_home_in_the_variable_is_expanded(monkeypatch):
+    monkeypatch.setenv("JERKBENCH_CACHE", str(tmp_path))
+    assert cache_folder(kind) == tmp_path / kind
     monkeypatch.setenv("JERKBENCH_CACHE", "~/kept")
-
-    assert "~" not in str(cache_folder(COMPILED))
+    assert "~" not in str(cache_folder(kind))
 
 
 def test_fetched_recordings_are_no_cache(monkeypatch, tmp_path):

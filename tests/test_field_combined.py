@@ -7,19 +7,12 @@ from made_jobs import job_of_words
 
 def test_everything_at_once_as_the_page_says():
     one = job_of_words("experiment=field_combined")
+    dataset, (bias, multipath, rtk_float, outage) = one.scenario.dataset, one.scenario.disturbances
     assert one.labels.dataset == "field_combined"
-    dataset = one.scenario.dataset
-    assert (dataset.ruts, dataset.vibration_mps2, dataset.impacts_per_s, dataset.roughness) == (
-        True,
-        1.0,
-        0.1,
-        2.0,
-    )
-    bias, multipath, rtk_float, outage = one.scenario.disturbances
+    assert (dataset.ruts, dataset.vibration_mps2, dataset.impacts_per_s, dataset.roughness) == (True, 1.0, 0.1, 2.0)
     assert (bias.accel_mps2, bias.gyro_radps) == (0.05, 0.001)
     assert multipath.bursts == 4
-    assert sum(end - begin for begin, end in rtk_float.windows_s) == 15
-    assert sum(end - begin for begin, end in outage.windows_s) == 8
+    assert [sum(end - begin for begin, end in one.windows_s) for one in (rtk_float, outage)] == [15, 8]
 
 
 def test_it_can_be_put_together_by_hand_too():

@@ -37,11 +37,13 @@ def require_answers(study, folder):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("study", KEPT, ids=lambda path: path.name)
-def test_a_kept_study_is_whole_and_answers(study, tmp_path):
+def test_a_kept_study_is_whole_answers_and_names_no_folder_of_one_machine(study, tmp_path):
     copy = shutil.copytree(study, tmp_path / study.name)
     assert len(list((copy / "cells").iterdir())) == 1
-    assert (copy / "manifest.json").is_file()
     require_answers(copy, tmp_path)
+    for cell in Store(copy).read()[0]:
+        assert not Path(cell.metadata["spec"]["dataset"].get("folder", "")).is_absolute()
+    assert "=/" not in (study / "manifest.json").read_text(encoding="utf-8")
 
 
 def test_a_compacted_study_has_the_same_rows_in_one_file_and_answers(tmp_path):
@@ -60,12 +62,3 @@ def test_a_compacted_study_has_the_same_rows_in_one_file_and_answers(tmp_path):
     require_answers(study, tmp_path)
     path.write_bytes(path.read_bytes()[:-1])
     assert Store(study).read() == ([], [path.stem])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("study", KEPT, ids=lambda path: path.name)
-def test_a_kept_study_names_no_folder_of_one_machine(study):
-    cells, _ = Store(study).read()
-    for cell in cells:
-        assert not Path(cell.metadata["spec"]["dataset"].get("folder", "")).is_absolute()
-    assert "=/" not in (study / "manifest.json").read_text(encoding="utf-8")

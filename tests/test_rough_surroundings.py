@@ -10,18 +10,21 @@ from jerkbench.campaign.split import Seeds
 from jerkbench.errors import PluginError
 
 
+def shell(line, cwd):
+    """Run a line in which PROGRAM stands for the command."""
+    command = ["sh", "-c", line.replace("PROGRAM", '"$0" -m jerkbench'), sys.executable]
+    return subprocess.run(command, cwd=cwd, env=environment(), capture_output=True, text=True, check=False, timeout=60)
+
+
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
 def test_a_closed_stream_is_no_fault(tmp_path, closed):
-    command = ["sh", "-c", f'"$0" -m jerkbench list filter {closed}', sys.executable]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-    assert not done.stderr
+    done = shell(f"PROGRAM list filter {closed}", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("words", ["list", "run --help", "run --dry dataset.duration_s=8"])
 def test_a_full_disk_behind_standard_output_is_a_sentence(tmp_path, words):
-    command = ["sh", "-c", f'"$0" -m jerkbench {words} > /dev/full', sys.executable]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    done = shell(f"PROGRAM {words} > /dev/full", tmp_path)
     assert done.returncode == 2
     assert "No space left" in done.stderr
     assert "Traceback" not in done.stderr
@@ -64,10 +67,7 @@ def test_a_worker_that_died_and_too_little_memory_are_a_sentence(tmp_path, monke
 
 @pytest.mark.parametrize("words", ["list", "run dataset.duration_s=8"])
 def test_less_memory_than_the_libraries_need_is_refused_at_once(tmp_path, words):
-    command = ["sh", "-c", f'ulimit -v 500000; "$0" -m jerkbench {words}', sys.executable]
-    done = subprocess.run(
-        command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False, timeout=60
-    )
+    done = shell(f"ulimit -v 500000; PROGRAM {words}", tmp_path)
     assert done.returncode == 2
     assert "488 MiB" in done.stderr
     assert done.stderr.count("\n") == 1

@@ -14,7 +14,7 @@ from jerkbench.attitude import common
 from jerkbench.attitude.common import TiltStart
 from jerkbench.attitude.gravity_update import ADAPTATIONS
 from jerkbench.attitude.tilt import PROPAGATIONS, Tilt, run_tilt
-from jerkbench.geometry import roll_pitch
+from jerkbench.geometry import dcm_from_euler, roll_pitch
 
 LEVEL = np.array([0.0, 0.0, 1.0])
 
@@ -160,3 +160,32 @@ def test_mtf_keeps_a_level_robot_level_while_it_accelerates():
 def test_without_adaptation_the_tilt_goes_to_the_apparent_vertical():
     pitch, _ = accelerating("none", 200, 3000)
     assert pitch[-1] == pytest.approx(-math.atan2(1.0, G), abs=1e-4)
+
+
+def naive_dcm(roll, pitch, yaw):
+    (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
+    Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return Rz @ Ry @ Rx
+
+
+def test_gravity_is_compensated_as_in_the_reference_values(golden):
+    given, wanted = golden["gravity_compensation"]["inputs"], golden["gravity_compensation"]["outputs"]
+    dcm = dcm_from_euler(np.array([*roll_pitch(np.array(given["x"])), given["yaw"]]))
+    np.testing.assert_allclose(dcm, wanted["Omega"], rtol=0, atol=1e-10)
+    u = common.compensate_gravity(dcm[None], np.array([given["f_body"]]), "endpoint")
+    np.testing.assert_allclose(u[0], wanted["u"], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("compensation", ["midpoint", "endpoint"])
+def test_gravity_is_compensated_sample_by_sample(compensation):
+    euler = np.array([[0.1, -0.2, 0.3], [0.2, 0.1, 0.5], [-0.1, 0.0, 3.0]])
+    force = np.array([[0.5, 0.2, 9.9], [-0.3, 0.4, 9.7], [1.0, 0.0, 9.81]])
+    Omega = [naive_dcm(*each) for each in euler]
+    wanted = []
+    for k in range(3):
+        turn = (Omega[k - 1] + Omega[k]) / 2 if compensation == "midpoint" and k else Omega[k]
+        wanted.append(turn @ force[k] - [0, 0, 9.81])
+    got = common.compensate_gravity(dcm_from_euler(euler), force, compensation)
+    np.testing.assert_allclose(got, wanted, atol=1e-14)

@@ -17,12 +17,7 @@ NAMES = [
 SEEDED = [name for name in NAMES if plugins.get("disturbance", name).seeded]
 NEED_ATTITUDE = ("lever_arm",)  # which a reference of withheld fixes has not
 IMU_OR_STAMPS = ("imu_bias", "imu_vibration", "dropout", "jitter")
-CORRELATED = (
-    "rtk_float",
-    "rtk_float_overconfident",
-    "replayed_gnss",
-    "coloured",
-)  # in time: each has a test of its own
+CORRELATED = ("rtk_float", "rtk_float_overconfident", "replayed_gnss", "coloured")  # each has a test of its own
 OUTAGE = {"windows_s": ((15.0, 25.0),)}
 
 
@@ -163,9 +158,13 @@ WRONG = {
         *({"length_s": 60.0}, {"length_s": 0.0}, {"phases": 0}, {"phase": 6}, {"phase": -1}, {"every_s": 5.0}),
     ],
     "outliers": [{"probability": 2.0}, {"smallest_m": 30.0}, {"size_m": float("inf")}],
-    "rtk_float": [{"factor": -1.0}],
+    "rtk_float": [
+        *({"factor": -1.0}, {"windows_s": ((5.0, 4.0),)}, {"time_s": 0.0}),
+        *({"sigma_m": (1.0, 1.0)}, {"sigma_m": (1.0, 1.0, -1.0)}),
+    ],
     "stated_covariance": [{"position_factor": 0.0}],
-    "wheel_slip": [{"count": -1}],
+    "wheel_slip": [{"count": -1}, {"windows_s": ((4.0, 2.0),)}, {"slip": NAN}],
+    "withhold": [{"every": 1}, {"every": 3, "phase": 3}],
 }
 
 

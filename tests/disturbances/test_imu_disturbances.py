@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.imu import Dropout, ImuVibration
+from jerkbench.disturbances.imu import Dropout, ImuBias, ImuVibration
 from jerkbench.disturbances.stamps import Jitter
 from jerkbench.recording import Imu, Recording, Reference
 
@@ -92,3 +92,20 @@ def test_stamps_go_on_increasing_whatever_the_jitter(seed):
     done = Jitter(imu_s=0.5).apply(Recording("u", imu, Reference([1.0], "r", independent=True)), seed)
     left = np.diff(done.imu.t_s) / np.diff(imu.t_s)
     assert left.min() > 0.0999
+
+
+def biases(recording, plugin, seed):
+    imu = plugin.apply(recording, seed).imu
+    added = np.hstack([imu.accel_mps2 - recording.imu.accel_mps2, imu.gyro_radps - recording.imu.gyro_radps])
+    np.testing.assert_allclose(added, np.tile(added[0], (len(added), 1)), atol=1e-12)
+    return added[0]
+
+
+def test_a_bias_is_constant_over_the_run_and_of_the_right_size_over_seeds(make):
+    recording = make(duration_s=1.0)
+    drawn = np.array([biases(recording, ImuBias(), seed) for seed in range(400)])
+    sigma = drawn.std(axis=0) / [0.08, 0.08, 0.08, 0.002, 0.002, 0.002]
+    np.testing.assert_allclose(sigma, 1, atol=0.15)  # four standard errors of a standard deviation of 400
+    assert np.abs(np.corrcoef(drawn.T) - np.eye(6)).max() < 0.2
+    no_accel = biases(recording, ImuBias(accel_mps2=0.0), 5)
+    np.testing.assert_allclose(no_accel, [0, 0, 0, *drawn[5, 3:]], atol=1e-12)

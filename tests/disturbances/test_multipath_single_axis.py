@@ -1,4 +1,5 @@
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -11,14 +12,8 @@ from jerkbench.errors import RecordingError
 
 def bursts_of(shift, t_s):
     """Runs of equal, non-zero shift: (first time, last time, shift)."""
-    runs = []
-    for t, row in zip(t_s, shift, strict=True):
-        if runs and np.array_equal(runs[-1][2], row) and row.any():
-            runs[-1][1] = t
-        elif row.any():
-            runs.append([t, t, row])
-        else:
-            runs.append([t, t, row])
+    edges = np.flatnonzero(np.r_[True, (np.diff(shift, axis=0) != 0).any(axis=1), True])
+    runs = [(t_s[begin], t_s[end - 1], shift[begin]) for begin, end in itertools.pairwise(edges)]
     return [run for run in runs if run[2].any()]
 
 

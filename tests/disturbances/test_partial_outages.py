@@ -1,23 +1,52 @@
 import numpy as np
 import pytest
 
-from jerkbench.disturbances.outages import OutageSweep, PositionOutage, VelocityOutage
+from jerkbench.disturbances.outages import GnssOutage, OutageSweep, PositionOutage, VelocityOutage
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.metrics.recovery import Outage
-from jerkbench.recording import Reference
+from jerkbench.recording import Heading, Reference, Velocity
+
+OUTAGES = [
+    (GnssOutage, ("position", "velocity"), ("heading",)),
+    (PositionOutage, ("position",), ("velocity", "heading")),
+    (VelocityOutage, ("velocity",), ("position", "heading")),
+]
 
 
-@pytest.mark.parametrize(
-    ("plugin", "gone", "stays"),
-    [(PositionOutage, "position", ("velocity", "heading")), (VelocityOutage, "velocity", ("position", "heading"))],
-)
-def test_one_goes_and_the_others_stay(recording, plugin, gone, stays):
-    done = plugin(windows_s=((40.0, 50.0), (115.0, 300.0))).apply(recording, 0)
-    expected = [t for t in getattr(recording, gone).t_s if not (40 <= t < 50 or 115 <= t < 120)]
-    assert getattr(done, gone).t_s.tolist() == expected
+@pytest.mark.parametrize(("plugin", "gone", "stays"), OUTAGES)
+def test_begin_is_inside_end_is_not_and_what_an_outage_does_not_concern_stays(recording, plugin, gone, stays):
+    done = plugin(windows_s=((-9.0, -1.0), (40.0, 50.0), (115.0, 300.0), (400.0, 410.0))).apply(recording, 0)
+    rows = [k for k, t in enumerate(recording.position.t_s) if not (40 <= t < 50 or 115 <= t < 120)]
+    for name in gone:
+        before, after = getattr(recording, name), getattr(done, name)
+        np.testing.assert_array_equal(after.t_s, before.t_s[rows])
+
+    if "position" in gone:
+        np.testing.assert_array_equal(done.position.enu_m, recording.position.enu_m[rows])
     assert all(getattr(done, name) is getattr(recording, name) for name in (*stays, "imu", "reference"))
     assert done.outages_s.tolist() == [[40, 50], [115, 120]]
+
+
+def test_a_wheel_and_odometry_stay_and_headings_of_the_receiver_go(make, recording):
+    t_s = recording.heading.t_s
+    zeros, sigma = np.zeros(len(t_s)), np.full(len(t_s), 0.01)
+    driven = make(velocity=Velocity.along_course(t_s, zeros, 0.1), heading=Heading(t_s, zeros, sigma, "odometry"))
+    done = GnssOutage(heading=True).apply(driven, 0)
+    assert done.velocity is driven.velocity
+    assert done.heading is driven.heading
+    course = GnssOutage().apply(make(heading=Heading(t_s, zeros, sigma, "course")), 0)
+    asked = GnssOutage(heading=True).apply(recording, 0)
+    for one in (course, asked):
+        assert one.heading.t_s.tolist() == one.position.t_s.tolist()
+
+
+def test_outages_add_up_and_regular_windows_replace_the_given_ones(recording):
+    first = GnssOutage(windows_s=((10.0, 20.0),)).apply(recording, 0)
+    second = GnssOutage(windows_s=((115.0, 130.0),)).apply(first, 0)
+    assert second.outages_s.tolist() == [[10, 20], [115, 120]]
+    regular = GnssOutage(count=3, length_s=5.0, first_s=20.0, every_s=30.0).apply(recording, 0)
+    assert regular.outages_s.tolist() == [[20, 25], [50, 55], [80, 85]]
 
 
 @pytest.mark.parametrize(

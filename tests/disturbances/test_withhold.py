@@ -5,8 +5,8 @@ import pytest
 
 from jerkbench.disturbances.multipath import MultipathSingleAxis
 from jerkbench.disturbances.outages import GnssOutage
-from jerkbench.disturbances.withhold import _SOURCE, Withhold
-from jerkbench.errors import PluginError, RecordingError
+from jerkbench.disturbances.withhold import _SOURCE, DecimatePosition, Withhold
+from jerkbench.errors import RecordingError
 from jerkbench.io.clocks import velocity_when_true
 from jerkbench.recording import Reference, Velocity
 
@@ -97,6 +97,21 @@ def test_without_position_or_velocity(make):
 def test_phases_and_replicates():
     assert Withhold(every=5).replicates() == 5
     assert Withhold(every=5, phase=2).replicates() == 1
-    for wrong in ({"every": 1}, {"every": 3, "phase": 3}):
-        with pytest.raises(PluginError, match="every"):
-            Withhold(**wrong)
+
+
+def test_decimated_fixes_of_all_seeds_are_all_fixes(recording):
+    plugin = DecimatePosition(every=3)
+    parts = [plugin.apply(recording, seed).position.t_s for seed in range(plugin.replicates())]
+    np.testing.assert_array_equal(parts[1], recording.position.t_s[1::3])
+    np.testing.assert_array_equal(np.sort(np.concatenate(parts)), recording.position.t_s)
+
+
+def test_decimation_leaves_velocity_and_reference_and_keeps_a_given_phase(make, recording):
+    plugin = DecimatePosition(every=5, phase=2)
+    done = plugin.apply(recording, 4)
+    assert plugin.replicates() == 1
+    np.testing.assert_array_equal(done.position.enu_m, recording.position.enu_m[2::5])
+    assert done.velocity is recording.velocity
+    assert done.reference is recording.reference
+    without = make(position=None)
+    assert DecimatePosition().apply(without, 0) is without
