@@ -23,9 +23,7 @@ from jerkbench.report.study_verdicts import common_field, study_verdicts
 from jerkbench.report.summary import main_metric, summarise
 from jerkbench.report.sweeps import (
     at_best_noise,
-    competing,
     costs,
-    method_labels,
     of_all_methods,
     with_severity,
 )
@@ -140,11 +138,11 @@ def of_rows(rows: "pd.DataFrame", palette: Palette | None = None) -> Iterator[Dr
 def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Palette) -> Iterator[Drawing]:
     """Yield the heat map, and the profiles of the methods that compete, where there are several scenarios."""
     title = quantity(metric).heading
-    values, _, methods = costs(rows, metric)
-    if min(values.shape) < 2:
+    found = costs(rows, metric)
+    if min(found.means.shape) < 2:
         return
-    rivals = competing(rows, metric)
-    common, which = of_all_methods(values[:, rivals])
+    rivals = found.rivals
+    common, which = of_all_methods(found.means[:, rivals])
     profiled = len(common) > 1 and sum(rivals) > 1
     means = (
         f"{title}, means of the table, method by scenario; bold: the best of a scenario; white, 1/5: so many runs were"
@@ -161,10 +159,9 @@ def _over_scenarios(rows: "pd.DataFrame", metric: str, noise: str, palette: Pale
     yield Drawing("heat-map", f"{means}{references}{none}{noise}", figure)
     if profiled:
         contents = f"Performance profiles and mean ranks over the {len(common)} scenarios{which}."
-        names = [name for name, rival in zip(methods, rivals, strict=True) if rival]
+        names = [name for name, rival in zip(found.methods, rivals, strict=True) if rival]
         excluded = "" if all(rivals) else " References do not compete."
-        labels = method_labels(rows, metric)
-        drawn = [palette.look(label) for label, competes in zip(labels, rivals, strict=True) if competes]
+        drawn = [palette.look(label) for label, rival in zip(found.labels, rivals, strict=True) if rival]
         yield Drawing("profile", f"{contents}{excluded}{noise}", profile_figure(common, names, title, drawn))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from jerkbench.evaluation.consistency_verdict import NEAR
 from jerkbench.report.columns import FACTORS, TUNED_SUFFIX, competes
 from jerkbench.report.summary import summarise
-from jerkbench.report.sweeps import competing, costs
+from jerkbench.report.sweeps import costs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -189,15 +189,14 @@ def _intervals(evidence: Evidence) -> tuple[bool | None, str]:
 def _consistency(evidence: Evidence) -> tuple[bool | None, str]:
     if "anees" not in evidence.rows or evidence.rows["anees"].isna().all():
         return False, "NEES was not computed, or no reference allows it."
-    values, scenarios, methods = costs(evidence.rows, evidence.metric)
-    rivals = competing(evidence.rows, evidence.metric)
-    values = np.where(np.isfinite(values) & rivals, values, np.inf)
+    found = costs(evidence.rows, evidence.metric)
+    scenarios, methods = found.scenarios, found.methods
+    values = np.where(np.isfinite(found.means) & found.rivals, found.means, np.inf)
     lost = [name for name, row in zip(scenarios, values, strict=True) if np.isinf(row).all()]
     if lost:
         return False, f"No method came through on {len(lost)} of {len(scenarios)} scenarios: {'; '.join(lost[:3])}."
-    nees, _, _ = costs(evidence.rows, "anees")
     best = np.argmin(values, axis=1)
-    ratios = nees[np.arange(len(best)), best] / 6
+    ratios = costs(evidence.rows, "anees").means[np.arange(len(best)), best] / 6
     wrong = [
         f"{methods[s]} on {scenarios[p]} ({ratios[p]:.2g} times what it should be)"
         for p, s in enumerate(best)

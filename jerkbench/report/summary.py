@@ -24,7 +24,7 @@ from jerkbench.report.columns import (
 )
 from jerkbench.report.comparisons import MOST_PAIRS, family_note, leaders_of
 from jerkbench.report.study_verdicts import StudyVerdicts, is_rival, study_verdicts
-from jerkbench.report.table_model import ABSENT, Grid, Ratio, Table, TableCell, Values, arranged, number
+from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged, number
 from jerkbench.report.writers import csv_labels, csv_lines, latex, markdown, tidy_csv
 
 if TYPE_CHECKING:
@@ -281,9 +281,7 @@ def summarise(
     cells, compared = grid.cells(metric), verdicts.against(baseline) if baseline and verdicts else []
     for one in compared:
         place = tuple(getattr(one.subject, key) for key in (*grid.across, *grid.down))
-        judgement = one.judgement
-        ratio = Ratio(judgement.ratio, judgement.low, judgement.high, judgement.p, one.mark, judgement.median)
-        cells[place] = cells[place]._replace(ratio=ratio)
+        cells[place] = cells[place]._replace(ratio=one)
     if leaders and verdicts:
         cells = with_leaders(cells, grid, verdicts)
     table = dataclasses.replace(grid.table(metric, cells), baseline=tuple((baseline or {}).items()))

@@ -69,39 +69,50 @@ def chosen_on_other_seeds(errors: FloatArray) -> IntArray:
 # Rows -> a matrix of scenarios by methods.
 
 
-def costs(rows: "pd.DataFrame", metric: str) -> tuple[FloatArray, list[str], list[str]]:
-    """Return (p, s) means of ``metric``, the names of the p scenarios and of the s methods, as they appear.
+class Costs(NamedTuple):
+    """The means of a metric by scenario and method, in the order in which both appear.
 
-    Infinite where a run was lost or has no value, NaN where the combination was not run. Names say what varies. Means
-    are those of the tables: of errors the median, of few seeds and of phases the geometric mean. Only the seeds count
-    that all methods of a scenario have.
+    Attributes:
+        means: (p, s) means over the seeds that all methods of a scenario have; NaN where a method was not run.
+        scenarios: names of the p scenarios.
+        methods: names of the s methods.
+        labels: filter and adaptation of each method.
+    """
+
+    means: FloatArray
+    scenarios: list[str]
+    methods: list[str]
+    labels: list[tuple[str, str]]
+
+    @property
+    def rivals(self) -> list[bool]:
+        """Which methods can be the best; references cannot."""
+        return [competes({"filter": f, "adaptation": a}) for f, a in self.labels]
+
+
+def costs(rows: "pd.DataFrame", metric: str) -> Costs:
+    """Return the means of ``metric`` by scenario and method.
+
+    A mean is infinite where a run was lost or has no value. The names say what varies. The means are those of the
+    tables: the median of errors, the geometric mean of few seeds and of phases.
 
     Args:
         rows: one row a cell and seed.
         metric: the column.
     """
-    named = _named(checked(rows, metric), metric)
-    scenarios, names = (list(dict.fromkeys(named[key].astype(str))) for key in ("scenario", "method"))
-    methods = named.groupby(["scenario", "seed"])["method"].transform("nunique")
-    named = named[methods == named.groupby("scenario")["method"].transform("nunique")]
+    every = _named(checked(rows, metric), metric)
+    scenarios, names = (list(dict.fromkeys(every[key].astype(str))) for key in ("scenario", "method"))
+    methods = every.groupby(["scenario", "seed"])["method"].transform("nunique")
+    named = every[methods == every.groupby("scenario")["method"].transform("nunique")]
     groups = named.groupby(["scenario", "method"])
     means = groups["cost"].mean()
     if quantity(metric).lowest_is_best and not (named["cost"] < 0).any():
         samples = Samples.of([values.to_numpy(dtype=float) for _, values in groups["cost"]])
         means[:] = costs_of(samples, least=np.where(groups["replicate"].first() == "phase", np.inf, MIN_SEEDS))
     table = means.unstack()  # noqa: PD010 - a series has no pivot_table
-    return table.reindex(index=scenarios, columns=names).to_numpy(), scenarios, names
-
-
-def competing(rows: "pd.DataFrame", metric: str) -> list[bool]:
-    """Return which methods of `costs` can be the best; references cannot."""
-    return [competes({"filter": f, "adaptation": a}) for f, a in method_labels(rows, metric)]
-
-
-def method_labels(rows: "pd.DataFrame", metric: str) -> list[tuple[str, str]]:
-    """Return filter and adaptation of the s methods of `costs`."""
-    named = _named(checked(rows, metric), metric).drop_duplicates("method")
-    return [(str(f), str(a)) for f, a in zip(named["filter"], named["adaptation"], strict=True)]
+    of_method = every.drop_duplicates("method")
+    labels = [(str(f), str(a)) for f, a in zip(of_method["filter"], of_method["adaptation"], strict=True)]
+    return Costs(table.reindex(index=scenarios, columns=names).to_numpy(), scenarios, names, labels)
 
 
 def _named(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":

@@ -23,36 +23,11 @@ from jerkbench.report.columns import constants, layout, numbers_of_rows, quantit
 if TYPE_CHECKING:
     import pandas as pd
 
+    from jerkbench.report.comparisons import Comparison
+
 
 TextPart = tuple[str, str]
 """A text of a cell, and its style: number, best, interval, factor, trouble or absent."""
-
-
-class Ratio(NamedTuple):
-    """A cell's metric over that of the baseline, on the same seeds.
-
-    Attributes:
-        value: geometric mean, or median; NaN without a common seed.
-        low: lower end of its 95 % interval (phases: the smallest).
-        high: upper end.
-        p: of the test, corrected for the table; NaN where there is none.
-        mark: of the verdict; see `jerkbench.report.comparisons.Comparison.mark`.
-        median: whether it is the median: runs were lost, or locked out.
-    """
-
-    value: float
-    low: float
-    high: float
-    p: float
-    mark: str = ""
-    median: bool = False
-
-    @property
-    def text(self) -> str:
-        """The factor with its mark; nothing without a pair, or where the median run was lost."""
-        if not 0 < self.value < math.inf:
-            return self.mark
-        return f"×{factor_number(self.value) if self.mark in ('*', '~') else number(self.value)}{self.mark}"  # noqa: RUF001
 
 
 class TableCell(NamedTuple):
@@ -91,7 +66,7 @@ class TableCell(NamedTuple):
     geometric: float = math.nan
     own_interval: bool = False
     best: bool = False
-    ratio: Ratio | None = None
+    ratio: "Comparison | None" = None
 
     @property
     def complete(self) -> bool:
@@ -131,8 +106,10 @@ class TableCell(NamedTuple):
 
     @property
     def factor(self) -> str:
-        """The ratio to the baseline, or nothing."""
-        return self.ratio.text if self.ratio else ""
+        """The ratio to the baseline with its mark; the mark alone where the median run was lost."""
+        if self.ratio is None:
+            return ""
+        return f"×{self.ratio.ratio_text}{self.ratio.mark}" if self.ratio.ratio_text else self.ratio.mark  # noqa: RUF001
 
     @property
     def trouble(self) -> str:

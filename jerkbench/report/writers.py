@@ -226,7 +226,7 @@ def table_json(table: Table) -> str:
 
 def _json_values(cell: TableCell) -> dict[str, Any]:
     ratio = cell.ratio and {
-        **{name: _json_number(getattr(cell.ratio, name)) for name in ("value", "low", "high", "p")},
+        **dict(zip(("value", "low", "high", "p"), map(_json_number, _ratio_numbers(cell)), strict=True)),
         "different": cell.ratio.mark == "*",
         "equal": cell.ratio.mark == "=",
     }
@@ -240,6 +240,14 @@ def _json_values(cell: TableCell) -> dict[str, Any]:
         "best": bool(cell.best),
         "ratio": ratio,
     }
+
+
+def _ratio_numbers(cell: TableCell) -> tuple[float, ...]:
+    """Return the ratio to the baseline, the ends of its interval and its p; nothing without one."""
+    if cell.ratio is None:
+        return ()
+    judgement = cell.ratio.judgement
+    return judgement.ratio, judgement.low, judgement.high, judgement.p
 
 
 def _json_number(value: float) -> float | str | None:
@@ -266,7 +274,7 @@ def csv_lines(metric: str, unit: str, cells: Iterable[TableCell], labels: Sequen
     for factors, cell in zip(labels, cells, strict=True):
         mean, low, high, runs, diverged, failed, missing, replicate, kind, locked, quartiles, geometric = cell[:12]
         centre = f"{mean!r},{low!r},{high!r},{runs},{diverged},{failed},{missing}".replace("nan", "")
-        ratio = ",".join(map(csv_number, cell.ratio[:4])) if cell.ratio else ",,,"
+        ratio = ",".join(map(csv_number, _ratio_numbers(cell))) or ",,,"
         spread = f"{quartiles[0]!r},{quartiles[1]!r},{locked},{_csv_shares(diverged + failed, runs)},{geometric!r}\n"
         yield f"{head},{factors},{kind},{centre},{replicate},{ratio},{spread.replace('nan', '')}"
 

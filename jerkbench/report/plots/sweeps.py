@@ -1,7 +1,7 @@
 """Figures over a parameter: process noise, size of a fault, and the parameters of a search."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -40,17 +40,15 @@ def sensitivity_figure(rows: "pd.DataFrame", metric: str, palette: Palette | Non
     """
     swept = with_noise_sigma(rows)
     swept["scene"] = swept["dataset"].astype(str) + ": " + swept["disturbance"].astype(str)
-    scenes = list(swept["scene"].unique())
-    figure = new_figure(0.6 + 2.6 * len(scenes))
-    panels = figure.subplots(len(scenes), 1, sharex=True, squeeze=False)[:, 0]
-    look_of = _looks(swept, palette)
-    for axes, scene in zip(panels, scenes, strict=True):
+    figure, panels, look_of = _panels_of(swept, "scene", metric, palette, 2.6, sharex=True)
+    for axes, scene in panels.items():
         for name, look in look_of.items():
-            runs = swept[(swept["scene"] == scene) & (swept["method"] == name)]
-            _draw_means(axes, runs, "sigma_a", np.sort(runs["sigma_a"].unique()), metric, look, name, panels[0])
-        axes.set(title=literal(scene), ylabel=literal(quantity(metric).heading), xscale="log", yscale="log")
+            runs = scene[scene["method"] == name]
+            sizes = np.sort(runs["sigma_a"].unique())
+            _draw_means(axes, runs, "sigma_a", sizes, metric, look, name, figure.axes[0])
+        axes.set_xscale("log")
         style_axes(axes)
-    panels[-1].set_xlabel("sigma_a [m/s$^2$]")
+    figure.axes[-1].set_xlabel("sigma_a [m/s$^2$]")
     legend_below(figure)
     return figure
 
@@ -64,31 +62,25 @@ def with_noise_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
 def severity_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = None) -> Figure:
     """Draw the mean of ``metric`` over the size of a fault with its interval, a panel for each scenario.
 
-    Runs that diverged or failed are left out of a mean, and make its point hollow. A cross stands where two methods are
-    equally good, a triangle near the axis at the smallest fault that a method's adaptation acts on.
+    Runs that diverged or failed are left out of a mean, and make its point hollow. A cross marks where two methods are
+    equally good, a triangle near the axis the smallest fault that a method's adaptation acts on.
 
     Args:
-        swept: rows as `with_severity` returns them.
+        swept: rows as `jerkbench.report.sweeps.with_severity` returns them.
         metric: the metric's column.
         palette: of the study.
     """
-    scenarios = list(swept[SCENARIO].unique())
-    figure = new_figure(0.6 + 2.8 * len(scenarios))
-    panels = figure.subplots(len(scenarios), 1, squeeze=False)[:, 0]
-    swept = swept.copy()
-    look_of = _looks(swept, palette)
-    for axes, scenario in zip(panels, scenarios, strict=True):
-        scene = swept[swept[SCENARIO] == scenario]
+    figure, panels, look_of = _panels_of(swept.copy(), SCENARIO, metric, palette, 2.8)
+    for axes, scene in panels.items():
         sizes, means = np.sort(scene[SIZE].unique()), dict[str, FloatArray]()
         for height, (name, look) in zip(_FIRST + _STEP * np.arange(len(look_of)), look_of.items(), strict=True):
             runs = scene[scene["method"] == name]
-            means[name] = _draw_means(axes, runs, SIZE, sizes, metric, look, name, panels[0])
+            means[name] = _draw_means(axes, runs, SIZE, sizes, metric, look, name, figure.axes[0])
             noticed = smallest_noticed(runs) if len(runs) else float("nan")
             axes.plot([noticed], [height], "^", color=look.colour, transform=axes.get_xaxis_transform())
         for crossing in crossings(sizes, means):
             axes.plot([crossing.size], [crossing.cost], "x", color="black", markersize=5.0)
-        heading = literal(quantity(metric).heading)
-        axes.set(title=literal(scenario), xlabel=literal(scene[NAME].iloc[0]), ylabel=heading, yscale="log")
+        axes.set_xlabel(literal(scene[NAME].iloc[0]))
         if scene[SIZE].min() > 0:
             axes.set_xscale("log")
         style_axes(axes)
@@ -96,10 +88,18 @@ def severity_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None 
     return figure
 
 
-def _looks(swept: "pd.DataFrame", palette: Palette | None) -> Mapping[str, MethodStyle]:
-    """Name the method of each row, and return the looks of all."""
+def _panels_of(
+    swept: "pd.DataFrame", scene: str, metric: str, palette: Palette | None, height_in: float, *, sharex: bool = False
+) -> tuple[Figure, "dict[Axes, pd.DataFrame]", dict[str, MethodStyle]]:
+    """Return a figure, its panels with the rows of each value of the column ``scene``, and the look of each method."""
     swept["method"] = swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str)
-    return dict(method_styles(swept["method"].unique(), palette))
+    scenes = {str(name): group for name, group in swept.groupby(scene, sort=False)}
+    figure = new_figure(0.6 + height_in * len(scenes))
+    panels = figure.subplots(len(scenes), 1, sharex=sharex, squeeze=False)[:, 0]
+    for axes, name in zip(panels, scenes, strict=True):
+        axes.set(title=literal(name), ylabel=literal(quantity(metric).heading), yscale="log")
+    looks = dict(method_styles(swept["method"].unique(), palette))
+    return figure, dict(zip(panels, scenes.values(), strict=True)), looks
 
 
 def _draw_means(

@@ -48,9 +48,9 @@ def test_the_field_has_the_logarithms_in_order(rows):
 def test_ranks_are_those_of_the_profiles_and_one_run_that_locks_out_decides_none(rows):
     rows.loc[(rows["filter"] == "best") & (rows["seed"] == 0), METRIC] *= 1000
     field = common_field(study_verdicts(rows, METRIC))
-    values, _, methods = costs(rows, METRIC)
-    assert methods == list(field.methods)
-    np.testing.assert_array_equal(field.ranks, mean_ranks(values))
+    found = costs(rows, METRIC)
+    assert found.methods == list(field.methods)
+    np.testing.assert_array_equal(field.ranks, mean_ranks(found.means))
     np.testing.assert_array_equal(field.ranks, [1, 2, 3])
 
 

@@ -78,18 +78,24 @@ def test_the_plot_of_an_opened_cell_fits_its_dialog(screen):
     assert "seed" in screen.find_element("css selector", "#cell-trace p").text
 
 
-@pytest.mark.slow
-def test_on_paper_tables_are_tables_with_a_head_for_each_column(opened):
-    a4 = {"width": 718, "height": 1047, "deviceScaleFactor": 1, "mobile": False}
+@pytest.fixture
+def on_paper(opened):
+    """The page as it is printed on A4."""
+    a4 = {"width": 718, "height": PAGE_PX, "deviceScaleFactor": 1, "mobile": False}
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    yield opened
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.mark.slow
+def test_on_paper_tables_are_tables_with_a_head_for_each_column(on_paper):
     of_line = (
         "return [...document.querySelectorAll('#cells tr')].map((line) => [getComputedStyle(line).display,"
         " [...line.children].filter((one) => getComputedStyle(one).display === 'table-cell').length])"
     )
-    lines = opened.execute_script(of_line)
-    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
-    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    lines = on_paper.execute_script(of_line)
     assert {display for display, _ in lines} == {"table-row"}
     assert len({cells for _, cells in lines}) == 1
     assert lines[0][1] > 2
@@ -100,11 +106,8 @@ PAGE_PX = 1047
 
 
 @pytest.mark.slow
-def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_page(opened):
-    a4 = {"width": 718, "height": PAGE_PX, "deviceScaleFactor": 1, "mobile": False}
-    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)
-    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    opened.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_page(on_paper):
+    on_paper.execute_script("window.dispatchEvent(new Event('beforeprint'))")
     measured = (
         "const top = (id) => document.getElementById(id).getBoundingClientRect().top;"
         "const open = [...document.querySelectorAll('main details[open]')];"
@@ -112,9 +115,7 @@ def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_pag
         " [...document.querySelectorAll('figure')].map((one) => one.getBoundingClientRect().height),"
         " document.querySelectorAll('#section-comparisons details:not([open])').length]"
     )
-    table, details, figures, closed = opened.execute_script(measured)
-    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
-    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    table, details, figures, closed = on_paper.execute_script(measured)
     assert closed == 0
     assert details
     assert all(table < top for top in details)

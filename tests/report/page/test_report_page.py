@@ -196,29 +196,33 @@ def test_the_browser_has_nothing_to_complain_about(opened):
     assert [one for one in opened.get_log("browser") if one["level"] != "INFO"] == []
 
 
+LABELS = {"disturbance": "none", "attitude": "tilt", "filter": "jerk", "adaptation": "none"}
+
+
 def cell(filter_parameter=1.0, dataset="field", data="", window=1, independent="independent of", plugin="", **more):
-    labels = {"dataset": dataset, "disturbance": "none", "attitude": "tilt", "filter": "jerk", "adaptation": "none"}
-    return {
-        "labels": {**labels, "noise": f"accel_mps2={filter_parameter}"},
-        "spec": {
-            "dataset": {"name": plugin or dataset, **more},
-            "filter": {"name": "jerk", "accel_mps2": filter_parameter},
-            "adaptation": {"name": "mtf", "window": window},
-            "attitude": {"name": "tilt"},
-        },
-        "data": data,
-        "notes": [f"Reference of {dataset}: drawn; {independent} the measurements."],
+    spec = {
+        "dataset": {"name": plugin or dataset, **more},
+        "filter": {"name": "jerk", "accel_mps2": filter_parameter},
+        "adaptation": {"name": "mtf", "window": window},
+        "attitude": {"name": "tilt"},
     }
+    labels = {**LABELS, "dataset": dataset, "noise": f"accel_mps2={filter_parameter}"}
+    notes = [f"Reference of {dataset}: drawn; {independent} the measurements."]
+    return {"labels": labels, "spec": spec, "data": data, "notes": notes}
+
+
+def changed(one, labels=(), spec=(), **more):
+    """The cell with other labels, and other parts of its configuration."""
+    return {**one, **more, "labels": {**one["labels"], **dict(labels)}, "spec": {**one["spec"], **dict(spec)}}
 
 
 def other(parameter, window):
     """A cell of another method, whose windows are its own."""
-    made = cell(parameter, window=window)
-    filter_spec = {"name": "baseline", "accel_mps2": 1.0}
-    return {**made, "labels": {**made["labels"], "filter": "baseline"}, "spec": {**made["spec"], "filter": filter_spec}}
+    spec = {"filter": {"name": "baseline", "accel_mps2": 1.0}}
+    return changed(cell(parameter, window=window), {"filter": "baseline"}, spec)
 
 
-def answers(cells, seeds=12, anees=6.0, replicate="seed", lost=0):
+def checks(cells, seeds=12, anees=6.0, replicate="seed", lost=0):
     rows = [
         {**one["labels"], "seed": seed, "replicate": replicate, "status": "ok", "reason": ""}
         | {"position_rmse_m": 1.0 + 0.1 * seed, "anees": anees}
@@ -226,31 +230,40 @@ def answers(cells, seeds=12, anees=6.0, replicate="seed", lost=0):
         for one in cells
         for seed in range(seeds)
     ]
-    checks = review(Evidence(pd.DataFrame(rows), cells, "position_rmse_m"))
     keys = ("covariance", "budget", "recordings", "seeds", "intervals", "consistency", "independence", "windows")
-    return {key: one.passed for key, one in zip(keys, checks, strict=True)}
+    return dict(zip(keys, review(Evidence(pd.DataFrame(rows), cells, "position_rmse_m")), strict=True))
 
 
-TOLD = {**cell()["spec"], "filter": {"name": "eskf15", "position_sigma_m": 1.0}}
+def answers(cells, **more):
+    return {key: one.passed for key, one in checks(cells, **more).items()}
+
+
+TOLD = changed(cell(1, data="hash"), spec={"filter": {"name": "eskf15", "position_sigma_m": 1.0}})
 GOOD = [cell(k, dataset, window=k) for k in (1, 2, 3) for dataset in ("field", "field_ruts")]
 
 
 def tuned(one, trials=64):
     """The cell, with the note of a preset that was tuned."""
-    return {**one, "notes": [*one["notes"], f"{TUNED}trials={trials}."]}
-
-
-ALIKE = [tuned(cell(1)), tuned(other(1, 1))]
+    return changed(one, notes=[*one["notes"], f"{TUNED}trials={trials}."])
 
 
 def test_methods_that_were_tuned_elsewhere_with_the_same_budget_pass_the_review():
-    assert answers(ALIKE)["budget"] is True
+    assert answers([tuned(cell(1)), tuned(other(1, 1))])["budget"] is True
 
 
 def test_a_good_study_passes_the_review():
     assert answers(GOOD) == {**dict.fromkeys(answers(GOOD), True), "covariance": None}
-    real = [{**one, "data": "hash"} for one in GOOD]
-    assert answers(real)["covariance"] is True
+    assert answers([changed(one, data="hash") for one in GOOD])["covariance"] is True
+
+
+PHASES, ONE_RUN = "are phases of recordings", "are the one run of a recording in which nothing is random"
+
+
+@pytest.mark.parametrize(("runs", "said", "not_said"), [(1, ONE_RUN, PHASES), (4, PHASES, ONE_RUN)])
+def test_only_what_was_withheld_has_phases(runs, said, not_said):
+    reason = checks(GOOD, seeds=runs, replicate="phase")["seeds"].reason
+    assert f"{runs * len(GOOD)} rows {said}" in reason
+    assert not_said not in reason
 
 
 @pytest.mark.parametrize(
@@ -270,7 +283,7 @@ def test_a_good_study_passes_the_review():
         ("budget", [*GOOD, cell(4, "field_ruts", window=4)], {}),
         ("budget", [tuned(cell(1)), tuned(other(1, 1), trials=16)], {}),
         ("budget", [tuned(cell(1)), *(other(w, w) for w in (1, 2, 3))], {}),
-        ("covariance", [{**cell(1, data="hash"), "spec": TOLD}], {}),
+        ("covariance", [TOLD], {}),
         ("recordings", [cell(k, f"field(duration_s={k})", plugin="field") for k in (30, 60)], {}),
         ("recordings", [cell(k, name, data="same") for k in (1, 2) for name in ("drive", "ride")], {}),
         ("recordings", [*GOOD, other(1, 1)], {}),
@@ -278,7 +291,7 @@ def test_a_good_study_passes_the_review():
         ("intervals", GOOD, {"lost": 1}),
         ("intervals", GOOD, {"lost": 12}),
         ("consistency", GOOD, {"lost": 12}),
-        ("independence", [*GOOD, {**cell(dataset="drive"), "notes": ["drive has no reference: none."]}], {}),
+        ("independence", [*GOOD, changed(cell(dataset="drive"), notes=["drive has no reference: none."])], {}),
         ("windows", [*GOOD, other(1, 1)], {}),
     ],
 )
@@ -293,12 +306,12 @@ def test_what_the_log_reports_is_no_replacement():
 
 
 def test_a_reference_needs_no_budget_and_is_not_the_best():
-    oracle = {**cell(9), "labels": {**cell(9)["labels"], "adaptation": "oracle"}}
+    oracle = changed(cell(9), {"adaptation": "oracle"})
     assert answers([*GOOD, oracle])["budget"] is True
     rows = [{**one["labels"], "seed": 0, "replicate": "seed", "status": "ok"} for one in [*GOOD, oracle]]
     values = {"position_rmse_m": [2.0] * len(GOOD) + [1.0], "anees": [6.0] * len(GOOD) + [600.0]}
-    checks = review(Evidence(pd.DataFrame(rows).assign(reason="", **values), [*GOOD, oracle], "position_rmse_m"))
-    assert [one.passed for one in checks if one.question.startswith("Are the best")] == [True]
+    found = review(Evidence(pd.DataFrame(rows).assign(reason="", **values), [*GOOD, oracle], "position_rmse_m"))
+    assert [one.passed for one in found if one.question.startswith("Are the best")] == [True]
 
 
 @pytest.mark.parametrize(
@@ -325,8 +338,8 @@ PNG = base64.b64decode(
 def test_what_stands_in_a_study_cannot_break_the_page(cell_rows):
     nasty = '<script>alert("x")</script>&'
     rows = pd.DataFrame(cell_rows(nasty, "none", [1.0, 2.0]))
-    about = {**cell(), "protocol": {}, "created": "", "seconds": 0, "commit": "", "versions": {}, "notes": [nasty]}
-    about["labels"] = {**about["labels"], "filter": nasty}
+    record = {"protocol": {}, "created": "", "seconds": 0, "commit": "", "versions": {}, "notes": [nasty]}
+    about = changed(cell(), {"filter": nasty}, **record)
     stretch = Stretch(nasty, "seed 0", 0.0, 1.0, np.empty((0, 2)), {"k": np.ones(3)})
     results = Results(nasty, rows, ["k", "k"], {"k": about}, (nasty,), {nasty: nasty})
     text = page(results, [Picture(nasty, nasty, nasty, PNG)], [stretch])

@@ -48,13 +48,13 @@ def test_who_has_an_adaptation_is_hollow_and_the_worst_of_many_are_not_drawn():
 
 
 def test_a_study_of_several_scenarios_has_the_figure_and_of_one_it_has_not(cell_rows):
+    sizes = {("jerk", "none"): 1.0, ("jerk", "mtf"): 2.0, ("baseline", "none"): 3.0}
     made = [
-        pd.DataFrame(cell_rows(name, adaptation, [size, 1.1 * size])).assign(disturbance=scenario)
+        pd.DataFrame(cell_rows(*method, [size, 1.1 * size], disturbance=scenario))
         for scenario in ("none", "bias")
-        for name, adaptation, size in (("jerk", "none", 1.0), ("jerk", "mtf", 2.0), ("baseline", "none", 3.0))
+        for method, size in sizes.items()
     ]
     both = {one.name: one for one in of_rows(pd.concat(made, ignore_index=True))}
     labels = [label.get_text() for label in both["critical-difference"].figure.axes[0].get_yticklabels()]
     assert labels == ["jerk+none  1.0", "jerk+mtf  2.0", "baseline+none  3.0"]
-    single = of_rows(pd.concat(made[:3], ignore_index=True))
-    assert "critical-difference" not in {one.name for one in single}
+    assert "critical-difference" not in {one.name for one in of_rows(pd.concat(made[:3], ignore_index=True))}

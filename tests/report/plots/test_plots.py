@@ -216,7 +216,7 @@ def test_the_bars_and_the_heat_map_show_the_same_means(study):
 
 
 def test_the_heat_map_and_the_profile_are_of_all_scenarios(study, tmp_path):
-    values, _, methods = costs(study, "position_rmse_m")
+    values, _, methods, _ = costs(study, "position_rmse_m")
     figure = heat_map_figure(summarise(study, "position_rmse_m", ["disturbance"], ["filter"]), [True] * 3)
     assert sorted(texts(figure.axes[0])) == sorted(["2.10", "1.05", "52.4", "6.29", "3.15", "150\n1/2"])
     save_figure(figure, tmp_path / "map.png")

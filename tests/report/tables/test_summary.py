@@ -86,55 +86,50 @@ def test_rows_of_one_scenario_stand_together_whatever_was_run_first(cell_rows):
     assert [row[0].runs for row in table.cells] == [2] * 4
 
 
-def bold(cells):
-    return [cell.best for cell in summarise(pd.DataFrame(cells), "position_rmse_m").cells[0]]
-
-
 def scattered(mean, scatter, seed, n=20):
     return list(mean * np.exp(scatter * np.random.default_rng(seed).standard_normal(n)))
 
 
-def test_the_whole_leading_group_of_a_row_is_best(cell_rows):
+def best(cell_rows, levels, scatter=0.05, lost=(), **keys):
+    """Which of some combinations are best, each with its mean error."""
+    cells = [cell_rows(*name, scattered(level, scatter, k)) for k, (name, level) in enumerate(levels.items())]
+    for k in lost:
+        cells[k][3]["status"] = "diverged"
+    table = summarise(pd.DataFrame([row for cell in cells for row in cell]), "position_rmse_m", **keys)
+    return [cell.best for cell in table.cells[0]], table.footnotes
+
+
+def test_the_whole_leading_group_of_a_row_is_best_but_for_what_lost_runs(cell_rows):
     """The two that differ by less than their scatter lead together; the third was shown to be worse."""
-    cells = [
-        *cell_rows("jerk", "a", scattered(1.001, 0.05, 1)),
-        *cell_rows("jerk", "b", scattered(1.0, 0.05, 2)),
-        *cell_rows("jerk", "c", scattered(1.3, 0.05, 3)),
-    ]
-    table = summarise(pd.DataFrame(cells), "position_rmse_m")
-    assert [cell.best for cell in table.cells[0]] == [True, True, False]
-    assert "Bold: the leaders of the row: others were shown to be worse, they were not." in table.footnotes
-
-
-def test_nobody_leads_where_nothing_was_shown(cell_rows):
-    cells = [*cell_rows("jerk", "a", scattered(1.0, 0.3, 1)), *cell_rows("jerk", "b", scattered(1.01, 0.3, 2))]
-    assert not any(cell.best for cell in summarise(pd.DataFrame(cells), "position_rmse_m").cells[0])
-    few = pd.DataFrame([*cell_rows("jerk", "a", [1.0, 1.1]), *cell_rows("jerk", "b", [9.0, 9.1])])
-    assert not any(cell.best for cell in summarise(few, "position_rmse_m").cells[0])
+    levels = {("jerk", "a"): 1.001, ("jerk", "b"): 1.0, ("jerk", "c"): 1.3}
+    found, said = best(cell_rows, levels)
+    assert found == [True, True, False]
+    assert "Bold: the leaders of the row: others were shown to be worse, they were not." in said
+    assert best(cell_rows, levels, lost=[0])[0] == [False, True, False]
 
 
 @pytest.mark.parametrize("reference", [("jerk", "oracle"), ("jerk", "oracle(x=1)"), ("gnss_only", "none")])
 def test_references_never_lead(cell_rows, reference):
-    cells = [
-        *cell_rows(*reference, scattered(0.1, 0.05, 1)),
-        *cell_rows("jerk", "none", scattered(1.0, 0.05, 2)),
-        *cell_rows("jerk", "a", scattered(2.0, 0.05, 3)),
-    ]
-    table = summarise(
-        pd.DataFrame(cells), "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"]
-    )
-    assert [cell.best for cell in table.cells[0]] == [False, True, False]
+    levels = {reference: 0.1, ("jerk", "none"): 1.0, ("jerk", "a"): 2.0}
+    found, _ = best(cell_rows, levels, row_keys=["dataset"], column_keys=["filter", "adaptation"])
+    assert found == [False, True, False]
 
 
-def test_what_lost_runs_does_not_lead_beside_what_did_not(cell_rows):
-    risky = cell_rows("jerk", "risky", scattered(1.0, 0.05, 1))
-    risky[3]["status"] = "diverged"
-    cells = [
-        *risky,
-        *cell_rows("jerk", "a", scattered(1.01, 0.05, 2)),
-        *cell_rows("jerk", "b", scattered(2.0, 0.05, 3)),
+def test_the_references_own_attitude_never_leads(cell_rows):
+    cells = {"tilt": 2.0, "gyro_only": 3.0, "reference": 1.0}
+    made = [
+        cell_rows("jerk", "none", scattered(value, 0.05, k), attitude=name)
+        for k, (name, value) in enumerate(cells.items())
     ]
-    assert bold(cells) == [False, True, False]
+    rows = pd.DataFrame([row for cell in made for row in cell])
+    table = summarise(rows, "position_rmse_m", column_keys=["attitude"])
+    assert [cell.best for cell in table.cells[0]] == [True, False, False]
+
+
+def test_nobody_leads_where_nothing_was_shown(cell_rows):
+    assert not any(best(cell_rows, {("jerk", "a"): 1.0, ("jerk", "b"): 1.01}, scatter=0.3)[0])
+    few = pd.DataFrame([*cell_rows("jerk", "a", [1.0, 1.1]), *cell_rows("jerk", "b", [9.0, 9.1])])
+    assert not any(cell.best for cell in summarise(few, "position_rmse_m").cells[0])
 
 
 def test_scenarios_in_columns_are_no_rivals(cell_rows):
@@ -248,24 +243,13 @@ def test_rows_that_repeat_a_seed_are_refused(rows):
         summarise(pd.concat([rows, rows]), "position_rmse_m")
 
 
-def test_the_references_own_attitude_never_leads(cell_rows):
-    cells = {"tilt": 2.0, "gyro_only": 3.0, "reference": 1.0}
-    rows = [
-        row | {"attitude": name}
-        for k, (name, value) in enumerate(cells.items())
-        for row in cell_rows("jerk", "none", scattered(value, 0.05, k))
-    ]
-    table = summarise(pd.DataFrame(rows), "position_rmse_m", column_keys=["attitude"])
-    assert [cell.best for cell in table.cells[0]] == [True, False, False]
-
-
 def test_beside_a_ratio_the_means_are_its_own(cell_rows):
     """The quotient of two numbers is the ratio beside them."""
     none, mtf = [0.1, 0.4, 0.8], [0.2, 0.5, 0.8]
     frame = pd.DataFrame([*cell_rows("jerk", "none", none), *cell_rows("jerk", "mtf", mtf)])
     first, second = summarise(frame, "position_rmse_m", baseline={"adaptation": "none"}).cells[0]
     assert (first.mean, second.mean) == pytest.approx((np.prod(none) ** (1 / 3), np.prod(mtf) ** (1 / 3)))
-    assert second.ratio.value == pytest.approx(second.mean / first.mean)
+    assert second.ratio.judgement.ratio == pytest.approx(second.mean / first.mean)
     zero = frame.assign(position_rmse_m=frame["position_rmse_m"].where(frame["seed"] > 0, 0.0))
     table = summarise(zero, "position_rmse_m", baseline={"adaptation": "none"})
     assert (table.cells[0][0].mean, table.cells[0][0].kind) == (0.0, "geometric mean")
