@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -13,6 +14,9 @@ from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.preflight import TRACEBACK
 from jerkbench.jobs.rows import job_rows
 from made_jobs import with_method
+
+EXAMPLE = str(Path(__file__).parents[1] / "examples" / "plugin")
+
 
 MODULE = '''
 """A rule of our own."""
@@ -85,13 +89,24 @@ include = ["doubting.py"]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """The folder into which the package is installed."""
+    """The folder into which this package and the example of the repository are installed."""
     source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("installed")
     (source / "doubting.py").write_text(MODULE)
     (source / "pyproject.toml").write_text(PROJECT)
-    words = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--target", str(target), str(source)]
+    words = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--target", str(target), str(source), EXAMPLE]
     subprocess.run([sys.executable, "-m", "pip", *words], check=True, capture_output=True, timeout=120)
     return str(target)
+
+
+@pytest.mark.slow
+def test_the_example_keeps_its_contract_and_is_swept_beside_ours(installed, tmp_path):
+    done = jerkbench("check", "jerkbench-geman-mcclure", cwd=tmp_path, PYTHONPATH=installed)
+    swept("adaptation=none,geman_mcclure", "disturbance=outliers", cwd=tmp_path, PYTHONPATH=installed)
+    rows = pd.read_csv(tmp_path / "results" / "adhoc" / "rows.csv").set_index("adaptation")
+
+    assert (done.returncode, done.stdout) == (0, "adaptation geman_mcclure: keeps its contract.\n")
+    assert set(rows["status"]) == {"ok"}
+    assert rows.loc["geman_mcclure", "position_rmse_m"] < rows.loc["none", "position_rmse_m"]
 
 
 def test_it_is_listed_with_its_package_and_shown(installed, tmp_path):

@@ -8,7 +8,6 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.attitude.tilt import Tilt
-from jerkbench.cli import main
 from jerkbench.datasets.table import Tables
 from jerkbench.disturbances.imu import ImuBias
 from jerkbench.engines.filterpy_engine import FilterpyEngine
@@ -134,11 +133,9 @@ def words(tables):
     return [f"dataset.{key}={text}" for key, text in texts.items()]
 
 
-def test_a_sweep_leaves_out_filters_that_need_an_imu(tables, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    main(["run", "-m", "dataset=table", *words(tables), "filter=constant_velocity,gnss_only,jerk"])
-    said = capsys.readouterr()
-    text = said.out + said.err
+def test_a_sweep_leaves_out_filters_that_need_an_imu(tables, typed):
+    done = typed("run", "-m", "dataset=table", *words(tables), "filter=constant_velocity,gnss_only,jerk")
+    text = done.stdout + done.stderr
     assert "has no IMU, so the filter jerk cannot run over it, only: acceleration, constant_turn, constant_" in text
-    assert "constant_velocity" in said.out
-    assert "There is no IMU: attitude, tilt and yaw do not apply." in said.out
+    assert "constant_velocity" in done.stdout
+    assert "There is no IMU: attitude, tilt and yaw do not apply." in done.stdout

@@ -1,8 +1,6 @@
 """The navigation on the real drive beside others that may not be there."""
 
 import sys
-from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,14 +8,10 @@ import pytest
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-
 
 @pytest.fixture
-def drive(monkeypatch):
-    """Import the script."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    return import_module("drive")
+def drive(script):
+    return script("drive")
 
 
 @pytest.fixture(scope="module")
@@ -38,3 +32,12 @@ def test_the_error_is_that_at_the_stamps_of_the_reference_after_a_minute(drive, 
     reference = recording.reference
     shifted = reference.enu_m + np.where(reference.t_s[:, None] < 4.0, 9.0, [3.0, 0.0, 4.0])
     assert drive.rmse_m(recording, reference.t_s, shifted) == pytest.approx(5.0)
+
+
+@pytest.mark.slow
+def test_every_stage_of_a_sweep_has_its_line(script, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["sweep.py", "--seeds", "1"])
+    script("sweep").main()
+    printed = capsys.readouterr().out
+    stages = "read from the disk", "disturbed", "attitude", "timeline", "filtered and scored", "stored", "looked up"
+    assert all(stage in printed for stage in stages)

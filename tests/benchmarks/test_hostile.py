@@ -1,20 +1,16 @@
 """Hostile input in small numbers; `benchmarks/hostile.py` tries it by the hundred."""
 
-from importlib import import_module
-from pathlib import Path
 from time import sleep
 
 import pytest
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 COUNT, SEED = 50, 20240514
 
 
 @pytest.fixture
-def hostile(monkeypatch):
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
+def hostile(script, monkeypatch):
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-    return import_module("hostile")
+    return script("hostile")
 
 
 @pytest.mark.slow

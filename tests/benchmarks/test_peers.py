@@ -1,24 +1,13 @@
 """Each library that is installed navigates as the plain loop does, run by run; one that is not is named."""
 
-from importlib import import_module
-from pathlib import Path
-
 import pytest
 
 from jerkbench.plugins import create
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {"simdkalman_runs": "simdkalman", "torch_kf_runs": "torch_kf"}
 MODULES |= {"lgssm_filter_runs": "dynamax", "scan_runs": "dynamax"}
 LARGEST_M = {"simdkalman": 1e-12, "torch_kf": 1e-12, "dynamax": 1e-6}
 """dynamax adds 1e-9 to the diagonal of S before it solves; the eigenvalues of R are about 1e-4, innovations 0.1 m."""
-
-
-@pytest.fixture
-def script(monkeypatch):
-    """Import a file of the folder benchmarks."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    return import_module
 
 
 @pytest.fixture

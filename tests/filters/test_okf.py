@@ -38,15 +38,6 @@ def test_untuned_it_is_all_but_the_baseline():
     np.testing.assert_allclose(error["okf"], error["baseline"], rtol=1e-3)
 
 
-def test_its_correlation_and_its_walks_count():
-    runs = [{}, {"correlation": -0.9}, {"position_walk_m_per_sqrt_s": 0.05}, {"velocity_walk_mps_per_sqrt_s": 0.2}]
-    errors = [
-        float(api.run(dataset=FIELD, filter={"name": "okf", **own}, seeds=1)["position_rmse_m"][0]) for own in runs
-    ]
-
-    assert len(set(np.round(errors, 7))) == len(runs)
-
-
 def test_it_keeps_its_contract_and_refuses_what_is_no_covariance():
     check_plugin("filter", OptimisedKalmanFilter())
     for wrong in ({"correlation": 1.1}, {"position_walk_m_per_sqrt_s": -1.0}):

@@ -1,6 +1,7 @@
 """Traces: how they are derived, kept, and told apart."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from jerkbench.errors import RecordingError
@@ -133,3 +134,22 @@ def test_the_recordings_give_the_traces_of_this_package(name, shared_folder, tmp
     again, kept = read_trace(tmp_path / "again.parquet"), read_trace(trace_path(name))
     for field in ("t_s", "error_m", "covariance_m2"):
         np.testing.assert_array_equal(getattr(again, field), getattr(kept, field))
+
+
+def test_a_trace_of_any_recording_can_be_replayed(tmp_path, typed):
+    done = typed("data", "trace", "field", "own.parquet", "--set", "duration_s=30", "--licence", "MIT")
+    assert done.returncode == 0, done.stderr
+    assert "errors of 150 fixes of field against simulated truth" in done.stdout
+    words = ["filter=baseline", "dataset.duration_s=20", "seeds=1", "study=replayed"]
+    done = typed("run", *words, "disturbance=replayed_gnss", "disturbance.replayed_gnss.trace=own.parquet")
+    assert done.returncode == 0, done.stderr
+    assert "The errors of its fixes are replayed: those of field" in done.stdout
+    assert len(pd.read_parquet(tmp_path / "own.parquet")) == 150
+
+
+@pytest.mark.parametrize(("target", "word"), [("own.parquet", "there already"), ("a.csv", "suffix")])
+def test_what_cannot_be_written_is_a_sentence(tmp_path, typed, target, word):
+    (tmp_path / "own.parquet").touch()
+    done = typed("data", "trace", "field", target)
+    assert done.returncode == 2
+    assert word in done.stderr
