@@ -9,6 +9,15 @@ from pathlib import Path
 DOCS = Path(__file__).parents[1] / "docs"
 
 
+SHORTER = {
+    "run": ["dataset.duration_s=60", "seeds=2", "workers=1", "figures=false"],
+    "tune": ["dataset.duration_s=60", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
+    "figures": ["--methods", "baseline"],
+    "report": ["--figures", "none"],
+}
+"""Words behind those of a page, by verb, with which its commands take less time."""
+
+
 def text(page):
     """The whole page."""
     return (DOCS / f"{page}.md").read_text(encoding="utf-8")
@@ -45,22 +54,6 @@ def agree(shown, printed):
     """Whether a command printed what a page shows; `...` in the page stands for anything."""
     want, got = ("".join(f"{line.rstrip()}\n" for line in part.strip().splitlines()) for part in (shown, printed))
     return doctest.OutputChecker().check_output(want, got, doctest.ELLIPSIS)
-
-
-def sentences(markdown):
-    """The sentences of a text, without code, tables, headings and the targets of links."""
-    prose = re.sub(
-        r"^:::.*?(?=\n\S|\Z)|```.*?```|<[^>]*>|^ *[|#][^\n]*", "\n\n", markdown, flags=re.DOTALL | re.MULTILINE
-    )
-    prose = re.sub(r"\]\([^)]*\)", "]", re.sub(r"^\s*(?:[-*]|\d+\.) ", "\n\n", prose, flags=re.MULTILINE))
-    paragraphs = (" ".join(paragraph.split()) for paragraph in re.split(r"\n\s*\n", prose))
-    return [sentence for one in paragraphs for sentence in re.split(r"(?<=[.!?:])\s+(?=[A-Z`\d*\[])", one) if sentence]
-
-
-def longest(markdown):
-    """The mean number of words of the sentences of a text, and the longest sentence."""
-    found = sentences(markdown)
-    return sum(len(one.split()) for one in found) / len(found), max(found, key=lambda one: len(one.split()))
 
 
 def install(package):

@@ -14,7 +14,7 @@ from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 ACTION = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
-QUICK = "-m filter=baseline adaptation=none,mtf dataset.duration_s=12 seeds=2 workers=1"
+QUICK = "-m filter=baseline adaptation=none,mtf dataset.duration_s=12 seeds=2 engine=filterpy workers=1"
 
 
 @pytest.fixture

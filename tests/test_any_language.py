@@ -17,7 +17,7 @@ from bag_maker import ROS2, odometry
 from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
-DRIVE = ["dataset.duration_s=80"]
+DRIVE = ["dataset.duration_s=60"]
 SHORT = {"run": [*DRIVE, "seeds=1", "workers=1"], "data": DRIVE, "score": DRIVE}
 STAND_IN = """\
 #!{python}
@@ -86,47 +86,36 @@ def typed(line, folder):
     assert done.returncode == 0, (line, done.stderr, done.stdout)
 
 
+@pytest.fixture
+def rows_of(folder):
+    return lambda study: pd.read_csv(folder / "results" / study / "rows.csv")
+
+
 @pytest.mark.slow
-def test_every_program_stands_in_one_table(folder):
-    rows = pd.read_csv(folder / "results" / "languages" / "rows.csv")
+def test_every_program_stands_in_one_table_and_the_one_in_c_has_the_numbers_of_our_baseline(rows_of):
+    rows = rows_of("languages")
     counts = rows[rows["status"] == "ok"].groupby("filter")["disturbance"].nunique()
-
     assert dict(counts) == dict.fromkeys(["gnss_only", "baseline", "jerk", "C(program)", "KF-GINS(program)"], 3)
+    errors = rows.set_index(["filter", "disturbance"])["position_rmse_m"]
+    pd.testing.assert_series_equal(errors["C(program)"], errors["baseline"], rtol=1e-5)
 
 
 @pytest.mark.slow
-def test_the_program_in_c_has_the_numbers_of_our_baseline(folder):
-    rows = pd.read_csv(folder / "results" / "languages" / "rows.csv").set_index(["filter", "disturbance"])
-    ours, theirs = rows.loc["baseline", "position_rmse_m"], rows.loc["C(program)", "position_rmse_m"]
-
-    pd.testing.assert_series_equal(theirs, ours, rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_what_was_scored_is_what_was_run(folder):
-    scored = pd.read_csv(folder / "results" / "scored" / "rows.csv")
-
+def test_what_was_scored_is_what_was_run_and_a_node_is_scored_as_the_file_is(rows_of):
+    scored, run = rows_of("scored"), rows_of("languages")
     assert list(scored["filter"].unique()) == ["mine(external)", "robot_localization(external)"]
     assert list(scored["seed"]) == [0, 1, 2, 0, 1, 2]
-    run = pd.read_csv(folder / "results" / "languages" / "rows.csv")
     first = run[(run["filter"] == "C(program)") & (run["disturbance"] == "gnss_outage")]
     assert scored["position_rmse_m"][0] == pytest.approx(float(first["position_rmse_m"].iloc[0]), rel=1e-9)
-
-
-@pytest.mark.slow
-def test_what_a_node_published_is_scored_as_the_file_is(folder):
-    rows = pd.read_csv(folder / "results" / "scored" / "rows.csv")
-    errors = rows.pivot_table(["position_rmse_m", "velocity_rmse_mps"], index="seed", columns="filter")
-
     for metric in ("position_rmse_m", "velocity_rmse_mps"):
-        columns = errors[metric]
-        np.testing.assert_allclose(columns["robot_localization(external)"], columns["mine(external)"], rtol=1e-6)
+        errors = scored.pivot_table(metric, index="seed", columns="filter")
+        np.testing.assert_allclose(errors["robot_localization(external)"], errors["mine(external)"], rtol=1e-6)
 
 
 @pytest.mark.slow
-def test_python_ins_navigates(folder):
+def test_python_ins_navigates(rows_of):
     pytest.importorskip("pyins", reason="python-ins is not there; pip install 'jerkbench[anchors]'")
-    rows = pd.read_csv(folder / "results" / "pyins" / "rows.csv")
+    rows = rows_of("pyins")
 
     assert list(rows["filter"]) == ["python-ins(program)"]
     assert rows["position_rmse_m"][0] < 0.1

@@ -26,7 +26,7 @@ from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study
 from stored_cells import store_cell
 
-DAMAGES = 200
+DAMAGES = 80
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 SPEC = {
     "dataset": {"name": "field", "duration_s": 8.0},

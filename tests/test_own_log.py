@@ -30,6 +30,12 @@ def typed(words, folder):
     return verb(*words, *(["workers=1", "figures=false"] if words[0] in ("run", "tune") else []), cwd=folder)
 
 
+def errors_of(table):
+    """The first number behind the name of each filter."""
+    lines = (line.split() for line in table.splitlines() if line.startswith((" e", " g", " j")))
+    return {name: float(error) for name, error, *_ in lines}
+
+
 @pytest.mark.slow
 def test_every_command_goes_well(reader):
     for line, done in reader[1].items():
@@ -53,9 +59,7 @@ def test_the_guess_says_its_reasons_and_what_is_unsure(reader):
 def test_the_logs_own_outage_is_scored_and_its_settings_are_written(reader):
     folder, done = reader
     table = next(finished.stdout for line, finished in done.items() if "outage_end_m" in line)
-    errors_m = {
-        line.split()[0]: float(line.split()[1]) for line in table.splitlines() if line.startswith((" e", " g", " j"))
-    }
+    errors_m = errors_of(table)
 
     assert errors_m["eskf15"] < 0.1 * errors_m["gnss_only"]
     shown = pages.text("own_log").split("end of an outage, mean over the outages [m]")[1].split("```")[0]
@@ -102,7 +106,7 @@ def test_the_preset_of_a_bag_reads_one_that_is_in_g_and_degrees(reader, tmp_path
     done = verb("run", "-m", "filter=gnss_only,eskf15", "metrics=[position_rmse,outage]", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = verb("table", "results/bag", "--metric", "outage_end_m", cwd=tmp_path).stdout
-    errors_m = {line.split()[0]: float(line.split()[1]) for line in table.splitlines() if line.startswith((" e", " g"))}
+    errors_m = errors_of(table)
     assert errors_m["eskf15"] < 0.1 * errors_m["gnss_only"]
     tuned = verb("tune", "filter=bias", "objective=rmse", "split=time", "trials=4", *words, cwd=tmp_path)
     assert tuned.returncode == 0, tuned.stderr

@@ -12,43 +12,21 @@ import pytest
 import pages
 from commands import jerkbench, verb
 
-SHORTER = {
-    "run": ["dataset.duration_s=60", "seeds=2", "workers=1", "figures=false"],
-    "tune": ["dataset.duration_s=60", "trials=2", "tune_seeds=1", "choose_seeds=1", "test_seeds=2", "finalists=1"],
-    "figures": ["--methods", "baseline"],
-    "report": ["--figures", "none"],
-}
-"""Additional arguments by command. They are not used for runs whose output is shown on the page."""
-
+AT_20_HZ = ["dataset=field_white", "dataset.imu_rate_hz=20", "dataset.reference_rate_hz=20"]
 TYPED = {
-    "index": [],
-    "installation": [],
-    "sweeps": [],
-    "first_table": [],
-    "own_filter": [
-        "engine=filterpy",
-        "seeds=1",
-        "dataset=field_white",
-        "dataset.imu_rate_hz=20",
-        "dataset.reference_rate_hz=20",
-    ],
-    "attitude_filter": ["dataset=field_white", "dataset.imu_rate_hz=20", "dataset.reference_rate_hz=20"],
-    "baseline": [],
+    **{
+        page: []
+        for page in ("index", "installation", "sweeps", "first_table", "baseline", "faq", "report", "statistics")
+    },
+    "own_filter": ["engine=filterpy", "seeds=1", *AT_20_HZ],
+    "attitude_filter": AT_20_HZ,
     "faults": ["dataset.duration_s=90", "seeds=1"],
     "gate": ["dataset.duration_s=12", "engine=filterpy"],
-    "faq": [],
-    "report": [],
-    "statistics": [],
 }
 """Pages whose commands run here, with additional arguments of their runs."""
 
 ELSEWHERE = {"agents", "any_language", "suite"}
 """Pages whose outputs are checked by a separate test module."""
-
-STUDIES = pages.DOCS.parent / "experiments"
-
-LONG_STUDIES = {"audit"}
-"""Studies with long sentences."""
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +48,7 @@ def _type(page, folder):
     for line in (line for line in pages.lines(page) if line.startswith("jerkbench ")):
         words = shlex.split(line)[1:]
         whole = shown and not TYPED[page] and words[0] not in {"figures", "report"}
-        more = [] if whole else SHORTER.get(words[0], [])
+        more = [] if whole else pages.SHORTER.get(words[0], [])
         done = _typed([*words, *more], TYPED[page], folder)
         assert done.returncode == 0, (words, done.stderr, done.stdout)
         assert done.stdout
@@ -141,22 +119,6 @@ def test_the_first_page_installs_as_the_readme_does():
     assert "\n".join(pages.lines("first_table")[:2]) in readme
 
 
-@pytest.mark.parametrize("page", sorted(path.stem for path in pages.DOCS.glob("*.md")))
-def test_the_sentences_of_a_page_are_short(page):
-    mean, longest = pages.longest(pages.text(page))
-
-    assert mean <= 15
-    assert len(longest.split()) <= 30, longest
-
-
-@pytest.mark.parametrize("study", sorted({path.parent.name for path in STUDIES.glob("*/README.md")} - LONG_STUDIES))
-def test_the_sentences_of_a_study_are_short(study):
-    mean, longest = pages.longest((STUDIES / study / "README.md").read_text(encoding="utf-8"))
-
-    assert mean <= 15
-    assert len(longest.split()) <= 30, longest
-
-
 def test_every_output_of_a_page_is_checked():
     shown = {path.stem for path in pages.DOCS.glob("*.md") if "<!-- output -->" in path.read_text(encoding="utf-8")}
 
@@ -196,7 +158,7 @@ def test_links_lead_to_files_of_a_clone():
     link = re.compile(r"\]\((?!https?:|#)([^)#\s]+)")
     found = [
         (page, page.parent / target)
-        for page in (*pages.DOCS.rglob("*.md"), *STUDIES.glob("*/README.md"))
+        for page in (*pages.DOCS.rglob("*.md"), *(pages.DOCS.parent / "experiments").glob("*/README.md"))
         for target in link.findall(re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL))
     ]
 
