@@ -24,7 +24,7 @@ Declaration = Callable[["Parsers"], None]
 
 
 def verb(*arguments: Argument) -> Callable[[Answering], Declaration]:
-    """Make a verb of the function that answers it: ``data_convert_verb`` of ``convert``; its docstring is the help."""
+    """Declare the command that a function runs. Its name is the name of the function, and its docstring is the help."""
 
     def declaration(answer: Answering) -> Declaration:
         name = answer.__name__.removesuffix("_verb").rpartition("_")[2]

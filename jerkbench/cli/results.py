@@ -151,7 +151,6 @@ def figures_verb(chosen: argparse.Namespace) -> None:
     from jerkbench.jobs.executors import processors
     from jerkbench.jobs.replay import tell_left_out
     from jerkbench.jobs.study import load_study
-    from jerkbench.report import Choice
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.report.study_figures import FIGURES, LIMIT, Request, draw_study
 

@@ -28,7 +28,7 @@ REFUSED = {
     "config_path": "give --config-dir DIR for presets of your own",
     "config_name": "every run starts from conf/config.yaml; give experiment=NAME",
     "experimental_rerun": "use `jerkbench rerun DIR ROW`",
-    "shell_completion": "docs/everyday.md describes completion",
+    "shell_completion": "docs/installation.md describes completion",
 }
 """Options of Hydra that are not supported, and what to do instead."""
 

@@ -56,10 +56,10 @@ def reason_of(error: Exception) -> str:
 
 @contextmanager
 def plugins_in_words(job: Job) -> Iterator[None]:
-    """Turn what a plugin of ``cell`` raises into a sentence; what is one already, and a full disk, stay what they are.
+    """Raise the exceptions of a plugin as `PluginError`, except for errors of jerkbench and a full disk.
 
     Raises:
-        PluginError: a plugin raised something; not if the environment variable `TRACEBACK` is set.
+        PluginError: the plugin raised an exception, and the environment variable `TRACEBACK` is not set.
     """
     try:
         yield

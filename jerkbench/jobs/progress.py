@@ -56,13 +56,13 @@ def duration(seconds: float) -> str:
 
 
 class Progress:
-    """A bar over the cells of a sweep (or other things), on standard error; says how many runs diverged or failed.
+    """A progress bar on standard error, with the number of runs that diverged or failed.
 
-    Where standard error is no terminal, a line a minute stands for it.
+    If standard error is not a terminal, one line is printed each minute instead.
     """
 
     def __init__(self, count: int, already: int = 0, doing: str = "Sweep", unit: str = "cells") -> None:
-        """Prepare a bar for ``count`` ``things``, of which ``already`` many are done."""
+        """Prepare a bar for ``count`` units, of which ``already`` are done."""
         self._counts: Counter[str] = Counter()
         self._doing, self._things = doing, unit
         columns = (
