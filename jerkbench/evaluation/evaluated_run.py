@@ -252,7 +252,9 @@ class Combination(NamedTuple):
 
 
 RUN_COLUMNS = ("seed", "replicate", "status", "reason")
-"""Columns of a row between its labels and its metrics; `jerkbench.jobs.rows` writes them. A new column is a metric."""
+"""Columns of a row between its labels and its metrics; `jerkbench.jobs.rows` writes them. Define a metric instead of a
+further column: stored files without one of these columns count as damaged.
+"""
 
 DRAWN = "drawn."
 """Prefix of the columns with the parameters of a random drive, which are not metrics."""

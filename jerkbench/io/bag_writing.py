@@ -16,7 +16,7 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.geometry import dcm_from_euler, enu_axes, enu_to_ecef, enu_to_geodetic, quaternion_from_dcm
-from jerkbench.io.bag import STRING
+from jerkbench.io.bag import ODOMETRY, STRING
 from jerkbench.io.bag_topics import METADATA_TOPIC, Metadata
 from jerkbench.recording import Heading, Imu, Origin, Recording, Reference, Velocity
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 NEU = [1, 0, 2]
 """Where north, east, up stand in east, north, up."""
 
-_ODOMETRY = "nav_msgs/msg/Odometry"
 """Type of a reference of which everything is known."""
 
 RTK_FIXED, _GPS, _KNOWN = 2, 1, 3
@@ -153,7 +152,7 @@ def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Ite
             yield make.stamped(t, "FP_ECEF", "geometry_msgs/msg/PoseStamped", pose)
         else:
             posed = make.of("geometry_msgs/msg/PoseWithCovariance", pose, small.ravel())
-            yield make.stamped(t, "FP_ECEF", _ODOMETRY, "FP_POI", posed, make.twist(v, small))
+            yield make.stamped(t, "FP_ECEF", ODOMETRY, "FP_POI", posed, make.twist(v, small))
 
 
 TOPICS = {

@@ -1,4 +1,4 @@
-"""Covariances and attitudes in the columns of a table: which columns they are, and how they are read."""
+"""Streams of a table: times, covariances, attitudes and the columns that contain them."""
 
 import dataclasses
 from collections.abc import Sequence

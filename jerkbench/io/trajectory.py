@@ -14,7 +14,7 @@ from jerkbench.arrays import FloatArray, IntArray, require_choices, require_leng
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
-from jerkbench.io.bag import Bag, Messages, open_bag
+from jerkbench.io.bag import ODOMETRY, Bag, Messages, open_bag
 from jerkbench.io.bag_writing import SOMETIME
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
@@ -126,11 +126,10 @@ def _turned(euler_rad: FloatArray, before: IntArray, share: FloatArray) -> Float
 _BAGS = (".bag", ".db3", ".mcap")
 """Endings of bags."""
 
-_ODOMETRY = "nav_msgs/msg/Odometry"
 POSES = ("geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseStamped")
 _POSE = ("position", "orientation")
 _FIELDS = {
-    _ODOMETRY: (*_POSE, "linear", "position_covariance", "linear_covariance"),
+    ODOMETRY: (*_POSE, "linear", "position_covariance", "linear_covariance"),
     POSES[0]: (*_POSE, "position_covariance"),
     POSES[1]: _POSE,
 }
@@ -158,17 +157,17 @@ def read_odometry(path: Path, topic: str, recording: Recording) -> Trajectory:
     where = f"{path}, {name}"
     t_s = _odometry_s(where, messages, recording)
     dcm = dcm_from_quaternion(messages["orientation"])
-    velocity = np.einsum("nij,nj->ni", dcm, messages["linear"]) if msgtype == _ODOMETRY else None
+    velocity = np.einsum("nij,nj->ni", dcm, messages["linear"]) if msgtype == ODOMETRY else None
     return Trajectory(
         where, t_s, messages["position"], velocity, euler_from_dcm(dcm), _odometry_covariance(messages, dcm)
     )
 
 
 def _only_odometry(bag: Bag) -> str:
-    names = [topic.name for topic in bag.topics if topic.msgtype == _ODOMETRY]
+    names = [topic.name for topic in bag.topics if topic.msgtype == ODOMETRY]
     if len(names) != 1:
         raise RecordingError(
-            f"{bag.path} has {len(names)} topics of {_ODOMETRY}{': ' if names else ''}{', '.join(names)}; name the one "
+            f"{bag.path} has {len(names)} topics of {ODOMETRY}{': ' if names else ''}{', '.join(names)}; name the one "
             "to score: filter.topic=..."
         )
     return names[0]

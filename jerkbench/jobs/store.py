@@ -156,7 +156,7 @@ def _column(name: str, values: list[Any]) -> pa.Array:
 def _facts(block: RowBlock) -> dict[str, str]:
     """Return the metadata of a block as JSON, by the names of their columns."""
     metrics = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
-    entries = {name: value for name, value in block.metadata.items() if name not in ("labels", "spec", "failed")}
+    entries = {name: value for name, value in block.metadata.items() if name not in ("labels", "spec")}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
     return {KEY: block.key} | {CELL + name: json.dumps(own) for name, own in {"columns": metrics, **entries}.items()}
 

@@ -173,7 +173,7 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     counted = f"{well.min()}" if well.min() == well.max() else f"{well.min()} to {well.max()}"
     drawn = seeded.groupby([*FACTORS])["seed"].agg(lambda seeds: str(sorted(seeds)))
     alike = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
-    other = "" if alike else " ReviewedCells of one scenario have different seeds."
+    other = "" if alike else " Combinations of one scenario have different seeds."
     passed = bool(well.min() >= _LEAST_SEEDS and not more and alike)
     return passed, f"{counted} a cell that went well; {_LEAST_SEEDS} are asked for.{other}{more}"
 
