@@ -182,8 +182,8 @@ class ReferenceFloor:
 class OneRecording:
     """Interval of the position RMSE from one recording, by a moving-block bootstrap.
 
-    The blocks are at least twelve times as long as the correlation time of the squared errors, so that correlated errors
-    are not counted several times::
+    The blocks are at least twelve times as long as the correlation time of the squared errors, so that correlated
+    errors are not counted several times::
 
         position_rmse_low_m, position_rmse_high_m   95 % interval of position_rmse_m
         error_correlation_rows                      rows that count as one: 1 + 2 sum of the autocorrelations of |e_i|^2
