@@ -102,7 +102,7 @@ class Rules(NamedTuple):
     Attributes:
         parameters: (WIDTH, any) its numbers; (any, WIDTH) of all runs at once.
         whole: (any,) of all runs at once the same, where they are whole numbers and so the same; else nothing.
-        adapt: (WIDTH,) address of its `adapt`, compiled; or 0 for a run alone in which nobody is to be asked.
+        adapt: (WIDTH,) address of its `adapt`, compiled; or 0 if it changes nothing and is not called.
         fade: (WIDTH,) address of its `fade`, or 0: it has none.
         prior: (WIDTH,) likewise of its `adapt_prior`.
         gain: (WIDTH,) likewise of its `adapt_gain`.
@@ -336,8 +336,8 @@ def _square(blocks: Sequence[int], s: int) -> IntArray:
 RUN = run_type(3, WIDE)
 """The type of the runs at hand: a compilation replaces it."""
 
-EACH, AT_ONCE, NEVER = range(3)
-"""Who asks the adaptation: each run by itself, all runs at once, or nobody, for it leaves R as it is."""
+EACH, AT_ONCE = range(2)
+"""How the adaptation is called: for each run separately, or for all runs at once."""
 
 ASKED = EACH
 """Which of these, likewise."""

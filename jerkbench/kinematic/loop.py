@@ -16,7 +16,6 @@ from jerkbench.kinematic.arguments import (
     AT_ONCE,
     DENSE,
     EACH,
-    NEVER,
     RUN,
     STRIDE,
     Exchange,
@@ -101,13 +100,13 @@ def expect(run: Lanes, steps: Steps, rules: Rules, kept: Kept, exchange: Exchang
 
 def _adapt(run: Lanes, rules: Rules, exchange: Exchange, complete: bool) -> bool:
     """Ask for the adapted R, and prior; return whether both are what they were."""
-    if ASKED == AT_ONCE:
-        adapt_lanes(run, exchange.rows, rules, complete)
-        return False
-    if ASKED == NEVER or (run.width == 1 and rules.adapt[0] == 0):
+    if rules.adapt[0] == 0:
         for r in range(6):
             run.variance[r] = chosen(run.used[r], 0.0, run.R[r, r], NAN)
         return True
+    if ASKED == AT_ONCE:
+        adapt_lanes(run, exchange.rows, rules, complete)
+        return False
     same = adapt_runs(run, exchange, rules, complete)
     if STRIDE > 1:
         note_coupling_of(run, run.R, 6, 6)
@@ -369,7 +368,7 @@ APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""
 
 
-ASKS = ("", ", asked at once", ", never asked")
+ASKS = ("", ", asked at once")
 """How a message says who asks the adaptation."""
 
 

@@ -34,7 +34,7 @@ from jerkbench.contracts import (
     memory_size,
     wants_truth,
 )
-from jerkbench.kinematic.arguments import AT_ONCE, EACH, NEVER, Packed, Rules, Whole
+from jerkbench.kinematic.arguments import AT_ONCE, EACH, Packed, Rules, Whole
 from jerkbench.notices import notify
 
 # The methods as the author of an adaptation writes them: what each is given, and what it returns.
@@ -61,7 +61,8 @@ class Rule:
         adaptation: itself, which knows how much it remembers.
         parameters: its numbers.
         kind: what it is but for its numbers.
-        asked: by whom, side by side: EACH, AT_ONCE or NEVER of `jerkbench.kinematic.arguments`.
+        asked: by whom, side by side: EACH or AT_ONCE of `jerkbench.kinematic.arguments`. A rule that changes nothing is
+            not called; it shares the loop of the rules that are called at once.
         wants_truth: whether it gets the true covariance as R.
     """
 
@@ -84,7 +85,9 @@ class Rule:
 
     @cached_property
     def together(self) -> object:
-        """What those have in common that are not asked by each run; None where it is."""
+        """Equal for rules that may run side by side; None if the rule is called for each run."""
+        if changes_nothing(self.adaptation):
+            return type(self.adaptation)
         return (self.kind, tuple(whole_numbers(self.adaptation))) if self.asked else None
 
 
@@ -106,13 +109,15 @@ def compiled_rule(adaptation: Adaptation, otherwise: str = IN_PYTHON, *, side_by
         side_by_side: whether a loop that asks for all runs at once (`jerkbench.kinematic.adapt_lanes`) is to call it.
     """
     kind, lanes = _Kind(adaptation), side_by_side and asked_in_lanes(adaptation)
+    if changes_nothing(adaptation) and can_compile():
+        return Rule(adaptation, np.empty(0), kind, AT_ONCE if side_by_side else EACH, wants_truth(adaptation))
     if lanes and (reason := _obstacle(kind, lanes=True)) and not _obstacle(kind, lanes=False):
         notify(f"{type(adaptation).__name__} is asked by each run, not by eight at once: {reason}")
         lanes = False
     if reason := _obstacle(kind, lanes):
         notify(f"{otherwise.format(type(adaptation).__name__)}: {reason}")
         return None
-    asked = AT_ONCE if lanes else NEVER if side_by_side and changes_nothing(adaptation) else EACH
+    asked = AT_ONCE if lanes else EACH
     return Rule(adaptation, parameter_vector(adaptation), kind, asked, wants_truth(adaptation))
 
 
@@ -155,6 +160,8 @@ def _first_sentence(message: str) -> str:
 def _addresses(kind: _Kind, lanes: bool, axes: int = 1, states: int = 9) -> tuple[int, int, int, int]:
     """Of `adapt`, and of the methods that it may have, 0 where it has not; quickest for so many ``states``."""
     own = kind.example
+    if changes_nothing(own):
+        return 0, 0, 0, 0
 
     def address(method: CompiledMethod) -> int:
         usual = tuple((name, states if name == "n" else size) for name, size in method.usual)
@@ -223,8 +230,6 @@ def _rules_of(rules: tuple[Rule, ...], states: int, axes: int) -> Rules:
         sizes[:] = sizes.max()
     way = (axes, states) if lanes else ()
     adapt, fade, prior, gain = np.array([_addresses(rule.kind, lanes, *way) for rule in rules]).T.copy()
-    if len(rules) == 1 and changes_nothing(first.adaptation):
-        adapt[0] = 0
     whole = np.array(whole_numbers(first.adaptation) if lanes else [], dtype=np.int64)
     most = max(len(rule.parameters) for rule in rules)
     parameters = aligned_zeros(*((most, len(rules)) if lanes else (len(rules), most)))

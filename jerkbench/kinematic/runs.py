@@ -165,7 +165,7 @@ def run_batch(
         loop = loop_for(n, WIDE, dense=first.dense, asked=first.asked, stride=3 if pack.apart else 1)
         return loop, run_type(n, WIDE), model
 
-    sizes = [(2 + len(model.initial_variances()), rule.together) for model, rule in zip(models, rules, strict=True)]
+    sizes = [2 + len(model.initial_variances()) for model in models]
     return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads, by_axes=True)
 
 
@@ -204,7 +204,7 @@ def run_packs(
                     results[place] = result
 
     kinds = [
-        Kind(size, rule.wants_truth, rule.dense, by_axes and rule.by_axes)
+        Kind((size, rule.together), rule.wants_truth, rule.dense, by_axes and rule.by_axes)
         for size, rule in zip(sizes, rules, strict=True)
     ]
     packs = _packs(tuple(runs), tuple(kinds))
