@@ -145,6 +145,12 @@ Prepare = Callable[[Pack, Sequence[int]], tuple[Any, ...] | None]
 """A pack, and which places of the batch its WIDE runs have -> the loop, the type of its runs, its third argument, and
 those behind the sixth; None where it is not to be run so."""
 
+MANY_RUNS = 100_000
+"""After this number of runs in a process, a loop pays that is compiled for decoupled axes (it takes some 10 s)."""
+
+RUNS_MADE: Final[list[int]] = [0]
+"""The number of runs of this process so far."""
+
 _NOTHING = Updates.empty()
 OF_COVARIANCE, OF_VELOCITY = [NEES, NEES_POSITION], [*range(VELOCITY_SQUARES, WHOLE)]
 
@@ -166,7 +172,9 @@ def run_batch(
         return loop, run_type(n, WIDE), model
 
     sizes = [2 + len(model.initial_variances()) for model in models]
-    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads, by_axes=True)
+    RUNS_MADE[0] += len(runs)
+    by_axes = RUNS_MADE[0] > MANY_RUNS
+    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads, by_axes=by_axes)
 
 
 def run_packs(

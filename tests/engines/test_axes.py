@@ -58,6 +58,12 @@ def several():
     return [uncoupled(one(seed)) for seed in (1, 2, 3)]
 
 
+@pytest.fixture(autouse=True)
+def many_runs(monkeypatch):
+    """A process that has made so many runs that loops for decoupled axes pay."""
+    monkeypatch.setattr(runs, "MANY_RUNS", 0)
+
+
 @pytest.fixture
 def strides(monkeypatch):
     """The strides of the loops that run from here on."""
@@ -92,6 +98,15 @@ def test_each_axis_by_itself_gives_what_all_together_give(several, rule, name, s
     assert strides == [3, 1]
     for own, wanted in zip(got, together, strict=True):
         assert own == pytest.approx(wanted, rel=1e-12, abs=1e-15, nan_ok=True)
+
+
+def test_a_process_with_few_runs_compiles_no_loop_for_decoupled_axes(several, strides, monkeypatch):
+    monkeypatch.setattr(runs, "MANY_RUNS", 100_000)
+    monkeypatch.setattr(runs, "RUNS_MADE", [100_000 - 4])
+    pair = plugins.create("filter", {"name": "baseline"}), plugins.create("adaptation", {"name": "none"})
+    for _ in range(2):
+        errors_alone(several, *pair)
+    assert strides == [1, 3]
 
 
 @dataclass(frozen=True)
