@@ -317,7 +317,11 @@ class PerSeed(Protocol):
 class Engine(Protocol):
     """Runs a kinematic filter with an adaptation. All engines have the same inputs and outputs. Optional: `SideBySide`.
 
-    Optional method: ``prepare(model: Filter) -> None`` starts to compile in the background what `run` will need.
+    Optional methods:
+
+    - ``prepare(model: Filter) -> None`` starts to compile in the background what `run` will need.
+    - ``announce(methods: Sequence[tuple[Filter | Estimator, Adaptation]]) -> None`` is called before the processes of a
+      sweep start, with the filter and the adaptation of each job.
     """
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:

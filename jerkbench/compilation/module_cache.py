@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from threading import RLock
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 from filelock import FileLock, Timeout
 
@@ -63,6 +63,12 @@ _LOADING = RLock()
 """A module that another thread is still loading would look finished."""
 
 
+BEFORE_WAITING: Final[list[Callable[[], None]]] = []
+"""Called before this process waits for another one that is compiling the same."""
+
+LOOPS = "JERKBENCH_LOOPS"
+"""Environment variable: the compiled loops that a sweep needs, as `jerkbench.engines.compiled_engine` writes them."""
+
 COMPILED = "compiled"
 """The kind of cache that holds compiled code."""
 
@@ -101,8 +107,7 @@ def load_entry(title: str, source: str, key: str, namespace: Namespace) -> Modul
             notify(f"compiling {title} in each process anew: nothing tells whether {reason}, which it uses, changed")
             return _imported(name, {f"{name}.py": source.encode()}, namespace)[0]
         path = _path(name)
-        files = _kept(path, title, source)
-        if files is None:
+        if (files := _kept(path, title, source)) is None:
             return _compiled(path, title, source, namespace)
         return _imported(name, files, namespace)[0]
 
@@ -136,7 +141,7 @@ def _compiled(path: Path, title: str, source: str, namespace: Namespace) -> Modu
         if files is not None:
             return _imported(name, files, namespace)[0]
         if keeps:
-            notify(f"compiling {title}, once, some seconds; it is kept in {path.parent}", title)
+            notify(f"Compiling {title}. Needed once; a few seconds.", title)
         module, files = _imported(name, {f"{name}.py": source.encode()}, namespace)
         if keeps and files:
             _keep(path, files)
@@ -167,6 +172,8 @@ def _alone(path: Path, title: str) -> Iterator[bool]:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=0)
     except Timeout:
+        for call in tuple(BEFORE_WAITING):
+            call()
         notify(f"waiting for {title}, which another process is compiling", title)
         lock.acquire()
     except OSError as error:

@@ -1,11 +1,22 @@
 """The fast engine: the same filter, compiled. The kernel itself, fading and all, is in `jerkbench/kinematic/`."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from jerkbench.compilation.module_cache import can_compile
-from jerkbench.contracts import Adaptation, Filter, clocked
+from jerkbench.compilation.module_cache import LOOPS, can_compile
+from jerkbench.contracts import (
+    Adaptation,
+    AdaptingGain,
+    AdaptingPrior,
+    Estimator,
+    Filter,
+    asked_in_lanes,
+    changes_nothing,
+    clocked,
+    has_methods,
+)
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate, Streamed
 from jerkbench.notices import notify
@@ -52,6 +63,18 @@ class CompiledEngine:
         if can_compile():
             compile_beside(2 + len(model.initial_variances()))
 
+    def announce(self, methods: Sequence[tuple[Filter | Estimator, Adaptation]]) -> None:
+        """Note the loops that a sweep needs in the environment of the processes that start afterwards.
+
+        A process that needs a loop while another one is compiling it compiles one of the others in the meantime.
+        """
+        loops = set()
+        for model, own in methods:
+            if isinstance(model, Filter):
+                at_once = asked_in_lanes(own) or changes_nothing(own)
+                loops.add(f"{2 + len(model.initial_variances())} {_sees_matrices(own):d} {at_once:d}")
+        os.environ[LOOPS] = ",".join(sorted(loops))
+
     def run_settings(
         self,
         runs: Sequence[Run],
@@ -78,6 +101,10 @@ class CompiledEngine:
         for k, result in zip(rules, run_batch(*batch, updates=updates, threads=threads), strict=True):
             results[k] = result
         return results
+
+
+def _sees_matrices(adaptation: Adaptation) -> bool:
+    return has_methods(adaptation, AdaptingPrior) or has_methods(adaptation, AdaptingGain)
 
 
 def _compiled_rule(adaptation: Adaptation, *, side_by_side: bool = False) -> "Rule | None":

@@ -22,13 +22,14 @@ from typing import Any, Generic, Self, TypeVar
 import pyarrow as pa
 
 from jerkbench import plugins
+from jerkbench.engines import announce
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.executors import ClusterError, Pool, Workers
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.key import code_digest, git_commit, versions
 from jerkbench.jobs.plan import Plan, chunks_of, missing
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import Result, Task, failed_rows, work
+from jerkbench.jobs.rows import Result, Task, failed_rows, streams, work
 from jerkbench.jobs.store import SEEN_COLUMNS, RowBlock, Store, table_of
 from jerkbench.notices import keep_output_plain
 
@@ -79,6 +80,7 @@ def run_missing(
     done = sum(not seeds for seeds in to_do.values())
     chunks = chunks_of(plan.jobs, to_do, workers.count if workers else 1)
     made_by = origin()
+    announce([job.method for job in plan.jobs if to_do[job.key] and streams(job)])
     with nullcontext(progress) if progress else Progress(len(plan.jobs), done) as bar, Writer(store) as writer:
         bar.skip(done if progress else 0)
         pool = workers.pool(sum(map(len, chunks))) if workers and chunks else None
@@ -101,8 +103,7 @@ def _run_tasks(
     tasks: Sequence[Task], *, made_by: Mapping[str, Any], strict: bool, threads: int, limit_s: float
 ) -> tuple[int, pa.Table]:
     """Run tasks for about ``limit_s``, at least one. Returns how many are finished, and their rows."""
-    started, blocks = time.monotonic(), list[RowBlock]()
-    finished = 0
+    started, finished, blocks = time.monotonic(), 0, list[RowBlock]()
     while finished == 0 or (finished < len(tasks) and time.monotonic() - started < limit_s):
         task = tasks[finished]
         results = work(task, strict=strict, threads=threads)

@@ -1,11 +1,13 @@
 """The loop of the kernel: prediction, update, adaptation and score of each step of a timeline."""
 
 import os
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
-from jerkbench.arrays import FloatArray
+from jerkbench.arrays import WIDE, FloatArray
 from jerkbench.compilation.compiled_loop import compiled_loop, is_compiled, run_beside
+from jerkbench.compilation.module_cache import BEFORE_WAITING, LOOPS
 from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, lane, room, row, runs_in, taken
 from jerkbench.estimate import NIS, NIS_USED, UPDATES, UPDATES_USED
@@ -380,6 +382,29 @@ def loop_for(n: int, width: int, *, dense: bool = False, asked: int = EACH, stri
     ``stride``: 3 where axes have nothing to do with each other (`jerkbench.kinematic.arguments`).
     """
     return compiled_loop(run_steps, *_named(n, width, dense=dense, asked=asked, stride=stride))
+
+
+class Busy(Exception):  # noqa: N818 - no error
+    """Another process is compiling the loop."""
+
+
+def _compile_announced() -> None:
+    """Compile the other loops that a sweep needs (`jerkbench.engines.compiled_engine`), before waiting for one."""
+    BEFORE_WAITING[:] = [_leave]
+    try:
+        for loop in filter(None, os.environ.get(LOOPS, "").split(",")):
+            n, dense, at_once = map(int, loop.split())
+            with suppress(Busy):
+                loop_for(n, WIDE, dense=bool(dense), asked=AT_ONCE if at_once else EACH)
+    finally:
+        BEFORE_WAITING[:] = [_compile_announced]
+
+
+def _leave() -> None:
+    raise Busy
+
+
+BEFORE_WAITING.append(_compile_announced)
 
 
 def runs_of(width: int) -> str:

@@ -284,7 +284,7 @@ OPTIONAL_METHODS: Mapping[str, tuple[str, ...]] = {
     "attitude": ("require", "remarks"),
     "filter": ("axis_models", "require", "remarks", "fingerprint", "estimate_compiled", "run_settings", "of_seed"),
     "adaptation": ("memory_size", "memory_size_of", "at_updates", "fade", "adapt_prior", "adapt_gain"),
-    "engine": ("run_settings", "prepare"),
+    "engine": ("run_settings", "prepare", "announce"),
     "metric": ("summarise",),
 }
 OPTIONAL_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {

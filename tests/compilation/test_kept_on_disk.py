@@ -70,7 +70,7 @@ def test_the_second_process_compiles_nothing_whatever_the_parameters_are(process
 
     assert first == (3.0, 1, 0)
     assert second == (6.0, 0, 1)
-    assert said.startswith("jerkbench: compiling Rule.adapt, once, some seconds; it is kept in ")
+    assert said.startswith("jerkbench: Compiling Rule.adapt. Needed once; a few seconds.")
     assert silence == ""
 
 
@@ -154,7 +154,7 @@ def test_of_threads_and_processes_that_start_together_one_compiles(tmp_path):
     (one, first), (other, second) = (process.communicate(timeout=120) for process in both)
 
     assert sorted([one, other]) == ["1 0\n", "1 1\n"]
-    assert sum("compiling Rule.adapt, once" in said for said in (first, second)) == 1
+    assert sum("Compiling Rule.adapt." in said for said in (first, second)) == 1
     assert all(said.count("\n") <= 1 for said in (first, second))  # the other one waits, and may say so
 
 

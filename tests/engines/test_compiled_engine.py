@@ -225,7 +225,7 @@ class Formatted(NoAdaptation):
 def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(timeline, capsys, adaptation):
     engine, models = CompiledEngine(), (Baseline(), Jerk())
     runs = [engine.run(timeline, model, adaptation) for model in models]
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if "compiling" not in line]
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "Compiling" not in line]
 
     for model, run in zip(models, runs, strict=True):
         agree(timeline, model, adaptation, run)
