@@ -72,9 +72,6 @@ LOOPS = "JERKBENCH_LOOPS"
 COMPILED = "compiled"
 """The kind of cache that holds compiled code."""
 
-IN_WHEEL = Path(__file__).parents[1] / COMPILED
-"""Where a wheel has what its build has compiled (`.ci/compile_ahead`): looked into after the cache."""
-
 PROCESSOR_LEVELS = {
     "x86-64-v3": {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"},
     "x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
@@ -123,14 +120,12 @@ def _path(name: str) -> Path:
 
 
 def _kept(path: Path, title: str, source: str) -> Files | None:
-    """What is in the cache, or else in the package, compiled; nothing where it cannot be believed."""
-    for place in (path, IN_WHEEL / path.name):
-        try:
-            if files := read_kept(place, path.stem, source):
-                return files
-        except Distrusted as reason:
-            notify(f"what is kept of {title} in {place} is not used, it is compiled anew: {reason}")
-    return None
+    """What is in the cache, compiled; nothing where it cannot be believed."""
+    try:
+        return read_kept(path, path.stem, source)
+    except Distrusted as reason:
+        notify(f"what is kept of {title} in {path} is not used, it is compiled anew: {reason}")
+        return None
 
 
 def _compiled(path: Path, title: str, source: str, namespace: Namespace) -> ModuleType:
