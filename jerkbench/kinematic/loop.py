@@ -370,10 +370,6 @@ APART = ALONE + SELDOM
 """Kernels that stand alone, and those that are seldom called: one body of all of them takes long to compile."""
 
 
-ASKS = ("", ", asked at once")
-"""How a message says who asks the adaptation."""
-
-
 @cache
 def loop_for(n: int, width: int, *, dense: bool = False, asked: int = EACH, stride: int = 1) -> Any:  # noqa: ANN401 - numba has no types
     """Return the compiled loop of ``width`` runs for filters with ``n`` quantities on each axis.
@@ -421,6 +417,7 @@ def compile_beside(n: int) -> None:
 def _named(
     n: int, width: int, *, dense: bool = False, asked: int = EACH, stride: int = 1
 ) -> tuple[str, dict[str, Any], tuple[str, ...]]:
-    ways = f"{', dense' * dense}{ASKS[asked]}{', axis by axis' * (stride > 1)}"
+    each = ", one run" if width == 1 else ", an adaptation of single runs" * (asked == EACH)
+    ways = f"{each}{', with full matrices' * dense}{', decoupled axes' * (stride > 1)}"
     constants = {"RUN": run_type(n, width, related=6 // stride), "DENSE": int(dense), "ASKED": asked, "STRIDE": stride}
-    return f"the loop for {runs_of(width)} of {3 * n} states{ways}", constants, APART
+    return f"the filter loop ({3 * n} states{ways})", constants, APART
