@@ -29,7 +29,7 @@ from jerkbench.cli import main as jerkbench
 
 SILENT_S = 20
 """So long a command may say nothing, in seconds of the processor: others may use the machine as well."""
-LONGEST_S = 180
+MAX_CHORD_S = 180
 """So long it may take, by the clock."""
 MEMORY_BYTES = 12 * 2**30
 """Address space: an input that asks for more than there is must not take the machine with it."""
@@ -90,7 +90,7 @@ def _ended(words: Sequence[str], err: io.StringIO) -> tuple[str, str]:
 
 @contextlib.contextmanager
 def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
-    """Raise `Silence` where nothing is said for ``silent_s``, or where it takes longer than `LONGEST_S`."""
+    """Raise `Silence` where nothing is said for ``silent_s``, or where it takes longer than `MAX_CHORD_S`."""
     lengths = [0]
 
     def listen(*_: object) -> None:
@@ -103,7 +103,7 @@ def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
 
     before = signal.signal(signal.SIGPROF, listen), signal.signal(signal.SIGALRM, give_up)
     signal.setitimer(signal.ITIMER_PROF, silent_s, silent_s)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+    signal.setitimer(signal.ITIMER_REAL, MAX_CHORD_S)
     try:
         yield
     finally:
@@ -116,7 +116,7 @@ def _impatient(silent_s: float, *streams: io.StringIO) -> Iterator[None]:
 def a_study(folder: Path) -> Path:
     """Run a small sweep, which loads the libraries too; returns its folder."""
     done = attempt(
-        ["run", "-m", *SHORT, "filter=baseline,jerk", "adaptation=none,mtf", "study=whole"], folder, LONGEST_S
+        ["run", "-m", *SHORT, "filter=baseline,jerk", "adaptation=none,mtf", "study=whole"], folder, MAX_CHORD_S
     )
     if done.kind != "survived":
         raise RuntimeError(f"the study for the verbs could not be made: {done.why}")
@@ -145,7 +145,7 @@ def _in_a_shell(command: str, folder: Path) -> Outcome:
     began = monotonic()
     try:
         done = subprocess.run(  # noqa: S603 - our own words
-            ["/bin/sh", "-c", command], cwd=folder, capture_output=True, text=True, check=False, timeout=LONGEST_S
+            ["/bin/sh", "-c", command], cwd=folder, capture_output=True, text=True, check=False, timeout=MAX_CHORD_S
         )
     except subprocess.TimeoutExpired:
         return Outcome(command, "broken", "hangs", monotonic() - began)
@@ -174,7 +174,7 @@ SMOOTHED = 20
 
 def tracks(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
     """Yield what becomes of NMEA, GPX, gpsd's JSON and CSV with damaged fields."""
-    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, LONGEST_S)  # loads the libraries
+    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, MAX_CHORD_S)  # loads the libraries
     for number in range(count):
         path = hostile_recordings.track(number, seed, folder)
         smooth = number % SMOOTHED == SMOOTHED - 1
@@ -184,7 +184,7 @@ def tracks(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
 
 def arrays(count: int, seed: int, folder: Path) -> Iterator[Outcome]:
     """Yield what becomes of HDF5 and MATLAB files with damaged arrays, links and bytes."""
-    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, LONGEST_S)
+    attempt(["data", "inspect", "field", "--set", "duration_s=9"], folder, MAX_CHORD_S)
     for number in range(count):
         yield attempt(hostile_recordings.arrays(number, seed, folder), folder, READ_SILENT_S)
 

@@ -137,7 +137,7 @@ FORMATS: tuple[tuple[str, list[list[str]], int, Callable[[Sequence[Sequence[str]
 SHAPES = ((0,), (1,), (), (ROWS, 3), (3, ROWS), (2 * ROWS, 3), (ROWS, 65), (ROWS, 3, 1), (10**10, 3), (3 * 10**8, 3))
 NUMBERS = (0.0, np.nan, np.inf, -1e300, 1e9, 2.0**63, 91.0, 1e-320)
 TYPES = ("f8", "f4", "f2", "u8", "i8", "u1", "?", "c16", "S5", ">f8")
-MOST_WRITTEN = 10**6
+MAX_WRITTEN = 10**6
 
 
 def arrays(number: int, seed: int, folder: Path) -> list[str]:
@@ -179,7 +179,7 @@ def _damaged(values: np.ndarray[Any, Any], rng: random.Random) -> np.ndarray[Any
             values = values.astype(rng.choice(TYPES))
     elif way == "shape":
         shape = rng.choice(SHAPES)
-        values = np.zeros(shape if np.prod(shape) <= MOST_WRITTEN else 0)
+        values = np.zeros(shape if np.prod(shape) <= MAX_WRITTEN else 0)
     return values
 
 

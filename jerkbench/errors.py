@@ -16,7 +16,7 @@ INTERRUPTED = 130
 """Exit code of the command line after Ctrl-C."""
 
 
-LONGEST_MESSAGE = 8000
+MAX_MESSAGE_CHARACTERS = 8000
 """Characters of a message."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
@@ -99,7 +99,7 @@ def exit_with(error: JerkbenchError) -> NoReturn:
 
 def shortened(text: str) -> str:
     """Return ``text`` without its middle where it is longer than a screen, as one that repeats megabytes."""
-    if len(text) <= LONGEST_MESSAGE:
+    if len(text) <= MAX_MESSAGE_CHARACTERS:
         return text
-    half = LONGEST_MESSAGE // 2
+    half = MAX_MESSAGE_CHARACTERS // 2
     return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"

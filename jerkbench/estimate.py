@@ -173,7 +173,7 @@ class ErrorWeights:
 SUMS = 17
 """Sums that a run adds up, the first thirteen parts of `Streamed`: each has a place in the array of them."""
 POSITION_SQUARES, VELOCITY_SQUARES = 0, 3
-WHOLE, OUTAGE, LARGEST, STRAYED, ROWS_LEFT, NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(6, SUMS)
+WHOLE, OUTAGE, MAX_ERROR, STRAYED, ROWS_LEFT, NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(6, SUMS)
 
 
 class Streamed(NamedTuple):

@@ -151,13 +151,13 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
 # YAML of anybody: a few lines of aliases can stand for more than a machine can hold.
 
 
-MOST_VALUES = 100_000
+MAX_VALUES = 100_000
 """Values of a file, each alias counted with all that it repeats."""
 
 DEEPEST = 100
 """Lists and mappings inside each other."""
 
-MOST_INTERPOLATIONS = 20
+MAX_INTERPOLATIONS = 20
 """References to other values (${...}): each repeats what it refers to, as an alias does, and may hold some itself."""
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -192,7 +192,7 @@ def require_small(text: str, path: Path) -> None:
     open_since: list[tuple[str | None, int]] = []
     for event in _events(text, path):
         if isinstance(event, yaml.AliasEvent):
-            values += sizes.get(event.anchor, MOST_VALUES + 1)
+            values += sizes.get(event.anchor, MAX_VALUES + 1)
         elif isinstance(event, yaml.NodeEvent):
             open_since.append((event.anchor, values))
             values += 1
@@ -200,9 +200,9 @@ def require_small(text: str, path: Path) -> None:
             anchor, before = open_since.pop()
             sizes[anchor] = values - before
         interpolations += event.value.count("${") if isinstance(event, yaml.ScalarEvent) else 0
-        if interpolations > MOST_INTERPOLATIONS:
-            raise JerkbenchError(f"{path} has more than {MOST_INTERPOLATIONS} interpolations (${{...}}); write values.")
-        if values > MOST_VALUES or len(open_since) > DEEPEST:
+        if interpolations > MAX_INTERPOLATIONS:
+            raise JerkbenchError(f"{path} has more than {MAX_INTERPOLATIONS} interpolations (${{...}}); write values.")
+        if values > MAX_VALUES or len(open_since) > DEEPEST:
             raise _too_large(path)
 
 
@@ -218,7 +218,7 @@ def _events(text: str, path: Path) -> Iterator[yaml.Event]:
 
 def _too_large(path: Path) -> JerkbenchError:
     return JerkbenchError(
-        f"{path} stands for more than {MOST_VALUES} values, or has lists nested more than {DEEPEST} deep. An alias"
+        f"{path} stands for more than {MAX_VALUES} values, or has lists nested more than {DEEPEST} deep. An alias"
         " (*NAME) counts as all the values that it repeats. Make the file smaller."
     )
 

@@ -333,7 +333,7 @@ class ErrorLaw:
 
 # The recording: its streams, its reference, and what is known of the drive.
 
-_LEAST_FIXES = 2
+_MIN_FIXES = 2
 """A recording without an IMU has at least so many: its steps are those from fix to fix."""
 
 
@@ -445,8 +445,8 @@ class Recording:
 
     def _require_fixes(self) -> None:
         """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""
-        if self.position is None or len(self.position.t_s) < _LEAST_FIXES:
-            raise RecordingError(f"{self.name} has no IMU, and fewer than {_LEAST_FIXES} position fixes to do without.")
+        if self.position is None or len(self.position.t_s) < _MIN_FIXES:
+            raise RecordingError(f"{self.name} has no IMU, and fewer than {_MIN_FIXES} position fixes to do without.")
         if self.velocity is not None and self.velocity.frame != "enu":
             raise RecordingError(
                 f"{self.name} has no IMU, so that nothing turns its velocity in the frame '{self.velocity.frame}' into"

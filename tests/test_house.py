@@ -16,10 +16,10 @@ import jerkbench
 
 ROOT = Path(jerkbench.__file__).parents[1]
 
-LONGEST = 500
+MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MOST_FILES, MOST_FOLDERS = 178, 23
+MAX_MODULES, MAX_FOLDERS = 178, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
     "campaign": 1803,
@@ -30,16 +30,16 @@ MAX_CODE = {
     "hydra_plugins": 23,
     "inertial": 1146,
     "inspection": 1796,
-    "io": 3166,
+    "io": 3165,
     "jerkbench": 1865,
     "jobs": 1847,
-    "kinematic": 2139,
+    "kinematic": 2108,
     "plugins": 861,
-    "report": 3992,
+    "report": 3990,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
-MOST_LONE = 14
+MAX_LONE = 14
 """Modules that one other module imports; the aim is none."""
 
 DOUBLES = {"anywhere", "chosen", "each_run"}
@@ -139,14 +139,16 @@ def test_names_that_are_no_longer_double_are_not_excused():
 
 
 def test_a_file_is_no_longer_than_a_concept():
-    long = {str(module.path): module.text.count("\n") for module in modules() if module.text.count("\n") > LONGEST}
+    long = {
+        str(module.path): module.text.count("\n") for module in modules() if module.text.count("\n") > MAX_FILE_LINES
+    }
 
     assert long == {}
 
 
 def test_files_and_folders_become_no_more():
-    assert sum(not is_plugin(module) for module in modules()) <= MOST_FILES
-    assert len({module.path.parent for module in modules()}) <= MOST_FOLDERS
+    assert sum(not is_plugin(module) for module in modules()) <= MAX_MODULES
+    assert len({module.path.parent for module in modules()}) <= MAX_FOLDERS
 
 
 def package(module):
@@ -165,4 +167,4 @@ def test_no_package_grows():
 
 
 def test_modules_with_one_importer_become_no_more():
-    assert len(lone_modules()) <= MOST_LONE, lone_modules()
+    assert len(lone_modules()) <= MAX_LONE, lone_modules()

@@ -11,7 +11,7 @@ from commands import verb
 from jerkbench import files
 from jerkbench.campaign.entry import SETTINGS, read_entry
 from jerkbench.errors import JerkbenchError
-from jerkbench.files import DEEPEST, MOST_VALUES, read_yaml
+from jerkbench.files import DEEPEST, MAX_VALUES, read_yaml
 
 ENTRIES = Path(__file__).parents[1] / "results"
 BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -84,7 +84,7 @@ def test_the_bound_counts_what_aliases_repeat(tmp_path, extra):
         f"a: &a [{','.join(['x'] * 997)}]\nb: [{','.join(['*a'] * 99)}]\nc: [{','.join('x' * (194 + extra))}]\n"
     )
     counted = count(yaml.safe_load(path.read_text()))
-    assert counted == MOST_VALUES + extra
+    assert counted == MAX_VALUES + extra
     if extra:
         with pytest.raises(JerkbenchError):
             read_yaml(path)

@@ -150,7 +150,7 @@ DOMAINS = {
 DRIVES = 16
 """Seeds of the simulated field."""
 
-LEAST_S = 5.0
+MIN_PIECE_S = 5.0
 """Shorter pieces do not count."""
 
 RESTING_MPS = 0.1
@@ -211,12 +211,12 @@ def kitti_pieces(path: Path, seed: int) -> list[Recording]:
     drive = pd.read_parquet(path).astype(float)
     edges = [0, *(np.flatnonzero(np.diff(drive["t"]) > SILENCE_S) + 1), len(drive)]
     parts = [drive.iloc[begin:end] for begin, end in pairwise(edges)]
-    return [_part(path.stem, part, seed) for part in parts if np.ptp(part["t"]) >= LEAST_S]
+    return [_part(path.stem, part, seed) for part in parts if np.ptp(part["t"]) >= MIN_PIECE_S]
 
 
 def after_start(path: Path, seed: int) -> list[Recording]:
     """The pieces of a drive that are long enough after the seconds that an alignment by the track takes."""
-    return [piece for piece in kitti_pieces(path, seed) if piece.inertial.t_s[-1] >= TRACK_S + LEAST_S]
+    return [piece for piece in kitti_pieces(path, seed) if piece.inertial.t_s[-1] >= TRACK_S + MIN_PIECE_S]
 
 
 def _part(name: str, part: pd.DataFrame, seed: int) -> Recording:

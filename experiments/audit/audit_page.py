@@ -192,7 +192,7 @@ def told_truth(answer: AuditAnswer) -> dict[str, float]:
 ELSEWHERE = ("journeys", "vehicles", "attitude")
 """Studies beside the audit, of real recordings; what each found stands in its folder, in `FOUND`."""
 FOUND = "answer.md"
-FAULTY, NOTHING_KNOWN, LEAST_BAD = "faulty", "nothing known", "the worst kind shall be least bad"
+FAULTY, NOTHING_KNOWN, MIN_BAD = "faulty", "nothing known", "the worst kind shall be least bad"
 EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 SHOWN = 15
 """Methods in the table of worst cases."""
@@ -263,7 +263,7 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
     if halves:
         least = int(np.max(list(means.values()), axis=0).argmin())
         worst = max((other for _, other in halves.values()), key=lambda other: float(y[least][:, other].mean()))
-        lines.append(told(LEAST_BAD, least, worst))
+        lines.append(told(MIN_BAD, least, worst))
     return pd.DataFrame(lines)
 
 

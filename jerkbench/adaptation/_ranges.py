@@ -13,7 +13,7 @@ SHRINKING = Range(0.01, 1.0, log=True, source="ours: from a tenth of the reporte
 WINDOW = Range(3, 200, log=True, source="ours: from an estimate that is noise itself to 40 s of fixes at 5 Hz")
 SHORT_WINDOW = Range(1, 50, log=True, source="ours: from the paper's single innovation to ten seconds of fixes at 5 Hz")
 
-MOST_PASSES = 1000
+MAX_PASSES = 1000
 """Of an update: a hundred times those of the papers; more take a run from minutes to years."""
 
 ABOVE_0 = Limit(lambda value: value > 0, "it must be above 0.")
@@ -21,7 +21,7 @@ ONE_OR_MORE = Limit(lambda value: value >= 1, "it must be at least 1.")
 NONE_OR_MORE = Limit(lambda value: value >= 0, "it must be 0 or more.")
 WITHIN_0_AND_1 = Limit(lambda share: 0 < share < 1, "it must lie between 0 and 1.")
 HITS = Limit(lambda guard: guard >= 0, "it must be 0 (off) or the number of hits that inflate.")
-SOME_PASSES = Limit(lambda passes: 1 <= passes <= MOST_PASSES, f"it must be from 1 to {MOST_PASSES}.")
+SOME_PASSES = Limit(lambda passes: 1 <= passes <= MAX_PASSES, f"it must be from 1 to {MAX_PASSES}.")
 
 
 def one_of(values: tuple[str, ...]) -> Limit:

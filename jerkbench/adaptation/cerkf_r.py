@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, SOME_PASSES
 from jerkbench.adaptation.common import gaussian_kernel
-from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, residuals_of, update_residuals, weighted
+from jerkbench.adaptation.linalg import MIN_RESIDUAL_WEIGHT, residuals_of, update_residuals, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limit, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -70,7 +70,7 @@ class CentredErrorEntropyR(Limited):
             _fill_pairs(of.e, self.pair_bandwidth, pairs)
             for i in range(len(rows)):
                 weight = eta * gaussian_kernel(of.e[i], self.centre_bandwidth) + (1.0 - eta) * pairs[i]
-                of.D[i] = 1.0 / max(weight, SMALLEST_RESIDUAL_WEIGHT)
+                of.D[i] = 1.0 / max(weight, MIN_RESIDUAL_WEIGHT)
         return weighted(of.U, of.D)
 
 

@@ -165,7 +165,7 @@ PASSES = 50
 CLOSE = 1e-6
 """It ends earlier where the state moves by less than this share of itself."""
 
-SMALLEST_WEIGHT = 1e-8
+MIN_WEIGHT = 1e-8
 """No weight is taken below it, so that covariances stay finite."""
 
 _SEEN = 6

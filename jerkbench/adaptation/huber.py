@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, settle, stack_of, weighed_prior
+from jerkbench.adaptation.common import MIN_WEIGHT, PASSES, settle, stack_of, weighed_prior
 from jerkbench.adaptation.linalg import AXES, block_roots, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
@@ -72,7 +72,7 @@ class Huber(Limited):
             if k > 0:
                 for a in range(AXES):
                     for i in range(first, stack.inverses.shape[1]):
-                        inverse = min(max(abs(stack.residual[a, i]) * by_threshold, 1.0), 1.0 / SMALLEST_WEIGHT)
+                        inverse = min(max(abs(stack.residual[a, i]) * by_threshold, 1.0), 1.0 / MIN_WEIGHT)
                         stack.inverses[a, i] = chosen(moves, 0.0, inverse, stack.inverses[a, i])
             moves = settle(stack, x)
             if not anywhere(moves):

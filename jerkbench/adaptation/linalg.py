@@ -367,7 +367,7 @@ def explained_sums(d: FloatArray, a: FloatArray, r: float, w: FloatArray) -> tup
     return explained, prior, measured
 
 
-SMALLEST_RESIDUAL_WEIGHT = 1e-9
+MIN_RESIDUAL_WEIGHT = 1e-9
 """No weight is taken below it, so that R stays finite; R may grow by its inverse."""
 
 
@@ -383,7 +383,7 @@ class Residuals(NamedTuple):
         U: (AXES, m / AXES, m / AXES) L', like all matrices by blocks.
         prior: L^-1 HPH' L^-T.
         y: (AXES, m / AXES) L^-1 y.
-        D: (m,) its diagonal, not above 1 / `SMALLEST_RESIDUAL_WEIGHT`, by row.
+        D: (m,) its diagonal, not above 1 / `MIN_RESIDUAL_WEIGHT`, by row.
         e: (m,) the residual after the update with them, by row.
         S: prior + D.
         M: factors of S.

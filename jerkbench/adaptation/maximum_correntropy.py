@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, ONE_OF_SIDES, one_of
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, gain_of, inverse_kernel, settle, stack_of
+from jerkbench.adaptation.common import MIN_WEIGHT, PASSES, gain_of, inverse_kernel, settle, stack_of
 from jerkbench.adaptation.linalg import AXES, whiten
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
@@ -75,7 +75,7 @@ class MaximumCorrentropy(Limited):
             if k > 0 or self.start == "prediction":
                 for a in range(AXES):
                     for i in range(first, stack.inverses.shape[1]):
-                        inverse = inverse_kernel(stack.residual[a, i], self.bandwidth, SMALLEST_WEIGHT)
+                        inverse = inverse_kernel(stack.residual[a, i], self.bandwidth, MIN_WEIGHT)
                         stack.inverses[a, i] = chosen(moves, 0.0, inverse, stack.inverses[a, i])
             moves = settle(stack, x)
             if not anywhere(moves):

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from jerkbench.adaptation._ranges import ABOVE_0, BANDWIDTH, SOME_PASSES
 from jerkbench.adaptation.common import inverse_kernel
-from jerkbench.adaptation.linalg import SMALLEST_RESIDUAL_WEIGHT, residuals_of, update_residuals, weighted
+from jerkbench.adaptation.linalg import MIN_RESIDUAL_WEIGHT, residuals_of, update_residuals, weighted
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance
 from jerkbench.plugins import register
@@ -53,5 +53,5 @@ class MaximumCorrentropyR(Limited):
         for _ in range(self.passes):
             update_residuals(of)
             for i in range(len(rows)):
-                of.D[i] = inverse_kernel(of.e[i], self.bandwidth, SMALLEST_RESIDUAL_WEIGHT)
+                of.D[i] = inverse_kernel(of.e[i], self.bandwidth, MIN_RESIDUAL_WEIGHT)
         return weighted(of.U, of.D)

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from jerkbench.adaptation._ranges import ABOVE_0, ONE_OF_SIDES, one_of
-from jerkbench.adaptation.common import PASSES, SMALLEST_WEIGHT, still_moves
+from jerkbench.adaptation.common import MIN_WEIGHT, PASSES, still_moves
 from jerkbench.adaptation.linalg import AXES, diagonal_blocks, explained_sums, scaled, submatrix
 from jerkbench.arrays import FloatArray, IntArray
 from jerkbench.compilation.lanes import anywhere, chosen
@@ -138,4 +138,4 @@ def _weight(function: str, dimension: int, product: float, before: float, nu: fl
         weight = (nu + dimension) * before / (nu * before + product)
         if function == "sqrt":
             weight = math.sqrt(weight)
-    return max(weight, SMALLEST_WEIGHT)
+    return max(weight, MIN_WEIGHT)

@@ -33,7 +33,7 @@ ALIGNMENT_S = 1.0
 TRACK_S = 10.0
 """How much of the drive the alignment by its track uses."""
 
-LEAST_VELOCITIES = 3
+MIN_VELOCITIES = 3
 
 STATIC_VARIANCE = 1e-3
 LEVEL_VARIANCE = 0.03
@@ -78,7 +78,7 @@ def start_remarks(recording: Recording, alignment: str) -> tuple[str, ...]:
     velocity, imu = recording.velocity, recording.imu
     if alignment == "track" or imu is None or velocity is None or velocity.frame != "enu":
         return ()
-    if recording.static_start_s >= ALIGNMENT_S or (velocity.t_s <= imu.t_s[0] + TRACK_S).sum() < LEAST_VELOCITIES:
+    if recording.static_start_s >= ALIGNMENT_S or (velocity.t_s <= imu.t_s[0] + TRACK_S).sum() < MIN_VELOCITIES:
         return ()
     start = "level" if alignment == "rest" else "along the first second's specific force"
     found = f"it begins in motion, and the tilt starts {start}, which may be off by degrees"
@@ -128,7 +128,7 @@ def _velocities(recording: Recording) -> tuple[FloatArray, FloatArray]:
         fix_s, place_m = position.t_s[whole], position.enu_m[whole]
         t_s, v_mps = 0.5 * (fix_s[1:] + fix_s[:-1]), np.diff(place_m, axis=0) / np.diff(fix_s)[:, None]
     use = np.isfinite(v_mps).all(axis=1) & (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[0] + TRACK_S)
-    if use.sum() < LEAST_VELOCITIES:
+    if use.sum() < MIN_VELOCITIES:
         raise RecordingError(
             f"{recording.name} has fewer than three velocities over ground, or fixes, in its first {TRACK_S:g} s; take"
             " alignment rest or gravity."

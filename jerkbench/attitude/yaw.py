@@ -18,10 +18,10 @@ FINE_RAD = 0.05
 COARSE_RAD = 0.15
 """Where none is for long, the surest does, if it is no less sure; fixes at rest then show none (a Rayleigh tail)."""
 
-LONGEST_S = 30.0
+MAX_CHORD_S = 30.0
 """A chord lasts no longer: what the speed did on the way is not known."""
 
-LEAST_CHORD_M = 1.0
+MIN_CHORD_M = 1.0
 """A chord is no shorter: over less the antenna sways."""
 
 
@@ -41,7 +41,7 @@ class Chords(NamedTuple):
     sigma_rad: FloatArray
 
 
-def chords_of(position: Position | None, begin_s: float, end_s: float, least_m: float = LEAST_CHORD_M) -> Chords:
+def chords_of(position: Position | None, begin_s: float, end_s: float, least_m: float = MIN_CHORD_M) -> Chords:
     """Return the chords of the fixes between two times.
 
     With d the way, n across it and R_i, R_j the covariances of both fixes, horizontal::
@@ -49,9 +49,9 @@ def chords_of(position: Position | None, begin_s: float, end_s: float, least_m: 
         sigma = sqrt(n' (R_i + R_j) n)/|d|
 
     A chord ends with the first fix for which there is one before, not before the end of the last chord, with a sigma
-    of `FINE_RAD`; of these the latest. Where there was none for `LONGEST_S`, the one with the least sigma is taken, if
-    that is not above `COARSE_RAD`. Errors of successive chords correlate by at most -1/2, where they share a fix: who
-    takes them for independent is too careful, for in a sum of chords the shared fix cancels.
+    of `FINE_RAD`; of these the latest. Where there was none for `MAX_CHORD_S`, the one with the least sigma is taken,
+    if that is not above `COARSE_RAD`. Errors of successive chords correlate by at most -1/2, because they share a fix.
+    To treat them as independent is conservative, because the shared fix cancels in a sum of chords.
 
     Args:
         position: the fixes, or None.
@@ -77,14 +77,14 @@ def _pairs(
 ) -> IntArray:
     """Rows (m, 2) of the fixes at both ends of each chord; ``variance`` (n,) is that of the worst direction."""
     pairs, free = [], 0
-    earliest = np.searchsorted(t_s, t_s - LONGEST_S)
+    earliest = np.searchsorted(t_s, t_s - MAX_CHORD_S)
     for last in range(1, len(t_s)):
         first = max(free, int(earliest[last]))
         away = np.abs(places[last] - places[first:last])
         sigma = np.sqrt(variance[last] + variance[first:last]) / np.maximum(away, 1e-9)
         sigma[away < least_m] = np.inf
         fine = np.flatnonzero(sigma <= FINE_RAD)
-        waited = t_s[last] - t_s[free] >= LONGEST_S
+        waited = t_s[last] - t_s[free] >= MAX_CHORD_S
         if fine.size:
             pairs.append((first + int(fine[-1]), last))
         elif waited and sigma.size and sigma.min() <= COARSE_RAD:
@@ -365,14 +365,14 @@ def select_headings(
     return track_in(recording)
 
 
-def track_in(recording: Recording, least_m: float = LEAST_CHORD_M) -> Track | None:
+def track_in(recording: Recording, least_m: float = MIN_CHORD_M) -> Track | None:
     """Return the track of the fixes while the IMU runs; None where it shows no course."""
     imu = recording.inertial
     chords = chords_of(recording.position, imu.t_s[0], imu.t_s[-1], least_m)
     return Track(chords, recording.static_start_s) if len(chords.end_s) else None
 
 
-def required_track(recording: Recording, least_m: float = LEAST_CHORD_M) -> Track:
+def required_track(recording: Recording, least_m: float = MIN_CHORD_M) -> Track:
     """Return the track of the fixes while the IMU runs.
 
     Raises:
@@ -380,7 +380,7 @@ def required_track(recording: Recording, least_m: float = LEAST_CHORD_M) -> Trac
     """
     if (track := track_in(recording, least_m)) is None:
         raise RecordingError(
-            f"{recording.name}: its fixes show no course, for within {LONGEST_S:g} s no two are far enough apart for"
+            f"{recording.name}: its fixes show no course, for within {MAX_CHORD_S:g} s no two are far enough apart for"
             f" their sigmas (and {least_m:g} m); take another yaw_source."
         )
     return track
@@ -426,7 +426,7 @@ def _course(recording: Recording, min_speed_mps: float, sigma_min_rad: float) ->
 # Sentences about a yaw that nothing measures.
 
 YAW_UNKNOWN = (
-    f"nothing shows yaw: no heading, no velocity over ground that is fast enough, and within {LONGEST_S:g} s no two"
+    f"nothing shows yaw: no heading, no velocity over ground that is fast enough, and within {MAX_CHORD_S:g} s no two"
     " fixes that are far enough apart for their sigmas. Yaw starts at 0 (east), and what the IMU adds may point"
     " anywhere; a heading, a velocity in ENU, or fixes of a longer or faster drive would show it."
 )

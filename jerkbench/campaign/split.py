@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.job import MOST_SEEDS, Job
+from jerkbench.jobs.job import MAX_RUNS, Job
 from jerkbench.recording import Recording
 from jerkbench.renamed import new_name
 
@@ -85,8 +85,8 @@ class Seeds:
         )
         if self.tune < 1 or self.test < 1 or self.choose < 0 or self.first < 0:
             raise PluginError(f"{given}; at least one seed to tune and one to test are needed, and none is negative.")
-        if max(self.tune, self.choose, self.test) > MOST_SEEDS:
-            raise PluginError(f"{given}; give at most {MOST_SEEDS} of each.")
+        if max(self.tune, self.choose, self.test) > MAX_RUNS:
+            raise PluginError(f"{given}; give at most {MAX_RUNS} of each.")
 
     @property
     def parts(self) -> tuple[range, range, range]:

@@ -186,14 +186,14 @@ LN2_HIGH, LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
 WHOLE_ABOVE = 1.5 * 2.0**52
 """Added to a number it leaves its nearest whole number in the last bits."""
 
-SMALLEST_EXPONENT, LARGEST_EXPONENT = -708.0, 709.79
+MIN_EXPONENT, MAX_EXPONENT = -708.0, 709.79
 """Below the one the exponential is less than any normal number, above the other it is infinite."""
 
 
 def _exp(builder: Any, x: Any) -> Any:  # noqa: ANN401 - as above
     """2^n e^r with x = n ln 2 + r, |r| <= ln 2 / 2: e^r by its series. LLVM would call a library for each number.
 
-    Below `SMALLEST_EXPONENT` it is 0. The 14th term is less than 1e-17.
+    Below `MIN_EXPONENT` it is 0. The 14th term is less than 1e-17.
     """
 
     def number(value: float) -> Any:  # noqa: ANN401 - as above
@@ -212,8 +212,8 @@ def _exp(builder: Any, x: Any) -> Any:  # noqa: ANN401 - as above
         series = plus(series, r, number(1.0 / math.factorial(k)))
     power = builder.shl(builder.bitcast(shifted, bits), ir.Constant(bits, [52] * x.type.count))
     result = builder.bitcast(builder.add(builder.bitcast(series, bits), power), x.type)
-    result = builder.select(builder.fcmp_ordered("<", x, number(SMALLEST_EXPONENT)), number(0.0), result)
-    result = builder.select(builder.fcmp_ordered(">", x, number(LARGEST_EXPONENT)), number(math.inf), result)
+    result = builder.select(builder.fcmp_ordered("<", x, number(MIN_EXPONENT)), number(0.0), result)
+    result = builder.select(builder.fcmp_ordered(">", x, number(MAX_EXPONENT)), number(math.inf), result)
     return builder.select(builder.fcmp_ordered("==", x, x), result, x)
 
 

@@ -24,10 +24,10 @@ from jerkbench.recording import GRAVITY_MPS2, Imu, Recording, Reference
 _COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
 """Fields that are read, and how many columns each has; magnetometer and optical position are left alone."""
 
-_MOST = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
+_MAX_VALUES = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
 """The largest possible values [m/s2, rad/s]; larger ones are damage."""
 
-LEAST_SAMPLES = 2
+MIN_SAMPLES = 2
 
 
 class BroadTrial(NamedTuple):
@@ -86,9 +86,9 @@ def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> Fl
     except (TypeError, ValueError):
         array = np.empty(0)
     wanted = (samples, columns)
-    if array.size != samples * columns or len(array) != samples or samples < LEAST_SAMPLES:
+    if array.size != samples * columns or len(array) != samples or samples < MIN_SAMPLES:
         raise RecordingError(f"{path}: {name} has shape {array.shape}; it must be {wanted}, numbers, and not empty.")
-    require_possible(f"{path}, {name}", array, _MOST[name])
+    require_possible(f"{path}, {name}", array, _MAX_VALUES[name])
     return array.reshape(wanted)
 
 
@@ -251,8 +251,8 @@ class RepoImu(FromFiles):
         """
         (path,) = self.paths()
         columns = read_columns((path,), TextFormat())
-        if len(columns) < LEAST_SAMPLES:
-            raise RecordingError(f"{path} has {len(columns)} rows; a trial has at least {LEAST_SAMPLES}.")
+        if len(columns) < MIN_SAMPLES:
+            raise RecordingError(f"{path} has {len(columns)} rows; a trial has at least {MIN_SAMPLES}.")
         accel, gyro, attitude = map(columns.numbers, (_ACCEL, _GYRO, _ATTITUDE))
         t_s, movement = columns.numbers(["t_s", "movement"]).T
         t_s, trial = t_s - t_s[0], BroadTrial(RATE_HZ, accel, gyro, attitude, movement > 0)

@@ -14,7 +14,7 @@ from jerkbench.io.clocks import UNIX_EPOCH
 from jerkbench.io.files import NO_ARRAY, FromFiles, recording_folder
 from jerkbench.io.frames import axes_to_judge, body_from_sensor, in_enu
 from jerkbench.io.sanitiser import possible_rows, steady_rows
-from jerkbench.io.text import LARGEST_NUMBER, require_content, require_possible
+from jerkbench.io.text import MAX_NUMBER, require_content, require_possible
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
@@ -23,14 +23,14 @@ from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Refer
 _POSE, _LOG = "global_pose", "processed_log"
 _GROUPS: dict[str, dict[str, tuple[int, float]]] = {
     _POSE: {
-        "frame_times": (1, LARGEST_NUMBER),
-        "frame_positions": (3, LARGEST_NUMBER),
+        "frame_times": (1, MAX_NUMBER),
+        "frame_positions": (3, MAX_NUMBER),
         "frame_velocities": (3, 2e2),
-        "frame_orientations": (4, LARGEST_NUMBER),
+        "frame_orientations": (4, MAX_NUMBER),
     },
-    f"{_LOG}/IMU": {"accelerometer/t": (1, LARGEST_NUMBER), "accelerometer/value": (3, 1e3), "gyro/value": (3, 1e2)},
-    f"{_LOG}/GNSS/live_gnss_ublox": {"t": (1, LARGEST_NUMBER), "value": (6, LARGEST_NUMBER)},
-    f"{_LOG}/CAN/speed": {"t": (1, LARGEST_NUMBER), "value": (1, 2e2)},
+    f"{_LOG}/IMU": {"accelerometer/t": (1, MAX_NUMBER), "accelerometer/value": (3, 1e3), "gyro/value": (3, 1e2)},
+    f"{_LOG}/GNSS/live_gnss_ublox": {"t": (1, MAX_NUMBER), "value": (6, MAX_NUMBER)},
+    f"{_LOG}/CAN/speed": {"t": (1, MAX_NUMBER), "value": (1, 2e2)},
 }
 """Arrays that are read, in groups of as many rows: how many columns each has, and its largest possible value [m/s2,
 rad/s, m/s, m]; larger ones are damage."""

@@ -11,7 +11,7 @@ from jerkbench.plugins import register
 from jerkbench.random_streams import stream
 from jerkbench.recording import Recording
 from jerkbench.simulation.motion import Path
-from jerkbench.simulation.sensors import MOST_SAMPLES, Sensors
+from jerkbench.simulation.sensors import MAX_SAMPLES, Sensors
 from jerkbench.simulation.truth import (
     Ruts,
     Truth,
@@ -180,7 +180,7 @@ class FieldWhite(Sensors):
             "impacts_per_s": self.duration_s * self.impacts_per_s,
             "pass_s": self.duration_s / (self.pass_s + self.turn_s),
         }
-        for name in (name for name, count in counts.items() if count > MOST_SAMPLES):
+        for name in (name for name, count in counts.items() if count > MAX_SAMPLES):
             raise PluginError(
                 f"{self._what}: {name} is {getattr(self, name)}; over {self.duration_s:g} s it is more than memory"
                 " should hold: shorten the drive, or correct it."

@@ -23,7 +23,7 @@ from jerkbench.io.frames import (
     in_enu,
 )
 from jerkbench.io.rtklib import (
-    LEAST_ROWS,
+    MIN_POS_ROWS,
     POS_COVARIANCE,
     POS_PLACE,
     POS_QUALITY,
@@ -190,8 +190,8 @@ class RtklibDrive(FromFiles):
             return read_imu_log(path, tag[0])
         table = read_columns((path,), TextFormat(self.imu_separator, self.imu_header))
         t_ns = times_ns(table, self.imu_time, self.imu_time_unit, self.imu_week)
-        if len(t_ns) < LEAST_ROWS:
-            raise RecordingError(f"{path} has {len(t_ns)} rows; an IMU's log has at least {LEAST_ROWS}.")
+        if len(t_ns) < MIN_POS_ROWS:
+            raise RecordingError(f"{path} has {len(t_ns)} rows; an IMU's log has at least {MIN_POS_ROWS}.")
         t_ns = t_ns + (GPS_EPOCH_NS if self.imu_epoch == "gps" else round(self.gpst_minus_utc_s * 1e9))
         rows, notes = possible_rows(path.name, utc_ns=t_ns)
         t_ns, table = t_ns[rows], table.only(rows)

@@ -32,7 +32,7 @@ from jerkbench.io.frames import (
 from jerkbench.io.rtklib import POS_QUALITY
 from jerkbench.io.sanitiser import (
     HELD,
-    MOST_MPS,
+    MAX_MPS,
     drop_notes,
     held_rows,
     impossible_speeds,
@@ -399,7 +399,7 @@ class Tables(FromFiles, TimedColumns):
         stream = stream.only(self.velocity_columns)
         unit = "m/s" if source.solved else self.velocity_unit
         values = SPEED_UNITS[unit] * stream.columns.numbers(self.velocity_columns)
-        faults = {HELD: held_rows(values), f"a velocity beyond {MOST_MPS:g} m/s": impossible_speeds(values)}
+        faults = {HELD: held_rows(values), f"a velocity beyond {MAX_MPS:g} m/s": impossible_speeds(values)}
         good = ~np.logical_or.reduce(list(faults.values()))
         stream, values = stream.at(good, drop_notes(stream.name, faults)), values[good]
         columns = stream.columns

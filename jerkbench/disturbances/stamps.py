@@ -47,7 +47,7 @@ def _later(measured: AnyStream | None, late_s: float, end_s: float) -> AnyStream
     return replace(kept, t_s=kept.t_s + late_s)
 
 
-NEAREST = 0.45
+MAX_SHIFT = 0.45
 """The largest shift of a stamp towards its neighbour, in parts of the interval between them."""
 
 
@@ -88,4 +88,4 @@ def jittered(t_s: FloatArray, sigma_s: float, random: np.random.Generator) -> Fl
     """Return increasing stamps (n,) as new values: each with an error, cut off where it comes near a neighbour."""
     gaps = np.concatenate([[np.inf], np.diff(t_s), [np.inf]])
     errors = sigma_s * random.standard_normal(len(t_s))
-    return np.asarray(t_s + np.clip(errors, -NEAREST * gaps[:-1], NEAREST * gaps[1:]))
+    return np.asarray(t_s + np.clip(errors, -MAX_SHIFT * gaps[:-1], MAX_SHIFT * gaps[1:]))

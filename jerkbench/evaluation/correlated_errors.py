@@ -16,7 +16,7 @@ FACTOR = 12
 DIRECT = 32
 """Up to so many lags, sums of products are faster than a Fourier transform."""
 
-LEAST_TIMES = 75
+MIN_CORRELATION_TIMES = 75
 """Fewer correlation times carry no interval: of 40 it held the true RMSE in 90 % of cases."""
 
 
@@ -25,7 +25,7 @@ class RecordingInterval(NamedTuple):
 
     Attributes:
         rmse: over all rows; NaN without any.
-        low: lower end; NaN where the recording is shorter than `LEAST_TIMES` correlation times: too short to say.
+        low: lower end; NaN if the recording is shorter than `MIN_CORRELATION_TIMES` correlation times.
         high: upper end.
         block: rows of a block.
         correlation: rows after which squared errors forget each other (integrated autocorrelation).
@@ -59,7 +59,7 @@ def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingIn
     tau = correlation_rows(squares)
     block = int(min(n, max(np.ceil(FACTOR * tau), np.ceil(n ** (1 / 3)))))
     rmse = float(np.sqrt(np.mean(squares)))
-    if n < LEAST_TIMES * tau:
+    if n < MIN_CORRELATION_TIMES * tau:
         return RecordingInterval(rmse, np.nan, np.nan, block, tau)
     means, blocks = _resampled_means(squares, block), n / block
     half = 0.0 if not means.max() > 0 else np.inf  # of the logarithm of the root
@@ -119,7 +119,7 @@ def _resampled_means(values: FloatArray, block: int) -> FloatArray:
 
 
 LAGS = 20
-FEWEST = 30
+MIN_INNOVATIONS = 30
 """Of fewer innovations nothing is said."""
 
 
@@ -158,7 +158,7 @@ def _tested(columns: FloatArray) -> list[Whiteness]:
     from scipy.special import chdtrc  # scipy.stats would take half a second to import in every worker
 
     m = len(columns)
-    if m < FEWEST:
+    if m < MIN_INNOVATIONS:
         return [Whiteness(np.nan, np.nan)] * columns.shape[1]
     lags = np.arange(1, LAGS + 1)
     rho = autocorrelation(columns, LAGS)[1:]

@@ -28,7 +28,7 @@ from jerkbench.recording import Recording
 LAST_LINES = 5
 """Lines of standard error that a sentence ends with."""
 
-LONGEST = 600
+MAX_CHARACTERS = 600
 """Letters of them."""
 
 
@@ -156,10 +156,10 @@ def _ended(code: int) -> str:
 def _said(stderr: Path) -> str:
     """The last lines that the program wrote to standard error, as the end of a sentence."""
     with stderr.open("rb") as file:
-        file.seek(max(0, stderr.stat().st_size - 4 * LONGEST))
+        file.seek(max(0, stderr.stat().st_size - 4 * MAX_CHARACTERS))
         text = file.read().decode("utf-8", errors="replace")
     lines = [line.strip() for line in text.splitlines() if line.strip()][-LAST_LINES:]
-    return f" It said: {' | '.join(lines)[-LONGEST:]}" if lines else ""
+    return f" It said: {' | '.join(lines)[-MAX_CHARACTERS:]}" if lines else ""
 
 
 def _replaced(word: str, values: Mapping[str, str]) -> str:

@@ -24,7 +24,7 @@ from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import main_metric
 
 AUTO = re.compile(r"seeds=auto(?:\(max=(\d+)\))?")
-MOST_AUTO_SEEDS = 400
+MAX_AUTO_SEEDS = 400
 """Seeds where ``seeds=auto`` says no more."""
 
 
@@ -37,7 +37,7 @@ def typed(word: str) -> list[str]:
     match = AUTO.fullmatch(word.replace(" ", "").replace("'", "").replace('"', ""))
     if match is None:
         return [word]
-    most = int(match[1] or MOST_AUTO_SEEDS)
+    most = int(match[1] or MAX_AUTO_SEEDS)
     if most < FIRST:
         raise PluginError(f"{word}: the first look at the results is after {FIRST} seeds; give max={FIRST} or more.")
     return [f"seeds={FIRST}", f"max_seeds={most}"]

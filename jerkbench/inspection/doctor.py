@@ -9,7 +9,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.inspection.evidence import (
     DEG_PER_RAD,
-    LEAST_WINDOWS,
+    MIN_WINDOWS,
     SLOWEST_MPS,
     SURE,
     WITHIN,
@@ -32,19 +32,19 @@ from jerkbench.inspection.evidence import (
     window_means,
     without_nan_rows,
 )
-from jerkbench.inspection.lags import LONGEST_GAP_S, Lag, all_lags, attitude_rates, clock_offsets
+from jerkbench.inspection.lags import MAX_GAP_S, Lag, all_lags, attitude_rates, clock_offsets
 from jerkbench.inspection.noise import understated_noise
 from jerkbench.io.frames import UPRIGHT, UPRIGHT_SHARE, felt_axis, gravity_share
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
 
-LEAST_FIT = 0.5
-LEAST_GAIN = 0.4
+MIN_FIT = 0.5
+MIN_GAIN = 0.4
 """Mended axes have to fit at least so well, and by so much better than the axes as they are (mean correlations)."""
 
 VERY_SURE, SOME_GAIN = 10.0, 0.3
 """A fit that is weaker, of many noisy windows, has to be so many standard deviations from none, and so much better."""
 
-LEAST_TURNING = 0.4
+MIN_TURN_CORRELATION = 0.4
 """A turning that goes the other way has to correlate by so much."""
 
 TILTING = 3.0
@@ -90,12 +90,12 @@ class Fit(NamedTuple):
     @property
     def sure(self) -> bool:
         """Whether no other way could be meant."""
-        return self.strength >= SURE and (self.correlation >= LEAST_FIT or self.strength >= VERY_SURE)
+        return self.strength >= SURE and (self.correlation >= MIN_FIT or self.strength >= VERY_SURE)
 
     @property
     def wrong(self) -> bool:
         """Whether the axes as they are cannot be right."""
-        least = LEAST_GAIN if self.correlation >= LEAST_FIT else SOME_GAIN
+        least = MIN_GAIN if self.correlation >= MIN_FIT else SOME_GAIN
         return self.sure and self.way != IDENTITY and self.correlation - self.as_given >= least
 
     @property
@@ -191,7 +191,7 @@ def _judged(recording: Recording, imu: Imu) -> Iterator[Diagnosis]:
 
 
 def _opposite(turning: Turning | None) -> bool:
-    return turning is not None and turning.correlation <= -LEAST_TURNING and turning.strength <= -SURE
+    return turning is not None and turning.correlation <= -MIN_TURN_CORRELATION and turning.strength <= -SURE
 
 
 def _leads(recording: Recording, track: Turning | None) -> bool:
@@ -229,9 +229,9 @@ def _against(turning: Turning | None) -> str:
 _LENGTHS_S = (1.0, 8.0, 32.0)
 """Slow and coarse fixes say where they went over half a minute, not over a second."""
 
-_LEAST_ROWS = 20
+_MIN_ROWS = 20
 
-LEAST_COSINE = 0.9
+MIN_COSINE = 0.9
 COSINE_GAIN = 0.2
 """Mended axes fit at least so well, and by so much better than the axes as they are (cosines of both series)."""
 
@@ -244,17 +244,17 @@ WAY_WITHIN = 0.15
 WAY_APART = 0.3
 """So far from 1 it has to be for the axes as they are."""
 
-LARGEST_RAD = 4 * np.pi
+MAX_UNWRAPPED_RAD = 4 * np.pi
 """Angles that are unwrapped may pass pi; roll and pitch never this."""
 
-LARGEST_DEGREE = 4.0
+MAX_RADIANS = 4.0
 """An attitude whose yaw stays below may be in radians."""
 
 HALF_TURN_DEG = 90.0
 """No vehicle turns so far in half a second; an angle that jumps back by 360 degrees does."""
 
 ATTITUDE_S = 0.5
-_LEAST_CORRELATION = 0.5
+_MIN_CORRELATION = 0.5
 
 
 def exchanged_axes(recording: Recording) -> dict[str, Diagnosis]:
@@ -283,11 +283,11 @@ def _exchanged(
     stream: str, t_s: FloatArray, values: FloatArray, position: Position, length_s: float
 ) -> Diagnosis | None:
     fix_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
-    if min(len(t_s), len(fix_s)) <= _LEAST_ROWS:
+    if min(len(t_s), len(fix_s)) <= _MIN_ROWS:
         return None
     length_s = max(length_s, 2 * float(np.median(np.diff(fix_s))), 2 * float(np.median(np.diff(t_s))))
     edges_s = common_edges(length_s, t_s, fix_s)
-    if len(edges_s) <= _LEAST_ROWS:
+    if len(edges_s) <= _MIN_ROWS:
         return None
     given_mps = (mean_velocity if stream == "reference" else window_means)(t_s, values, edges_s)
     right_mps = mean_velocity(fix_s, places, edges_s)
@@ -296,7 +296,7 @@ def _exchanged(
         return None
     scores = {way: float(np.sum(mended(given_mps, way) * right_mps)) / size for way in PLANE}
     best = max(scores, key=lambda way: scores[way])
-    if best == IDENTITY or scores[best] < LEAST_COSINE or scores[best] - scores[IDENTITY] < COSINE_GAIN:
+    if best == IDENTITY or scores[best] < MIN_COSINE or scores[best] - scores[IDENTITY] < COSINE_GAIN:
         return None
     east, north = axes_text(best, ("east", "north"))
     ned = ": NED for ENU, or latitude and longitude exchanged, in one of the two" if best == EXCHANGED else ""
@@ -318,11 +318,11 @@ def exchanged_degrees(recording: Recording) -> list[Diagnosis]:
         return []
     t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     edges_s = common_edges(WAY_S, t_s, wheel[0])
-    if min(len(t_s), len(edges_s)) <= LEAST_WINDOWS:
+    if min(len(t_s), len(edges_s)) <= MIN_WINDOWS:
         return []
     driven_mps = window_means(wheel[0], np.abs(wheel[1])[:, None], edges_s)
     use = driven_mps[:, 0] > SLOWEST_MPS
-    if use.sum() < LEAST_WINDOWS:
+    if use.sum() < MIN_WINDOWS:
         return []
     ways = mean_velocity(t_s, places, edges_s)[use] / driven_mps[use]
     cosines = np.abs(np.cos(np.radians([origin.latitude_deg, origin.longitude_deg])))
@@ -341,14 +341,14 @@ def attitude_mistakes(recording: Recording) -> Iterator[Diagnosis]:
     if reference.euler_rad is None:
         return
     steepest = float(np.nan_to_num(np.abs(reference.euler_rad[:, :2])).max(initial=0.0))
-    if steepest > LARGEST_RAD:
+    if steepest > MAX_UNWRAPPED_RAD:
         yield diagnosis("attitude_in_degrees", f"roll or pitch reaches {steepest:.4g} where a half turn is 3.14")
         return
     t_s, euler = without_nan_rows(reference.t_s, reference.euler_rad)
-    if imu is None or len(t_s) < _LEAST_ROWS:
+    if imu is None or len(t_s) < _MIN_ROWS:
         return
     edges_s = common_edges(ATTITUDE_S, t_s, imu.t_s)
-    if len(edges_s) > _LEAST_ROWS:
+    if len(edges_s) > _MIN_ROWS:
         gyro = window_means(imu.t_s, imu.gyro_radps, edges_s)
         in_degrees = list(_yaw_in_degrees(t_s, euler[:, 2], edges_s, gyro[:, 2]))
         yield from in_degrees or _reversed_angles(imu, t_s, euler, edges_s, gyro)
@@ -358,11 +358,11 @@ def _yaw_in_degrees(t_s: FloatArray, yaw: FloatArray, edges_s: FloatArray, rate:
     """Compare the changes of yaw with the gyro's z axis, but for those that are a whole turn in degrees."""
     change, turn_rad = np.diff(np.interp(edges_s, t_s, yaw)), rate * ATTITUDE_S
     plain = np.abs(change) < HALF_TURN_DEG
-    if np.abs(yaw).max() < LARGEST_DEGREE or plain.sum() < _LEAST_ROWS or not turn_rad[plain].any():
+    if np.abs(yaw).max() < MAX_RADIANS or plain.sum() < _MIN_ROWS or not turn_rad[plain].any():
         return
     change, turn_rad = change[plain], turn_rad[plain]
     correlation, factor = correlation_of(change, turn_rad), abs(slope(change, turn_rad))
-    sure = abs(strength(correlation, len(change))) >= SURE and abs(correlation) >= _LEAST_CORRELATION
+    sure = abs(strength(correlation, len(change))) >= SURE and abs(correlation) >= _MIN_CORRELATION
     if sure and 1 / WITHIN < factor / DEG_PER_RAD < WITHIN:
         measured = f"yaw turns {factor:.3g} times as fast as the gyro says (correlation {correlation:.2f})"
         yield diagnosis("attitude_in_degrees", measured)
@@ -376,12 +376,12 @@ def _reversed_angles(
     FRD for FLU, or NED for ENU, turns pitch and yaw, q and r, the other way, and leaves roll. An IMU that is left in
     FRD does the same: nothing is said while gravity is not on +z.
     """
-    if felt_axis(imu.accel_mps2) != "+z" or np.median(np.diff(t_s)) > LONGEST_GAP_S:
+    if felt_axis(imu.accel_mps2) != "+z" or np.median(np.diff(t_s)) > MAX_GAP_S:
         return
     rates = attitude_rates(t_s, euler_rad, edges_s)
     correlations = [correlation_of(rates[:, axis], gyro[:, axis]) for axis in range(3)]
     named = zip(("roll", "pitch", "yaw"), correlations, strict=True)
-    against = [name for name, r in named if r < -_LEAST_CORRELATION and strength(r, len(rates)) < -SURE]
+    against = [name for name, r in named if r < -_MIN_CORRELATION and strength(r, len(rates)) < -SURE]
     if "pitch" in against or "yaw" in against:
         shown = ", ".join(f"{value:.2f}" for value in correlations)
         turning = f"{' and '.join(against)} turn against the gyro"
@@ -447,12 +447,12 @@ def velocity_in_world(recording: Recording) -> list[Diagnosis]:
         for t_s, values in ((position.t_s, position.enu_m), (velocity.t_s, velocity.mps))
     )
     edges_s = common_edges(_LENGTHS_S[0], fix_s, t_s)
-    if min(len(fix_s), len(t_s), len(edges_s)) <= _LEAST_ROWS:
+    if min(len(fix_s), len(t_s), len(edges_s)) <= _MIN_ROWS:
         return []
     way_mps, given_mps = mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
     size = float(np.sqrt(np.sum(way_mps**2) * np.sum(given_mps**2)))
     cosine, aside = np.sum(way_mps * given_mps) / (size or 1.0), np.sqrt(np.mean(given_mps[:, 1] ** 2))
-    if cosine < LEAST_COSINE or aside < MIN_ASIDE * np.sqrt(np.mean(np.sum(given_mps**2, axis=1))):
+    if cosine < MIN_COSINE or aside < MIN_ASIDE * np.sqrt(np.mean(np.sum(given_mps**2, axis=1))):
         return []
     return [diagnosis("velocity_in_world", f"they fit east and north of the fixes (cosine {cosine:.3f})")]
 

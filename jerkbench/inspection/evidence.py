@@ -17,10 +17,10 @@ _LENGTHS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 SLOWEST_MPS = 0.5
 """Below, a track of fixes has no course."""
 
-_STEEPEST_RAD = 1.5
+_MAX_ANGLE_RAD = 1.5
 """A course that changes by more within a window may as well have turned the other way, or be noise."""
 
-LEAST_WINDOWS = 20
+MIN_WINDOWS = 20
 
 DEG_PER_RAD = float(np.degrees(1.0))
 
@@ -30,7 +30,7 @@ WITHIN = 2.5
 GRAVITY_WINDOWS_S = (1.0, 2.0)
 """Over shorter ones a force turns with vibration."""
 
-LEAST_FORCE_MPS2 = 1e-6
+MIN_FORCE_MPS2 = 1e-6
 """A sensor that says nothing has no direction."""
 
 MAX_WINDOWS, MAX_WINDOWS_PER_ROW = 100_000, 10
@@ -147,7 +147,7 @@ def wheel_speeds(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
     if velocity is None or velocity.frame == "enu":
         return None
     t_s, mps = without_nan_rows(velocity.t_s, velocity.mps[:, :1])
-    return (t_s, mps[:, 0]) if len(t_s) > LEAST_WINDOWS else None
+    return (t_s, mps[:, 0]) if len(t_s) > MIN_WINDOWS else None
 
 
 def track_windows(recording: Recording, length_s: float) -> WindowsAt | None:
@@ -162,15 +162,15 @@ def track_windows(recording: Recording, length_s: float) -> WindowsAt | None:
     if imu is None or position is None:
         return None
     t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
-    if len(t_s) <= LEAST_WINDOWS or np.median(np.diff(t_s)) > length_s * 1.01:
+    if len(t_s) <= MIN_WINDOWS or np.median(np.diff(t_s)) > length_s * 1.01:
         return None
     edges_s = common_edges(length_s, t_s, imu.t_s)
-    if len(edges_s) <= LEAST_WINDOWS + 1:
+    if len(edges_s) <= MIN_WINDOWS + 1:
         return None
     velocity_mps = mean_velocity(t_s, places, edges_s)
     speed_mps, course_rad = np.linalg.norm(velocity_mps, axis=1), np.arctan2(velocity_mps[:, 1], velocity_mps[:, 0])
     change_rad = np.asarray((np.diff(course_rad) + np.pi) % (2 * np.pi) - np.pi, dtype=np.float64)
-    use = (np.minimum(speed_mps[1:], speed_mps[:-1]) > SLOWEST_MPS) & (np.abs(change_rad) < _STEEPEST_RAD)
+    use = (np.minimum(speed_mps[1:], speed_mps[:-1]) > SLOWEST_MPS) & (np.abs(change_rad) < _MAX_ANGLE_RAD)
     return _windows(imu, edges_s, speed_mps, use, change_rad)
 
 
@@ -186,7 +186,7 @@ def wheel_windows(recording: Recording, length_s: float) -> WindowsAt | None:
         return None
     t_s, mps = wheel
     edges_s = common_edges(length_s, t_s, imu.t_s)
-    if len(edges_s) <= LEAST_WINDOWS + 2:
+    if len(edges_s) <= MIN_WINDOWS + 2:
         return None
     speed_mps = window_means(t_s, mps[:, None], edges_s)[:, 0]
     return _windows(imu, edges_s, speed_mps, np.ones(len(speed_mps) - 1, dtype=bool))
@@ -203,7 +203,7 @@ def _windows(
     def at(late_s: float) -> Windows | None:
         stamps_s = middles_s + late_s
         rows = use & (stamps_s[:-1] > imu.t_s[0]) & (stamps_s[1:] < imu.t_s[-1])
-        if rows.sum() < LEAST_WINDOWS:
+        if rows.sum() < MIN_WINDOWS:
             return None
         both = means(stamps_s)
         change = both[:, 2] * length_s if change_rad is None else change_rad
@@ -293,7 +293,7 @@ def turning_gravity(imu: Imu) -> Turning | None:
         if len(edges_s) < 10:
             continue
         force, rate = (window_means(imu.t_s, values, edges_s) for values in (imu.accel_mps2, imu.gyro_radps))
-        up = force / np.maximum(np.linalg.norm(force, axis=1), LEAST_FORCE_MPS2)[:, None]
+        up = force / np.maximum(np.linalg.norm(force, axis=1), MIN_FORCE_MPS2)[:, None]
         expected = -np.cross(0.5 * (rate[1:] + rate[:-1]), 0.5 * (up[1:] + up[:-1]))
         turnings.append(_turning("gravity", np.diff(up, axis=0) / length_s, expected, length_s))
     return max(turnings, key=lambda turning: abs(turning.strength), default=None)

@@ -11,9 +11,9 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.yaw import YAW_COARSE, YAW_UNKNOWN, Track, is_coarse, select_headings
 from jerkbench.inspection.doctor import diagnoses
 from jerkbench.inspection.evidence import moving_speed_mps, without_nan_rows
-from jerkbench.inspection.lags import LEAST_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags
+from jerkbench.inspection.lags import MIN_CORRELATION, SHIFT_PARAMETERS, WORST_S, Lag, all_lags
 from jerkbench.inspection.noise import (
-    SHORTEST_REST_S,
+    MIN_REST_S,
     RestNoise,
     Sigma,
     longest_rest,
@@ -156,7 +156,7 @@ def _lag_line(lag: Lag, speed_mps: float) -> str:
     if np.isfinite(lag.lag_s):
         line = f"{pair}: {lag.lag_s:+.3f} s, give or take {lag.within_s:.2f} s ({correlations})"
     else:
-        weak = "weak, and not sure" if lag.correlation < LEAST_CORRELATION else "not well known"
+        weak = "weak, and not sure" if lag.correlation < MIN_CORRELATION else "not well known"
         fitting = f"{lag.best_s:+.2f} s fits best, and lags within {lag.within_s:.2f} s fit alike"
         line = f"{pair}: {weak}; {fitting} ({correlations})"
     if abs(lag.best_s) < SHOWN_S:
@@ -170,7 +170,7 @@ def _lag_line(lag: Lag, speed_mps: float) -> str:
 def _remedy(lag: Lag) -> str:
     if not lag.sure and abs(lag.best_s) >= WORST_S:
         return "; not sure: the stamps are off, or the sensor turns before or after it goes, as in a hand"
-    if not lag.sure or lag.correlation < LEAST_CORRELATION:
+    if not lag.sure or lag.correlation < MIN_CORRELATION:
         return ""
     well_known = np.isfinite(lag.lag_s) and abs(lag.lag_s) > lag.within_s
     return f"; to mend it add {-lag.best_s:+.2f} to {SHIFT_PARAMETERS[lag.stream]}" if well_known else ""
@@ -186,7 +186,7 @@ def _noise_lines(recording: Recording, noise: RestNoise | None) -> Iterator[str]
     stated = f"a rest of {recording.static_start_s:.1f} s" if recording.static_start_s else "no rest"
     advice = f"{stated} at the start is known; if there is one, give static_start_s (for a bag: rest_s)"
     if noise is None:
-        yield f"imu noise: not measured; the IMU shows no rest of {SHORTEST_REST_S:.0f} s, and {advice}"
+        yield f"imu noise: not measured; the IMU shows no rest of {MIN_REST_S:.0f} s, and {advice}"
         return
     begin_s, end_s, is_stated = noise.rest
     gyro = f"gyro {noise.angle_random_walk_deg_per_sqrt_h:.3g} deg/sqrt(h)"
@@ -219,7 +219,7 @@ def yaw_line(recording: Recording) -> str:
 
 # A picture of a recording: its path, its speed, the IMU's measurements, the receiver's sigmas.
 
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 """More points of a line do not show at this size."""
 
 
@@ -262,7 +262,7 @@ def overview_figure(recording: Recording) -> Figure:
 
 
 def _thin(t_s: FloatArray, *values: FloatArray) -> tuple[FloatArray, ...]:
-    every = max(1, len(t_s) // MOST_POINTS)
+    every = max(1, len(t_s) // MAX_POINTS)
     return t_s[::every], *(value[::every] for value in values)
 
 

@@ -10,7 +10,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.inspection.doctor import (
     COSINE_GAIN,
     IDENTITY,
-    LEAST_COSINE,
+    MIN_COSINE,
     TOLERANCE,
     axes_text,
     plane_fit,
@@ -64,7 +64,7 @@ MIN_MM = 20_000.0
 _WINDOW_S = 1.0
 
 _SCALE_WITHIN = 0.2
-LEAST_EDGES = 10
+MIN_EDGES = 10
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def guess_velocity_frame(recording: Recording, named: str) -> list[Guess]:
     size = float(np.sqrt(np.sum(way**2) * np.sum(means**2))) or 1.0
     cosines = {frame: float(np.sum(way * values)) / size for frame, values in frames.items()}
     other, best = sorted(cosines, key=lambda frame: cosines[frame])
-    if cosines[best] < LEAST_COSINE or cosines[best] - cosines[other] < COSINE_GAIN:
+    if cosines[best] < MIN_COSINE or cosines[best] - cosines[other] < COSINE_GAIN:
         grade, why = ("named", "the columns say so") if named else ("unsure", "the columns do not say it")
         return [Guess("velocity_frame", named or "enu", grade, f"{why}; the fixes do not show it")]  # type: ignore[arg-type]
     why = f"cosine with the fixes' way: {', '.join(f'{frame} {cosine:.3f}' for frame, cosine in cosines.items())}"
@@ -235,7 +235,7 @@ def _ways(recording: Recording) -> tuple[FloatArray, FloatArray]:
         fix_s, places = without_nan_rows(position.t_s, position.enu_m)
         t_s, mps = without_nan_rows(velocity.t_s, velocity.mps)
         edges_s = common_edges(_WINDOW_S, fix_s, t_s)
-        if len(edges_s) >= LEAST_EDGES:
+        if len(edges_s) >= MIN_EDGES:
             return mean_velocity(fix_s, places, edges_s), window_means(t_s, mps, edges_s)
     return np.empty((0, 3)), np.empty((0, 3))
 

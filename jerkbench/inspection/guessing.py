@@ -43,7 +43,7 @@ from jerkbench.io.column_names import (
     velocity_columns,
     with_meaning,
 )
-from jerkbench.io.columns import LARGEST_NS, SOLUTION, Columns, read_columns
+from jerkbench.io.columns import MAX_NANOSECONDS, SOLUTION, Columns, read_columns
 from jerkbench.io.frames import SPEED_UNITS
 from jerkbench.io.text import TextFormat
 from jerkbench.io.tracks import track_reader
@@ -66,10 +66,10 @@ DEFAULT = "the default: no column of it is guessed; give"
 ECEF_M = (6.3e6, 6.45e6)
 """So far is the ground from the centre of the Earth."""
 
-LEAST_SHIFT_S = 0.05
+MIN_SHIFT_S = 0.05
 """A smaller lag is left to the filter."""
 
-_LEAST_FIXES = 10
+_MIN_FIXES = 10
 OUTAGE_S, OUTAGE_STEPS = 5.0, 5.0
 """A gap between fixes that is longer, and has so many times the usual step, is an outage."""
 
@@ -238,7 +238,7 @@ def _times(draft: Draft) -> None:
         if table.columns.dates_ns(time.column, GPST_MINUS_UTC_S) is not None:
             epochs.setdefault("dates", Guess("epoch", "unix", "measured", "the stamps are dates"))
             continue
-        stamps = table.columns.numbers([time.column], LARGEST_NS)[:, 0]
+        stamps = table.columns.numbers([time.column], MAX_NANOSECONDS)[:, 0]
         week = with_meaning(table.names, "week")
         of_week, fixes = time.quantity == "tow" or week is not None, table not in _of_imu(draft)
         unit = guess_time_unit(stamps[np.isfinite(stamps)], time.unit, fixes=fixes, of_week=of_week)
@@ -386,7 +386,7 @@ def _shifts(draft: Draft, recording: Recording) -> Iterator[Guess]:
     for lag in all_lags(recording) if {"imu", "position"} <= set(draft.tables) else ():
         strong = lag.sure and lag.correlation >= CLOCK_CORRELATION and abs(lag.lag_s) > 2 * lag.within_s
         parameter = SHIFT_PARAMETERS[lag.stream]
-        if strong and abs(lag.lag_s) >= LEAST_SHIFT_S and parameter not in told:
+        if strong and abs(lag.lag_s) >= MIN_SHIFT_S and parameter not in told:
             told.add(parameter)
             why = f"it is {lag.lag_s:+.2f} s late against {lag.against}, give or take {lag.within_s:.2f} s"
             yield Guess(parameter, round(-lag.lag_s, 2), "measured", why)
@@ -395,7 +395,7 @@ def _shifts(draft: Draft, recording: Recording) -> Iterator[Guess]:
 def _outages(draft: Draft, recording: Recording) -> Iterator[Guess]:
     """Guess which gaps between fixes are outages to score: of five seconds, and of five times the usual step."""
     position = recording.position
-    if "reference" not in draft.tables or position is None or len(position.t_s) < _LEAST_FIXES:
+    if "reference" not in draft.tables or position is None or len(position.t_s) < _MIN_FIXES:
         return
     steps_s = np.diff(position.t_s)
     shortest_s = float(max(OUTAGE_S, OUTAGE_STEPS * np.median(steps_s)))

@@ -27,15 +27,15 @@ from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 _NAN = float("nan")
 
-LARGEST_S = 3.0
+MAX_LAG_S = 3.0
 STEP_S = 0.02
 """The lags that are tried: every step from -largest to largest; between them a parabola."""
 
 PART = 0.1
 """Of a short recording no larger part is tried as a lag: little would be left to compare."""
 
-_LEAST_ROWS = 20
-LEAST_CORRELATION = 0.5
+_MIN_ROWS = 20
+MIN_CORRELATION = 0.5
 """With fewer rows, or a weaker relation at the best lag, none is stated."""
 
 ROWS_OF_A_DRAW = 10
@@ -53,7 +53,7 @@ _MARGIN_S = 1.0
 FAST_MPS = 1.0
 """Below, the speed's change is mostly noise."""
 
-SHORTEST_STEP_S, LONGEST_STEP_S = 0.2, 1.5
+MIN_STEP_S, MAX_STEP_S = 0.2, 1.5
 """Over shorter steps a speed's change is mostly noise; over longer ones little is left to compare."""
 
 
@@ -108,7 +108,7 @@ def estimated_lags(recording: Recording) -> list[Lag]:
     if position is not None and (truth := _places(reference, position)) is not None:
         lags.append(_position_lag(position, *truth))
     fixes = 0 if position is None else int(np.isfinite(position.enu_m).all(axis=1).sum())
-    if position is not None and velocity is not None and fixes > _LEAST_ROWS:
+    if position is not None and velocity is not None and fixes > _MIN_ROWS:
         axes = {"velocity, horizontal": (0, 1), "velocity, up": (2,)} if velocity.frame == "enu" else {"speed": (0,)}
         of_velocity = [_velocity_lag(name, position, velocity, columns) for name, columns in axes.items()]
     speed = _speeds(recording, of_velocity)
@@ -117,13 +117,13 @@ def estimated_lags(recording: Recording) -> list[Lag]:
 
 
 def best_lag(
-    stream: str, against: str, correlation: Callable[[float], float], rows: int, largest_s: float = LARGEST_S
+    stream: str, against: str, correlation: Callable[[float], float], rows: int, largest_s: float = MAX_LAG_S
 ) -> Lag:
     """Return where ``correlation`` of a lag [s], over ``rows``, is largest up to ``largest_s``.
 
     A lag tau fits hardly worse than the best where (n/10) ln((1 - r(tau)^2)/(1 - r(best)^2)) < 3.84, r of n rows.
     """
-    if rows < _LEAST_ROWS:
+    if rows < _MIN_ROWS:
         return Lag(stream, against)
     steps = round(largest_s / STEP_S)
     lags_s = np.asarray(np.arange(-steps, steps + 1) * STEP_S, dtype=np.float64)
@@ -131,12 +131,12 @@ def best_lag(
     best = int(np.argmax(values))
     lag = Lag(stream, against, _NAN, float(values[best]), _within(lags_s, values, rows), at_none=float(values[steps]))
     if best in (0, len(values) - 1):
-        return replace(lag, edge_s=float(lags_s[best])) if lag.correlation >= LEAST_CORRELATION else lag
+        return replace(lag, edge_s=float(lags_s[best])) if lag.correlation >= MIN_CORRELATION else lag
     before, peak, after = values[best - 1 : best + 2]  # the top of the parabola through them
     bend = before - 2 * peak + after
     offset = 0.5 * (before - after) / bend if bend < 0 else 0.0
     lag = replace(lag, best_s=float(lags_s[best] + offset * (lags_s[1] - lags_s[0])))
-    is_known = lag.correlation >= LEAST_CORRELATION and lag.within_s <= WORST_S
+    is_known = lag.correlation >= MIN_CORRELATION and lag.within_s <= WORST_S
     return replace(lag, lag_s=lag.best_s) if is_known else lag
 
 
@@ -149,7 +149,7 @@ def _within(lags_s: FloatArray, values: FloatArray, rows: int) -> float:
 
 
 def _largest_s(t_s: FloatArray) -> float:
-    return float(np.clip(PART * (t_s[-1] - t_s[0]), 0.6, LARGEST_S))
+    return float(np.clip(PART * (t_s[-1] - t_s[0]), 0.6, MAX_LAG_S))
 
 
 def _places(reference: Reference, position: Position) -> tuple[FloatArray, FloatArray] | None:
@@ -159,7 +159,7 @@ def _places(reference: Reference, position: Position) -> tuple[FloatArray, Float
     if np.array_equal(reference.t_s, position.t_s) and np.array_equal(reference.enu_m, position.enu_m, equal_nan=True):
         return None
     t_s, enu_m = without_nan_rows(reference.t_s, reference.enu_m)
-    return (t_s, enu_m) if len(t_s) > _LEAST_ROWS else None
+    return (t_s, enu_m) if len(t_s) > _MIN_ROWS else None
 
 
 def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Lag:
@@ -169,7 +169,7 @@ def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Lag
     largest_s, way = _largest_s(t_s), CubicSpline(t_s, enu_m[:, :2])
     fix_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     begin, end = fix_s[:-1], fix_s[1:]
-    use = (end - begin < LONGEST_STEP_S) & (begin > t_s[0] + largest_s) & (end < t_s[-1] - largest_s)
+    use = (end - begin < MAX_STEP_S) & (begin > t_s[0] + largest_s) & (end < t_s[-1] - largest_s)
     begin, end, moved = begin[use], end[use], np.diff(places, axis=0)[use]
 
     def correlation(tau_s: float) -> float:
@@ -228,7 +228,7 @@ def _imu_lag(imu: Imu, against: str, t_s: FloatArray, speed_mps: FloatArray) -> 
     t_s, speed_mps = t_s[::every], speed_mps[::every]
     gained = np.concatenate([[0.0], np.cumsum(imu.accel_mps2[1:, 0] * np.diff(imu.t_s))])
     begin, end, change = t_s[:-1], t_s[1:], np.diff(speed_mps)
-    use = (np.minimum(speed_mps[:-1], speed_mps[1:]) > FAST_MPS) & (end - begin < LONGEST_STEP_S)
+    use = (np.minimum(speed_mps[:-1], speed_mps[1:]) > FAST_MPS) & (end - begin < MAX_STEP_S)
     use &= (begin > imu.t_s[0] + largest_s) & (end < imu.t_s[-1] - largest_s)
     begin, end, change = begin[use], end[use], change[use]
 
@@ -241,7 +241,7 @@ def _imu_lag(imu: Imu, against: str, t_s: FloatArray, speed_mps: FloatArray) -> 
 
 def _every(t_s: FloatArray) -> int:
     """Every so many rows the steps are long enough for a change to show."""
-    return max(1, round(SHORTEST_STEP_S / float(np.median(np.diff(t_s))))) if len(t_s) > 1 else 1
+    return max(1, round(MIN_STEP_S / float(np.median(np.diff(t_s))))) if len(t_s) > 1 else 1
 
 
 # An IMU that is late by its turning or its force, and the clocks that are off by more than a filter forgives.
@@ -262,7 +262,7 @@ WHEEL_SURE = 10.0
 FELT_SURE, FELT_AGAINST = 2.0, -1.0
 """The accelerometer confirms a lag of the gyro's by so many sigmas over no lag, and contradicts it on no axis."""
 
-LONGEST_GAP_S = 0.5
+MAX_GAP_S = 0.5
 """Over longer steps an attitude is not interpolated."""
 
 WINDOWS_S = (0.5, 1.0, 2.0)
@@ -400,14 +400,14 @@ def _attitude_and_gyro(recording: Recording, length_s: float) -> Pairs | None:
     if imu is None or reference.euler_rad is None:
         return None
     t_s, euler_rad = without_nan_rows(reference.t_s, reference.euler_rad)
-    if len(t_s) < _LEAST_ROWS or np.median(np.diff(t_s)) > LONGEST_GAP_S:
+    if len(t_s) < _MIN_ROWS or np.median(np.diff(t_s)) > MAX_GAP_S:
         return None
     edges_s, means = common_edges(length_s, t_s), means_of(imu.t_s, imu.gyro_radps)
     rates = attitude_rates(t_s, euler_rad, edges_s)
 
     def pairs(late_s: float) -> tuple[FloatArray, FloatArray] | None:
         inside = (edges_s[:-1] + late_s > imu.t_s[0]) & (edges_s[1:] + late_s < imu.t_s[-1])
-        return (rates[inside], means(edges_s + late_s)[inside]) if inside.sum() >= _LEAST_ROWS else None
+        return (rates[inside], means(edges_s + late_s)[inside]) if inside.sum() >= _MIN_ROWS else None
 
     return pairs
 

@@ -18,9 +18,9 @@ from jerkbench.inspection.evidence import (
 from jerkbench.recording import GRAVITY_MPS2, Imu, Position, Recording
 from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
 
-SHORTEST_REST_S = 5.0
+MIN_REST_S = 5.0
 _POINTS = 40
-LONGEST_PART = 0.25
+MAX_AVERAGED_FRACTION = 0.25
 """Averages over more than this part of the rest are too few to say anything."""
 
 WHITE_S = (0.05, 1.0)
@@ -92,7 +92,7 @@ class RestNoise(NamedTuple):
 def stated_rest(recording: Recording) -> Rest | None:
     """Return the rest at the start that the recording states; None: it is shorter than 5 s."""
     begin_s = float(recording.clock_s[0])
-    long = recording.static_start_s >= SHORTEST_REST_S
+    long = recording.static_start_s >= MIN_REST_S
     return Rest(begin_s, begin_s + recording.static_start_s, stated=True) if long else None
 
 
@@ -111,7 +111,7 @@ def longest_rest(recording: Recording) -> Rest | None:
         Rest(float(edges_s[first + (first > 0)]), float(edges_s[last - (last < len(edges_s) - 1)]), stated=False)
         for first, last in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True)
     ]
-    long = [rest for rest in rests if rest.end_s - rest.begin_s >= SHORTEST_REST_S and not _moves(recording, rest)]
+    long = [rest for rest in rests if rest.end_s - rest.begin_s >= MIN_REST_S and not _moves(recording, rest)]
     return max(long, key=lambda rest: rest.end_s - rest.begin_s, default=None)
 
 
@@ -171,7 +171,7 @@ def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray,
     Source: IEEE Std 952, annex C.
     """
     theta = np.vstack([np.zeros(samples.shape[1]), np.cumsum(samples * interval_s, axis=0)])
-    longest = max(1, int(LONGEST_PART * len(samples)))
+    longest = max(1, int(MAX_AVERAGED_FRACTION * len(samples)))
     steps = np.unique(np.round(np.geomspace(1, longest, _POINTS)).astype(np.int64))
     rows = [np.sqrt(((theta[2 * j :] - 2 * theta[j:-j] + theta[: -2 * j]) ** 2).mean(axis=0) / 2) for j in steps]
     tau_s = np.asarray(steps * interval_s, dtype=np.float64)
@@ -198,7 +198,7 @@ def _floor(deviation: FloatArray) -> float:
     return float(deviation.min(axis=0).max()) / ALLAN_FLOOR
 
 
-_LEAST_ROWS = 10
+_MIN_ROWS = 10
 
 MEDIAN_OF_SQUARE = 0.455
 """Median of chi-square with one degree of freedom."""
@@ -208,14 +208,14 @@ REST, _REFERENCE = "scatter at rest", "error against the reference"
 _NEAR_S = 0.5
 """Over a longer interval of the reference a straight line says little."""
 
-LEAST_RATIO = 4.0
+MIN_RATIO = 4.0
 """A receiver among towers errs 3.2 times as much as it says, in the middle of its errors; a mistake is more."""
 
-LEAST_SPREAD = 2.0
+MIN_SPREAD = 2.0
 """About its median a receiver among towers errs 1.2 times as much as it says; this is less than a mistake by 10 leaves
 of sigmas that are four times too large."""
 
-LONGEST_FIX_GAP_S = 1.1
+MAX_FIX_GAP_S = 1.1
 
 MIDDLE_ROWS = 30
 """The middle of fewer errors is no scale."""
@@ -288,7 +288,7 @@ def stated_against_real_sigma(recording: Recording, rest: Rest | None = None) ->
 
 def _enough(values: FloatArray) -> bool:
     """Whether each axis is there often enough."""
-    return bool((np.isfinite(values).sum(axis=0) >= _LEAST_ROWS).all())
+    return bool((np.isfinite(values).sum(axis=0) >= _MIN_ROWS).all())
 
 
 def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
@@ -337,7 +337,7 @@ def understated_noise(recording: Recording, *, reference: bool = True) -> list[D
         reference: whether the reference may be asked: its axes are those of the fixes.
     """
     ratios = [*_jitter(recording, white=True), *(_ratio(sigma) for sigma in stated_against_real_sigma(recording))]
-    least = [(entry, LEAST_RATIO) for entry in ratios] + [(entry, LEAST_SPREAD) for entry in _spread(recording)]
+    least = [(entry, MIN_RATIO) for entry in ratios] + [(entry, MIN_SPREAD) for entry in _spread(recording)]
     worst: dict[str, tuple[float, str]] = {}
     for (stream, ratio, basis), limit in least:
         asked = reference or basis not in BY_REFERENCE
@@ -361,7 +361,7 @@ def overstated_noise(recording: Recording, rest: Rest | None) -> Iterator[str]:
         found = [(ratio, basis) for name, ratio, basis in ratios if name == stream and ratio > 0]
         against = [pair for pair in found if pair[1] in BY_REFERENCE]
         ratio, basis = max(against or found[:1], default=(1.0, ""))
-        if ratio > 1 / LEAST_RATIO:
+        if ratio > 1 / MIN_RATIO:
             continue
         deviations = np.where(np.isfinite(values), np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), np.nan)
         stated = float(np.nanmedian(deviations[:, :2]))
@@ -382,7 +382,7 @@ def _spread(recording: Recording) -> Iterator[tuple[str, float, str]]:
     position = recording.position
     if position is None or len(recording.reference.t_s) < MIDDLE_ROWS:
         return
-    error = position.enu_m - truth_at(recording, "position", position.t_s, LONGEST_FIX_GAP_S)
+    error = position.enu_m - truth_at(recording, "position", position.t_s, MAX_FIX_GAP_S)
     rows = np.isfinite(error).all(axis=1)
     if rows.sum() >= MIDDLE_ROWS and error[rows].any():
         sigmas = np.sqrt(np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.inspection.evidence import mostly_gaps
-from jerkbench.inspection.noise import FAST_SHARE, LONGEST_FIX_GAP_S, second_difference, truth_at
+from jerkbench.inspection.noise import FAST_SHARE, MAX_FIX_GAP_S, second_difference, truth_at
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
 
@@ -18,14 +18,14 @@ _AXES = ("east", "north", "up")
 LEVELS_M = (0.0, 0.05, 0.5, 5.0, np.inf)
 """A receiver's status shows in the sigma that it declares: fixed, float, single point, lost. No more is recorded."""
 
-_LEAST_FIXES = 30
+_MIN_FIXES = 30
 SIGMA_OF_MEDIAN = 1.4826
 """The standard deviation of a normal law over the median of its absolute values."""
 
 GROSS = 5.0
 """So many robust sigmas from the median an error is gross; of normal errors one in two million is."""
 
-LONGEST_LAG = 0.25
+MAX_LAG_FRACTION = 0.25
 """Of the time that was compared, no larger part is tried as a lag."""
 
 
@@ -95,19 +95,19 @@ class ReceiverErrors:
 
 
 def receiver_errors(recording: Recording) -> ReceiverErrors | None:
-    """Return what the fixes say; None where there are fewer than `LEAST_FIXES`.
+    """Return what the fixes say; None if there are fewer than `_MIN_FIXES`.
 
     The reference is taken linearly between stamps that are at most 1.1 s apart. Fixes that are the reference
     themselves say nothing about their errors.
     """
     position = recording.position
-    if position is None or np.isfinite(position.enu_m).all(axis=1).sum() < _LEAST_FIXES:
+    if position is None or np.isfinite(position.enu_m).all(axis=1).sum() < _MIN_FIXES:
         return None
     t_s, enu_m = position.t_s, position.enu_m
     sigma_m = np.sqrt(np.diagonal(position.covariance_m2, axis1=1, axis2=2))
-    error_m = enu_m - truth_at(recording, "position", t_s, LONGEST_FIX_GAP_S)
+    error_m = enu_m - truth_at(recording, "position", t_s, MAX_FIX_GAP_S)
     compared = np.asarray(np.isfinite(error_m).any(axis=1), dtype=np.bool_)
-    if compared.sum() < _LEAST_FIXES or not np.nan_to_num(error_m).any():
+    if compared.sum() < _MIN_FIXES or not np.nan_to_num(error_m).any():
         error_m, compared = np.full_like(enu_m, np.nan), np.zeros(len(t_s), dtype=np.bool_)
     second_m = np.full_like(enu_m, np.nan)
     second_m[1:-1] = second_difference(enu_m)
@@ -116,7 +116,7 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
     for low, high in pairwise(LEVELS_M):
         rows = (declared_m >= low) & (declared_m < high)
         name = f"below {high:g} m" if np.isfinite(high) else f"from {low:g} m on"
-        groups += [(name, rows)] if _LEAST_FIXES <= rows.sum() < len(t_s) else []
+        groups += [(name, rows)] if _MIN_FIXES <= rows.sum() < len(t_s) else []
     columns = list(enumerate(zip(sigma_m.T, second_m.T, error_m.T, strict=True)))
     axes = tuple(_axis(level, k, *(one[rows] for one in three)) for level, rows in groups for k, three in columns)
     centred_m = error_m - (np.nanmedian(error_m[compared], axis=0) if compared.any() else 0.0)
@@ -158,7 +158,7 @@ def _autocorrelation(
     both = np.hstack([np.nan_to_num(grid), np.isfinite(grid)])
     size = 1 << int(np.ceil(np.log2(2 * len(grid))))  # by the Wiener-Khinchin theorem, gaps left out of both sums
     power, pairs = np.hsplit(np.fft.irfft(np.abs(np.fft.rfft(both, size, axis=0)) ** 2, axis=0), 2)
-    most = max(2, int(LONGEST_LAG * len(grid)))
+    most = max(2, int(MAX_LAG_FRACTION * len(grid)))
     mean = power[:most] / np.maximum(np.round(pairs[:most]), 1)
     return step_s * np.arange(most, dtype=np.float64), mean / np.where(mean[0] > 0, mean[0], np.nan)
 

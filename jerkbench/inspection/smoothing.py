@@ -16,13 +16,13 @@ from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate, Updates, no_attitude
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.rts import SmoothedFixes
-from jerkbench.inspection.noise import LONGEST_FIX_GAP_S, truth_at
+from jerkbench.inspection.noise import MAX_FIX_GAP_S, truth_at
 from jerkbench.parameters import ranges_of
 from jerkbench.recording import Position, Recording, Reference
 from jerkbench.report.plots.style import DOTS_PER_INCH, literal, style_axes
 from jerkbench.timeline import build_timeline
 
-FEWEST_FIXES = 10
+MIN_FIXES = 10
 
 FIRST_STEPS = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]])
 """Of the search, in logarithms: the walk 4.5 times as large, then the sigmas."""
@@ -86,7 +86,7 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     Robotics and Automation, 2011, doi:10.1109/ICRA.2011.5979605, whose R is estimated too.
 
     Raises:
-        RecordingError: there are fewer than `FEWEST_FIXES` fixes, or no model explains them.
+        RecordingError: there are fewer than `MIN_FIXES` fixes, or no model explains them.
     """
     position, velocity = _fixes(recording), recording.velocity
     if velocity is not None and velocity.frame != "enu":
@@ -99,7 +99,7 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     places_m, mps = estimate.position_m, estimate.velocity_mps
     source = f"smoothed by {smoother.model}"
     track = Reference(position.t_s, source, independent=False, enu_m=places_m, velocity_mps=mps)
-    truth_m = truth_at(recording, "position", position.t_s, LONGEST_FIX_GAP_S)
+    truth_m = truth_at(recording, "position", position.t_s, MAX_FIX_GAP_S)
     errors_m = [np.linalg.norm(places - truth_m, axis=1) for places in (position.enu_m, estimate.position_m)]
     known = np.isfinite(errors_m[0])
     fixes_m, track_m = (float(np.sqrt(np.mean(error_m[known] ** 2))) if known.any() else 0.0 for error_m in errors_m)
@@ -132,8 +132,8 @@ def _fixes(recording: Recording) -> Position:
         first = int(np.argmax(np.isfinite(position.enu_m).all(axis=1)))
         parts = {name: values[first:] for name, values in vars(position).items() if values is not None}
         position = Position(**parts)
-    if position is None or len(position.t_s) < FEWEST_FIXES:
-        raise RecordingError(f"{recording.name} has fewer than {FEWEST_FIXES} fixes: there is no track to smooth.")
+    if position is None or len(position.t_s) < MIN_FIXES:
+        raise RecordingError(f"{recording.name} has fewer than {MIN_FIXES} fixes: there is no track to smooth.")
     return position
 
 

@@ -16,9 +16,9 @@ from jerkbench.io.bag_topics import TopicPlan, is_ecef
 from jerkbench.io.sanitiser import (
     LATE_NS,
     MAX_LOCAL_M,
-    MOST_MPS,
-    MOST_MPS2,
-    MOST_RADPS,
+    MAX_MPS,
+    MAX_MPS2,
+    MAX_RADPS,
     UNDATED,
     frozen_rows,
     highest_before,
@@ -181,7 +181,7 @@ def _near(stream: str, messages: Messages, ledger: Ledger) -> Messages:
 _ROUNDING = 1e-6
 """A covariance that is asymmetric by less, relatively, was rounded on its way."""
 
-SMALLEST = 1e-14
+MIN_FIX_VARIANCE = 1e-14
 """A smaller variance (0.1 micrometres) is a placeholder."""
 
 
@@ -226,7 +226,7 @@ def _is_covariance(matrices: FloatArray, whole: FloatArray) -> BoolArray:
         symmetric = finite & (skew <= _ROUNDING * size)
     bounded = size < 1e12  # a receiver without a fix writes 1e20 or so
     lowest = np.linalg.eigvalsh(np.where((symmetric & bounded)[:, None, None], usable, 0.0))[:, 0]
-    return np.asarray(symmetric & bounded & (lowest > SMALLEST))
+    return np.asarray(symmetric & bounded & (lowest > MIN_FIX_VARIANCE))
 
 
 def without_impossible(
@@ -310,7 +310,7 @@ def clean_topics(
 
 def _possible(label: str, messages: Messages, plan: TopicPlan, ledger: Ledger) -> Messages:
     if messages.msgtype == IMU and "imu" in plan.roles(messages.topic):
-        limits = [("linear_acceleration", MOST_MPS2), ("angular_velocity", MOST_RADPS)]
+        limits = [("linear_acceleration", MAX_MPS2), ("angular_velocity", MAX_RADPS)]
         messages = without_impossible(label, messages, ledger, limits)
         return ledger.drop(label, messages, "a frozen angular rate", frozen_rows(messages["angular_velocity"]))
     if "latitude" in messages.values:
@@ -324,5 +324,5 @@ def _possible(label: str, messages: Messages, plan: TopicPlan, ledger: Ledger) -
             off = off_earth(messages["position"], "ecef")
             messages = ledger.drop(label, messages, "an ECEF position that is not on Earth", off)
     if "linear" in messages.values:
-        messages = without_impossible(label, messages, ledger, [("linear", MOST_MPS)])
+        messages = without_impossible(label, messages, ledger, [("linear", MAX_MPS)])
     return messages

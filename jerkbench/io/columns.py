@@ -15,7 +15,7 @@ from jerkbench.errors import RecordingError, unknown
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
 from jerkbench.io.rtklib import read_pos
 from jerkbench.io.sanitiser import MAX_DATE_NS, MIN_DATE_NS, require_size
-from jerkbench.io.text import LARGEST_NUMBER, TextFormat, is_number, read_lines, read_text, require_content
+from jerkbench.io.text import MAX_NUMBER, TextFormat, is_number, read_lines, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _COMPRESSED = 15
 """The type of a compressed variable in a file of version 5."""
 
-MOST_COLUMNS = 64
+MAX_COLUMNS = 64
 """A matrix with more columns is no stream of measurements."""
 
 Array = np.ndarray[Any, Any]
@@ -142,7 +142,7 @@ def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
         matrix = array.reshape(len(array), -1)
         if min(matrix.shape) == 1:
             yield name, matrix.ravel()
-        elif matrix.shape[1] <= MOST_COLUMNS:
+        elif matrix.shape[1] <= MAX_COLUMNS:
             yield from ((f"{name}_{k + 1}", column) for k, column in enumerate(matrix.T))
 
 
@@ -156,7 +156,7 @@ def _padded(values: Array, rows: int) -> "pd.Series[Any]":
 TIME_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 """Nanoseconds in each unit of time."""
 
-LARGEST_NS = 9.2e18
+MAX_NANOSECONDS = 9.2e18
 """Nanoseconds that fit into 64 bits: 292 years."""
 
 
@@ -204,7 +204,7 @@ class Columns:
         """Return the table with ``notes`` beside those that it has."""
         return Columns(self.where, self._table, (*self.notes, *notes))
 
-    def numbers(self, names: Sequence[str], most: float = LARGEST_NUMBER) -> FloatArray:
+    def numbers(self, names: Sequence[str], most: float = MAX_NUMBER) -> FloatArray:
         """Return (n, len(names)); an empty cell is NaN.
 
         Raises:
@@ -228,8 +228,8 @@ class Columns:
         if values.dtype == np.uint64:  # a counter that started at 2^63: the differences count
             values = (values - np.uint64(2**63)).astype(np.int64)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
-        fits = np.abs(values.astype(np.float64)) <= LARGEST_NS / scale  # NaN does not
-        self._require(fits, name, values, f"'{{}}' is no time in {unit}, at most {LARGEST_NS / scale:.2g}")
+        fits = np.abs(values.astype(np.float64)) <= MAX_NANOSECONDS / scale  # NaN does not
+        self._require(fits, name, values, f"'{{}}' is no time in {unit}, at most {MAX_NANOSECONDS / scale:.2g}")
         if np.issubdtype(values.dtype, np.integer):
             return np.asarray(values.astype(np.int64) * scale)
         return np.round(values.astype(np.float64) * scale).astype(np.int64)

@@ -211,7 +211,7 @@ _STILL_BELOW_MPS = 0.1
 _MARGIN_S = 1.0
 """The time between the end of the rest and the first motion in the velocity, which is smoothed and old."""
 
-SHORTEST_S = 1.0
+MIN_STANDSTILL_S = 1.0
 """A mean over less says nothing about a bias."""
 
 _SCALE_WITHIN = 0.1
@@ -259,9 +259,10 @@ def scaled_to_gravity(imu: Imu, rest_s: float) -> Imu:
 
 
 def _at_rest(imu: Imu, rest_s: float) -> slice:
-    if rest_s < SHORTEST_S:
+    if rest_s < MIN_STANDSTILL_S:
         raise RecordingError(
-            f"The recording stands still for {rest_s:.2f} s at its start; calibrating the IMU needs {SHORTEST_S:.0f} s:"
+            f"The recording stands still for {rest_s:.2f} s at its start; calibrating the IMU needs"
+            f" {MIN_STANDSTILL_S:.0f} s:"
             " switch remove_gyro_bias and scale_accel_to_gravity off, or give rest_s."
         )
     return slice(0, int(np.searchsorted(imu.t_s, rest_s)))

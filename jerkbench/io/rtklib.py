@@ -275,7 +275,7 @@ def read_time_tag(path: Path) -> tuple[int, float]:
     return start_ns, last_ms * 1e-3
 
 
-LEAST_ROWS = 2
+MIN_POS_ROWS = 2
 CLOCKS_AGREE = 0.01
 """By how much the sensor's and the logger's clock may differ before the tag is taken for another recording's."""
 
@@ -310,7 +310,7 @@ def read_imu_log(path: Path, tag_path: Path) -> ImuLog:
     """
     lines, notes = whole_lines(path, read_lines(path), ",")
     table = parse_numbers(path, lines, 7, ",")
-    if not notes and len(table) > LEAST_ROWS and table[-1, 6] < table[-2, 6]:
+    if not notes and len(table) > MIN_POS_ROWS and table[-1, 6] < table[-2, 6]:
         lines, table, notes = lines[:-1], table[:-1], cut_note(path.name, first=False, last=True)
     milliseconds = table[:, 6]
     require_increasing(path, lines, milliseconds, "the time (field 7)")

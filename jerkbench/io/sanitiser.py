@@ -28,7 +28,7 @@ OFF_EARTH = (
 HELD = "the values of the row before, held until the next measurement"
 UNDATED = "a date that is not between 1980 and 2100"
 
-MOST_MPS2, MOST_RADPS, MOST_MPS = 1000.0, 100.0, 200.0
+MAX_MPS2, MAX_RADPS, MAX_MPS = 1000.0, 100.0, 200.0
 """Larger values are damage: 100 g, 5700 deg/s, 720 km/h."""
 
 MAX_DAMAGED = 0.1
@@ -197,20 +197,20 @@ def possible_imu(where: str, imu: Imu) -> tuple[Imu, tuple[str, ...]]:
     Raises:
         RecordingError: they are so many that the unit is wrong; names ``where`` and the first row.
     """
-    beyond = (np.abs(imu.accel_mps2) > MOST_MPS2).any(axis=1) | (np.abs(imu.gyro_radps) > MOST_RADPS).any(axis=1)
+    beyond = (np.abs(imu.accel_mps2) > MAX_MPS2).any(axis=1) | (np.abs(imu.gyro_radps) > MAX_RADPS).any(axis=1)
     if beyond.mean() > MAX_DAMAGED:
-        require_possible(f"{where}, specific force", imu.accel_mps2, MOST_MPS2)
-        require_possible(f"{where}, angular rate", imu.gyro_radps, MOST_RADPS)
+        require_possible(f"{where}, specific force", imu.accel_mps2, MAX_MPS2)
+        require_possible(f"{where}, angular rate", imu.gyro_radps, MAX_RADPS)
     if not beyond.any():
         return imu, ()
-    fault = f"a specific force beyond {MOST_MPS2:g} m/s2 or an angular rate beyond {MOST_RADPS:g} rad/s"
+    fault = f"a specific force beyond {MAX_MPS2:g} m/s2 or an angular rate beyond {MAX_RADPS:g} rad/s"
     kept = Imu(imu.t_s[~beyond], imu.accel_mps2[~beyond], imu.gyro_radps[~beyond])
     return kept, drop_notes(Path(where).name, {fault: np.asarray(beyond)})
 
 
 def impossible_speeds(mps: FloatArray) -> BoolArray:
     """Return (n,) which velocities (n, k) no land vehicle has, unless many rows have them."""
-    beyond = np.asarray((np.abs(mps) > MOST_MPS).any(axis=1))
+    beyond = np.asarray((np.abs(mps) > MAX_MPS).any(axis=1))
     return beyond if beyond.mean() <= MAX_DAMAGED else np.zeros(len(mps), dtype=np.bool_)
 
 

@@ -206,7 +206,7 @@ def require_columns(table: object, velocity_frame: str) -> None:
             )
 
 
-LEAST_STEPS = 4
+MIN_STEPS = 4
 """Of fewer steps nobody can say which is odd."""
 
 SOLUTION_SETTINGS: dict[str, dict[str, Any]] = {
@@ -320,7 +320,7 @@ class TableStream(NamedTuple):
         its last ones is before the row above.
         """
         steps = np.diff(self.t_ns)
-        if len(steps) < LEAST_STEPS or (steps[1:-1] <= 0).any():
+        if len(steps) < MIN_STEPS or (steps[1:-1] <= 0).any():
             return self
         first, last = bool(steps[0] > steps[1:-1].sum() + abs(steps[-1])), bool(steps[-1] < 0)
         rows = np.arange(len(self.t_ns))

@@ -15,10 +15,10 @@ from jerkbench.errors import RecordingError
 if TYPE_CHECKING:
     import pandas as pd
 
-LARGEST_NUMBER = 1e15
+MAX_NUMBER = 1e15
 """Nothing that is measured on a vehicle is larger; what is larger is damage, and would overflow once squared."""
 
-LONGEST_LINE = 1 << 16
+MAX_LINE_BYTES = 1 << 16
 """Bytes: a row of measurements is shorter by far, and one of megabytes takes minutes and gigabytes to cut up."""
 
 Line = tuple[int, str]
@@ -34,13 +34,13 @@ def require_content(path: Path, *, text: bool = False) -> None:
     blank, number = True, 0
     try:
         with path.open(encoding="latin-1") as file:
-            while line := file.readline(LONGEST_LINE + 2):
+            while line := file.readline(MAX_LINE_BYTES + 2):
                 blank, number = blank and not line.strip(), number + 1
                 if not text and not blank:
                     return
-                if text and len(line.rstrip("\n")) > LONGEST_LINE:
+                if text and len(line.rstrip("\n")) > MAX_LINE_BYTES:
                     raise RecordingError(
-                        f"{path}, line {number} has more than {LONGEST_LINE // 1024} KiB: this is no text of rows and"
+                        f"{path}, line {number} has more than {MAX_LINE_BYTES // 1024} KiB: this is no text of rows and"
                         " columns, or its line ends are lost; write it again, or name another file."
                     )
     except FileNotFoundError as error:
@@ -84,7 +84,7 @@ def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | 
     if any(text.strip() for _, text in lines):  # else numpy warns
         with suppress(ValueError):
             table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
-    if table.shape != (len(lines), columns) or not (np.abs(table) <= LARGEST_NUMBER).all():
+    if table.shape != (len(lines), columns) or not (np.abs(table) <= MAX_NUMBER).all():
         raise RecordingError(_first_fault(path, lines, columns, separator))
     return table
 
@@ -102,7 +102,7 @@ def require_increasing(path: Path, lines: list[Line], times: np.ndarray, quantit
         )
 
 
-def require_possible(where: str, values: FloatArray, most: float = LARGEST_NUMBER) -> None:
+def require_possible(where: str, values: FloatArray, most: float = MAX_NUMBER) -> None:
     """Check that no value (NaN aside) is beyond ``most``.
 
     Raises:
@@ -120,9 +120,9 @@ def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | N
         if len(fields) != columns:
             return f"{path}, line {number} has {len(fields)} fields; it must have {columns}: correct or remove it."
         for column, entry in enumerate(fields, start=1):
-            if not (is_number(entry) and abs(float(entry)) <= LARGEST_NUMBER):
+            if not (is_number(entry) and abs(float(entry)) <= MAX_NUMBER):
                 field = f"{path}, line {number}, field {column} is '{entry.strip()}'"
-                return f"{field}, not a finite number up to {LARGEST_NUMBER:g}: correct it."
+                return f"{field}, not a finite number up to {MAX_NUMBER:g}: correct it."
     return f"{path} cannot be read as {columns} columns of numbers; copy it again from where it was recorded."
 
 
@@ -131,7 +131,7 @@ def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | N
 AROUND = 20
 """With so many lines beside it the first or the last one is compared."""
 
-LEAST_LINES = 4
+MIN_LINES = 4
 """Of fewer lines nobody can say which is whole."""
 
 
@@ -145,7 +145,7 @@ def cut_ends(lines: Sequence[str], separator: str | None) -> tuple[bool, bool]:
         lines: of data, in the order of the file.
         separator: between the fields; None: white space.
     """
-    if len(lines) < LEAST_LINES:
+    if len(lines) < MIN_LINES:
         return False, False
     around = min(AROUND, len(lines) - 2)
     after = [line.split(separator) for line in lines[: around + 1]]

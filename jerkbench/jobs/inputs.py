@@ -31,7 +31,7 @@ SIMULATED = "simulated"
 """The kind of cache that holds simulated recordings."""
 
 SIMULATED_PATTERN = "simulated_*"
-MOST_CACHED_BYTES = 2_000_000_000
+MAX_DRIVE_BYTES = 2_000_000_000
 """About 700 drives of 150 s; then the longest unused go."""
 
 
@@ -45,7 +45,7 @@ def simulated(dataset: Dataset, seed: int) -> Recording:
     with suppress(OSError):  # no room, or no right to write: then it is simulated again the next time
         write_trusted(path, pickle.dumps(recording, 5))
         if seed % 16 == 0:
-            forget_oldest(path.parent, SIMULATED_PATTERN, MOST_CACHED_BYTES)
+            forget_oldest(path.parent, SIMULATED_PATTERN, MAX_DRIVE_BYTES)
     return recording
 
 

@@ -94,7 +94,7 @@ def replaced(cls: type, noise: Mapping[str, Any]) -> dict[str, float]:
 
 # The protocol of a cell: its seeds, the burn-in, the limit of divergence.
 
-MOST_SEEDS = 100_000
+MAX_RUNS = 100_000
 """Runs of one cell: their rows stay in memory until it is stored."""
 LAST_SEED = 2**63
 """Before this one: rows hold seeds as signed integers of 64 bits."""
@@ -123,8 +123,8 @@ class Protocol:
             raise PluginError(f"seeds is {self.seeds}; at least one run is needed.")
         if self.first_seed < 0:
             raise PluginError(f"first_seed is {self.first_seed}; it must not be negative.")
-        if self.seeds > MOST_SEEDS:
-            raise PluginError(f"seeds is {self.seeds}; a cell has at most {MOST_SEEDS} runs.")
+        if self.seeds > MAX_RUNS:
+            raise PluginError(f"seeds is {self.seeds}; a cell has at most {MAX_RUNS} runs.")
         if self.first_seed + self.seeds > LAST_SEED:
             raise PluginError(f"first_seed is {self.first_seed}; a seed must be less than 2**63.")
         if not (math.isfinite(self.burn_in_s) and self.burn_in_s >= 0):

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-LARGEST_SPEC = 100_000
+MAX_SPEC_CHARACTERS = 100_000
 """Characters of a stored specification: the longest of this project's own studies has some thousands."""
 
 SHOWN_CHARS = 200
@@ -170,10 +170,10 @@ def _job_of(stored: Stored) -> Job:
         JerkbenchError: it describes none, at least not for this version of the plugins, or is too large to be true.
     """
     metadata = stored.metadata
-    if (size := len(json.dumps(metadata["spec"]))) > LARGEST_SPEC:
+    if (size := len(json.dumps(metadata["spec"]))) > MAX_SPEC_CHARACTERS:
         raise JerkbenchError(
             f"The configuration that is stored with the cell {stored.key} has {size} characters, and at most"
-            f" {LARGEST_SPEC} are taken: no run writes that much. It is damaged, or forged."
+            f" {MAX_SPEC_CHARACTERS} are taken: no run writes that much. It is damaged, or forged."
         )
     if "${" in json.dumps(metadata["spec"]):
         raise JerkbenchError(

@@ -4,7 +4,7 @@ from jerkbench.arrays import FloatArray
 from jerkbench.compilation.vectors import anywhere, chosen
 from jerkbench.compilation.views import Lanes, View, ask_for, copy, room, row, taken
 from jerkbench.estimate import (
-    LARGEST,
+    MAX_ERROR,
     NEES,
     NEES_POSITION,
     OUTAGE,
@@ -64,7 +64,7 @@ def add_errors(run: Lanes, x: View, e: View, sums: View, scored: TruthRows, erro
         left = chosen(square, scored.limit_m2, float(len(scored.truth) - k), 0.0)
         sums[STRAYED] = chosen(left, sums[ROWS_LEFT], square, sums[STRAYED])
         sums[ROWS_LEFT] = chosen(left, sums[ROWS_LEFT], left, sums[ROWS_LEFT])
-    sums[LARGEST] = chosen(counted * square, sums[LARGEST], square, sums[LARGEST])
+    sums[MAX_ERROR] = chosen(counted * square, sums[MAX_ERROR], square, sums[MAX_ERROR])
     if len(scored.outage) > 0:
         sums[OUTAGE] += taken(scored.outage, k, run, "1")[0] * square
     if scored.mark[k] >= 0:

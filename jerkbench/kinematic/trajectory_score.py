@@ -7,7 +7,7 @@ import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.estimate import (
-    LARGEST,
+    MAX_ERROR,
     NEES,
     NEES_POSITION,
     NIS,
@@ -40,7 +40,7 @@ def scored_trajectory(estimate: Estimate, scoring: ErrorWeights) -> Streamed:
     sums[POSITION_SQUARES : POSITION_SQUARES + 3] = (errors[counted, :3] ** 2).sum(axis=0)
     sums[VELOCITY_SQUARES : VELOCITY_SQUARES + 3] = (errors[moving, 3:] ** 2).sum(axis=0)
     sums[WHOLE], sums[OUTAGE] = square[whole].sum(), square[outage].sum()
-    sums[LARGEST] = square[counted].max(initial=0.0)
+    sums[MAX_ERROR] = square[counted].max(initial=0.0)
     position, both = _squared_distances(errors[counted], estimate.covariance[counted])
     sums[NEES_POSITION], sums[NEES] = position.sum(), both[moving[counted]].sum()
     _add_updates(sums, estimate.updates, scoring.start_s)

@@ -334,7 +334,7 @@ def leaders_of(rivals: Sequence[Combination], comparisons: Sequence[Comparison])
 
 UNTESTED = "Nothing is tested: the runs have no seeds, and those of one recording are not independent."
 
-MOST_PAIRS = 50_000
+MAX_PAIRS = 50_000
 """More comparisons than these take minutes, and show little."""
 
 
@@ -398,7 +398,7 @@ def verdict_sentences(standings: Sequence[Standing]) -> list[str]:
         if any(pair.judgement.n for pair in compared):
             return [UNTESTED]
         many = any(len(standing.rivals) > 1 and not standing.comparisons for standing in standings)
-        return [f"Who leads is not tested: there are more than {MOST_PAIRS} pairs of methods."] if many else []
+        return [f"Who leads is not tested: there are more than {MAX_PAIRS} pairs of methods."] if many else []
     alone, shared = leads(standings)
     leading = "Nobody leads: no method was shown to be worse than another, which does not mean that they are equal."
     if alone or shared:

@@ -11,7 +11,7 @@ from jerkbench.report.comparisons import RULE, VerdictRule, verdict_sentences
 from jerkbench.report.drawings import Picture
 from jerkbench.report.findings import answer, compared, strongest, study_baselines, varying_factors
 from jerkbench.report.page_content import (
-    MOST,
+    MAX_FINDINGS,
     Stretch,
     cells_view,
     every_comparison,
@@ -90,8 +90,8 @@ def page(results: Results, pictures: Sequence[Picture], stretches: Sequence[Stre
         matrix=matrix(standings),
         settings=settings(results.about.values()),
         summary=verdict_sentences(standings),
-        findings=findings[:MOST],
-        more=findings[MOST:],
+        findings=findings[:MAX_FINDINGS],
+        more=findings[MAX_FINDINGS:],
         across=across(rows, verdicts, metric),
         every=every_comparison(compared(rows, verdicts), varying_factors(rows)),
         title=quantity(metric).heading,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-MOST = 10
+MAX_FINDINGS = 10
 """So many findings are read; the others are behind a fold."""
 
 _PARTS = ("filter", "adaptation")
@@ -53,7 +53,7 @@ def settings(about: Iterable[Mapping[str, Any]]) -> list[tuple[str, int, str]]:
         scenario = (str(labels["dataset"]), str(labels["disturbance"]))
         tried.setdefault(method, {}).setdefault(scenario, set()).add(json.dumps(own, sort_keys=True, default=str))
     told = {
-        method: ", ".join(f"{name} {' or '.join(list(of)[:MOST])}" for name, of in seen.items()) or "none"
+        method: ", ".join(f"{name} {' or '.join(list(of)[:MAX_FINDINGS])}" for name, of in seen.items()) or "none"
         for method, seen in values.items()
     }
     return [(method, max(map(len, tried[method].values())), parameters) for method, parameters in told.items()]
@@ -279,7 +279,7 @@ def nees_verdict(group: "pd.DataFrame") -> str:
 
 # What the page's script reads: errors over time, two bytes each, and all that is known of each cell.
 
-LOWEST, _HIGHEST = 1e-9, 1e9
+LOWEST, MAX_AXIS_M = 1e-9, 1e9
 """Metres between which an error is told; beyond them it is set to the nearest."""
 
 LEVELS = 65534
@@ -317,9 +317,9 @@ def largest_of_steps(t_s: FloatArray, error_m: FloatArray, edges_s: FloatArray) 
 
 def encoded(error_m: FloatArray) -> str:
     """Return errors [m] as text: of each the logarithm in 65534 steps from 1 on, 0 where there is none; base64."""
-    span = np.log10(_HIGHEST / LOWEST)
+    span = np.log10(MAX_AXIS_M / LOWEST)
     with np.errstate(invalid="ignore"):
-        share = np.log10(np.clip(error_m, LOWEST, _HIGHEST) / LOWEST) / span
+        share = np.log10(np.clip(error_m, LOWEST, MAX_AXIS_M) / LOWEST) / span
     steps = np.where(np.isnan(share), 0, 1 + np.round(np.nan_to_num(share) * LEVELS))
     return base64.b64encode(steps.astype("<u2").tobytes()).decode()
 
@@ -347,7 +347,7 @@ def payload(stretches: Sequence[Stretch], styles: Mapping[str, Any], names: Mapp
         for stretch in stretches
         if stretch.errors_m
     ]
-    decades = float(np.log10(_HIGHEST / LOWEST))
+    decades = float(np.log10(MAX_AXIS_M / LOWEST))
     return {"lowest": LOWEST, "decades": decades, "levels": LEVELS, "scenarios": scenarios}
 
 

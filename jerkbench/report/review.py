@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_LEAST_SEEDS = 10
+_MIN_SEEDS = 10
 """Fewer leave large differences unshown."""
 
-LEAST_SETTINGS = 3
+MIN_SETTINGS = 3
 """Fewer settings are no sweep."""
 
 BELIEVED = (
@@ -128,11 +128,11 @@ def _budget(evidence: Evidence) -> tuple[bool | None, str]:
         tuned_names = {label.replace(TUNED_SUFFIX, "") for label in notes if TUNED_SUFFIX in label}
         untuned = ", ".join(method for method, of in notes.items() if "" in of and method not in tuned_names)
         return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
-    passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= LEAST_SETTINGS
+    passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= MIN_SETTINGS
     told = ", ".join(
         f"{method} {' to '.join(map(str, dict.fromkeys((of[0], of[-1]))))}" for method, of in counts.items()
     )
-    return passed, f"Settings of each method: {told}; as many of each, and at least {LEAST_SETTINGS}, are asked for."
+    return passed, f"Settings of each method: {told}; as many of each, and at least {MIN_SETTINGS}, are asked for."
 
 
 def _method(cell: Mapping[str, Any]) -> str:
@@ -174,8 +174,8 @@ def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
     drawn = seeded.groupby([*FACTORS])["seed"].agg(lambda seeds: str(sorted(seeds)))
     alike = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
     other = "" if alike else " Combinations of one scenario have different seeds."
-    passed = bool(well.min() >= _LEAST_SEEDS and not more and alike)
-    return passed, f"{counted} a cell that went well; {_LEAST_SEEDS} are asked for.{other}{more}"
+    passed = bool(well.min() >= _MIN_SEEDS and not more and alike)
+    return passed, f"{counted} a cell that went well; {_MIN_SEEDS} are asked for.{other}{more}"
 
 
 def _intervals(evidence: Evidence) -> tuple[bool | None, str]:
@@ -232,5 +232,5 @@ def _windows(evidence: Evidence) -> tuple[bool | None, str]:
                     windows[f"{kind} {part['name']}.{key}", cell["spec"]["filter"]["name"]].add(str(part[key]))
     if not windows:
         return None, "Nothing here has a window."
-    fixed = [f"{name} with {of}" for (name, of), values in sorted(windows.items()) if len(values) < LEAST_SETTINGS]
+    fixed = [f"{name} with {of}" for (name, of), values in sorted(windows.items()) if len(values) < MIN_SETTINGS]
     return not fixed, f"Not swept in this study: {', '.join(fixed)}." if fixed else "Each was swept in this study."

@@ -356,7 +356,7 @@ WIDTH = 70
 """Letters of a line: as many as a figure has room for."""
 LINES = 3
 """Lines of a title: the figure below it needs its room."""
-_LONGEST_NAME = 100
+_MAX_NAME_CHARACTERS = 100
 """Letters of a file's name before its hash; a file system takes 255 bytes, endings included."""
 
 
@@ -375,9 +375,9 @@ def file_stem(labels: Sequence[str]) -> str:
     """
     text = "-".join(labels)
     name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(bare(label) for label in labels))
-    if len(name) <= _LONGEST_NAME and "-".join(map(bare, labels)) == text:
+    if len(name) <= _MAX_NAME_CHARACTERS and "-".join(map(bare, labels)) == text:
         return name
-    return f"{name[:_LONGEST_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return f"{name[:_MAX_NAME_CHARACTERS]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
 def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:

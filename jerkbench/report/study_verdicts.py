@@ -31,7 +31,7 @@ from jerkbench.report.columns import (
     quantity,
 )
 from jerkbench.report.comparisons import (
-    MOST_PAIRS,
+    MAX_PAIRS,
     RULE,
     Comparison,
     MethodRuns,
@@ -91,7 +91,7 @@ def study_verdicts(
     metric: str,
     method: Sequence[str] | None = None,
     rule: VerdictRule = RULE,
-    most: int = MOST_PAIRS,
+    most: int = MAX_PAIRS,
 ) -> StudyVerdicts:
     """Return the verdicts of a study.
 
@@ -173,7 +173,7 @@ def _count(fields: Iterable[Sequence[Combination]]) -> int:
 _TOLD = 5
 """So many methods are named."""
 
-LEAST_SCENARIOS = 5
+MIN_SCENARIOS = 5
 """Fewer scenarios do not tell how much scenarios differ: there is no mixed model."""
 
 _OTHERS = ("velocity_rmse_mps", "position_max_m", "outage_rmse_m")
@@ -245,7 +245,7 @@ def _ratios(field: CommonRuns) -> Iterator[str]:
 
     These two are chosen by the errors that are tested. The intervals therefore hold for all pairs at once (Bonferroni).
     """
-    if len(field.scenarios) < LEAST_SCENARIOS:
+    if len(field.scenarios) < MIN_SCENARIOS:
         return
     pairs = math.comb(len(field.methods), 2)
     means = field.logs.mean(axis=(0, 1))

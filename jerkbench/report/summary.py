@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jerkbench.evaluation.correlated_errors import LEAST_TIMES
+from jerkbench.evaluation.correlated_errors import MIN_CORRELATION_TIMES
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import ENOUGH, OUTLIER_FACTOR, share_interval
 from jerkbench.evaluation.over_seeds import GEOMETRIC, MEAN, MEDIAN
@@ -22,7 +22,7 @@ from jerkbench.report.columns import (
     standing_apart,
     with_metric,
 )
-from jerkbench.report.comparisons import MOST_PAIRS, family_note, leaders_of
+from jerkbench.report.comparisons import MAX_PAIRS, family_note, leaders_of
 from jerkbench.report.study_verdicts import StudyVerdicts, is_rival, study_verdicts
 from jerkbench.report.table_model import ABSENT, Grid, Table, TableCell, Values, arranged, number
 from jerkbench.report.writers import csv_labels, csv_lines, latex, markdown, tidy_csv
@@ -161,7 +161,7 @@ def _of_one_recording(cells: list[TableCell]) -> Iterator[str]:
     if any(not c.interval for c in cells):
         yield (
             "No interval: the recording is too short to say, as its errors are alike for more than "
-            f"1/{LEAST_TIMES} of it."
+            f"1/{MIN_CORRELATION_TIMES} of it."
         )
 
 
@@ -312,7 +312,7 @@ def with_leaders(cells: dict[Values, TableCell], grid: Grid, verdicts: StudyVerd
             rows.setdefault(place[: len(grid.across)], []).append(key)
     fields = [field for field in rows.values() if len(field) > 1]
     counts = [math.comb(len(field), 2) for field in fields]
-    if sum(counts) > MOST_PAIRS:
+    if sum(counts) > MAX_PAIRS:
         return cells
     pairs = itertools.chain.from_iterable(itertools.combinations(field, 2) for field in fields)
     comparisons = iter(verdicts.compare(pairs))

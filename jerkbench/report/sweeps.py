@@ -138,7 +138,7 @@ def of_all_methods(values: FloatArray) -> tuple[FloatArray, str]:
 # Errors over the size of a fault: where methods cross, and from which size on a fault is noticed.
 
 PARAMETER = re.compile(r"([A-Za-z_0-9]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)])")
-LEAST_SIZES = 3
+MIN_SIZES = 3
 """Fewer sizes of a fault are no curve."""
 
 NOTICED = ("rejected_percent", "inflated_percent")
@@ -180,7 +180,7 @@ def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
     places = pd.DataFrame(found, columns=["disturbance", SCENARIO, NAME, SIZE])
     places["values"] = places.groupby([SCENARIO, NAME])[SIZE].transform("nunique")
     most = places.loc[places.groupby("disturbance")["values"].idxmax()]  # the parameter of a label that has the most
-    swept = rows.merge(most[most["values"] >= LEAST_SIZES].drop(columns="values"), on="disturbance")
+    swept = rows.merge(most[most["values"] >= MIN_SIZES].drop(columns="values"), on="disturbance")
     swept[SCENARIO] = swept["dataset"].astype(str) + ": " + swept[SCENARIO]
     return swept
 

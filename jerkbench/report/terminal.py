@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
-MOST_ROWS = 500
+MAX_ROWS = 500
 """Rows that a sweep prints at its end; what is longer nobody reads in a terminal."""
 
 _GAP = 3
 """Characters between two columns."""
 
-LONGEST_KEY, _LONGEST_HEADER = 24, 16
+MAX_KEY_CHARACTERS, _MAX_HEADER_CHARACTERS = 24, 16
 """Characters; a longer row factor or header is folded where columns are narrow."""
 
 _STYLES = {"best": "bold", "trouble": "red", "absent": "dim"}
@@ -40,10 +40,10 @@ def print_table(rows: "pd.DataFrame", notes: Sequence[str] = (), metric: str | N
 
 
 def print_beginning(table: Table) -> None:
-    """Print a table, of more than `MOST_ROWS` rows the first of them."""
-    if len(table.rows) > MOST_ROWS:
-        left_out = f"These are the first {MOST_ROWS} of {len(table.rows)} rows; table.md has all."
-        first = table.rows[:MOST_ROWS], table.cells[:MOST_ROWS]
+    """Print a table, of more than `MAX_ROWS` rows the first of them."""
+    if len(table.rows) > MAX_ROWS:
+        left_out = f"These are the first {MAX_ROWS} of {len(table.rows)} rows; table.md has all."
+        first = table.rows[:MAX_ROWS], table.cells[:MAX_ROWS]
         table = dataclasses.replace(table, rows=first[0], cells=first[1], footnotes=(left_out, *table.footnotes))
     print_summary(table)
 
@@ -101,8 +101,8 @@ def blocks(table: Table, width: int) -> list[Block]:
     for column, head in zip(columns, table.header[keys:], strict=True):
         told = [part for cell in column for part in parts(cell)]  # words of troubles may stand below each other
         words = [word for text, style in told for word in (text.split() if style == "trouble" else [text])]
-        own.append(max(min(len(head), _LONGEST_HEADER), *map(len, words), 1))
-    room = width - (min(of_keys[-1], LONGEST_KEY) + _GAP if keys else 0)
+        own.append(max(min(len(head), _MAX_HEADER_CHARACTERS), *map(len, words), 1))
+    room = width - (min(of_keys[-1], MAX_KEY_CHARACTERS) + _GAP if keys else 0)
     parted: list[list[tuple[int, int]]] = [[]]
     for column in enumerate(own):
         if parted[-1] and sum(used + _GAP for _, used in parted[-1]) + column[1] + _GAP > room:
@@ -131,7 +131,9 @@ def _narrow(table: Table, block: Block) -> "Iterator[RichTable | Text]":
     """Yield some columns of a table, the rows of each heading apart."""
     keys = len(table.row_keys)
     names = [*table.header[:keys][-1:], *(table.header[keys + k] for k, _ in block)]
-    longest = [min(LONGEST_KEY, max(map(len, [name, *(row[-1] for row in table.rows)]))) for name in names[: keys > 0]]
+    longest = [
+        min(MAX_KEY_CHARACTERS, max(map(len, [name, *(row[-1] for row in table.rows)]))) for name in names[: keys > 0]
+    ]
     widths = [*longest, *(own for _, own in block)]
     if block[0][0]:
         yield _plain("")

@@ -94,7 +94,7 @@ class SlowErrors:
 
 # The sensors of a simulated vehicle: from its true motion to a recording.
 
-MOST_SAMPLES = 2_000_000
+MAX_SAMPLES = 2_000_000
 """Of the IMU in one simulated drive: 5 h at 100 Hz; to simulate it takes 2 GB."""
 START_UTC = datetime(2024, 5, 14, 14, 0, tzinfo=UTC)
 _IMUS = ("per_sample", *GRADES)
@@ -192,10 +192,10 @@ class Sensors(SlowErrors):
     def check_length(self, subject: str, duration_s: float) -> None:
         """Raise a PluginError where a drive of this length has more samples than memory should hold."""
         samples = duration_s * self.imu_rate_hz
-        if samples > MOST_SAMPLES:
+        if samples > MAX_SAMPLES:
             raise PluginError(
                 f"{subject}: {duration_s:g} s at imu_rate_hz {self.imu_rate_hz:g} are {samples:.3g} samples; a"
-                f" simulated drive has at most {MOST_SAMPLES:,}: shorten it, or lower the rate."
+                f" simulated drive has at most {MAX_SAMPLES:,}: shorten it, or lower the rate."
             )
 
     def _imu(self, truth: Truth, seed: int, false_mps2: FloatArray | None) -> Imu:

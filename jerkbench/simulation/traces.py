@@ -19,7 +19,7 @@ from jerkbench.errors import RecordingError, unknown
 from jerkbench.files import write_atomically
 from jerkbench.recording import Recording, Reference
 
-_LEAST_ROWS = 10
+_MIN_ROWS = 10
 """A shorter trace has neither a distribution nor a correlation."""
 
 
@@ -61,8 +61,8 @@ class Trace:
     def __post_init__(self) -> None:
         """Check shapes, times, errors and covariances."""
         m = len(self.t_s)
-        if m < _LEAST_ROWS:
-            raise RecordingError(f"A trace of {m} fixes says too little; it needs {_LEAST_ROWS}.")
+        if m < _MIN_ROWS:
+            raise RecordingError(f"A trace of {m} fixes says too little; it needs {_MIN_ROWS}.")
         for name, shape in {"t_s": (m,), "error_m": (m, 3), "covariance_m2": (m, 3, 3)}.items():
             object.__setattr__(self, name, frozen(self, name, getattr(self, name), shape))
         require_times(self, self.t_s)
@@ -226,8 +226,8 @@ def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", o
         raise RecordingError(f"{recording.name} lacks position fixes or a reference of positions: no errors to trace.")
     true, known = _at(reference, position.t_s)
     kept = known & np.isfinite(position.enu_m).all(axis=1)
-    if kept.sum() < _LEAST_ROWS:
-        few = f"{kept.sum()} fixes where its reference is known; {_LEAST_ROWS} are needed."
+    if kept.sum() < _MIN_ROWS:
+        few = f"{kept.sum()} fixes where its reference is known; {_MIN_ROWS} are needed."
         raise RecordingError(f"{recording.name} has {few}")
     error = (position.enu_m - true)[kept]
     if not error.any():

@@ -9,8 +9,8 @@ from jerkbench.arrays import FloatArray
 from jerkbench.simulation.motion import Path, Way, harmonics, smoothstep, smoothstep_rate
 
 WAVES = 36
-SHORTEST_PER_M = 1.2
-LONGEST_PER_M = 0.03
+MAX_CYCLES_PER_M = 1.2
+MIN_CYCLES_PER_M = 0.03
 REFERENCE_PER_M = 0.1
 REFERENCE_PSD_M3 = 1024e-6
 TRACK_PER_M = 0.6
@@ -71,7 +71,7 @@ def draw_terrain(
     rng: np.random.Generator, roughness: float, roll_ratio: float, hill_height_m: float, hill_length_m: float
 ) -> Terrain:
     """Draw the phases of both profiles; ``roll_ratio`` is the roll's share of the roughness [rad/m]."""
-    n = np.geomspace(LONGEST_PER_M, SHORTEST_PER_M, WAVES)
+    n = np.geomspace(MIN_CYCLES_PER_M, MAX_CYCLES_PER_M, WAVES)
     phases = rng.uniform(0.0, 2.0 * np.pi, (2, WAVES))
     sizes = wave_amplitudes(n) * roughness * np.array([[1.0], [roll_ratio]])
     return Terrain(n, sizes * np.cos(phases), sizes * np.sin(phases), hill_height_m, hill_length_m)
@@ -127,7 +127,7 @@ class Ruts:
 
 _SINES = 14
 LOWEST_HZ = 8.0
-HIGHEST_HZ = 35.0
+MAX_VIBRATION_HZ = 35.0
 AXIS_SHARE = np.array([0.7, 0.7, 1.0])
 """Rms of east, north and up, in parts of the nominal one."""
 
@@ -170,7 +170,7 @@ def draw_vibration(rng: np.random.Generator, accel_mps2: float, angle_rad: float
         accel_mps2: rms of the vertical acceleration; a horizontal axis has .7 of it.
         angle_rad: rms of roll, of pitch and of yaw.
     """
-    band = (HIGHEST_HZ - LOWEST_HZ) / _SINES
+    band = (MAX_VIBRATION_HZ - LOWEST_HZ) / _SINES
     w = 2.0 * np.pi * (LOWEST_HZ + band * (np.arange(_SINES) + rng.uniform(size=_SINES)))
     phases = rng.uniform(0.0, 2.0 * np.pi, (6, _SINES))
     unit = np.sqrt(2.0 / _SINES)  # amplitude of each of 14 sines whose sum has an rms of one

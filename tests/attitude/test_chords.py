@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jerkbench.attitude.yaw import FINE_RAD, LONGEST_S, chords_of
+from jerkbench.attitude.yaw import FINE_RAD, MAX_CHORD_S, chords_of
 from jerkbench.recording import Position
 
 
@@ -60,7 +60,7 @@ def test_a_walk_under_noisy_fixes_shows_a_coarse_course_now_and_then():
     chords = chords_of(along_east(1.4, 3.0, duration_s=120.0), 0.0, 120.0)
 
     assert 2 <= len(chords.end_s) <= 4
-    assert (chords.end_s - chords.begin_s <= LONGEST_S).all()
+    assert (chords.end_s - chords.begin_s <= MAX_CHORD_S).all()
     np.testing.assert_allclose(chords.sigma_rad, np.sqrt(2) * 3.0 / (1.4 * (chords.end_s - chords.begin_s)))
 
 

@@ -15,7 +15,7 @@ def hostile(script, monkeypatch):
 
 @pytest.mark.slow
 def test_random_command_lines_end_in_words(hostile, tmp_path, monkeypatch):
-    monkeypatch.setattr(hostile, "LONGEST_S", 600)  # a busy machine is no fault of theirs
+    monkeypatch.setattr(hostile, "MAX_CHORD_S", 600)  # a busy machine is no fault of theirs
     outcomes = list(hostile.command_lines(COUNT, SEED, tmp_path))
 
     assert [outcome for outcome in outcomes if outcome.kind == "broken"] == []
@@ -24,7 +24,7 @@ def test_random_command_lines_end_in_words(hostile, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("family", ["tracks", "arrays"])
 def test_damaged_recordings_end_in_words(hostile, tmp_path, monkeypatch, family):
-    monkeypatch.setattr(hostile, "LONGEST_S", 600)
+    monkeypatch.setattr(hostile, "MAX_CHORD_S", 600)
     monkeypatch.setattr(hostile, "SMOOTHED", COUNT + 1)  # the search takes seconds
     outcomes = list(hostile.FAMILIES[family](COUNT, SEED, tmp_path))
 
@@ -47,7 +47,7 @@ def test_what_ends_without_words_is_broken(hostile, tmp_path, monkeypatch, raise
 
 
 @pytest.mark.parametrize(
-    ("limit", "work"), [("SILENT_S", lambda _: all(iter(lambda: True, 0))), ("LONGEST_S", lambda _: sleep(9))]
+    ("limit", "work"), [("SILENT_S", lambda _: all(iter(lambda: True, 0))), ("MAX_CHORD_S", lambda _: sleep(9))]
 )
 def test_silence_is_broken(hostile, tmp_path, monkeypatch, limit, work):
     monkeypatch.setattr(hostile, limit, 0.05)

@@ -6,7 +6,7 @@ from jerkbench.plugins import create
 
 MODULES = {"simdkalman_runs": "simdkalman", "torch_kf_runs": "torch_kf"}
 MODULES |= {"lgssm_filter_runs": "dynamax", "scan_runs": "dynamax"}
-LARGEST_M = {"simdkalman": 1e-12, "torch_kf": 1e-12, "dynamax": 1e-6}
+MAX_DIFFERENCE_M = {"simdkalman": 1e-12, "torch_kf": 1e-12, "dynamax": 1e-6}
 """dynamax adds 1e-9 to the diagonal of S before it solves; the eigenvalues of R are about 1e-4, innovations 0.1 m."""
 
 
@@ -30,7 +30,7 @@ def test_every_run_of_a_library_is_that_of_the_plain_loop(script, timeline, way,
     assert position_m.shape == (runs, 201, 3)
     for shift in range(runs):
         x, _ = loop(peers.later(timeline, shift), model)
-        assert abs(position_m[shift] - x[:, :3]).max() < LARGEST_M[MODULES[way]]
+        assert abs(position_m[shift] - x[:, :3]).max() < MAX_DIFFERENCE_M[MODULES[way]]
         assert abs(position_m[shift] - position_m[shift - 1]).max() > 1e-3 or runs == 1
 
 

@@ -35,15 +35,15 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import no_attitude
 from jerkbench.kalman import innovation_factor
-from jerkbench.recording import _LEAST_FIXES, Position, Reference, Velocity
+from jerkbench.recording import _MIN_FIXES, Position, Reference, Velocity
 from jerkbench.timeline import Measurements, Timeline, build_timeline
 from synthetic import level_attitude, recording_at_rest
 
 SHARE = 3
 COUNT = int(os.environ.get("JERKBENCH_RANDOM_TIMELINES", SHARE))
-LAST_BITS, CHANGED, FACTOR, LARGEST = 4, 6, 20.0, 0.05
+LAST_BITS, CHANGED, FACTOR, MAX_ERROR = 4, 6, 20.0, 0.05
 """Bits [ulp], changed runs, how much more than these the engine may differ, and the most that they may [sigma]."""
-MOST_CHANGED = 60
+MAX_CHANGED = 60
 """Changed runs where six do not explain a difference: a threshold within an iteration flips in one of ten."""
 
 LENGTHS_S = st.sampled_from([0.01, 0.01, 0.01, 0.1, 1.0, 100.0, 0.0, 1e-9])
@@ -63,7 +63,7 @@ def recordings(draw):
     rate_hz, seconds = draw(st.sampled_from([(10, 3), (50, 1), (100, 1)]))
     imu = draw(st.booleans())
     kept = {"reference": stamps(draw, rng, -1.0, seconds + 1.0, least=1)}
-    least = 0 if imu else _LEAST_FIXES
+    least = 0 if imu else _MIN_FIXES
     kept["position"] = stamps(draw, rng, -1.0, seconds + 1.0, least)
     kept["velocity"] = stamps(draw, rng, -1.0, seconds + 1.0, 0)
     rest = recording_at_rest(seconds, rate_hz)
@@ -300,13 +300,13 @@ def compare(timeline, model, adaptation):
     if alike and (difference < strict_limits(scale)).all():
         return "refused" if reference.failure else "strictly"
     changed = []
-    for seed in range(MOST_CHANGED):
+    for seed in range(MAX_CHANGED):
         changed.append(with_other_bits(timeline, model, adaptation, seed))
         if len(changed) < CHANGED:
             continue
         largest = np.max([padded(apart(run, reference, scale), len(scale)) for run in changed], axis=0)
         spread = np.maximum.accumulate(shared_by_axes(largest), axis=0)
-        told = int(np.argmax((spread > LARGEST).any(axis=1))) if (spread > LARGEST).any() else len(scale)
+        told = int(np.argmax((spread > MAX_ERROR).any(axis=1))) if (spread > MAX_ERROR).any() else len(scale)
         end = min(told, len(difference))
         times = (difference / (strict_limits(scale) + FACTOR * spread)[: len(difference)])[:end]
         if (times <= 1.0).all():

@@ -168,7 +168,7 @@ def test_the_interval_of_one_recording_holds_its_rmse_where_it_is_long_enough(
     estimate, recording, counted, monkeypatch
 ):
     assert math.isnan(OneRecording().evaluate(estimate, recording, counted)["position_rmse_low_m"])  # 50 rows
-    monkeypatch.setattr(correlated_errors, "LEAST_TIMES", 20)
+    monkeypatch.setattr(correlated_errors, "MIN_CORRELATION_TIMES", 20)
     got = OneRecording().evaluate(estimate, recording, counted)
     rmse = PositionRmse().evaluate(estimate, recording, counted)["position_rmse_m"]
     assert got["position_rmse_low_m"] < rmse < got["position_rmse_high_m"]

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 
 SOURCE = Path(__file__).parents[2] / "examples" / "plugin"
-MOST_LINES = 40
+MAX_LINES = 40
 
 
 def test_it_is_two_small_files():
     files = sorted(path.name for path in SOURCE.iterdir() if path.is_file())
 
     assert files == ["geman_mcclure.py", "pyproject.toml"]
-    assert all(len((SOURCE / name).read_text(encoding="utf-8").splitlines()) <= MOST_LINES for name in files)
+    assert all(len((SOURCE / name).read_text(encoding="utf-8").splitlines()) <= MAX_LINES for name in files)
 
 
 def test_its_weights_are_those_of_the_equation(monkeypatch):

@@ -71,7 +71,7 @@ def test_what_others_may_write_to_is_not_unpickled(folder, capsys):
 
 
 def test_the_longest_unused_go_when_there_are_too_many(folder, monkeypatch):
-    monkeypatch.setattr(simulated, "MOST_CACHED_BYTES", 1)
+    monkeypatch.setattr(simulated, "MAX_DRIVE_BYTES", 1)
     for seed in (1, 2, 16):
         simulated.simulated(Field(duration_s=8.0), seed)
     assert len(list(folder.glob(simulated.SIMULATED_PATTERN))) == 1

@@ -21,7 +21,7 @@ from jerkbench.parameters import Column
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
-_STEEPEST_RAD = np.radians(75.0)
+_MAX_ANGLE_RAD = np.radians(75.0)
 """Up to this pitch of the reference, roll and yaw are angles of their own."""
 
 
@@ -53,7 +53,7 @@ class AttitudeRmse:
         """Return the three values by column name."""
         error = euler_error_rad(estimate, recording)
         truth = recording.reference.euler_rad
-        steep = np.zeros(len(error), dtype=bool) if truth is None else np.abs(truth[estimate.index, 1]) > _STEEPEST_RAD
+        steep = np.zeros(len(error), dtype=bool) if truth is None else np.abs(truth[estimate.index, 1]) > _MAX_ANGLE_RAD
         values = {}
         for axis, name in enumerate(("roll", "pitch", "yaw")):
             rows = counted & known(truth, estimate, (axis,)) & (~steep | (name == "pitch"))

@@ -282,7 +282,7 @@ def _window(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[Fl
 INSET_IN = 3.5
 """Height of the enlarged part, which is twice as wide as high [inch]."""
 
-LEAST_M = 0.2
+MIN_HALF_WIDTH_M = 0.2
 """Half the width of what is enlarged is five times the largest error, and at least this."""
 
 ENLARGED = 4.0
@@ -304,7 +304,7 @@ def inset_trajectory_figure(
     width_m = float(np.ptp(main.get_xlim()))
     widest_m = width_m / (2 * ENLARGED)
     middle, worst_m = _place(recording, truth, estimates, widest_m / 2)
-    half = min(max(LEAST_M, 5.0 * worst_m), widest_m)
+    half = min(max(MIN_HALF_WIDTH_M, 5.0 * worst_m), widest_m)
     low, high = np.transpose([main.get_xlim(), main.get_ylim()])
     room = np.array([half, half / 2])  # to each side of the middle, so that the box stays inside the axes
     middle = np.clip(middle, low + room, high - room)

@@ -201,7 +201,7 @@ def test_the_same_rows_give_the_same_bytes(rows, tmp_path):
 
 def test_of_a_long_table_the_terminal_has_the_beginning(cell_rows, capsys, monkeypatch):
     frame = pd.DataFrame([row for name in "abcd" for row in cell_rows(name, "none", [1.0, 2.0])])
-    monkeypatch.setattr(terminal, "MOST_ROWS", 3)
+    monkeypatch.setattr(terminal, "MAX_ROWS", 3)
     print_table(frame)
     out = capsys.readouterr().out
 
