@@ -7,7 +7,12 @@ from jerkbench.jobs import rows as run
 from jerkbench.jobs.job import Protocol
 from made_jobs import job_with
 
-PARTS = {"disturbance": "imu_bias", "filter": "baseline", "adaptation": "scalar_r"}
+PARTS = {
+    "dataset": {"name": "field", "duration_s": 20.0},
+    "disturbance": "imu_bias",
+    "filter": "baseline",
+    "adaptation": "scalar_r",
+}
 
 
 def rows_of(limit_m, **changed):
