@@ -98,7 +98,7 @@ def test_a_run_remembers_its_own_updates_whatever_its_neighbours_lack(uneven, cl
         np.testing.assert_array_equal(got.nees, alone.nees)
     for got, (recording, timeline), rule in zip(together, uneven, rules, strict=True):
         wanted = trajectory(recording, timeline, Jerk(), rule)
-        rmse_m = np.sqrt(got.whole_m2 / prepared[0].numbers.whole)
+        rmse_m = np.sqrt(got.whole_m2 / prepared[0].rows.whole.sum())
         assert rmse_m == pytest.approx(wanted["position_rmse_whole_m"], rel=1e-9)
 
 
