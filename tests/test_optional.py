@@ -6,7 +6,6 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import PluginError
-from jerkbench.plugins import members
 
 
 def refusal(kind, cls):
@@ -81,9 +80,9 @@ def test_what_varies_between_runs_is_a_whole_number(varying):
         on: bool = False
 
     Varies.varying = varying
-    assert "varying must be a tuple of names" in next(members.misfits("adaptation", Varies))
+    assert "varying must be a tuple of names" in next(plugins.misfits("adaptation", Varies))
     Varies.varying = ("window",)
-    assert not list(members.misfits("adaptation", Varies))
+    assert not list(plugins.misfits("adaptation", Varies))
 
 
 def test_a_parameter_may_have_any_name_but_that_of_a_method():
@@ -95,8 +94,8 @@ def test_a_parameter_may_have_any_name_but_that_of_a_method():
     class Same:
         fade: float = 1.0
 
-    assert not list(members.misfits("adaptation", Near))
-    assert "must be a method" in next(members.misfits("adaptation", Same))
+    assert not list(plugins.misfits("adaptation", Near))
+    assert "must be a method" in next(plugins.misfits("adaptation", Same))
 
 
 def test_a_metric_reads_a_part_that_there_is():
@@ -106,4 +105,4 @@ def test_a_metric_reads_a_part_that_there_is():
 def test_no_plugin_of_the_tree_is_near_a_part_that_it_has_not():
     for kind in plugins.KINDS:
         for name in plugins.names(kind):
-            assert not list(members.misfits(kind, plugins.get(kind, name))), (kind, name)
+            assert not list(plugins.misfits(kind, plugins.get(kind, name))), (kind, name)
