@@ -287,7 +287,7 @@ def test_sigterm_while_a_sweep_is_planned_ends_with_a_sentence(tmp_path):
 
 
 @pytest.mark.parametrize("error", [ConfigAttributeError, AttributeError])  # OmegaConf raises both
-@pytest.mark.parametrize(("words", "place"), [("run", "app.prepared_app"), (FIELDS, "composition.choose")])
+@pytest.mark.parametrize(("words", "place"), [("run", "app.prepared_app"), (FIELDS, "app.compose_jobs")])
 def test_an_interrupt_that_a_library_turns_into_its_own_error_is_one_all_the_same(
     words, place, error, tmp_path, monkeypatch, capsys
 ):
