@@ -32,7 +32,7 @@ MAX_CODE = {
     "inspection": 1796,
     "io": 3165,
     "jerkbench": 1865,
-    "jobs": 1847,
+    "jobs": 1867,
     "kinematic": 2108,
     "plugins": 861,
     "report": 3990,

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -70,9 +71,10 @@ class CompiledEngine:
         """
         loops = set()
         for model, own in methods:
-            if isinstance(model, Filter):
-                at_once = asked_in_lanes(own) or changes_nothing(own)
-                loops.add(f"{2 + len(model.initial_variances())} {_sees_matrices(own):d} {at_once:d}")
+            with suppress(Exception):  # of a plugin: the run raises it again, and it becomes a failed row
+                if isinstance(model, Filter):
+                    at_once = asked_in_lanes(own) or changes_nothing(own)
+                    loops.add(f"{2 + len(model.initial_variances())} {_sees_matrices(own):d} {at_once:d}")
         os.environ[LOOPS] = ",".join(sorted(loops))
 
     def run_settings(

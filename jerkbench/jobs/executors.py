@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
@@ -98,6 +99,9 @@ class Local:
 LOCAL = Local()
 """The processes of this machine."""
 
+GRACE_S = 5.0
+"""Time that a terminated process gets to end."""
+
 _SPAWN = multiprocessing.get_context("spawn")
 """A forked process may hang in libraries that hold threads."""
 
@@ -110,6 +114,7 @@ class LocalExecutor(Executor):
 
     def __init__(self, workers: int) -> None:
         """Use up to ``workers`` processes."""
+        self._children: set[BaseProcess] = set()
         self._workers = min(workers, 61) if sys.platform == "win32" else workers  # the limit of Windows
         self._start()
 
@@ -119,6 +124,7 @@ class LocalExecutor(Executor):
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401 - of the call
         """Submit a call, to a new pool if the last one is broken."""
+        before = {*multiprocessing.active_children()}
         with _without_script():
             try:
                 return self._pool.submit(call, *arguments, **named)
@@ -126,11 +132,21 @@ class LocalExecutor(Executor):
                 self.shutdown()
                 self._start()
                 return self._pool.submit(call, *arguments, **named)
+            finally:
+                self._children |= {*multiprocessing.active_children()} - before
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        """End the processes at once: finished results have been received, and the others are not needed."""
+        """Terminate the processes: finished results have been received, and the others are not needed.
+
+        Nothing waits for the pool itself: a process that is terminated while it writes leaves it without an answer.
+        """
         self._writer.close()
-        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+        self._pool.shutdown(wait=False, cancel_futures=cancel_futures)
+        for child in self._children:
+            child.terminate()  # also while compiled code holds the interpreter
+        for child in self._children if wait else ():
+            child.join(GRACE_S)
+        self._children.clear()
         self._reader.close()
 
 

@@ -26,19 +26,19 @@ COMPUTING = (
     *("filters", "inertial", "io", "kinematic", "recording", "simulation", "timeline"),
     *("contracts", "evaluation/metrics", "arrays", "estimate", "geometry", "kalman", "adapted_updates", "r_scale"),
     *("random_streams", "renamed", "campaign/split"),
-    *("jobs/inputs", "jobs/job", "jobs/rows", "report/columns", "report/labels"),
+    *("jobs/inputs", "jobs/job", "jobs/rows", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
 """Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
 
 
 @cache
-def code_digest() -> str:
-    """Return the hash of every source file that the rows of a job depend on, and of every trace."""
+def code_digest(*further: str) -> str:
+    """Return the hash of the source files that rows depend on, of all traces, and of ``further`` packages."""
     digest = hashlib.sha256()
     for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("simulation/shipped/*.parquet")]):
         inside = path.relative_to(PACKAGE_FOLDER)
-        if not {one.as_posix() for one in (inside.with_suffix(""), *inside.parents)}.isdisjoint(COMPUTING):
+        if not {one.as_posix() for one in (inside.with_suffix(""), *inside.parents)}.isdisjoint((*COMPUTING, *further)):
             digest.update(str(inside).encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -244,7 +244,7 @@ class _Dispatch(Generic[_Task, _Result]):
                 future.cancel()
 
     def _submit(self) -> Iterator[tuple[list[_Task], Exception]]:
-        identity = code_digest(), tuple(versions().items())
+        identity = code_identity()
         while (self.waiting or (self.suspects and not self.running)) and len(self.running) < self._ask(self.pool.slots):
             chunk = (self.waiting or self.suspects).popleft()
             try:
@@ -302,13 +302,18 @@ class _Dispatch(Generic[_Task, _Result]):
             yield from (([task], ChildProcessError(message)) for task in chunk.tasks)
 
 
+def code_identity() -> tuple[str, tuple[tuple[str, str], ...]]:
+    """Return the hash of the code that a worker runs and stores with, and the versions of its libraries."""
+    return code_digest("jobs", "campaign"), tuple(versions().items())
+
+
 def run_chunk(content: bytes, folder: str, modules: tuple[str, ...], identity: object) -> tuple[int, Any]:
     """Run a chunk in a worker. An exception is returned as the result, because it does not end the worker.
 
     Raises:
         ClusterError: the worker has different code than the process that planned.
     """
-    if identity != (code_digest(), tuple(versions().items())):
+    if identity != code_identity():
         raise ClusterError(
             f"A worker on {gethostname()} has another version of jerkbench or of a library; install the same there."
         )

@@ -400,8 +400,15 @@ class Store:
 
         Another process may do the same: a reader may find rows twice, but never misses one.
         """
-        tables = {name: table for name, table in self._load_all().items() if table and len(table) < SMALL_ROWS}
-        if len(tables) >= max(least, 2):
+        small = [name for name, table in self._load_all([KEY]).items() if table and len(table) < SMALL_ROWS]
+        if len(small) < max(least, 2):
+            return
+        tables: dict[str, pa.Table] = {}
+        for name in small:
+            with suppress(FileNotFoundError):  # another process has just joined it
+                if table := self.load(name):
+                    tables[name] = table
+        if len(tables) > 1:
             self._write(unique_rows(list(tables.values())))
             for name in tables:
                 with suppress(PermissionError):  # on Windows another process reads it

@@ -86,7 +86,8 @@ class Study:
         """The same study with the cells ``keys`` alone."""
         chosen = self.keys.isin(list(keys)).to_numpy()
         rows, keys_of_rows = self.rows[chosen].reset_index(drop=True), self.keys[chosen].reset_index(drop=True)
-        return replace(self, rows=rows, keys=keys_of_rows)
+        metadata = {key: self.metadata[key] for key in dict.fromkeys(keys_of_rows)}
+        return replace(self, rows=rows, keys=keys_of_rows, metadata=metadata)
 
 
 def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -> Study:

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-TUNED_SUFFIX = ", tuned"
-"""End of the label of a filter whose presets `jerkbench tune` wrote."""
-
 _UNITS = {
     "m": "m",
     "mps": "m/s",

@@ -4,8 +4,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from jerkbench.report.columns import TUNED_SUFFIX
-from jerkbench.report.labels import bare
+from jerkbench.report.labels import TUNED_SUFFIX, bare
 
 LABELLED_PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
 """Parts of a job that have a label. The noise is a parameter of the filter."""

@@ -9,7 +9,9 @@ from jerkbench import plugins
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.r_scale import scale_of
 from jerkbench.renamed import new_name
-from jerkbench.report.columns import TUNED_SUFFIX
+
+TUNED_SUFFIX = ", tuned"
+"""End of the label of a filter whose presets `jerkbench tune` wrote."""
 
 
 class Labels(Combination):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from jerkbench.evaluation.consistency_verdict import NEAR
-from jerkbench.report.columns import FACTORS, TUNED_SUFFIX, competes
+from jerkbench.report.columns import FACTORS, competes
+from jerkbench.report.labels import TUNED_SUFFIX
 from jerkbench.report.summary import summarise
 from jerkbench.report.sweeps import costs
 

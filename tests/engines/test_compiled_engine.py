@@ -4,6 +4,7 @@ Warm, that is with the compiled code of an earlier session on the disk, nearly a
 engine's. Cold, three loops are compiled (for 6, 9 and 12 states) and each adaptation.
 """
 
+import os
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from engine_agreement import agree
 from jerkbench import plugins
 from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.compilation.module_cache import LOOPS
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.filters.kinematic import Baseline, Jerk
@@ -232,3 +234,15 @@ def test_what_numba_cannot_compile_runs_on_the_reference_engine_with_one_line(ti
     start = f"jerkbench: {type(adaptation).__name__} runs on the engine filterpy: "
     assert line.startswith(start)
     assert len(line) > len(start) + 10
+
+
+class Unknown(Jerk):
+    def initial_variances(self):
+        raise ValueError("no variances")
+
+
+def test_a_filter_that_raises_does_not_stop_the_announcement_of_the_others(monkeypatch):
+    monkeypatch.setenv(LOOPS, "")
+    CompiledEngine().announce([(Unknown(), NoAdaptation()), (Baseline(), NoAdaptation())])
+
+    assert os.environ[LOOPS].count(" ") == 2  # the loop of the other filter

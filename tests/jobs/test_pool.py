@@ -1,5 +1,6 @@
 """Work in processes of this machine. A process that dies costs its own task only."""
 
+import ctypes
 import gc
 import os
 import time
@@ -117,3 +118,20 @@ def habits(tasks):
 
 def test_a_worker_has_one_thread_and_collects_garbage_as_rarely_as_a_command():
     assert set(dict(run(habits, [[1], [2]], workers=2)).values()) == {(1, (50_000, 20, 100))}
+
+
+def hold_interpreter(tasks):
+    Path(tasks[0]).write_text(str(os.getpid()))
+    ctypes.PyDLL(None).sleep(600)  # like compiled code that does not release the lock of the interpreter
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the C library has another name")
+def test_a_process_that_holds_the_interpreter_is_terminated(tmp_path):
+    executor = LocalExecutor(1)
+    executor.submit(hold_interpreter, [tmp_path / "number"])
+    while not (tmp_path / "number").exists() or not (tmp_path / "number").read_text():
+        time.sleep(0.05)
+    executor.shutdown()
+
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "number").read_text()), 0)
