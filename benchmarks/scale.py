@@ -25,7 +25,7 @@ from jerkbench.jobs.manifest import write_manifest
 from jerkbench.jobs.plan import Plan, planned
 from jerkbench.jobs.rows import Result, job_rows
 from jerkbench.jobs.run import block_of
-from jerkbench.jobs.store import RowBlock, Store
+from jerkbench.jobs.store import RowBlock, Store, table_of
 from jerkbench.jobs.study import load_study, write_study
 from jerkbench.report.terminal import print_beginning
 
@@ -83,10 +83,10 @@ def store_all(plan: Plan, store: Store) -> None:
     for block in blocks(plan):
         held.append(block)
         if len(held) == BUNDLE:
-            store.write_blocks(held)
+            store.write([table_of(held)])
             held = []
     if held:
-        store.write_blocks(held)
+        store.write([table_of(held)])
 
 
 def main() -> None:

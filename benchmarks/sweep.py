@@ -18,7 +18,7 @@ from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.job import Job, Protocol, build
 from jerkbench.jobs.rows import Result, job_rows
 from jerkbench.jobs.run import block_of
-from jerkbench.jobs.store import Store
+from jerkbench.jobs.store import Store, table_of
 from jerkbench.timeline import build_timeline
 
 ONCE, EACH = "once a recording", "each run"
@@ -68,10 +68,10 @@ def tell_cells(seeds: int) -> None:
     first, *others = [block._replace(key=f"{k:064x}") for k in range(101)]
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
-        store.write_blocks([first])
+        store.write([table_of([first])])
         store.known([first.key])
         keys = [block.key for block in others]
-        tell("stored", "each cell", len(keys), lambda: [store.write_blocks([block]) for block in others])
+        tell("stored", "each cell", len(keys), lambda: [store.write([table_of([block])]) for block in others])
         tell("looked up and checked", "each cell that is done", len(keys), lambda: store.known(set(keys)))
 
 

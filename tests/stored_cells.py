@@ -1,6 +1,6 @@
 """Stored cells as a run leaves them, made without one."""
 
-from jerkbench.jobs.store import RowBlock, Store
+from jerkbench.jobs.store import RowBlock, Store, table_of
 
 LABELS = {
     "dataset": "field",
@@ -27,9 +27,14 @@ def row(rmse_m=0.1 + 0.2, seed=0, status="ok", **labels):
     return {**LABELS, **labels, **told, "position_rmse_m": rmse_m}
 
 
+def write_blocks(store, blocks):
+    """Store blocks of rows as one file."""
+    store.write([table_of(blocks)])
+
+
 def store_cell(store, key, rows, metadata):
     """Store a whole cell, as a part of its own."""
-    store.write_blocks([RowBlock(key, len(rows), rows, metadata)])
+    write_blocks(store, [RowBlock(key, len(rows), rows, metadata)])
 
 
 def put(folder, key, rmse_m, *, seeds=1, conditions=None, **changed):

@@ -9,7 +9,7 @@ import pytest
 from commands import verb
 from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study
-from stored_cells import about, put, row
+from stored_cells import about, put, row, write_blocks
 
 ROOT = Path(__file__).parents[1]
 PARTS = "results/*/cells/part-*.parquet"
@@ -50,7 +50,7 @@ def test_a_compacted_study_has_the_same_rows_in_one_file_and_answers(tmp_path):
     study = tmp_path / "study"
     for key, rmse_m, name in (("a", 0.5, "jerk"), ("b", 0.25, "baseline"), ("b", 0.25, "baseline")):
         put(study, key, rmse_m, filter=name, seeds=8)
-    Store(study).write_blocks([RowBlock("c", 2, [row()], about())])  # a cell that was begun
+    write_blocks(Store(study), [RowBlock("c", 2, [row()], about())])  # a cell that was begun
     before, known = load_study(study), Store(study).known("abc")
     Store(study).compact()
 

@@ -166,7 +166,7 @@ class Writer:
     def flush(self) -> None:
         """Write a file."""
         if self._held:
-            self._store.write_blocks((), self._held)
+            self._store.write(self._held)
         self._held, self._written = [], time.monotonic()
 
 

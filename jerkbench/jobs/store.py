@@ -335,13 +335,9 @@ class Store:
             notify(f"{damaged_files(damaged)} set aside, {cells} run again: {', '.join(map(plain, damaged))}.")
         return damaged
 
-    def write_blocks(self, blocks: Sequence[RowBlock], tables: Sequence[pa.Table] = ()) -> None:
-        """Store blocks, and tables of `table_of`, as one file.
-
-        Raises:
-            JerkbenchError: a metric cannot be stored.
-        """
-        self._write(concatenated([*tables, *map(table_of, [blocks] if blocks else ())]))
+    def write(self, tables: Sequence[pa.Table]) -> None:
+        """Store tables of `table_of` as one file."""
+        self._write(concatenated(tables))
 
     def known(self, keys: Collection[str], *, failed: bool = False) -> dict[str, set[int]]:
         """Return the seeds of the stored runs of ``keys``; with ``failed`` also those of the runs that failed."""

@@ -11,6 +11,7 @@ from jerkbench.jobs.rows import Result, Task, job_rows, work
 from jerkbench.jobs.run import block_of, run_missing
 from jerkbench.jobs.store import Store
 from made_jobs import job_with
+from stored_cells import write_blocks
 
 SEEDS = 2 * KEPT_INPUTS + 3
 
@@ -75,11 +76,11 @@ def test_a_damaged_block_and_a_failed_run_are_run_again(store):
     paths = []
     for draws in (first, second):
         (result,) = work(Task((job,), draws))
-        store.write_blocks([block_of(job, result)])
+        write_blocks(store, [block_of(job, result)])
         paths += [path for path in store.folder.iterdir() if path not in paths]
     paths[1].write_bytes(paths[1].read_bytes()[:-40])
 
     assert sorted(store.known([job.key])[job.key]) == first
     failed = [{**row, "status": "failed"} for row in result.rows[:3]]
-    store.write_blocks([block_of(job, Result(failed, []))])
+    write_blocks(store, [block_of(job, Result(failed, []))])
     assert sorted(store.known([job.key])[job.key]) == first

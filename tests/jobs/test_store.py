@@ -9,7 +9,7 @@ import pytest
 from jerkbench.errors import JerkbenchError
 from jerkbench.jobs.manifest import read_manifest, write_manifest
 from jerkbench.jobs.store import RowBlock, Store
-from stored_cells import about, row, store_cell
+from stored_cells import about, row, store_cell, write_blocks
 
 ROWS = [row()]
 ABOUT = about()
@@ -43,8 +43,8 @@ def test_what_is_written_is_read_to_the_bit(store):
 def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store):
     first = [{**row(seed=seed), "lost": seed, "velocity_rmse_mps": 0.5 * seed} for seed in (3, 1)]
     second = [{**row(), "height_m": 1.0, "lost": 0.5}]
-    store.write_blocks(
-        [RowBlock("a", 2, first, about(notes=["of a"])), RowBlock("b", 1, second, about(notes=["of b"]))]
+    write_blocks(
+        store, [RowBlock("a", 2, first, about(notes=["of a"])), RowBlock("b", 1, second, about(notes=["of b"]))]
     )
     a, b = store.read()[0]
 
@@ -61,11 +61,11 @@ def test_a_cell_is_whole_when_its_last_block_is_there(store):
         RowBlock("abc", 5, rows, about(notes=[name, "both"], seconds=2.0))
         for name, rows in (("second", last), ("first", first))
     ]
-    store.write_blocks(blocks[:1])
+    write_blocks(store, blocks[:1])
     assert store.read() == ([], [])
     assert done(store) == [3, 4]
 
-    store.write_blocks(blocks[1:])
+    write_blocks(store, blocks[1:])
     assert done(store) == [0, 1, 2, 3, 4]
     (cell,), _ = store.read()
     assert list(cell.rows["seed"]) == [0, 1, 2, 3, 4]
@@ -81,7 +81,7 @@ def test_a_cell_with_a_failed_run_is_there_but_not_done_until_that_run_went_well
     assert done(store) == [0]
     assert store.known(["abc"], failed=True) == {"abc": {0, 1}}
     assert list(store.read()[0][0].rows["status"]) == ["ok", "failed"]
-    store.write_blocks([RowBlock("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
+    write_blocks(store, [RowBlock("abc", 2, [row(0.7, seed=1)], about(created="2026-02-01T00:00:00Z"))])
     assert done(store) == [0, 1]
     (cell,), _ = store.read()
     assert list(cell.rows["position_rmse_m"]) == [0.1 + 0.2, 0.7]

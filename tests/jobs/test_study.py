@@ -14,7 +14,7 @@ from jerkbench.report.findings import findings
 from jerkbench.report.selection import other_methods, require_alike
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import summarise
-from stored_cells import LABELS, about, put, row, store_cell
+from stored_cells import LABELS, about, put, row, store_cell, write_blocks
 
 KEYS_OF_TWO = ("a" * 20, "b" * 20)
 
@@ -146,7 +146,7 @@ def test_shards_of_one_cell_are_planned_as_one_and_no_seed_runs_twice():
 def test_rows_of_shards_are_joined_and_other_seeds_are_left_out_and_said(tmp_path):
     store = Store(tmp_path)
     for seeds in ((2, 3), (0, 1), (3, 4, 5)):
-        store.write_blocks([RowBlock("a", len(seeds), [row(float(seed), seed) for seed in seeds], about(notes=[]))])
+        write_blocks(store, [RowBlock("a", len(seeds), [row(float(seed), seed) for seed in seeds], about(notes=[]))])
         write_manifest(tmp_path, {"a": seeds}, [], ["jerkbench"])
     store_cell(store, "d", [row(9.0, 9)], about(notes=[], created="2025-01-01T00:00:00Z"))
     study = load_study(tmp_path)
@@ -209,7 +209,7 @@ def test_a_cell_whose_blocks_were_run_on_two_processors_names_both(tmp_path):
     store = Store(tmp_path)
     store.prepare()
     for seed, kind in enumerate(("znver4: avx fma", "haswell: avx")):
-        store.write_blocks([RowBlock(KEYS_OF_TWO[0], 2, [row(seed=seed)], about(processor=kind))])
+        write_blocks(store, [RowBlock(KEYS_OF_TWO[0], 2, [row(seed=seed)], about(processor=kind))])
     (stored,), _ = store.read([KEYS_OF_TWO[0]])
 
     assert stored.metadata["processor"] == "haswell: avx and znver4: avx fma"
