@@ -1,97 +1,114 @@
-"""The audit's page and the README's first screen, from committed results.
+"""The finding of the audit in the README, and its picture, from committed results.
 
-python experiments/audit/front.py            prints the block of the first screen
-python experiments/audit/front.py README.md  puts it between <!-- audit --> and <!-- /audit -->, and takes page and
-                                             pictures along from results/audit-full, where they are
+python experiments/audit/front.py            prints the block
+python experiments/audit/front.py README.md  writes it between <!-- audit --> and <!-- /audit -->, draws by_fault.png,
+                                             and copies page and pictures from results/audit-full if they are there
 """
 
-import csv
-import json
 import re
 import shutil
 import sys
+import textwrap
 from pathlib import Path
+
+from matplotlib.figure import Figure
+from recompute import Audit
+
+from jerkbench.report.plots.style import OKABE_ITO, save_figure
 
 HERE = Path(__file__).parent
 RESULTS = HERE.parents[1] / "results"
 AUDIT = RESULTS / "audit-full"
 PAGE = ("README.md", "answer.png", "kinds.png")
-SENTENCES = 3
-"""Number of sentences at the top of the page, which the first screen has, too."""
+PICTURE = HERE / "by_fault.png"
+FAULTS = {
+    "no fault": "no fault",
+    "outliers": "outliers",
+    "multipath_single_axis": "multipath on one axis",
+    "heavy_tailed": "heavy-tailed noise",
+    "replayed_gnss": "replayed receiver errors",
+    "false_fix": "false fixes",
+    "rtk_float_overconfident": "overconfident RTK float",
+    "stated_covariance": "wrong reported covariance",
+    "wheel_slip": "wheel slip",
+    "ruts": "ruts",
+    "imu_bias": "IMU bias",
+    "imu_vibration": "IMU vibration",
+    "gnss_outage": "GNSS outage",
+    "noise_step": "step of the noise level",
+}
+"""The kinds of fault, in the order of the picture, with their names there."""
 
 BLOCK = re.compile(r"(?<=<!-- audit -->\n).*?(?=<!-- /audit -->)", flags=re.DOTALL)
+JOURNEYS = re.compile(r"- \*\*J-GNSS\*\*: (\S+) \[(\S+), (\S+)\] .*? of (\d+) journeys.*?: \*\*(\w+)\*\*")
 
 
-def front() -> str:
-    """Return the block as Markdown."""
-    told = json.loads((AUDIT / "answer.json").read_text(encoding="utf-8"))
-    models = ", ".join(told["filters"])
-    head = (
-        f"An adaptation changes R, Q or the covariance while the filter runs. We combined {told['adaptations']}"
-        f" adaptations\nwith {len(told['filters'])} models ({models}). These {told['methods']} methods and the plain"
-        f" filters were tuned\nwith the same effort, in {told['tunings']} independent searches. We judged them on"
-        f" {told['drives']} other simulated drives,\n{100 * told['faulty']:.0f} % of them with a fault:\n"
+def front(audit: Audit) -> str:
+    """Return the block as Markdown.
+
+    Raises:
+        SystemExit: The results have changed, so that the first sentence is no longer true.
+    """
+    counts, methods = audit.better_and_worse(), len(audit.methods)
+    average, without = audit.average(), audit.average(~audit.faults["outliers"])
+    found = JOURNEYS.search((RESULTS / "journeys" / "answer.md").read_text(encoding="utf-8"))
+    if not found or found[5] != "worse" or average[2] >= 1.0 or without[1] < 0.995 or counts["no fault"][0]:
+        sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
+    ratio, low, high, journeys, _ = found.groups()
+    finding = f"""\
+**Yes, if the receiver produces outliers; otherwise rarely.** We tuned {methods} adaptive filters and the plain Kalman
+filters equally, and scored them on {audit.y.shape[2]} unseen simulated drives. On drives with outliers,
+{counts["outliers"][0]} are significantly better than the plain filter with the same model, and {counts["outliers"][1]}
+are worse. Without a fault, none is better and {counts["no fault"][1]} are worse. On average, the
+{audit.literature.sum()} filters with an adaptation from the literature have {average[0]:.2f} times the plain filter's
+error (95 % interval {average[1]:.2f} to {average[2]:.2f}), {without[0]:.2f} times ({without[1]:.2f} to
+{without[2]:.2f}) without outliers, and {ratio} times ({low} to {high}) on {journeys} real GNSS recordings."""
+    limits = """\
+A drive can have several faults. [The audit](experiments/audit/README.md) describes the method, the ranking and the
+limits; `experiments/audit/recompute.py` recomputes these numbers from the stored rows."""
+    caption = (
+        "Number of adaptive filters that are significantly better or worse than the plain filter, by kind of fault"
     )
-    page = (HERE / PAGE[0]).read_text(encoding="utf-8")
-    sentences = "".join(f"{sentence}\n" for sentence in re.findall(r"^\d\. .*$", page, flags=re.MULTILINE)[:SENTENCES])
-    words = "Error of each adaptation under each kind of fault, relative to the plain filter of its model"
-    figure = f'<img src="experiments/audit/answer.png" alt="{words}" width="780">\n\n'
-    figure += "A row is an adaptation, averaged over the models. Bold: shown to be better, worse, or equal"
-    figure += " within 10 % (the grey band).\nA drive may have several faults, and counts under each. "
-    second = (AUDIT / "second.md").read_text(encoding="utf-8").partition(". ")[0]
-    more = f"{second}. [The audit](experiments/audit/README.md) says\nwhat to take when, what it costs, how sure it is."
-    return f"{head}\n{sentences}\n{_journeys()}\n\n{figure}{more} {_suite()}\n"
+    figure = f'<img src="experiments/audit/{PICTURE.name}" alt="{caption}" width="720">'
+    return "\n\n".join([textwrap.fill(finding, 140), figure, textwrap.fill(limits, 140)]) + "\n"
 
 
-FOUND = re.compile(r"- \*\*(?:J-)?(\w+)\*\*: (\S+ \[.*?\]) of .*? of (\d+) .*?: \*\*(\w+)\*\*")
-SAID = {"GNSS": "worse", "UWB": "undecided", "baseline": "worse", "jerk": "worse"}
-"""The verdicts that the sentences of the block are written for."""
-
-
-def _journeys() -> str:
-    """Say what the average adaptation did on real journeys, and over real cars."""
-    rides, cars = (
-        FOUND.findall((RESULTS / name / "answer.md").read_text(encoding="utf-8")) for name in ("journeys", "vehicles")
-    )
-    verdicts = {name: word for name, _, _, word in (*rides, *cars)}
-    if verdicts != SAID:
-        raise SystemExit(f"The real recordings say {verdicts}, but the block is written for {SAID}: write it anew.")
-    on_rides = " and ".join(f"{ratio} ({name}, {n} journeys)" for name, ratio, n, _ in rides)
-    on_cars = " and ".join(f"{ratio} with `{name}`" for name, ratio, *_ in cars)
-    return (
-        "**With recorded GNSS errors the average adaptation is slightly worse; with UWB it is undecided**. On"
-        " [real journeys](experiments/journeys/README.md)\nwithout an IMU it has "
-        f"{on_rides} of the error. Semi-real, over the\nmotion of real cars with {cars[0][2]} recorded"
-        f" [traces of GNSS errors](experiments/vehicles/README.md), it has {on_cars}.\n"
-        "Most methods change little there, and a few ruin some drives. In the simulation, the model brings as much as"
-        " an\nadaptation, so compare models first. For isolated outliers, try a robust R: `student_t_r`, `huber_r` or"
-        " `ssmkf_r`.\nUntuned, these [lock out](experiments/replayed/README.md) under some real errors."
-    )
-
-
-def _suite() -> str:
-    paths = sorted((RESULTS / "suite-v2").glob("*/manifest.json"))
-    manifests = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
-    entries = sorted((m["score"]["ratio"], m["entry"], m["score"]) for m in manifests)
-    better = [own for own in entries if own[2]["verdict"] == "better"]
-    plain = sum(name.endswith("+ none") for _, name, _ in better)
-    with (AUDIT / "methods.csv").open(encoding="utf-8") as file:
-        ours = {f"{row['filter']} + {row['adaptation']}" for row in csv.DictReader(file) if row["is"] == "own"}
-    told = [
-        f"{name}{' (our own variant)' * (name in ours)} {ratio:.2f} [{score['low']:.2f}, {score['high']:.2f}]"
-        for ratio, name, score in better
-    ]
-    return (
-        "The suite `jerkbench-v2` is a fixed test set with a [leaderboard](results/suite-v2/board.md).\nOf its"
-        f" {len(entries)} entries, {len(told)} beat the tuned baseline, {plain} of them without adaptation."
-        f" The first two are {' and '.join(told[:2])}. Each has one tuning, whose luck is not in the interval."
-    )
+def picture(first: Audit, second: Audit) -> Figure:
+    """Draw how many methods are significantly better and worse under each kind of fault, in two audits."""
+    figure = Figure(figsize=(7.2, 4.6), dpi=150, layout="constrained")
+    axes = figure.subplots()
+    blue, orange = OKABE_ITO[0], OKABE_ITO[1]
+    for audit, offset, height, alpha in ((first, -0.14, 0.46, 1.0), (second, 0.25, 0.22, 0.45)):
+        for row, (better, worse) in enumerate(audit.better_and_worse().get(kind, (0, 0)) for kind in FAULTS):
+            axes.barh(row + offset, better, height, color=blue, alpha=alpha, linewidth=0)
+            axes.barh(row + offset, -worse, height, color=orange, alpha=alpha, linewidth=0)
+            if audit is first and better:
+                axes.text(better + 1, row, f"{better}", va="center", fontsize=8)
+            if audit is first and worse:
+                axes.text(-worse - 1, row, f"{worse}", va="center", ha="right", fontsize=8)
+            if audit is first and not better and not worse:
+                axes.text(1.5, row, "no significant difference", va="center", fontsize=7, color="0.45")
+    axes.axvline(0, color="black", linewidth=1)
+    axes.set_yticks(range(len(FAULTS)), FAULTS.values(), fontsize=8.5)
+    axes.set_ylim(len(FAULTS) - 0.4, -0.9)
+    axes.set_xlim(-45, 108)
+    axes.set_xticks([])
+    axes.spines[:].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    axes.text(-2, -0.75, "worse", color=orange, ha="right", fontsize=9, weight="bold")
+    axes.text(2, -0.75, "better", color=blue, fontsize=9, weight="bold")
+    question = f"Of {len(first.methods)} adaptive filters, how many are significantly better or worse than\n"
+    figure.suptitle(question + "the plain Kalman filter that was tuned equally?", fontsize=10, x=0.02, ha="left")
+    figure.supxlabel("thin bars: a second audit with other drives and other tunings", fontsize=7.5, color="0.35")
+    return figure
 
 
 if __name__ == "__main__":
     for page in filter(Path.exists, (AUDIT / name for name in PAGE)):
         shutil.copyfile(page, HERE / page.name)
-    text = front()
+    audit = Audit(AUDIT)
+    text = front(audit)
     for path in map(Path, sys.argv[1:]):
         path.write_text(BLOCK.sub(lambda _: text, path.read_text(encoding="utf-8")), encoding="utf-8")
+        save_figure(picture(audit, Audit(RESULTS / "audit-second")), PICTURE)
     print(text)
