@@ -17,6 +17,7 @@ import pandas as pd
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
+from recompute import Audit
 
 from jerkbench import plugins
 from jerkbench.arrays import BoolArray, FloatArray
@@ -192,7 +193,9 @@ def told_truth(answer: AuditAnswer) -> dict[str, float]:
 ELSEWHERE = ("journeys", "vehicles", "attitude")
 """Studies beside the audit, of real recordings; what each found stands in its folder, in `FOUND`."""
 FOUND = "answer.md"
-FAULTY, NOTHING_KNOWN, MIN_BAD = "faulty", "nothing known", "the worst kind shall be least bad"
+SECOND_AUDIT = "audit-second"
+"""Folder of a second audit, with other drives and other tunings, next to the folder of the first."""
+FAULTY, NOTHING_KNOWN, MIN_BAD = "faulty", "nothing known", "the worst kind should be as good as possible"
 EQUAL = f"equal within {100 * SMALL_MARGIN:.0f} %"
 SHOWN = 15
 """Methods in the table of worst cases."""
@@ -375,6 +378,7 @@ def audit_page(answer: AuditAnswer, folder: Path, commit: str) -> str:
         truth=told_truth(answer),
         elsewhere=_texts(folder.parent / name / FOUND for name in ELSEWHERE),
         second=_texts([folder / SECOND]),
+        again=Audit(again).better_and_worse() if (again := folder.parent / SECOND_AUDIT).exists() else {},
         sources=[(name, of) for name in protocol.compared if (of := provenance_of(plugins.get("adaptation", name)))],
     )
 

@@ -77,7 +77,7 @@ def test_another_mixture_is_that_of_its_drives_alone(answer):
     y = (answer.losses.methods - answer.losses.plains[answer.losses.model])[:, :, without]
 
     np.testing.assert_allclose([one.ratio for one in said.own_plain], np.exp(y.mean(axis=(1, 2))))
-    assert "With outliers=0.2, from 160 drives" in PAGE.reweighted_text(answer.rows, "outliers=0.2")
+    assert "With outliers=0.2, from 160 weighted drives" in PAGE.reweighted_text(answer.rows, "outliers=0.2")
 
 
 @pytest.mark.parametrize(
