@@ -56,13 +56,13 @@ def front(audit: Audit) -> str:
         sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
     ratio, low, high, journeys, _ = found.groups()
     finding = f"""\
-**Yes, if the receiver produces outliers; otherwise rarely.** We tuned {methods} adaptive filters and the plain Kalman
+**Yes, if the receiver produces outliers; otherwise rarely.** We tuned {methods} adaptive filters and the plain
 filters equally, and scored them on {audit.y.shape[2]} unseen simulated drives. On drives with outliers,
-{counts["outliers"][0]} are significantly better than the plain filter with the same model, and {counts["outliers"][1]}
+{counts["outliers"][0]} are significantly better than the plain filter of their model, and {counts["outliers"][1]}
 are worse. Without a fault, none is better and {counts["no fault"][1]} are worse. On average, the
-{audit.literature.sum()} filters with an adaptation from the literature have {average[0]:.2f} times the plain filter's
-error (95 % interval {average[1]:.2f} to {average[2]:.2f}), {without[0]:.2f} times ({without[1]:.2f} to
-{without[2]:.2f}) without outliers, and {ratio} times ({low} to {high}) on {journeys} real GNSS recordings."""
+{audit.literature.sum()} with an adaptation from the literature have {average[0]:.2f} times the plain filter's error
+(95 % interval {average[1]:.2f} to {average[2]:.2f}), {without[0]:.2f} times ({without[1]:.2f} to {without[2]:.2f})
+without outliers. On {journeys} real GNSS recordings, the median of these adaptations is {ratio} ({low} to {high})."""
     limits = """\
 A drive can have several faults. [The audit](experiments/audit/README.md) describes the method, the ranking and the
 limits; `experiments/audit/recompute.py` recomputes these numbers from the stored rows."""
