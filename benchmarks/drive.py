@@ -25,12 +25,11 @@ from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.rtklib import RtklibDrive
-from jerkbench.disturbances.withhold import Withhold
+from jerkbench.disturbances.outages import Withhold
 from jerkbench.estimate import Attitude
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.geometry import enu_to_geodetic, geodetic_to_enu
-from jerkbench.io.recording_folder import imu_increments
-from jerkbench.recording import Recording
+from jerkbench.recording import Imu, Recording
 
 SIGMA_M, ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H = 0.01, 6.0, 1.8
 GYRO_BIAS_DEG_PER_H, ACCEL_BIAS_MPS2, SCALE_PPM = 500.0, 0.1, 300.0
@@ -75,6 +74,12 @@ def rmse_m(recording: Recording, t_s: FloatArray, enu_m: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum((path - reference.enu_m[asked]) ** 2, axis=1))))
 
 
+def imu_increments(imu: Imu) -> FloatArray:
+    """Time, rotation [rad] and change of velocity [m/s] (n, 7) over the interval that ends there, FRD."""
+    interval_s = imu.intervals_s[:, None]
+    return np.column_stack([imu.t_s, imu.gyro_radps * FLIP * interval_s, imu.accel_mps2 * FLIP * interval_s])
+
+
 def ours(recording: Recording, attitude: Attitude) -> Result:
     """`eskf15`, one run with its trajectory."""
     model = Eskf15(ARW_DEG_PER_SQRT_H, VRW_MPS_PER_SQRT_H, use_velocity=False, position_sigma_m=SIGMA_M)
@@ -108,7 +113,7 @@ def _run_kf_gins(recording: Recording, attitude: Attitude, program: Path) -> Res
     position, origin = recording.position, recording.origin
     assert position is not None  # noqa: S101 - the drive has fixes
     assert origin is not None  # noqa: S101 - and a place
-    imu = imu_increments(recording.inertial, 0.0)
+    imu = imu_increments(recording.inertial)
     fixes = np.column_stack(
         [position.t_s, enu_to_geodetic(position.enu_m, origin), np.full((len(position.t_s), 3), SIGMA_M)]
     )
@@ -146,7 +151,7 @@ def python_ins(recording: Recording, attitude: Attitude, seconds: float) -> Resu
     position, origin = recording.position, recording.origin
     assert position is not None  # noqa: S101 - the drive has fixes
     assert origin is not None  # noqa: S101 - and a place
-    samples = imu_increments(recording.inertial, 0.0)
+    samples = imu_increments(recording.inertial)
     samples = samples[samples[:, 0] < seconds]
     columns = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
     increments = strapdown.compute_increments_from_imu(

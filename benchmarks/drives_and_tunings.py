@@ -35,7 +35,7 @@ def null_audit(random: np.random.Generator, *, skewed: bool) -> Losses:
 def says_something(losses: Losses) -> bool:
     """Whether any statement is "better" or "worse"."""
     said = statements(losses)
-    each = (said.average, said.pick, *said.own_plain, *said.best_plain)
+    each = (said.average, said.pick, *said.same_model_plain, *said.best_plain)
     return any(one.verdict in ("better", "worse") for one in each)
 
 

@@ -23,8 +23,8 @@ import numpy as np
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.manifest import write_manifest
 from jerkbench.jobs.plan import Plan, planned
-from jerkbench.jobs.rows import Result, job_rows
-from jerkbench.jobs.run import block_of
+from jerkbench.jobs.rows import Task, job_rows
+from jerkbench.jobs.run import blocks_of, origin
 from jerkbench.jobs.store import RowBlock, Store, table_of
 from jerkbench.jobs.study import load_study, write_study
 from jerkbench.report.terminal import print_beginning
@@ -67,14 +67,14 @@ def blocks(plan: Plan) -> Iterator[RowBlock]:
     """Made-up rows: those of one run, with every number a little off."""
     (model,), notes = job_rows(plan.jobs[0], [0])
     metrics = {name: value for name, value in model.items() if isinstance(value, float)}
-    rng = np.random.default_rng(1)
+    rng, made_by = np.random.default_rng(1), origin()
     for job in plan.jobs:
         factors = rng.lognormal(0.0, 0.1, (len(job.draws), len(metrics)))
         rows = [
             {**model, **job.labels._asdict(), "seed": seed, **dict(zip(metrics, own, strict=True))}
             for seed, own in zip(job.draws, factors * list(metrics.values()), strict=True)
         ]
-        yield block_of(job, Result(rows, notes))
+        yield from blocks_of(Task((job,), job.draws), [(rows, notes)], made_by)
 
 
 def store_all(plan: Plan, store: Store) -> None:

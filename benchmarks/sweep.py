@@ -16,8 +16,8 @@ from typing import Any
 from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.jobs.inputs import Inputs, attitude_of, simulated
 from jerkbench.jobs.job import Job, Protocol, build
-from jerkbench.jobs.rows import Result, job_rows
-from jerkbench.jobs.run import block_of
+from jerkbench.jobs.rows import Task, job_rows
+from jerkbench.jobs.run import blocks_of, origin
 from jerkbench.jobs.store import Store, table_of
 from jerkbench.timeline import build_timeline
 
@@ -54,7 +54,7 @@ def tell_recordings(job: Job) -> None:
     attitudes = [attitude_of(recording, job.scenario.attitude) for recording in changed]
     both = list(zip(changed, attitudes, strict=True))
     tell("timeline", ONCE, len(seeds), lambda: [build_timeline(*pair) for pair in both])
-    lines = [(recording, build_timeline(recording, attitude), job.evaluation.burn_in_s) for recording, attitude in both]
+    lines = [(recording, build_timeline(recording, attitude), job.protocol.burn_in_s) for recording, attitude in both]
     tell("what the errors count for", ONCE, len(seeds), lambda: [prepare_reference(*line) for line in lines])
 
 
@@ -63,8 +63,7 @@ def tell_cells(seeds: int) -> None:
     for model, adaptation in CHOICES:
         job = job_of(model, adaptation, seeds)
         tell(f"{model}, {adaptation}: filtered and scored", EACH, seeds, lambda job=job: job_rows(job))  # type: ignore[misc]  # mypy knows no default in a lambda
-    rows, notes = job_rows(job)
-    block = block_of(job, Result(rows, notes))
+    (block,) = blocks_of(Task((job,), job.draws), [job_rows(job)], origin())
     first, *others = [block._replace(key=f"{k:064x}") for k in range(101)]
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))

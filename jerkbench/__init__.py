@@ -1,12 +1,12 @@
 """jerkbench: which navigation filter is better, by how much, on which recordings, and why?
 
-From Python::
+Run a combination from Python::
 
     run(dataset="field", filter={"name": "jerk", "accel_mps2": 0.2}, adaptation="mtf", seeds=3)   -> rows, a DataFrame
 
-A data set, a disturbance or a filter of one's own is made of these: `Recording` with `Imu`, `Position`, `Velocity`,
-`Heading`, `Reference` and `Origin`; `Attitude`; `Estimate`; what a plugin offers is in `jerkbench.contracts`, and
-`register` makes it known. Every error that a user can put right is a `JerkbenchError`.
+The inputs and outputs of plugins (data sets, disturbances, filters and others) are `Recording` with `Imu`, `Position`,
+`Velocity`, `Heading`, `Reference` and `Origin`, `Attitude`, and `Estimate`. `jerkbench.contracts` defines the members
+of each kind of plugin, and `register` registers a plugin. Every error that a user can correct is a `JerkbenchError`.
 """
 
 from jerkbench.api import run

@@ -1,4 +1,4 @@
-"""The command line as `python -m jerkbench`."""
+"""Entry point of `python -m jerkbench`, which runs the command line."""
 
 from jerkbench.cli import main
 

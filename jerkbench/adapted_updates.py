@@ -1,4 +1,4 @@
-"""The measurement updates of one run: the adaptation gives R, and a recorder stores what each update used."""
+"""The measurement updates of one run. In each update, the adaptation returns R, and a recorder stores the results."""
 
 from collections.abc import Callable
 
@@ -12,10 +12,9 @@ from jerkbench.timeline import Timeline
 
 
 class Recorder:
-    """Stores states at the stamps of the reference and the data of each update."""
+    """Stores the estimated states at the stamps of the reference, and the innovation and NIS of each update."""
 
     def __init__(self, timeline: Timeline) -> None:
-        """Allocate arrays for every stamp of the reference and every update of ``timeline``."""
         references, updates = timeline.visits
         self._timeline = timeline
         self._index = np.empty(references, dtype=np.int64)
@@ -26,7 +25,7 @@ class Recorder:
         self._k = self._m = 0
 
     def state(self, reference: int, x: FloatArray, P: FloatArray) -> None:
-        """Store position, velocity and their covariance at a stamp of the reference."""
+        """Store the position and velocity (6,) and their covariance (6, 6) at a stamp of the reference."""
         self._index[self._k], self._x[self._k], self._P[self._k] = reference, x, P
         self._k += 1
 
@@ -40,7 +39,7 @@ class Recorder:
         nis_used: float,
         log_det: float = np.nan,
     ) -> None:
-        """Store the data of an update."""
+        """Store the innovation, the adapted variances and the NIS of one measurement update."""
         m = self._m
         self._which[m], self._counts[m] = which, len(rows)
         self._nis[m], self._nis_used[m], self._log_det[m] = nis, nis_used, log_det
@@ -48,7 +47,7 @@ class Recorder:
         self._m += 1
 
     def estimate(self, failure: str = "") -> Estimate:
-        """Return the estimate of the run up to here."""
+        """Return an estimate that contains all states and updates that have been stored."""
         k, m = self._k, self._m
         t_s = np.asarray(self._timeline.measurements.t_ns[self._which[:m]] * 1e-9, dtype=np.float64)
         scalars = self._counts[:m], self._nis[:m], self._nis_used[:m]
@@ -58,29 +57,29 @@ class Recorder:
 
 
 Innovate = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
-"""z (m,) and its rows -> the innovation y (m,) and H P H' (m, m)."""
+"""A function of the measured values z (m,) and their rows. It returns the innovation y (m,) and H P H' (m, m)."""
 
 
 class AdaptedUpdates:
-    """The updates of one run: the adaptation gives R for each, and the recorder stores its data.
+    """Adapts the measurement covariance R in each update of one run, and records the update.
 
     Attributes:
-        recorder: of the run.
-        fading: factor on the prior covariance in the latest update.
+        recorder: The recorder, which stores the states and updates of the run.
+        fading: The factor by which the adaptation multiplied the prior covariance in the latest update (1 by default).
     """
 
     def __init__(self, timeline: Timeline, adaptation: Adaptation, *, log_det: bool = True) -> None:
-        """Start with an empty memory, and with the true covariances if the adaptation wants them."""
+        """Select the covariances R of the updates: true covariances for an oracle, otherwise reported covariances."""
         self.measured, self.recorder, self._log_det = timeline.measurements, Recorder(timeline), log_det
         self._R = self.measured.covariances(true=wants_truth(adaptation))
         self._adaptation, self._memory = clocked(adaptation, timeline), empty_memory(adaptation)
         self._fade = self._adaptation.fade if isinstance(self._adaptation, Fading) else None
 
     def take(self, update: int, innovate: Innovate) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Adapt R and store the data of the update; without a measured row the adaptation is not called.
+        """Adapt the covariance R of one update, and record the update. Without measured rows, R is not adapted.
 
         Returns:
-            The innovation y (m,), R (m, m) and the rows (m,) that are not dropped.
+            The innovation y (m,), the adapted R (m, m), and the indices (m,) of the rows that were not dropped.
         """
         self.fading = 1.0
         z = self.measured.z[update]
@@ -94,8 +93,8 @@ class AdaptedUpdates:
             HPHt = HPHt * self.fading
         if rows.size:
             R = self._adaptation.adapt(y, HPHt, R, rows, self._memory)
-        kept = np.isfinite(np.diag(R))
-        few = np.ix_(kept, kept)
-        used = squared_distance(y[kept], HPHt[few] + R[few]) if kept.any() else np.nan
+        retained = np.isfinite(np.diag(R))
+        few = np.ix_(retained, retained)
+        used = squared_distance(y[retained], HPHt[few] + R[few]) if retained.any() else np.nan
         self.recorder.update(update, rows, y, np.diag(R), nis, used, float(log_det))
-        return y[kept], R[few], rows[kept]
+        return y[retained], R[few], rows[retained]

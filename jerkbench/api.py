@@ -1,6 +1,6 @@
-"""The Python API on one screen.
+"""The Python API.
 
-From names to rows, and to a table of many::
+Run combinations by name, and compare them in a table::
 
     from jerkbench import api
 
@@ -9,15 +9,15 @@ From names to rows, and to a table of many::
     print(api.table(study, baseline="adaptation=none"))                                 # Markdown; HTML in a notebook
     api.report(study)
 
-Or step by step, each with plain objects in and out::
+Run the steps of one combination separately::
 
     recording = api.disturb(api.load("field", seed=1), "gnss_outage", seed=1)           # Recording
     estimate = api.estimate(recording, filter={"name": "jerk", "accel_mps2": 0.2})      # Estimate
     values = api.evaluate(estimate, recording)                                          # {"position_rmse_m": ...}
     api.figure(recording, {"jerk": estimate}).savefig("errors.png")
 
-A part of a combination is a name (of a plugin or a preset), {"name": ..., parameter: value}, or a plugin of your own;
-what is left out is what `jerkbench run` takes.
+A part of a combination is the name of a plugin or preset, a mapping {"name": ..., parameter: value}, or an instance of
+a plugin. Omitted parts have the same defaults as in `jerkbench run` (conf/config.yaml).
 """
 
 import dataclasses
@@ -25,7 +25,7 @@ import itertools
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError, require_known
@@ -42,7 +42,19 @@ if TYPE_CHECKING:
     from jerkbench.jobs.study import Study
     from jerkbench.report.table_model import Table
 
-__all__ = ["Part", "disturb", "estimate", "evaluate", "figure", "load", "report", "run", "sweep", "table"]
+__all__ = [
+    "Part",
+    "configuration",
+    "disturb",
+    "estimate",
+    "evaluate",
+    "figure",
+    "load",
+    "report",
+    "run",
+    "sweep",
+    "table",
+]
 
 
 def run(
@@ -60,27 +72,30 @@ def run(
     metrics: Sequence[str] = (),
     r_scale: Mapping[str, float] | None = None,
 ) -> "pd.DataFrame":
-    """Run one combination; returns one row for each seed: factors, seed, status, reason, metrics.
+    """Run one combination of plugins, and return a data frame with one row for each seed.
 
-    The same names with the same parameters give the same rows as on the command line; so do those that are left out
-    (conf/config.yaml has them).
+    The columns are the factors, the seed, the status, the reason for a failure, and the metrics. The command
+    `jerkbench run` computes the same rows from the same names and parameters.
 
     Args:
-        dataset: where the recordings come from.
-        disturbance: one, or several in order.
-        attitude: attitude filter; None: what the data set prefers (`rtklib`: the preset `real`), else `field`.
-        filter: kinematic filter, or estimator.
-        adaptation: rule that adapts R.
-        noise: process noise that replaces the filter's own: a preset, or {"accel_mps2": ...}; None: the filter's own.
-        engine: what runs a kinematic filter.
-        seeds: number of runs, where anything is random.
-        first_seed: the first of them.
-        burn_in_s: errors count from this time on [s].
-        metrics: names of those to compute, or ["all"]; empty: those that are cheap.
-        r_scale: factors on the reported R that the filter is told: {"position": 2.0, "velocity": 0.5}; None: none.
+        dataset: Source of the recordings.
+        disturbance: One disturbance, or several that are applied in order.
+        attitude: Attitude filter. The default is the attitude filter that the data set prefers (for example the preset
+            `real` for the data set `rtklib`), or `field` for a data set without a preference.
+        filter: Kinematic filter or estimator.
+        adaptation: Rule that adapts the measurement covariance R.
+        noise: Process noise that replaces the defaults of the filter: a preset, or {"accel_mps2": ...}.
+        engine: Engine that runs a kinematic filter.
+        seeds: Number of seeds, without effect if neither the data set nor a disturbance is random.
+        first_seed: The first seed.
+        burn_in_s: Errors before this time are not counted [s].
+        metrics: Names of the metrics to compute, or ["all"]. The default is every metric of jerkbench that does not set
+            ``default = False``.
+        r_scale: Factors on the reported R, for example {"position": 2.0, "velocity": 0.5}. By default, R is not scaled.
 
     Raises:
-        JerkbenchError: something is unknown or does not fit; a run that fails is a row.
+        JerkbenchError: A name is unknown, or the parts are not compatible. A run that fails does not
+            raise an exception: the status in its row is "failed".
     """
     import pandas as pd
 
@@ -94,13 +109,33 @@ def run(
     return pd.DataFrame(rows)
 
 
+def configuration(overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the configuration that `jerkbench run` composes from its arguments, as plain data.
+
+    The values of the groups are parts for the functions that run one step::
+
+        config = configuration(["--config-dir=mine", "experiment=drive", "filter=jerk"])
+        recording = load(config["dataset"])
+        solution = estimate(recording, filter=config["filter"], attitude=config["attitude"])
+
+    Args:
+        overrides: Arguments of `jerkbench run`: GROUP=NAME, KEY=VALUE, --config-dir=DIR and --config-name=NAME.
+
+    Raises:
+        JerkbenchError: An override is unknown or has a wrong type, or an option is invalid.
+    """
+    from jerkbench.hydra_app.composition import composed
+    from jerkbench.presets import take_folders
+
+    return composed(take_folders(overrides)).plain
+
+
 def _listed(parts: Part | Sequence[Part] | None) -> list[Part]:
-    """Return one part, or several, as a list."""
     return list(parts) if isinstance(parts, list | tuple) else [parts]
 
 
 Parts = Part | Sequence[Part] | None
-"""One part, or several of which each is swept."""
+"""One part, or a sequence of parts that are swept."""
 
 
 def sweep(
@@ -120,67 +155,59 @@ def sweep(
     notes: Sequence[str] = (),
     workers: int = 1,
 ) -> "Study":
-    """Run every combination of the parts into ``folder``, as `jerkbench run -m` does; what is done is not run again.
+    """Run every combination of the parts like `jerkbench run -m`, and store the results in ``folder``.
 
-    The arguments are those of `run`, each one part or a list of parts; a list inside the list of disturbances acts in
-    order. With several ``workers``, plugins of your own have to be in a module that your script or notebook imports.
+    The arguments from ``dataset`` to ``noise`` accept one part, as in `run`, or a list of parts. A list inside the list
+    of disturbances is one combination of disturbances, which are applied in order. Stored runs are not computed again.
+    With several ``workers``, user plugins must be defined in a module that the script or notebook imports.
 
     Args:
-        folder: of the study.
-        dataset: as in `run`.
-        disturbance: as in `run`.
-        attitude: as in `run`.
-        filter: as in `run`.
-        adaptation: as in `run`.
-        noise: as in `run`.
-        engine: as in `run`.
-        seeds: as in `run`.
-        first_seed: as in `run`.
-        burn_in_s: as in `run`.
-        metrics: as in `run`.
-        notes: sentences to print under the tables.
-        workers: number of processes.
+        folder: Folder of the study.
+        dataset: One data set, or several data sets.
+        disturbance: One disturbance, or several disturbances and combinations of disturbances.
+        attitude: One attitude filter, or several attitude filters.
+        filter: One kinematic filter or estimator, or several of them.
+        adaptation: One adaptation, or several adaptations.
+        noise: One setting of the process noise, or several settings.
+        engine: Engine that runs the kinematic filters.
+        seeds: Number of seeds, without effect if neither the data set nor a disturbance is random.
+        first_seed: The first seed.
+        burn_in_s: Errors before this time are not counted [s].
+        metrics: Names of the metrics to compute, with the same default as in `run`.
+        notes: Notes that are printed below the tables.
+        workers: Number of processes.
 
     Raises:
-        JerkbenchError: something is unknown or does not fit, or every combination was left out.
+        JerkbenchError: A name is unknown, the parts are not compatible, or all combinations were left out.
     """
-    from jerkbench.jobs.study import concluded
-
-    axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
-    protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
-    ran = _run(_jobs({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics), Path(folder), workers)
-    study, _ = concluded(Path(folder), ran, list(notes), sys.argv)
-    return study
-
-
-def _run(jobs: Iterator[Job], folder: Path, workers: int) -> dict[str, Sequence[int]]:
-    """Run those of the jobs that make sense and are not done; returns the seeds of all that make sense, by key."""
     from jerkbench.jobs.executors import Workers
     from jerkbench.jobs.plan import planned
     from jerkbench.jobs.run import run_missing
     from jerkbench.jobs.store import Store
+    from jerkbench.jobs.study import concluded
 
-    plan = planned(jobs)
-    for sentence in plan.refused:
-        notify(sentence)
+    axes = {"dataset": dataset, "attitude": attitude, "filter": filter, "adaptation": adaptation, "engine": [engine]}
+    protocol = Protocol(seeds=seeds, first_seed=first_seed, burn_in_s=burn_in_s)
+    plan = planned(_jobs({**axes, "disturbance": disturbance, "noise": noise}, protocol, metrics))
+    for message in plan.refused:
+        notify(message)
     if not plan.jobs:
         raise PluginError("There is nothing to run: every combination was left out.")
     if workers > 1:
         _require_modules(plan.jobs)
-    with Workers(count=workers) as own:
-        run_missing(plan, Store(folder), own)
-    return plan.draws
+    with Workers(count=workers) as executor:
+        run_missing(plan, Store(Path(folder)), executor)
+    study, _ = concluded(Path(folder), plan.draws, list(notes), sys.argv)
+    return study
 
 
 def _require_modules(jobs: Iterable[Job]) -> None:
-    """Refuse plugins that other processes cannot import."""
+    """Reject plugins that are defined in the script itself, because other processes cannot import them."""
     for job in jobs:
         for _, _, plugin in job.parts():
             if plugins.of_script(type(plugin)):
-                raise PluginError(
-                    f"{type(plugin).__name__} is defined in the script itself, where other processes cannot find it: "
-                    "give workers=1, or move it into a module that the script imports."
-                )
+                where = f"{type(plugin).__name__} is defined in the script itself, so other processes cannot import it"
+                raise PluginError(f"{where}; give workers=1, or move the class into a module that the script imports.")
 
 
 def table(
@@ -190,25 +217,25 @@ def table(
     columns: Sequence[str] | None = None,
     baseline: str | None = None,
 ) -> "Table":
-    """Return a table of a study; as text it is Markdown, in a notebook HTML.
+    """Return a table of the results of a study. The table prints as Markdown, and notebooks show the table as HTML.
 
     Args:
-        study: a study, or its folder.
-        metric: a column of rows.csv; None: position_rmse_m, or the first there is.
-        rows: factors that make the rows; None: all that vary and are no columns.
-        columns: factors that make the columns; None: the adaptation.
-        baseline: add ratios to it: "adaptation=none".
+        study: The study or its folder.
+        metric: Column of rows.csv, by default position_rmse_m, or the first metric in a study without this column.
+        rows: Factors of the rows, by default all factors that vary and are not in ``columns``.
+        columns: Factors of the columns, by default the adaptation.
+        baseline: A method, for example "adaptation=none". With a baseline, the table also shows ratios to this method.
 
     Raises:
-        JerkbenchError: there are no results, or no such metric, factor or baseline.
+        JerkbenchError: The study has no results, or the metric, a factor or the baseline is unknown.
     """
     from jerkbench.report.comparisons import parse_baseline
     from jerkbench.report.summary import main_metric, summarise
 
     opened = _opened(study)
-    chosen = metric or main_metric(opened.rows)
+    column = metric or main_metric(opened.rows)
     compared = parse_baseline(baseline) if baseline else None
-    return summarise(opened.rows, chosen, rows, columns, opened.notes, baseline=compared)
+    return summarise(opened.rows, column, rows, columns, opened.notes, baseline=compared)
 
 
 def report(
@@ -219,20 +246,21 @@ def report(
     *,
     run_programs: bool = False,
 ) -> Path:
-    """Write the report of a study as one HTML file; returns where.
+    """Write the report of a study as one HTML file, and return the path of the file.
 
     Args:
-        study: a study, or its folder.
-        path: the file; None: report.html in the study's folder.
-        scenarios: show the runs of so many scenarios.
-        figures: "few": of scenarios and methods that carry a finding; "all", or "none".
-        run_programs: let programs that the stored results name run: only of results that you trust.
+        study: The study or its folder.
+        path: Path of the HTML file, by default report.html in the folder of the study.
+        scenarios: Maximum number of scenarios for which figures of the runs are drawn.
+        figures: Selection of the figures: "few" (scenarios and methods with a finding), "all" or "none".
+        run_programs: Whether the report may run the programs that the stored results name. Use True only for results
+            that you trust.
 
     Raises:
-        JerkbenchError: there are no results.
+        JerkbenchError: The study has no results.
     """
     from jerkbench.jobs.executors import processors
-    from jerkbench.jobs.replay import tell_left_out
+    from jerkbench.jobs.replay import report_excluded_programs
     from jerkbench.report import figures_choice
     from jerkbench.report.study_figures import REPORT, Request, write_report
 
@@ -240,7 +268,7 @@ def report(
     written = Path(path) if path else opened.folder / REPORT
     request = Request(figures_choice(figures), scenarios, run_programs=run_programs)
     workers = 1 if plugins.any_of_script() else processors()
-    tell_left_out(opened, run_programs=run_programs)
+    report_excluded_programs(opened, run_programs=run_programs)
     write_report(opened, written, request, workers)
     return written
 
@@ -258,29 +286,32 @@ def _jobs(axes: dict[str, Parts], protocol: Protocol, metrics: Sequence[str]) ->
         yield job_of_parts(parts, [] if disturbance is None else _listed(disturbance), noise, protocol, metrics)
 
 
-# A run step by step: plain objects in, plain objects out.
+# Functions that run one step of a combination.
 
 
 def load(dataset: Part | None = None, seed: int = Protocol.first_seed) -> Recording:
-    """Return the recording of a data set; of a simulated one, that of ``seed``.
+    """Return the recording of a data set. A simulated recording is generated from ``seed``.
 
     Raises:
-        JerkbenchError: it is unknown, its parameters do not fit, or its files cannot be read.
+        JerkbenchError: The data set is unknown, its parameters are invalid, or its files cannot be read.
     """
     recording: Recording = plugin_of("dataset", dataset).load(seed)
     return recording
 
 
 def disturb(recording: Recording, disturbance: Part | Sequence[Part], seed: int = Protocol.first_seed) -> Recording:
-    """Return the recording after one disturbance, or several in order, with the random numbers of ``seed``.
+    """Return the recording after one disturbance, or after several disturbances in order.
+
+    The random numbers of the disturbances are derived from ``seed``.
 
     Raises:
-        JerkbenchError: one is unknown, its parameters do not fit, or the recording lacks what it changes.
+        JerkbenchError: A disturbance is unknown, its parameters are invalid, or the recording lacks the stream that it
+            changes.
     """
     for part in _listed(disturbance):
         parts = [part] if is_plugin(part) else list(choose("disturbance", part).plain.values())
-        for chosen in parts:
-            plugin = chosen if is_plugin(chosen) else plugins.create("disturbance", chosen)
+        for one in parts:
+            plugin = one if is_plugin(one) else plugins.create("disturbance", one)
             recording = plugin.apply(recording, seed)
     return recording
 
@@ -294,13 +325,13 @@ def estimate(
     noise: Part | None = None,
     engine: Part | None = None,
 ) -> Estimate:
-    """Return what a filter makes of a recording; the arguments are those of `run`.
+    """Run a filter over a recording, and return its estimate. The arguments have the same meaning as in `run`.
 
-    A recording does not say which attitude filter its data set prefers: of a recorded drive that is mostly
-    ``attitude="real"``.
+    The default attitude filter does not depend on the data set, because a recording does not store the preferred
+    attitude filter of its data set. For recorded drives, ``attitude="real"`` is usually suitable.
 
     Raises:
-        JerkbenchError: something is unknown or does not fit, or the recording lacks an input.
+        JerkbenchError: A name is unknown, the parts are not compatible, or the recording lacks an input.
     """
     from jerkbench.jobs.inputs import attitude_of
     from jerkbench.jobs.rows import solution
@@ -314,28 +345,37 @@ def estimate(
 def evaluate(
     estimate: Estimate, recording: Recording, *, metrics: Sequence[str] = (), burn_in_s: float = Protocol.burn_in_s
 ) -> dict[str, float]:
-    """Return the metrics of an estimate against the recording's reference, by column name, the unit last.
+    """Compare an estimate with the reference of its recording, and return the metrics.
 
     Args:
-        estimate: of the recording.
-        recording: with its reference.
-        metrics: names of those to compute, or ["all"]; empty: those that are cheap.
-        burn_in_s: errors count from this time on [s].
+        estimate: Estimate that a filter computed from the recording.
+        recording: Recording with a reference.
+        metrics: Names of the metrics to compute, or ["all"]. The default is every metric of jerkbench that does not set
+            ``default = False``.
+        burn_in_s: Errors before this time are not counted [s].
+
+    Returns:
+        The value of each column. The name of a column ends with its unit, for example ``position_rmse_m``.
 
     Raises:
-        JerkbenchError: a metric is unknown, or nothing counts.
+        JerkbenchError: A metric is unknown, or no row of the reference counts.
     """
     from jerkbench.evaluation.evaluated_run import evaluate_run
 
-    chosen = [plugins.create("metric", {"name": name}) for name in metric_names(list(metrics))]
-    return {**evaluate_run(estimate, recording, burn_in_s, chosen), **recording.parameters}
+    selected = [plugins.create("metric", {"name": name}) for name in metric_names(list(metrics))]
+    return {**evaluate_run(estimate, recording, burn_in_s, selected), **recording.parameters}
 
 
 def figure(recording: Recording, estimates: Mapping[str, Estimate], kind: str = "errors") -> "Figure":
-    """Return a figure of estimates by name: their ``errors`` over time, or the ``trajectory``.
+    """Return a figure of one or several estimates.
+
+    Args:
+        recording: Recording with a reference.
+        estimates: Mapping from the labels in the legend to the estimates.
+        kind: "errors" (errors over time) or "trajectory".
 
     Raises:
-        JerkbenchError: there is no such kind of figure.
+        JerkbenchError: The kind is unknown.
     """
     from jerkbench.report.plots.runs import error_figure, trajectory_figure
 

@@ -1,4 +1,4 @@
-"""Array types, and the checks that every recorded array passes once, when it is made."""
+"""Array types, and checks of arrays and parameters."""
 
 import dataclasses
 import math
@@ -20,42 +20,40 @@ FloatCube = Annotated[FloatArray, 3]
 FloatStack = Annotated[FloatArray, 4]
 IntVector = Annotated[IntArray, 1]
 BoolVector = Annotated[BoolArray, 1]
-"""Contiguous arrays of so many axes: what a compiled loop takes (`jerkbench.compilation.compiled_loop`)."""
+"""Contiguous arrays with 1 to 4 axes, for the signatures of compiled loops (`jerkbench.compilation.compiled`)."""
 
 WIDE = 8
-"""Runs that go side by side: a vector has a number of each. 512 bits, one or a few registers on every processor."""
+"""Number of runs in a batch. A vector contains one number of each run (512 bits, one or a few processor registers)."""
 
 
 class Keyed:
-    """In a cache, the same as another of its class that has an equal key, whatever else it holds."""
+    """A cache key. Two keys are equal if they have the same class and equal values of ``key``."""
 
     def __init__(self, key: Hashable) -> None:
-        """Tell it by ``key``."""
+        """Store ``key``, and compute its hash once."""
         self._key, self._hash = key, hash(key)
 
     def __hash__(self) -> int:
-        """Tell by the key."""
         return self._hash
 
     def __eq__(self, other: object) -> bool:
-        """Whether the keys are equal."""
         return isinstance(other, type(self)) and self._key == other._key
 
 
 class Same(Keyed):
-    """Objects, as the key of a cache: the same as others if each is the same object, whatever they hold."""
+    """A cache key for several objects. The objects are compared by identity and not by value."""
 
     def __init__(self, *objects: Any) -> None:  # noqa: ANN401 - anything
-        """Hold them, so that no other object gets their place in memory."""
+        """Store references to the objects, so that their ids are not used again while the key exists."""
         super().__init__(tuple(map(id, objects)))
         self.objects = objects
 
 
 def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) -> FloatArray:  # noqa: ANN401 - anything array-like
-    """Return ``value`` as a read-only float64 array of ``shape`` (None: any length).
+    """Return ``value`` as a read-only float64 array, after a check of its shape. None in ``shape`` allows any length.
 
     Raises:
-        RecordingError: it is not numeric or has another shape; names ``owner.name``.
+        RecordingError: The value is not numeric, or has a wrong shape. The error message names ``owner.name``.
     """
     where = f"{type(owner).__name__}.{name}"
     try:
@@ -70,7 +68,7 @@ def frozen(owner: object, name: str, value: Any, shape: tuple[int | None, ...]) 
 
 
 def nearest_rows(stamps_s: FloatArray, t_s: FloatArray) -> IntArray:
-    """Return (m,) which of the increasing ``stamps_s`` (at least one) is nearest to each of ``t_s`` (m,)."""
+    """Return the index of the stamp that is nearest to each time in ``t_s`` (m,). ``stamps_s`` (n,) must be sorted."""
     after = np.clip(np.searchsorted(stamps_s, t_s), 1, max(len(stamps_s) - 1, 1))
     before = after - 1
     last = np.minimum(after, len(stamps_s) - 1)
@@ -78,9 +76,10 @@ def nearest_rows(stamps_s: FloatArray, t_s: FloatArray) -> IntArray:
 
 
 def linear_at(stamps_s: FloatArray, values: FloatArray, t_s: FloatArray, gap_s: float) -> FloatArray:
-    """Return (m, k) ``values`` (n, k), n at least 2, at ``t_s`` (m,), linear between their stamps.
+    """Interpolate ``values`` (n, k), n >= 2, linearly at the times ``t_s`` (m,). The result has the shape (m, k).
 
-    NaN before the first stamp, after the last, and between two that are further apart than ``gap_s``.
+    The result is NaN before the first stamp, after the last stamp, and between two stamps whose interval is longer than
+    ``gap_s``.
     """
     after = np.clip(np.searchsorted(stamps_s, t_s), 1, len(stamps_s) - 1)
     known = (stamps_s[after] - stamps_s[after - 1] <= gap_s) & (t_s >= stamps_s[0]) & (t_s <= stamps_s[-1])
@@ -89,42 +88,42 @@ def linear_at(stamps_s: FloatArray, values: FloatArray, t_s: FloatArray, gap_s: 
 
 
 def streaks(flags: BoolArray) -> IntArray:
-    """Return (k, 2) the first row of each streak of ``flags`` (n,) that are set, and the row after its last."""
+    """Return the start and the (exclusive) end of each of the k blocks of consecutive True ``flags``, shape (k, 2)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return edges.reshape(-1, 2)
 
 
 def require(ok: npt.ArrayLike, owner: object, name: str, reason: str) -> None:
-    """Raise a RecordingError that names the field and the first row where ``ok`` is False."""
+    """Raise a RecordingError that names the field and the first row for which ``ok`` is False."""
     rows = np.flatnonzero(~np.asarray(ok, dtype=bool))
     if rows.size:
-        more = f" (and {rows.size - 1} rows more)" if rows.size > 1 else ""
+        more = f" (and {rows.size - 1} more rows)" if rows.size > 1 else ""
         raise RecordingError(f"{type(owner).__name__}.{name} row {rows[0]}{more}: {reason}.")
 
 
 def require_times(owner: object, t_s: FloatArray) -> None:
-    """Check that times are finite and strictly increasing."""
+    """Require that times are finite and strictly increasing."""
     require(np.isfinite(t_s), owner, "t_s", "the time is not a finite number")
     steps = np.concatenate([[True], np.diff(t_s) > 0])
     require(steps, owner, "t_s", "the time does not increase")
 
 
 MIN_VARIANCE = 1e-20
-"""The smallest variance of a measurement; a smaller one is a placeholder, and sums of squares overflow with it."""
+"""Smallest variance of a measurement. Smaller values are placeholders, and lead to overflows in sums of squares."""
 
 MIN_EIGENVALUE = 1e-14
-"""The smallest eigenvalue of a covariance relative to its largest; below, the matrix is singular but for rounding."""
+"""Smallest ratio of the smallest to the largest eigenvalue of a covariance. Below it, it is numerically singular."""
 
 
 def positive_definite(matrices: FloatArray) -> BoolArray:
-    """Return for each of (n, m, m) whether it is finite and positive definite beyond rounding."""
+    """Return a mask (n,) of the matrices (n, m, m) that are finite and numerically positive definite."""
     finite: BoolArray = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     values = np.linalg.eigvalsh(np.where(finite[:, None, None], matrices, 0.0))
     return np.asarray(finite & (values[:, 0] > np.maximum(MIN_VARIANCE, MIN_EIGENVALUE * values[:, -1])))
 
 
 def require_covariances(owner: object, name: str, covariance: FloatArray, present: BoolArray) -> None:
-    """Check that each 3 x 3 covariance is finite, symmetric and positive definite on the axes that are present."""
+    """Require that the covariances (n, 3, 3) are finite, symmetric and positive definite on the measured axes."""
     unused = ~present[:, :, None] | ~present[:, None, :]
     block = np.where(unused, np.eye(3), covariance)
     finite = np.isfinite(block).all(axis=(1, 2))
@@ -133,33 +132,33 @@ def require_covariances(owner: object, name: str, covariance: FloatArray, presen
     symmetric = asymmetry <= 1e-9 * np.abs(block).max(axis=(1, 2), initial=0)
     require(symmetric, owner, name, "the covariance is not symmetric")
     variances = np.diagonal(block, axis1=1, axis2=2)
-    uncorrelated = np.count_nonzero(block) == np.count_nonzero(variances)  # so are most, and eigenvalues take long
+    uncorrelated = np.count_nonzero(block) == np.count_nonzero(variances)  # a common case without slow eigenvalues
     definite = (variances > MIN_VARIANCE).all(axis=1) if uncorrelated else positive_definite(block)
     require(definite, owner, name, "the covariance is not positive definite")
 
 
-# Checks of parameters, each with one sentence as its error.
+# Checks of parameters. The parameters are attributes of ``owner``.
 
 
 def require_choices(owner: object, choices: Mapping[str, Collection[str]]) -> None:
-    """Raise a PluginError that names the first of the parameters whose value is none of its choices."""
+    """Raise a PluginError for the first parameter whose value is not among its choices."""
     for name, available in choices.items():
         value = getattr(owner, name)
         require_known(name, value, available)
 
 
 def require_lengths(owner: object, lengths: Mapping[str, Collection[int]]) -> None:
-    """Raise a PluginError that names the first of the parameters with another number of entries than it may have."""
+    """Raise a PluginError for the first parameter whose number of entries is not allowed."""
     for name, allowed in lengths.items():
         value = getattr(owner, name)
         if len(value) not in allowed:
             *others, last = map(str, allowed)
             counts = f"{', '.join(others)} or {last}" if others else last
-            raise PluginError(f"{name} has {len(value)} entries, {list(value)}; give {counts}.")
+            raise PluginError(f"{name} has {len(value)} entries, {list(value)}; it must have {counts}.")
 
 
 def require_positive(plugin: str, owner: object, names: Iterable[str]) -> None:
-    """Raise a PluginError that names the first of the parameters that is not a finite number above zero."""
+    """Raise a PluginError for the first parameter that is not a finite number above zero."""
     for name in names:
         value = getattr(owner, name)
         if not 0 < value < math.inf:
@@ -167,7 +166,7 @@ def require_positive(plugin: str, owner: object, names: Iterable[str]) -> None:
 
 
 def require_not_negative(plugin: str, owner: object, names: Iterable[str]) -> None:
-    """Raise a PluginError that names the first of the parameters that is below zero or not finite."""
+    """Raise a PluginError for the first parameter that is negative or not finite."""
     for name in names:
         value = getattr(owner, name)
         if not 0 <= value < math.inf:
@@ -175,7 +174,7 @@ def require_not_negative(plugin: str, owner: object, names: Iterable[str]) -> No
 
 
 def require_axes(plugin: str, owner: object, names: Iterable[str], *, positive: bool) -> None:
-    """Raise a PluginError unless each of the parameters has three finite values (above zero, if ``positive``)."""
+    """Raise a PluginError for the first parameter that is not three finite (with ``positive``: positive) numbers."""
     for name in names:
         values = getattr(owner, name)
         fits = len(values) == 3 and all(math.isfinite(v) and (v > 0 or not positive) for v in values)
@@ -185,17 +184,15 @@ def require_axes(plugin: str, owner: object, names: Iterable[str], *, positive: 
 
 
 def require_multiple(plugin: str, owner: object, high: str, low: str) -> None:
-    """Raise a PluginError unless the rate ``high`` is a whole multiple of the rate ``low``."""
+    """Raise a PluginError unless the rate ``high`` is an integer multiple of the rate ``low``."""
     ratio = getattr(owner, high) / getattr(owner, low)
     if ratio < 1 or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
-        raise PluginError(
-            f"{plugin}: {high} is {getattr(owner, high)} and {low} is {getattr(owner, low)}; the first must be a whole"
-            " multiple of the second, so that their stamps coincide."
-        )
+        values = f"{high} is {getattr(owner, high)} and {low} is {getattr(owner, low)}"
+        raise PluginError(f"{plugin}: {values}; {high} must be an integer multiple of {low}.")
 
 
 def identical(a: Any, b: Any) -> bool:  # noqa: ANN401 - anything that a plugin takes or returns
-    """Return whether ``a`` and ``b`` are equal to the bit; NaN is equal to NaN."""
+    """Return whether ``a`` and ``b`` have the same type and bitwise equal values. NaN counts as equal to NaN."""
     if type(a) is not type(b):
         return False
     if isinstance(a, np.ndarray):

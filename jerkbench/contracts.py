@@ -1,15 +1,16 @@
-"""The interfaces of plugins, kind by kind. A plugin does not inherit from them; it only has to have their members.
+"""The protocol (interface) of each kind of plugin. A plugin implements its protocol, but does not inherit from it.
 
 Each kind (`Dataset`, `Disturbance`, `AttitudeFilter`, `Filter` (kinematic), `Estimator` (any other filter),
-`Adaptation`, `Engine`, `Metric`) has one protocol with the members that every plugin of this kind needs. Its docstring
-lists the optional attributes with their defaults. Optional methods with several arguments have protocols of their own.
-`jerkbench.plugins` lists the optional members of each kind; a misspelt one is refused at registration.
+`Adaptation`, `Engine`, `Metric`) has a protocol with the members that every plugin of this kind needs. The docstring
+of a protocol lists the optional attributes with their defaults. Optional methods with several arguments have separate
+protocols. `jerkbench.plugins` lists the optional members of each kind of plugin. A plugin with a misspelt optional
+member is rejected when the plugin is registered.
 
 Optional attributes of every kind:
 
-- ``citations: ClassVar[tuple[str, ...]]``: BibTeX entries. By default the DOIs of the docstring are cited.
+- ``citations: ClassVar[tuple[str, ...]]``: BibTeX entries. By default, the DOIs in the docstring are cited.
 - ``depends_on: ClassVar[tuple[str, ...]]``: files and folders that the plugin reads, relative to the folder of its
-  module, and environment variables as "$NAME". A change of one of them leads to new runs.
+  module, and environment variables as "$NAME". If one of them changes, stored runs are computed again.
 """
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -23,38 +24,38 @@ from jerkbench.estimate import Attitude, Estimate, Streamed, Sums
 from jerkbench.recording import Recording
 from jerkbench.timeline import RecordedRun, Run, Timeline
 
-# Optional methods of several kinds
+# Protocols of optional methods that several kinds of plugins can have.
 
 
 @runtime_checkable
 class ReadingFile(Protocol):
-    """A disturbance or a filter that reads a file. The content of the file is part of the key of a result."""
+    """A disturbance or filter that reads a file. The content of the file is part of the keys of results."""
 
     def fingerprint(self) -> str:
-        """Return a hash of the content of the file. Empty if it is part of this package."""
+        """Return a hash of the content of the file, or an empty string if the file is part of this package."""
 
 
 @runtime_checkable
 class Requiring(Protocol):
-    """An attitude filter or a filter that does not accept every recording."""
+    """An attitude filter or filter that cannot process every recording."""
 
     def require(self, load: Callable[[], Recording]) -> None:
-        """Check, before a sweep starts, that the recording returned by ``load`` has the inputs that are needed.
+        """Check that the recording that ``load`` returns has the required inputs. A sweep calls this before any run.
 
         Raises:
-            RecordingError: an input is missing.
+            RecordingError: An input is missing.
         """
 
 
 @runtime_checkable
 class Remarking(Protocol):
-    """An attitude filter or a filter that adds notes to the table."""
+    """An attitude filter or filter that adds notes below tables."""
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
-        """Return notes about a recording, as sentences without numbers that change from seed to seed."""
+        """Return notes about a recording as sentences. A note must not contain numbers that depend on the seed."""
 
 
-# Data sets
+# Data sets.
 
 
 class Dataset(Hashable, Protocol):
@@ -63,140 +64,149 @@ class Dataset(Hashable, Protocol):
     Optional attributes:
 
     - ``default_attitude: ClassVar[str]``: the attitude filter, or preset, that suits the data set.
-    - ``attitude_only: bool = False``: the recordings have no positions; only filters with ``attitude_only`` run.
-    - ``without_imu: bool = False``: the recordings have no IMU; only filters run whose ``uses_imu`` is False.
+    - ``attitude_only: bool = False``: the recordings have no positions. Only filters with ``attitude_only`` can run.
+    - ``without_imu: bool = False``: the recordings have no IMU. Only filters whose ``uses_imu`` is False can run.
 
     Attributes:
-        seeded: True if another seed gives another recording (simulation), False for a file.
+        seeded: True if the recording depends on the seed (simulation), False for a file.
     """
 
     seeded: ClassVar[bool]
 
     def load(self, seed: int) -> Recording:
-        """Return the recording; of a simulation, the one that belongs to ``seed``."""
+        """Return the recording. A simulation generates the recording from ``seed``."""
 
     def fingerprint(self) -> str:
-        """Return a hash of the data that `load` reads besides the parameters. Empty if it reads none."""
+        """Return a hash of the files that `load` reads, or an empty string if `load` reads no files."""
 
 
-# Disturbances
+# Disturbances.
 
 
 class Disturbance(Hashable, Protocol):
-    """A change of a recording. Optional: `ReadingFile`.
+    """A disturbance, which changes a recording. A disturbance may also implement `ReadingFile`.
 
     Attributes:
-        seeded: True if it draws random numbers.
+        seeded: True if the disturbance draws random numbers.
     """
 
     seeded: ClassVar[bool]
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the disturbed recording. Random numbers come from `jerkbench.random_streams.stream` only."""
+        """Return the disturbed recording. All random numbers must come from `jerkbench.random_streams.stream`."""
 
     def replicates(self) -> int:
-        """Return how many different results seeds 0, 1, 2, ... give without randomness (phases of a decimation)."""
+        """Return the number of different results that the seeds 0, 1, ... give without random numbers.
+
+        For example, a decimation by n has n different results, one for each phase.
+        """
 
 
-# Attitude filters
+# Attitude filters.
 
 
 class AttitudeFilter(Hashable, Protocol):
-    """Estimates the attitude. Optional: `Requiring`, `Remarking`."""
+    """Estimates the attitude. An attitude filter may also implement `Requiring` and `Remarking`."""
 
     def estimate(self, recording: Recording) -> Attitude:
         """Return the attitude and the gravity-compensated acceleration at the stamps of the IMU."""
 
 
-# Kinematic filters
+# Kinematic filters.
 
 
 @runtime_checkable
 class Filter(Protocol):
-    """A kinematic filter: the model of one axis. The full model is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0].
+    """A kinematic filter, defined by the model of one axis. The full model is A (x) I3, b (x) I3, Q (x) I3, H = [I6 0].
 
-    Optional methods: `Requiring`, `ReadingFile`, `Remarking`, and
+    A kinematic filter may also implement `Requiring`, `ReadingFile`, `Remarking`, and the following method:
 
-    - ``axis_models(dt: FloatArray, dt0: float)``: A (k, n, n), b (k, n), Q (k, n, n) of `axis_model` for ``dt`` (k,).
-      It makes recordings with irregular stamps faster.
+    - ``axis_models(dt: FloatArray, dt0: float)``: returns A (k, n, n), b (k, n), Q (k, n, n) of `axis_model` for ``dt``
+      (k,). With this method, runs over recordings with irregular stamps are faster.
 
-    Optional attributes, also of an `Estimator`:
+    Optional attributes of a kinematic filter and of an `Estimator`:
 
-    - ``uses_imu: bool = True``: if False (its b is zero), the filter also runs over recordings without an IMU.
-    - ``attitude_only: bool = False``: the filter estimates no position.
-    - ``table_label: str``: its name in tables, if one plugin stands for many methods.
-    - ``provenance: ClassVar[Provenance]``: as published, simplified, or original.
+    - ``uses_imu: bool = True``: False if the filter does not use the IMU (b is zero). Such a filter also runs with
+      recordings that have no IMU.
+    - ``attitude_only: bool = False``: True if the filter estimates no position.
+    - ``table_label: str``: name of the filter in tables, for a plugin that represents many methods.
+    - ``provenance: ClassVar[Provenance]``: whether the method is published, simplified, or original.
     """
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return A (n, n), b (n,), Q (n, n) of one axis for a step of ``dt`` seconds.
 
-        ``dt0`` is the nominal interval of the IMU. If a measurement divides a sample, the white noise of the sample
-        scales with dt0/dt, so that the velocity variances of the parts add up to that of the full sample.
+        ``dt0`` is the nominal interval of the IMU. If a measurement divides the interval of a sample, the white noise
+        scales with dt0/dt, so that the velocity variances of the parts add up to the variance of the full sample.
         """
 
     def initial_variances(self) -> FloatArray:
-        """Return (n - 2,) initial variances of the states after position and velocity, the same for each axis."""
+        """Return the initial variances (n - 2,) of all states of one axis except position and velocity."""
 
 
-# Adaptations: rules on R
+# Adaptations: rules that change R.
 
 
 class Adaptation(Protocol):
-    """A rule that changes R between predict and update.
+    """A rule that changes R between prediction and update.
 
-    A rule that changes more than R is also `Fading`, `AdaptingPrior` or `AdaptingGain`. Other optional methods:
+    An adaptation that changes more than R also implements `Fading`, `AdaptingPrior` or `AdaptingGain`. Other optional
+    methods:
 
-    - ``memory_size() -> int``: length of the memory, 0 by default. If it depends on the number of states of the filter:
-      ``memory_size_of(states: int) -> int``.
-    - ``at_updates(since_start_s: FloatArray) -> Self``: called before a run with the times (m,) of its updates, seconds
-      since its start. Returns the rule for this run. A rule with a parameter in seconds can count the updates there.
+    - ``memory_size() -> int``: length of the memory, 0 by default.
+    - ``memory_size_of(states: int) -> int``: length of the memory if the length depends on the number of states of the
+      filter.
+    - ``at_updates(since_start_s: FloatArray) -> Self``: returns the adaptation for one run. The method is called before
+      the run with the times (m,) of the updates since the start [s]. For example, the method converts a parameter in
+      seconds to a number of updates.
 
     Optional attributes:
 
-    - ``wants_true_covariance: ClassVar[bool] = False``: R is the true covariance (an oracle).
-    - ``lanes: ClassVar[bool] = False``: the rule can be called for several runs at once
-      (`jerkbench.compilation.lanes`). Its numbers are vectors then, and it must not branch on them.
-    - ``varying: ClassVar[tuple[str, ...]] = ()``: integer parameters that may differ between the runs of such a call.
-      Arithmetic, `chosen` and `each_run` accept them; loops need parameters that are the same in all runs.
-    - ``changes_nothing: ClassVar[bool] = False``: R, P and the gain stay as they are, so compiled runs do not call it.
-      It is not inherited.
-    - ``provenance: ClassVar[Provenance]``: as published, simplified, or original.
+    - ``wants_true_covariance: ClassVar[bool] = False``: True if the adaptation receives the true covariance as R.
+    - ``lanes: ClassVar[bool] = False``: True if the adaptation can be called for a batch of runs
+      (`jerkbench.compilation.lanes`). In a batch, numbers are vectors, and the code must not branch on their values.
+    - ``varying: ClassVar[tuple[str, ...]] = ()``: integer parameters that may differ between the runs of a batch.
+      Arithmetic, `select` and `each_run` accept such parameters. A loop needs parameters that are equal in all runs.
+    - ``changes_nothing: ClassVar[bool] = False``: True if R, P and the gain never change. Compiled runs then do not
+      call the adaptation. The attribute is not inherited.
+    - ``provenance: ClassVar[Provenance]``: whether the method is published, simplified, or original.
     """
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
-        """Return the R to use.
+        """Return the R for the update.
 
         Args:
-            innovation: (m,) y = z - H x of the available rows.
-            HPHt: (m, m) H P- H'.
-            R: (m, m) reported covariance; its diagonal is not below the floor.
-            rows: (m,) indices of these rows among the six (0-2 position, 3-5 velocity).
-            memory: (``memory_size()``,) zero at the start of a run. Only this array may be changed in place.
+            innovation: Innovation y = z - H x (m,) of the measured rows.
+            HPHt: Covariance H P- H' (m, m) of the predicted measurement.
+            R: Reported covariance (m, m). No diagonal element is below the variance floor.
+            rows: Indices (m,) of the measured rows among the six rows of z (0 to 2: position, 3 to 5: velocity).
+            memory: Memory of the adaptation (``memory_size()``,), zero at the start of a run. The adaptation may change
+                only this array in place.
 
         Returns:
-            (m, m). An infinite variance drops its row. If all rows are dropped, there is no update.
+            The adapted R (m, m). A row with an infinite variance is dropped. If all rows are dropped, the update is
+            skipped.
         """
 
 
 @runtime_checkable
 class Fading(Protocol):
-    """An adaptation that multiplies the prior covariance by a number."""
+    """An adaptation that multiplies the prior covariance by a factor."""
 
     def fade(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> float:
-        """Return the factor on the prior covariance. It is called first; `adapt` then receives the faded HPHt.
+        """Return the factor on the prior covariance. `Adaptation.adapt` is called afterwards with the faded H P- H'.
 
-        The arguments are those of `Adaptation.adapt`.
+        The arguments are the same as in `Adaptation.adapt`.
         """
 
 
 @runtime_checkable
 class AdaptingPrior(Protocol):
-    """An adaptation that replaces the prior covariance: P and Q, or prior and R together."""
+    """An adaptation that replaces the prior covariance, for example to adapt Q, or P and R together."""
 
     def adapt_prior(
         self,
@@ -209,51 +219,54 @@ class AdaptingPrior(Protocol):
         rows: IntArray,
         memory: FloatArray,
     ) -> FloatArray:
-        """Return the prior covariance to use.
+        """Return the prior covariance for the update.
 
-        It is called after `Fading.fade` and before `Adaptation.adapt`, which receives the changed H P H'. It can pass
-        information about R to `adapt` through the memory. F and Q are those of all steps since the last update, P+ the
-        posterior of this update (at the first update the start): P = F P+ F' + Q unless P was faded.
+        This method is called after `Fading.fade` and before `Adaptation.adapt`, which receives H P H' with the returned
+        P. The memory can pass information about R to `adapt`. F and Q cover all steps since the last update. Unless P
+        was faded, P = F P+ F' + Q, where P+ is the posterior covariance of the last update or the initial covariance.
 
         Args:
-            x: (n,) prior state. Position and velocity come first: H x is ``x[rows]``, H P H' ``P[rows][:, rows]``.
-            P: (n, n) its covariance.
-            F: (n, n) transition since the last update.
-            Q: (n, n) process noise since the last update.
-            innovation: as in `adapt`.
-            R: as in `adapt`.
-            rows: as in `adapt`.
-            memory: as in `adapt`.
+            x: Prior state (n,). Position and velocity come first, so that H x is ``x[rows]`` and H P H' is
+                ``P[rows][:, rows]``.
+            P: Prior covariance (n, n).
+            F: Transition matrix since the last update (n, n).
+            Q: Process noise since the last update (n, n).
+            innovation: Innovation y = z - H x (m,) of the measured rows.
+            R: Reported covariance (m, m).
+            rows: Indices (m,) of the measured rows among the six rows of z.
+            memory: Memory of the adaptation. The adaptation may change only this array in place.
 
         Returns:
-            (n, n), symmetric and positive definite.
+            The prior covariance (n, n), symmetric and positive definite.
         """
 
 
 @runtime_checkable
 class AdaptingGain(Protocol):
-    """An adaptation with its own gain K: x = x + K y, P = (I - K H) P (I - K H)' + K R K'."""
+    """An adaptation that computes the gain K of the update: x + K y and P = (I - K H) P (I - K H)' + K R K'."""
 
     def adapt_gain(
         self, x: FloatArray, P: FloatArray, innovation: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
-        """Return K (n, m) instead of P H' S^-1. It is called last.
+        """Return the gain K (n, m) that replaces P H' S^-1. This method is called after `Adaptation.adapt`.
 
-        The arguments are those of `AdaptingPrior.adapt_prior`, with the adapted P and R, without dropped rows.
+        The arguments have the same meaning as in `AdaptingPrior.adapt_prior`. P and R are adapted, and dropped rows are
+        left out.
         """
 
 
-# Estimators: filters that are not kinematic
+# Estimators: filters that are not kinematic.
 
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Any other filter. It belongs to the group ``filter``, too.
+    """Any filter that is not kinematic. Estimators also belong to the group ``filter``.
 
-    Optional: `Batched`, `PerSeed`, `Requiring`, `ReadingFile`, `Remarking`, and the optional attributes of a `Filter`.
+    An estimator may also implement `Batched`, `PerSeed`, `Requiring`, `ReadingFile` and `Remarking`, and have the
+    optional attributes of a `Filter`.
 
     Attributes:
-        adaptations: names of the accepted adaptations. A sweep leaves out the combinations with others.
+        adaptations: Names of the supported adaptations. A sweep leaves out combinations with other adaptations.
     """
 
     adaptations: ClassVar[tuple[str, ...]]
@@ -266,13 +279,13 @@ class Estimator(Protocol):
 class Batched(Protocol):
     """An estimator with a compiled implementation, with and without trajectories.
 
-    ``estimate`` is the reference implementation, which the engine `filterpy` runs; an engine that is `SideBySide` runs
-    the compiled one. `jerkbench.testing.check_filter` compares them. If a method returns None, ``estimate`` is run
-    instead, which raises the error.
+    ``estimate`` is the reference implementation, which the engine `filterpy` runs. An engine that implements
+    `SideBySide` runs the compiled implementation. `jerkbench.testing.check_filter` compares both implementations. If a
+    compiled method returns None, ``estimate`` runs instead, and raises the error.
     """
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
-        """Return the same as ``estimate``."""
+        """Return the same result as ``estimate``, or None if ``estimate`` has to run instead."""
 
     def run_settings(
         self,
@@ -284,45 +297,42 @@ class Batched(Protocol):
         attitude: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Run over all ``runs`` without storing trajectories. An error of one run does not affect the others.
+        """Run all ``runs`` without storing trajectories. An error in one run does not affect the others.
 
         Args:
-            runs: recordings with their attitudes and scoring.
-            estimators: one for each run, of the same class.
-            adaptations: one for each run, of the same class.
-            updates: store the data of the updates.
-            attitude: store the attitude, if the estimator has its own.
-            threads: number of threads.
+            runs: Recordings with their attitudes and scoring.
+            estimators: The estimator of each run. All estimators have the same class.
+            adaptations: The adaptation of each run. All adaptations have the same class.
+            updates: Whether to store the data of the updates.
+            attitude: Whether to store the attitude, if the estimator estimates it.
+            threads: Number of threads.
 
         Returns:
-            The sums of each run, with `rows_left` if it diverges, or None.
+            The sums of each run, or None if ``estimate`` has to run instead. If a run diverges, `Streamed.rows_left` of
+            its sums is positive.
         """
 
 
 @runtime_checkable
 class PerSeed(Protocol):
-    """An estimator that is different for each seed, for example a file for each. A sweep runs each seed separately."""
+    """An estimator that is different for each seed, for example one file for each seed. Each seed runs separately.
+
+    If its attribute ``random`` is true, each seed is a separate run even if the recordings are equal.
+    """
 
     @property
     def for_each_seed(self) -> bool:
-        """True if it has something for each seed. If not, it can run one seed only."""
+        """True if there is an estimator for each seed. Otherwise, only one seed can run."""
 
     def of_seed(self, seed: int) -> Estimator:
-        """Return the estimator of ``seed``."""
+        """Return the estimator for ``seed``."""
 
 
-# Engines
+# Engines.
 
 
 class Engine(Protocol):
-    """Runs a kinematic filter with an adaptation. All engines have the same inputs and outputs. Optional: `SideBySide`.
-
-    Optional methods:
-
-    - ``prepare(model: Filter) -> None`` starts to compile in the background what `run` will need.
-    - ``announce(methods: Sequence[tuple[Filter | Estimator, Adaptation]]) -> None`` is called before the processes of a
-      sweep start, with the filter and the adaptation of each job.
-    """
+    """Runs a kinematic filter with an adaptation. An engine may also implement `SideBySide`, which runs batches."""
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
         """Return the navigation solution at the stamps of the reference."""
@@ -330,7 +340,7 @@ class Engine(Protocol):
 
 @runtime_checkable
 class SideBySide(Protocol):
-    """An engine that runs many timelines at once without storing trajectories."""
+    """An engine that runs many timelines in a batch without storing trajectories."""
 
     def run_settings(
         self,
@@ -341,40 +351,42 @@ class SideBySide(Protocol):
         updates: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return the sums of each run, with `rows_left` if it diverges. None: `Engine.run` has to run it.
+        """Return the sums of each run, or None for a run that `Engine.run` has to run instead.
 
-        An error of one run does not affect the others.
+        If a run diverges, `Streamed.rows_left` is positive. An error in one run does not affect the other runs.
 
         Args:
-            runs: timelines and scoring.
-            models: the filter of each run.
-            adaptations: the adaptation of each run.
-            updates: store the data of the updates.
-            threads: number of threads.
+            runs: Timelines and scoring.
+            models: The filter of each run.
+            adaptations: The adaptation of each run.
+            updates: Whether to store the data of the updates.
+            threads: Number of threads.
         """
 
 
-# Metrics
+# Metrics.
 
 
 class Metric(Protocol):
-    """One or several numbers of a run. Optional: `Summarising`.
+    """Computes one or several numbers from a run. A metric may also implement `Summarising`.
 
-    If all metrics of a sweep are `Summarising` or have ``reads``, it runs without trajectories and many times faster.
+    If all metrics of a sweep are `Summarising` or have ``reads``, the sweep runs without trajectories and is many times
+    faster.
 
     Optional attributes:
 
-    - ``columns: ClassVar[Mapping[str, Column]]``: titles of the columns, and how they are read. By default the lowest
+    - ``columns: ClassVar[Mapping[str, Column]]``: titles and interpretation of the columns. By default, the lowest
       value is the best.
-    - ``reads: ClassVar[Literal["attitude", "updates"]]``: the metric reads only ``index`` and ``euler_rad`` of the
-      estimate, or these and ``updates``.
+    - ``reads: ClassVar[Literal["attitude", "updates"]]``: the part of the estimate that the metric reads. With
+      "attitude", the metric reads only ``index`` and ``euler_rad``. With "updates", it also reads ``updates``.
     - ``default: ClassVar[bool] = True``: if False, the metric is computed only on request (``metrics=[name]``).
     """
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the values by column name (unit included). NaN: the metric does not apply.
+        """Return the value of each column. The name of a column includes its unit.
 
-        ``counted`` (k,) marks the rows of the estimate that are scored: those with a reference, after the burn-in.
+        The value is NaN if the metric does not apply to the run.
+        ``counted`` (k,) marks the rows of the estimate that are scored: rows with a reference after the burn-in.
         """
 
 
@@ -383,7 +395,7 @@ class Summarising(Protocol):
     """A metric that needs only the sums of a run."""
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the same as `Metric.evaluate`, from the sums."""
+        """Return the same values as `Metric.evaluate`, computed from the sums of a run."""
 
 
 CONTRACTS: Mapping[str, type] = {
@@ -396,15 +408,15 @@ CONTRACTS: Mapping[str, type] = {
     "engine": Engine,
     "metric": Metric,
 }
-"""The protocol of each kind. A plugin of the kind filter satisfies one of two."""
+"""The protocol of each kind. A plugin of the kind "filter" satisfies either "filter" or "estimator"."""
 
-# Values of optional members, with their defaults
+# Functions that return an optional member of a plugin, or its default.
 
 _P = TypeVar("_P")
 
 
 def has_methods(plugin: object, protocol: type[_P]) -> TypeGuard[_P]:
-    """Return whether a plugin has the methods of a protocol without attributes. Faster than `isinstance`."""
+    """Return whether a plugin has the methods of a protocol without attributes. This is faster than `isinstance`."""
     return _has_methods(cast("type", type(plugin)), cast("type", protocol))
 
 
@@ -414,38 +426,33 @@ def _has_methods(cls: type, protocol: type) -> bool:
 
 
 def preferred_attitude(dataset: object) -> str | None:
-    """Return the name of the attitude filter that suits a data set or its class."""
+    """Return the name of the attitude filter that a data set (or its class) prefers, or None."""
     return getattr(dataset, "default_attitude", None)
 
 
 def is_attitude_only(plugin: object) -> bool:
-    """Return whether a data set has no positions, or a filter estimates none."""
+    """Return whether a data set has no positions, or a filter estimates no positions."""
     return getattr(plugin, "attitude_only", False) is True
 
 
-def lacks_imu(dataset: object) -> bool:
-    """Return whether the recordings of a data set have no IMU."""
-    return bool(getattr(dataset, "without_imu", False))
-
-
 def uses_imu(model: object) -> bool:
-    """Return whether a filter or its class uses the IMU. A class does if its parameters decide this."""
+    """Return whether a filter or its class uses the IMU. For a class whose parameters decide this, return True."""
     return getattr(model, "uses_imu", True) is not False
 
 
 def clocked(adaptation: _P, timeline: Timeline) -> _P:
-    """Return ``adaptation`` for the run over ``timeline``: its `at_updates` receives the update times."""
+    """Return the adaptation for a run over ``timeline``, by a call of its method `at_updates` if it has this method."""
     at_updates = getattr(adaptation, "at_updates", None)
     return at_updates(timeline.update_times_s) if at_updates else adaptation
 
 
 def empty_memory(adaptation: object, states: int = 6) -> FloatArray:
-    """Return the memory of ``adaptation`` at the start of a run with a filter of ``states`` states: zeros."""
+    """Return the memory of an adaptation at the start of a run (zeros), for a filter with ``states`` states."""
     return np.zeros(memory_size(adaptation, states))
 
 
 def memory_size(adaptation: Any, states: int) -> int:  # noqa: ANN401 - has optional methods
-    """Return the length of the memory of ``adaptation`` with a filter of ``states`` states."""
+    """Return the length of the memory of an adaptation. ``states`` is the number of states of the filter."""
     if hasattr(adaptation, "memory_size_of"):
         return int(adaptation.memory_size_of(states))
     return int(adaptation.memory_size()) if hasattr(adaptation, "memory_size") else 0
@@ -457,18 +464,13 @@ def wants_truth(adaptation: object) -> bool:
 
 
 def asked_in_lanes(adaptation: object) -> bool:
-    """Return whether an adaptation is called for several runs at once. One that fades is called for each run."""
+    """Return whether an adaptation is called once for a batch of runs, instead of once for each run."""
     return bool(getattr(adaptation, "lanes", False)) and not has_methods(adaptation, Fading)
 
 
 def changes_nothing(adaptation: object) -> bool:
-    """Return whether the class of an adaptation itself declares that R, P and the gain stay as they are."""
+    """Return whether the class of an adaptation declares (not inherits) that R, P and the gain never change."""
     return bool(vars(type(adaptation)).get("changes_nothing", False))
-
-
-def on_request(metric: object) -> bool:
-    """Return whether a metric or its class is computed only on request."""
-    return not getattr(metric, "default", True)
 
 
 def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
@@ -477,7 +479,7 @@ def part_read(metric: object) -> Literal["attitude", "updates", "everything"]:
 
 
 def axis_models(model: Filter, lengths_s: FloatArray, dt0_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return A (k, n, n), b (k, n), Q (k, n, n) of ``lengths_s`` (k,). Steps that are not positive change nothing."""
+    """Return A (k, n, n), b (k, n), Q (k, n, n) of steps of ``lengths_s`` (k,). For length 0, A = I, b = 0, Q = 0."""
     n, k = 2 + len(model.initial_variances()), len(lengths_s)
     A, b, Q = np.tile(np.eye(n), (k, 1, 1)), np.zeros((k, n)), np.zeros((k, n, n))
     passing = np.flatnonzero(lengths_s > 0)

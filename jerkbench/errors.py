@@ -1,4 +1,4 @@
-"""Errors that are sentences: what was given, what there is, what to do."""
+"""Exceptions whose message helps the user: it states the given value, the allowed values and a remedy."""
 
 import difflib
 import errno
@@ -7,78 +7,80 @@ from collections.abc import Collection, Iterable
 from typing import NoReturn
 
 BAD_INPUT = 2
-"""Exit code of the command line where the input is at fault."""
+"""Exit code of the command line for invalid input."""
 
 NOT_COMPARABLE = 4
-"""Exit code of the command line where two sets of results cannot be compared, or not all of them."""
+"""Exit code of the command line if two sets of results, or parts of them, cannot be compared."""
 
 INTERRUPTED = 130
 """Exit code of the command line after Ctrl-C."""
 
 
 MAX_MESSAGE_CHARACTERS = 8000
-"""Characters of a message."""
+"""Maximum number of characters of a message. Longer messages are shortened in the middle."""
 
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
-"""Errors of the system for a full disk."""
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+"""Error numbers of the operating system for a disk that is full or read-only."""
 
 
 class JerkbenchError(Exception):
-    """Anything the user can put right; the command line prints its message and no traceback.
+    """Base class of the errors that a user can correct. The command line prints the message without a traceback.
 
     Attributes:
-        exit_code: with which the command line ends.
+        exit_code: Exit code of the command line.
     """
 
     exit_code = BAD_INPUT
 
 
 class NotComparableError(JerkbenchError):
-    """Two sets of results that have nothing in common, or were not measured alike."""
+    """Two sets of results cannot be compared: they have nothing in common, or were measured differently."""
 
     exit_code = NOT_COMPARABLE
 
 
 class RecordingError(JerkbenchError):
-    """A recording, or a file it comes from, that cannot be used as it is."""
+    """A recording is invalid, or the file of a recording is invalid."""
 
 
 class PluginError(JerkbenchError):
-    """A plugin that is unknown, or whose parameters do not fit."""
+    """A plugin is unknown, or its parameters are invalid."""
 
 
 def unknown(kind: str, name: str, available: Iterable[str]) -> str:
-    """Return the sentence for a ``name`` that no ``kind`` has, with the nearest match and all names.
+    """Return the error message for an unknown ``name``, with the most similar name and all available names.
 
     >>> unknown("filter", "jrk", ["baseline", "jerk"])
     "There is no filter 'jrk'. Did you mean 'jerk'? Available: baseline, jerk."
     >>> unknown("tag", "thesis", [])
-    "There is no tag 'thesis'; there is none at all."
+    "There is no tag 'thesis'. Available: none."
     """
     names = sorted(available)
     if not names:
-        return f"There is no {kind} '{name}'; there is none at all."
+        return f"There is no {kind} '{name}'. Available: none."
     near = difflib.get_close_matches(name, names, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else ""
     return f"There is no {kind} '{name}'.{hint} Available: {', '.join(names)}."
 
 
 def require_known(kind: str, name: str, available: Collection[str], error: type[JerkbenchError] = PluginError) -> None:
-    """Raise ``error`` with the sentence of `unknown` where ``name`` is not among ``available``."""
+    """Raise ``error`` with the message of `unknown` if ``name`` is not among ``available``."""
     if name not in available:
         raise error(unknown(kind, name, available))
 
 
 def article(noun: str) -> str:
-    """Return the indefinite article of ``noun``."""
+    """Return the indefinite article for ``noun``: "a" or "an"."""
     return "an" if noun[0] in "aeiou" else "a"
 
 
 def let_interrupt_through(error: BaseException | None) -> None:
-    """Raise the interrupt that was on its way when ``error`` was raised: a library tidied up what it had half made.
+    """Raise the `KeyboardInterrupt` that caused ``error`` again, or ``error`` if it is a `KeyboardInterrupt`.
+
+    A library that cleans up after an interrupt may raise another exception, which would hide the interrupt.
 
     Raises:
-        KeyboardInterrupt: there was one.
+        KeyboardInterrupt: ``error``, or an exception in its context, is an interrupt.
     """
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
@@ -87,19 +89,19 @@ def let_interrupt_through(error: BaseException | None) -> None:
 
 
 def exit_with(error: JerkbenchError) -> NoReturn:
-    """End the command line with the sentence of ``error``.
+    """Print the message of ``error``, and exit with its exit code.
 
     Raises:
-        KeyboardInterrupt: an interrupt is behind the error.
+        KeyboardInterrupt: The error was raised while a `KeyboardInterrupt` was handled.
     """
     let_interrupt_through(error)
     print(f"jerkbench: {shortened(str(error))}", file=sys.stderr)
     raise SystemExit(error.exit_code) from None
 
 
-def shortened(text: str) -> str:
-    """Return ``text`` without its middle where it is longer than a screen, as one that repeats megabytes."""
-    if len(text) <= MAX_MESSAGE_CHARACTERS:
+def shortened(text: str, maximum: int = MAX_MESSAGE_CHARACTERS) -> str:
+    """Return ``text`` without its middle if it has more than ``maximum`` characters."""
+    if len(text) <= maximum:
         return text
-    half = MAX_MESSAGE_CHARACTERS // 2
+    half = maximum // 2
     return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"

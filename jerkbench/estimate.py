@@ -1,4 +1,4 @@
-"""The results of a run: the attitude, the navigation solution at the stamps of the reference, or sums of its errors."""
+"""The results of a run: the attitude, the navigation solution at the stamps of the reference, and sums of errors."""
 
 import math
 from dataclasses import dataclass, field
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Attitude:
-    """Orientation and gravity-compensated acceleration at the IMU's stamps.
+    """Orientation and gravity-compensated acceleration at the stamps of the IMU.
 
     Attributes:
-        t_s: (n,) stamps of the IMU.
-        dcm: (n, 3, 3) Omega, body FLU -> ENU.
-        euler_rad: (n, 3) roll, pitch, yaw; Omega = Rz(yaw) Ry(pitch) Rx(roll).
-        accel_enu_mps2: (n, 3) the input u of the navigation filter.
-        triggered: (n,) whether the tilt filter saw an external acceleration.
-        yaw_sigma_rad: (n,) one standard deviation of yaw as its filter sees it, or None: it has none. Where nothing
-            shows yaw it is that of any direction, pi/sqrt(3).
+        t_s: (n,) stamps of the IMU [s].
+        dcm: (n, 3, 3) rotation matrix Omega from body (FLU) to ENU.
+        euler_rad: (n, 3) roll, pitch and yaw [rad], with Omega = Rz(yaw) Ry(pitch) Rx(roll).
+        accel_enu_mps2: (n, 3) acceleration in ENU [m/s2], the input u of the navigation filter.
+        triggered: (n,) mask of the samples at which the tilt filter detected an external acceleration.
+        yaw_sigma_rad: (n,) standard deviation of yaw that the attitude filter computes [rad], or None. Without
+            information about yaw, the standard deviation is pi/sqrt(3), as for a uniform distribution.
     """
 
     t_s: FloatArray
@@ -36,7 +36,7 @@ class Attitude:
 
 
 def no_attitude(t_s: FloatArray) -> Attitude:
-    """Return the attitude of a recording without an IMU: unknown (NaN) at ``t_s`` (n,), and no input."""
+    """Return the attitude of a recording without an IMU: all angles are NaN, and the input u is zero."""
     n = len(t_s)
     never = np.zeros(n, dtype=np.bool_)
     return Attitude(t_s, np.full((n, 3, 3), np.nan), np.full((n, 3), np.nan), np.zeros((n, 3)), never)
@@ -44,16 +44,18 @@ def no_attitude(t_s: FloatArray) -> Attitude:
 
 @dataclass(frozen=True, eq=False)
 class Updates:
-    """The innovations of the measurement updates; the basis of consistency checks.
+    """The innovations of the measurement updates, from which consistency metrics are computed.
+
+    Columns 0 to 2 are the position [m] and columns 3 to 5 are the velocity [m/s] in ENU.
 
     Attributes:
-        t_s: (m,) times of the updates.
-        rows: (m,) how many rows the update had.
-        nis: (m,) y' (H P- H' + R)^-1 y with the reported R and the prior before any fading.
-        nis_used: (m,) the same with the S that was used; NaN where every row was dropped.
-        innovation: (m, 6) y, NaN where a row was absent.
-        R_diagonal: (m, 6) diagonal of the adapted R, NaN where a row was absent, infinite where it was dropped.
-        log_det: (m,) log det (H P- H' + R), as in nis; NaN where it was not kept.
+        t_s: (m,) times of the updates [s].
+        rows: (m,) number of measured rows of each update.
+        nis: (m,) NIS y' (H P- H' + R)^-1 y with the reported R and the prior covariance P- before fading.
+        nis_used: (m,) NIS y' S^-1 y with the S of the update, after the adaptation, or NaN if all rows were dropped.
+        innovation: (m, 6) innovation y, with NaN in rows that were not measured.
+        R_diagonal: (m, 6) diagonal of the adapted R: NaN in rows that were not measured, infinite in dropped rows.
+        log_det: (m,) log det (H P- H' + R) with the matrices of ``nis``, or NaN if it was not computed.
     """
 
     t_s: FloatArray
@@ -62,34 +64,34 @@ class Updates:
     nis_used: FloatArray
     innovation: FloatArray
     R_diagonal: FloatArray
-    log_det: FloatArray = None  # type: ignore[assignment]  # filled in below
+    log_det: FloatArray = None  # type: ignore[assignment]  # `__post_init__` replaces None
 
     def __post_init__(self) -> None:
-        """Fill in ``log_det``."""
+        """Replace a missing ``log_det`` by NaN."""
         if self.log_det is None:
             object.__setattr__(self, "log_det", np.full(len(self.t_s), np.nan))
 
     @classmethod
     def empty(cls) -> "Updates":
-        """No update at all (an estimator that has none)."""
+        """Return updates of length zero, for an estimator that stores no updates."""
         none = np.empty(0)
         return cls(none, none, none, none, np.empty((0, 6)), np.empty((0, 6)))
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The navigation solution at the reference's stamps (only those that the run reached).
+    """The navigation solution, at the stamps of the reference that the run has reached.
 
     Attributes:
-        index: (k,) which rows of the reference these are.
-        position_m: (k, 3) ENU.
-        velocity_mps: (k, 3) ENU.
-        covariance: (k, 6, 6) of position and velocity.
-        euler_rad: (k, 3) roll, pitch, yaw that the run used.
-        updates: what the measurement updates saw.
-        failure: why the run stopped early, or an empty string.
-        attitude_only: whether only the attitude was estimated; position, velocity and covariance are NaN then.
-        position_only: whether no velocity was estimated; it is NaN then.
+        index: (k,) increasing row numbers of the reference.
+        position_m: (k, 3) position in ENU [m].
+        velocity_mps: (k, 3) velocity in ENU [m/s].
+        covariance: (k, 6, 6) covariance of position and velocity [m2, m2/s, m2/s2].
+        euler_rad: (k, 3) roll, pitch, yaw that the run used [rad].
+        updates: Data of the measurement updates.
+        failure: Reason why the run stopped early, or an empty string.
+        attitude_only: True if only the attitude was estimated, so that position, velocity and covariance are NaN.
+        position_only: True if no velocity was estimated, so that the velocity is NaN.
     """
 
     index: "np.ndarray[tuple[int], np.dtype[np.int64]]"
@@ -103,20 +105,19 @@ class Estimate:
     position_only: bool = False
 
     def __repr__(self) -> str:
-        """Return how many estimates and updates it has, and why it stopped early."""
         stopped = f", stopped early: {' '.join(self.failure.split())}" if self.failure else ""
         return f"Estimate({len(self.index)} estimates, {len(self.updates.t_s)} updates{stopped})"
 
     def to_frame(self, t_s: FloatArray | None = None) -> "pd.DataFrame":
-        """Return a data frame with a row for each estimate, in ENU.
+        """Return a data frame in ENU with one row for each estimate.
 
         Args:
-            t_s: the reference's stamps (``recording.reference.t_s``): the frame has a column of them then.
+            t_s: Stamps of the reference (``recording.reference.t_s``) for the optional column ``t_s`` [s].
 
         Returns:
-            Columns position, velocity and one sigma of each (``east_m``, ``velocity_east_mps``, ``sigma_east_m``,
-            ``sigma_velocity_east_mps``, ...), and ``roll_rad``, ``pitch_rad``, ``yaw_rad``. The index is the row of the
-            reference.
+            Columns with position, velocity and their standard deviations (``east_m``, ``velocity_east_mps``,
+            ``sigma_east_m``, ``sigma_velocity_east_mps``, ...), and ``roll_rad``, ``pitch_rad``, ``yaw_rad``. The index
+            of the frame is the row number of the reference.
         """
         import pandas as pd
 
@@ -134,7 +135,7 @@ class Estimate:
         return pd.DataFrame({**stamps, **columns}, index=pd.Index(self.index, name="reference_row"))
 
     def _repr_html_(self) -> str:
-        """Return how far it went and how sure it is, as a notebook shows it."""
+        """Return HTML for notebooks: number of estimates and updates, and final standard deviation of the position."""
         lines = {"estimates": str(len(self.index)), "updates": stamps_text(self.updates.t_s)}
         if len(self.index) and not self.attitude_only:
             sigma = np.sqrt(np.diagonal(self.covariance[-1])[:3])
@@ -144,24 +145,24 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class ErrorWeights:
-    """The weights of a run's errors, at the k stamps of the reference that it visits.
+    """The true position and velocity at the k stamps of the reference, and the weights of the errors in the sums.
 
     Attributes:
-        truth: (k, 6) position and velocity of the reference; 0 where a velocity is not known.
-        counted: (k,) 1 where the errors count, else 0.
-        whole: (k,) 1 where they count with the burn-in, else 0.
-        moving: (k,) 1 where the velocity errors count, else 0.
-        outage: (k,) 1 where they count for the outages, else 0.
-        marks: (j,) rows whose position errors are kept.
-        start_s: from when on updates count.
-        consistency: whether covariances are asked for: the sums of e' P^-1 e, and those of the marked rows. They take a
-            quarter of a run without a trajectory.
-        limit_m: a run with a larger position error strays.
+        truth: (k, 6) position [m] and velocity [m/s] of the reference in ENU, with 0 for an unknown velocity.
+        counted: (k,) 1 if the errors at the stamp count, otherwise 0.
+        with_burn_in: (k,) 1 if the error at the stamp counts in sums that include the burn-in, otherwise 0.
+        moving: (k,) 1 if the velocity error at the stamp counts, otherwise 0.
+        outage: (k,) 1 if the error at the stamp counts as an error during an outage, otherwise 0.
+        marks: (j,) rows of the reference at which the position errors are stored.
+        start_s: Updates before this time are not counted [s].
+        consistency: True if the sums of e' P^-1 e and the covariances of the marked rows are needed. The computation of
+            these sums takes a quarter of the time of a run without a trajectory.
+        limit_m: A run whose position error exceeds this limit has diverged [m].
     """
 
     truth: FloatArray
     counted: FloatArray
-    whole: FloatArray
+    with_burn_in: FloatArray
     moving: FloatArray
     outage: FloatArray
     marks: IntArray
@@ -171,40 +172,43 @@ class ErrorWeights:
 
 
 SUMS = 17
-"""Sums that a run adds up, the first thirteen parts of `Streamed`: each has a place in the array of them."""
+"""Number of sums of a run. They are the first thirteen fields of `Streamed`. The next constants are their indices."""
 POSITION_SQUARES, VELOCITY_SQUARES = 0, 3
-WHOLE, OUTAGE, MAX_ERROR, STRAYED, ROWS_LEFT, NEES, NEES_POSITION, NIS, UPDATES, NIS_USED, UPDATES_USED = range(6, SUMS)
+WITH_BURN_IN, OUTAGE, MAX_ERROR, DIVERGED, ROWS_LEFT, NEES, NEES_POSITION = range(6, 13)
+NIS, UPDATES, NIS_USED, UPDATES_USED = range(13, SUMS)
 
 
 class Streamed(NamedTuple):
-    """Sums over a run, of squares where nothing else is said, and what its updates saw.
+    """Sums over a run whose trajectory is not stored, and the data of its updates.
 
     Attributes:
-        position_m2: (3,) east, north, up.
-        velocity_m2ps2: (3,) likewise.
-        whole_m2: of the position, with the burn-in.
-        outage_m2: of the position, inside the outages.
-        largest_m2: the largest of the position, where it counts.
-        strayed_m2: the first of the position beyond the limit; 0: there is none.
-        rows_left: how many rows there were from that one on.
-        nees: sum of e' P^-1 e; NaN where it was not wanted.
-        nees_position: the same of the position alone.
-        nis_per_row: sum of nis/m over the updates that count.
-        nis_updates: their number.
-        nis_used_per_row: the same with the S that was used and the rows that were kept.
-        nis_used_updates: their number.
-        marked_m: (j, 3) position errors at the marks.
-        marked_m2: (j, 6) the upper triangle of their covariance, row by row; NaN where it was not wanted.
-        updates: what the updates saw, or none where they were not kept.
-        euler_rad: (k, 3) roll, pitch, yaw of the run itself; None: those of the timeline, or not kept.
+        position_m2: (3,) sums of the squared position errors (east, north, up) [m2].
+        velocity_m2ps2: (3,) sums of the squared velocity errors (east, north, up) [m2/s2].
+        with_burn_in_m2: Sum of the squared position errors, including the burn-in [m2].
+        outage_m2: Sum of the squared position errors during outages [m2].
+        largest_m2: Largest squared position error of a row that counts [m2].
+        diverged_m2: First squared position error beyond the limit, or 0 if the run has not diverged [m2].
+        rows_left: Number of rows of the reference from the divergence to the end of the run.
+        nees: Sum of e' P^-1 e over the errors e of position and velocity, or NaN if it was not needed.
+        nees_position: Sum of e' P^-1 e over the position errors e, or NaN if it was not needed.
+        nis_per_row: Sum of NIS/m over the updates that count, with the reported R and m measured rows.
+        nis_updates: Number of updates in ``nis_per_row``.
+        nis_used_per_row: Sum of NIS/m over the updates that count, with the adapted S and without dropped rows.
+        nis_used_updates: Number of updates in ``nis_used_per_row``.
+        marked_m: (j, 3) position errors in the rows ``ErrorWeights.marks`` [m].
+        marked_m2: (j, 6) upper triangle of the position covariance in the rows ``ErrorWeights.marks``, row by row, or
+            NaN if it was not needed [m2].
+        updates: Data of the updates, without elements if they were not stored.
+        euler_rad: (k, 3) roll, pitch, yaw that the run has estimated [rad], or None if the run used the angles of the
+            timeline or did not store the angles.
     """
 
     position_m2: FloatArray
     velocity_m2ps2: FloatArray
-    whole_m2: float
+    with_burn_in_m2: float
     outage_m2: float
     largest_m2: float
-    strayed_m2: float
+    diverged_m2: float
     rows_left: float
     nees: float
     nees_position: float
@@ -219,44 +223,45 @@ class Streamed(NamedTuple):
 
     @classmethod
     def of(cls, sums: FloatArray, marked: FloatArray, updates: Updates, euler_rad: FloatArray | None = None) -> Self:
-        """Return these from ``sums`` (SUMS,) and ``marked`` (j, 9), error and covariance at the marks."""
-        squares, numbers = sums[:WHOLE], sums[WHOLE:].tolist()
+        """Create an object from ``sums`` (SUMS,) and ``marked`` (j, 9), the errors and covariances at the marks."""
+        squares, numbers = sums[:WITH_BURN_IN], sums[WITH_BURN_IN:].tolist()
         return cls._make([squares[:3], squares[3:], *numbers, marked[:, :3], marked[:, 3:], updates, euler_rad])
 
 
 class Sums(NamedTuple):
-    """Sums over the rows of a run; which rows, `jerkbench.evaluation.counted_rows` says.
+    """Sums of the errors e of a run over the rows of the reference that count (`jerkbench.evaluation.counted_rows`).
 
     Attributes:
-        position_m2: (5,) sum of |e|^2 over the axes of each of POSITION_AXES.
-        position_rows: (5,) their number.
-        position_max_m: the largest |e|; NaN without rows.
-        whole_m2: sum of |e|^2, the burn-in too.
-        whole_rows: their number.
-        velocity_m2ps2: (3,) sum of |e|^2 over the axes of each of VELOCITY_AXES.
-        velocity_rows: (3,) their number.
-        nees: sum of e' P^-1 e, position and velocity.
-        nees_rows: their number.
-        nees_position: sum of e' P^-1 e of position, over ``position_rows[0]`` rows.
-        nis_per_row: sum over updates of nis/m, reported R.
-        nis_updates: their number.
-        nis_used_per_row: the same with the S that was used and the rows that were not dropped.
-        nis_used_updates: their number.
-        outage_m2: sum of |e|^2 of position inside outages.
-        outage_rows: their number.
-        outage_ends_m: (j,) |e| at the end of each outage.
-        outage_driven_m: (j,) how far the reference went in each.
-        outage_drifts_mps: (j,) change of e from its first to its last row, per second; NaN where they are one.
-        outages: number of outages of the recording, reached or not.
-        sampled_m: (s, 3) position errors once a second, at the first row that counts.
-        sampled_m2: (s, 6) the upper triangle of their covariance, row by row.
+        position_m2: (5,) sums of the squared position errors over the axes in each entry of POSITION_AXES [m2].
+        position_rows: (5,) number of rows in each sum of ``position_m2``.
+        position_max_m: Largest |e| of the position, or NaN if no row counts [m].
+        with_burn_in_m2: Sum of |e|^2 of the position, including the burn-in [m2].
+        rows_with_burn_in: Number of rows in ``with_burn_in_m2``.
+        velocity_m2ps2: (3,) sums of the squared velocity errors over the axes in each entry of VELOCITY_AXES [m2/s2].
+        velocity_rows: (3,) number of rows in each sum of ``velocity_m2ps2``.
+        nees: Sum of e' P^-1 e over the errors e of position and velocity.
+        nees_rows: Number of rows in ``nees``.
+        nees_position: Sum of e' P^-1 e over the position errors e in ``position_rows[0]`` rows.
+        nis_per_row: Sum of NIS/m over the updates, with the reported R and m measured rows.
+        nis_updates: Number of updates in ``nis_per_row``.
+        nis_used_per_row: Sum of NIS/m over the updates, with the adapted S and without dropped rows.
+        nis_used_updates: Number of updates in ``nis_used_per_row``.
+        outage_m2: Sum of |e|^2 of the position during outages [m2].
+        outage_rows: Number of rows in ``outage_m2``.
+        outage_ends_m: (j,) |e| of the position at the end of each outage [m].
+        outage_driven_m: (j,) distance that the reference covers during each outage [m].
+        outage_drifts_mps: (j,) change of e from the first to the last row of each outage, divided by the time between
+            these rows, or NaN if an outage has only one row [m/s].
+        outages: Number of outages in the recording, including outages that the run did not reach.
+        sampled_m: (s, 3) position error in the first counted row of each second [m].
+        sampled_m2: (s, 6) upper triangle of the position covariance in the rows of ``sampled_m``, row by row [m2].
     """
 
     position_m2: FloatArray
     position_rows: FloatArray
     position_max_m: float
-    whole_m2: float
-    whole_rows: float
+    with_burn_in_m2: float
+    rows_with_burn_in: float
     velocity_m2ps2: FloatArray
     velocity_rows: FloatArray
     nees: float
@@ -277,5 +282,5 @@ class Sums(NamedTuple):
 
     @property
     def sampled_covariance_m2(self) -> FloatArray:
-        """(s, 3, 3) covariances of the position once a second."""
+        """Covariances (s, 3, 3) of the position in the rows of ``sampled_m`` [m2]."""
         return self.sampled_m2[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]

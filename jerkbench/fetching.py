@@ -1,154 +1,30 @@
-"""Public recordings from where they are published: listed, downloaded, checked, kept."""
+"""The registry of public recordings, and their download with verification of the hashes."""
 
-import http.client
-import shutil
-import time
 import tomllib
-import urllib.error
-import urllib.request
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import quote
 
-from jerkbench.errors import NO_ROOM, RecordingError, require_known
-
-# The download of a file over HTTP into a part that survives: an interrupted one goes on where it
-# stopped.
-
-ATTEMPTS = 4
-"""The number of times that a lost connection is opened again before giving up."""
+from jerkbench.errors import RecordingError, require_known
 
 TIMEOUT_S = 30.0
-BLOCK_BYTES = 1 << 16
+"""Longest time without a byte from the server [s]."""
 
-MAX_BYTES = 2 * 10**9
-"""The limit for a file whose size the registry does not have."""
-
-MIN_BYTES_PER_S, PERIOD_S = 2000.0, 30.0
-"""A download ends if its rate is lower over such a period."""
-
-PROGRESS_S = 5.0
-"""The time between two lines of progress."""
-
-
-class HttpsRedirects(urllib.request.HTTPRedirectHandler):
-    """Follows redirects to https addresses only."""
-
-    def redirect_request(self, req: urllib.request.Request, *others: Any) -> urllib.request.Request | None:  # noqa: ANN401 - urllib's signature
-        """Return the request for the new address.
-
-        Raises:
-            RecordingError: the address is not one of https.
-        """
-        if not others[-1].startswith("https://"):
-            raise RecordingError(f"{req.full_url} redirects to {others[-1]}, which is not https; nothing was fetched.")
-        return super().redirect_request(req, *others)
-
-
-class ResumingDownloader:
-    """A downloader for `pooch`: it keeps ``part`` until the file is complete, and requests only the rest of it.
-
-    Attributes:
-        part: the file with the bytes received so far.
-        size: number of bytes of the complete file; 0: not known.
-        say: prints a line of progress.
-    """
-
-    def __init__(self, part: Path, size: int = 0, say: Callable[[str], None] = print) -> None:
-        """Store the parameters."""
-        self.part, self.size, self.say = part, size, say
-
-    def __call__(self, url: str, output_file: str | IO[bytes], pooch: object) -> None:
-        """Download ``url`` to ``output_file``.
-
-        Raises:
-            RecordingError: the server refuses, or the connection is cut again and again; the part is kept.
-        """
-        del pooch
-        self.part.parent.mkdir(parents=True, exist_ok=True)
-        for _ in range(ATTEMPTS):
-            if not (reason := self._receive(url)):
-                break
-        else:
-            received = self.part.stat().st_size if self.part.exists() else 0
-            kept = f"{received} bytes are kept, and the same command goes on from there."
-            raise RecordingError(f"{url}: {reason}; {kept}")
-        with self.part.open("rb") as source:
-            if isinstance(output_file, str):
-                shutil.copyfile(self.part, output_file)
-            else:
-                shutil.copyfileobj(source, output_file)
-        self.part.unlink()
-
-    def _receive(self, url: str) -> str:
-        """Receive the rest; returns why it was cut off, or an empty string."""
-        have = self.part.stat().st_size if self.part.exists() else 0
-        request = urllib.request.Request(url, headers={"Range": f"bytes={have}-"} if have else {})  # noqa: S310 - from the registry
-        try:
-            with urllib.request.build_opener(HttpsRedirects).open(request, timeout=TIMEOUT_S) as answer:
-                self._append(url, answer, resumed=answer.status == http.HTTPStatus.PARTIAL_CONTENT)
-        except urllib.error.HTTPError as error:
-            if error.code == http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE and have:
-                if have == (self.size or have):  # complete, unless the hash says otherwise
-                    return ""
-                self.part.unlink()
-                return f"the server does not continue the file after {have} bytes"
-            refused = f"{url}: the server answers {error.code} {error.reason}; try again later."
-            if error.code == http.HTTPStatus.NOT_FOUND:
-                refused = f"There is nothing at {url} (404); the repository may have moved: fetch the file by hand."
-            raise RecordingError(refused) from error
-        except urllib.error.URLError as error:
-            return f"the server cannot be reached ({error.reason})"
-        except (OSError, http.client.HTTPException) as error:
-            if isinstance(error, OSError) and error.errno in NO_ROOM:
-                raise
-            return f"the connection was cut ({type(error).__name__})"
-        except ValueError as error:
-            raise RecordingError(f"{url} redirects to an invalid address ({error}); nothing was fetched.") from error
-        return ""
-
-    def _append(self, url: str, answer: http.client.HTTPResponse, *, resumed: bool) -> None:
-        """Write the answer to the part; refuse one that is too large or too slow."""
-        limit = self.size or MAX_BYTES
-        begun = shown = time.monotonic()
-        with self.part.open("ab" if resumed else "wb") as file:
-            before = file.tell()
-            while block := answer.read1(BLOCK_BYTES):
-                file.write(block)
-                have, now = file.tell(), time.monotonic()
-                if have > limit:
-                    file.truncate(0)
-                    raise RecordingError(f"{url} sends more than the expected {limit} bytes; nothing of it is kept.")
-                if now - begun >= PERIOD_S:
-                    rate = (have - before) / (now - begun)
-                    if rate < MIN_BYTES_PER_S:
-                        raise RecordingError(
-                            f"{url} sends {rate:.0f} bytes per second, and at least {MIN_BYTES_PER_S:.0f} are needed;"
-                            f" {have} bytes are kept, and the same command continues from there."
-                        )
-                    begun, before = now, have
-                if now - shown >= PROGRESS_S:
-                    of_all = f" of {self.size / 1e6:.1f}" if self.size else ""
-                    self.say(f"{have / 1e6:.1f}{of_all} MB")
-                    shown = now
-        if answer.length:  # a plain read1() ends at a cut without an exception
-            raise http.client.IncompleteRead(b"", answer.length)
-
-
-# The public recordings that can be fetched, from the registry beside this file.
+RETRIES = 3
+"""Number of further attempts after an interrupted download."""
 
 REGISTRY = Path(__file__).parent / "recordings.toml"
 
 
 class PublicFile(NamedTuple):
-    """One file of a recording.
+    """A file of a public recording.
 
     Attributes:
-        name: relative to the recording's folder.
-        url: where it is published, at a fixed commit.
-        sha256: of its bytes.
-        size: number of its bytes; 0: not known.
+        name: Path relative to the folder of the recording.
+        url: Address of the file at a fixed commit.
+        sha256: SHA-256 hash of the file.
+        size: Number of bytes of the file, or 0 if the size is not known.
     """
 
     name: str
@@ -158,13 +34,13 @@ class PublicFile(NamedTuple):
 
 
 class PublicRecording(NamedTuple):
-    """A recording that anybody may fetch.
+    """A public recording.
 
     Attributes:
-        name: its name here.
-        title: one phrase about it.
-        licence: its SPDX identifier.
-        files: all of it.
+        name: Name in the registry.
+        title: Description in one phrase.
+        licence: SPDX identifier of the licence.
+        files: All files of the recording.
     """
 
     name: str
@@ -173,41 +49,37 @@ class PublicRecording(NamedTuple):
     files: tuple[PublicFile, ...]
 
 
-def public_recordings(registry: Path = REGISTRY) -> dict[str, PublicRecording]:
-    """Return every recording of the registry by its name."""
-    entries = tomllib.loads(registry.read_text(encoding="utf-8"))
+def public_recordings() -> dict[str, PublicRecording]:
+    """Return all recordings in the registry, by name."""
+    entries = tomllib.loads(REGISTRY.read_text(encoding="utf-8"))
     return {name: _recording(name, entry) for name, entry in entries.items()}
 
 
-def public_recording(name: str, registry: Path = REGISTRY) -> PublicRecording:
-    """Return one of them.
+def public_recording(name: str) -> PublicRecording:
+    """Return the public recording ``name``.
 
     Raises:
-        RecordingError: there is none of that name.
+        RecordingError: The name is unknown.
     """
-    known = public_recordings(registry)
+    known = public_recordings()
     require_known("public recording", name, known, RecordingError)
     return known[name]
 
 
 def _recording(name: str, entry: dict[str, object]) -> PublicRecording:
     address, listed = str(entry["address"]), entry["files"]
-    assert isinstance(listed, dict)  # noqa: S101 - the registry is our own
+    assert isinstance(listed, dict)  # noqa: S101 - the registry is part of the package
     files = (PublicFile(local, address + quote(path), *checks) for local, (path, *checks) in listed.items())
     return PublicRecording(name, str(entry["title"]), str(entry["licence"]), tuple(files))
 
 
-PARTS_FOLDER = ".parts"
-"""Folder of what was received of files that are not whole yet."""
-
-
 def fetch(recording: PublicRecording, folder: Path, say: Callable[[str], None]) -> None:
-    """Download what ``folder`` lacks of the recording, and check every file's SHA-256.
+    """Download the files of a recording that are missing in ``folder``, and verify the SHA-256 hash of every file.
 
-    The folder appears under its name only when all of it is there: until then it is called ``NAME.incomplete``.
+    During the download, the folder is called ``NAME.incomplete``. Complete files are not downloaded again.
 
     Raises:
-        RecordingError: a file cannot be had, is not the one that is listed, or cannot be written.
+        RecordingError: A file cannot be downloaded or written, or its hash differs from the registry.
     """
     unfinished = folder.with_name(f"{folder.name}.incomplete")
     try:
@@ -216,8 +88,6 @@ def fetch(recording: PublicRecording, folder: Path, say: Callable[[str], None]) 
         unfinished.mkdir(parents=True, exist_ok=True)
         for file in recording.files:
             _fetch_file(file, unfinished, say)
-        if (unfinished / PARTS_FOLDER).is_dir():
-            (unfinished / PARTS_FOLDER).rmdir()
         unfinished.rename(folder)
     except OSError as error:
         raise RecordingError(f"{folder} cannot be written: {error.strerror or error}.") from error
@@ -225,19 +95,25 @@ def fetch(recording: PublicRecording, folder: Path, say: Callable[[str], None]) 
 
 def _fetch_file(file: PublicFile, folder: Path, say: Callable[[str], None]) -> None:
     import pooch
+    from requests.exceptions import RequestException
 
     target = folder / file.name
-    present = target.is_file() and pooch.file_hash(str(target)) == file.sha256
-    say(f"{file.name}: {'there' if present else 'downloading'}")
-    if present:
+    if target.is_file() and pooch.file_hash(str(target)) == file.sha256:
+        say(f"{file.name}: there")
         return
-    target.unlink(missing_ok=True)
-    pooch.get_logger().setLevel("WARNING")  # what is downloaded was said above
+    say(f"{file.name}: downloading {f'{file.size / 1e6:.1f} MB' if file.size else ''}".rstrip())
+    pooch.get_logger().setLevel("ERROR")  # pooch would print the name of the file again
+    files = pooch.create(
+        folder, "", registry={file.name: file.sha256}, urls={file.name: file.url}, retry_if_failed=RETRIES
+    )
     try:
-        downloader = ResumingDownloader(folder / PARTS_FOLDER / file.sha256, file.size, say)
-        pooch.retrieve(file.url, file.sha256, fname=target.name, path=target.parent, downloader=downloader)
-    except ValueError as error:  # pooch's word for a wrong hash
-        raise RecordingError(
-            f"{file.url} is not the file that was recorded (its SHA-256 is another); nothing of it is kept: try again,"
-            " and if it stays so, the publisher has changed the file."
-        ) from error
+        files.fetch(file.name, downloader=pooch.HTTPDownloader(timeout=TIMEOUT_S))
+    except RequestException as error:
+        answer = (
+            f"the server answers {error.response.status_code}" if error.response is not None else type(error).__name__
+        )
+        message = f"{file.url} cannot be downloaded ({answer})"
+        raise RecordingError(f"{message}; run the command again to continue, or download the file by hand.") from error
+    except ValueError as error:  # pooch raises a ValueError if the hash is wrong
+        changed = f"The SHA-256 of {file.url} differs from the registry, so the file was not stored"
+        raise RecordingError(f"{changed}. Try again; the publisher may have changed the file.") from error

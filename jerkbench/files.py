@@ -1,4 +1,4 @@
-"""Files that are written as a whole or not at all, YAML of anybody, measured before it is read, and JUnit files."""
+"""Atomic writing, files that only this user can write, reading of untrusted YAML, templates, and JUnit files."""
 
 import os
 import stat
@@ -18,20 +18,20 @@ from jerkbench.notices import plain
 
 
 def user_cache_folder() -> Path:
-    """Return this package's folder in the user's cache, wherever the operating system has it."""
+    """Return the folder of jerkbench in the user's cache folder, which depends on the operating system."""
     return user_cache_path("jerkbench", appauthor=False)
 
 
 def cache_folder(kind: str) -> Path:
-    """Return where one kind of things that can be made again is kept: in $JERKBENCH_CACHE, or in the user's cache."""
-    own = os.environ.get("JERKBENCH_CACHE")
-    return (Path(own).expanduser() if own else user_cache_folder()) / kind
+    """Return the folder for a ``kind`` of cached data in $JERKBENCH_CACHE, or otherwise in the user's cache folder."""
+    folder = os.environ.get("JERKBENCH_CACHE")
+    return (Path(folder).expanduser() if folder else user_cache_folder()) / kind
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a temporary file beside ``path``, then put it in its place.
+    """Call ``write`` with a temporary path in the folder of ``path``, and then rename the file to ``path``.
 
-    A reader, or a run that is stopped at any moment, sees the old file or the new one, never a part.
+    ``path`` is always the old file or the complete new file, even if the process stops while it writes.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
@@ -42,18 +42,18 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
         partial.unlink(missing_ok=True)
 
 
-# What is run, or unpickled, when it is loaded: believed only if this user alone can have written it.
+# Files with machine code or pickles. Such a file is loaded only if no other user can have written the file.
 
 
-class Distrusted(Exception):  # noqa: N818 - no error: it is made anew
-    """Why a file is not loaded."""
+class Distrusted(Exception):  # noqa: N818 - not an error, because the file is created again
+    """A file is not loaded, because it is damaged or another user may have changed it. The message gives the reason."""
 
 
 def write_trusted(path: Path, content: bytes) -> None:
-    """Keep ``content`` at ``path``, as a whole, so that nobody else may write it.
+    """Write ``content`` with a checksum to ``path`` atomically, with permissions for this user only.
 
     Raises:
-        OSError: nothing can be written there.
+        OSError: The file cannot be written.
     """
 
     def write(partial: Path) -> None:
@@ -64,52 +64,52 @@ def write_trusted(path: Path, content: bytes) -> None:
 
 
 def read_trusted(path: Path) -> memoryview | None:
-    """Return what `write_trusted` kept at ``path``, or None where there is nothing to read.
+    """Return the content that `write_trusted` has written to ``path``, or None if the file cannot be read.
 
-    The file that is checked is the one that is read, whoever puts another in its place.
+    The permissions are read from the open file, so that the file cannot be replaced between the check and the reading.
 
     Raises:
-        Distrusted: it belongs to somebody else, others may write to it, or it is not what was written.
+        Distrusted: The file belongs to another user, other users may write to it, or its checksum is wrong.
     """
     try:
         with path.open("rb") as file:
-            _require_own(os.fstat(file.fileno()))
+            _require_private(os.fstat(file.fileno()))
             content = file.read()
-    except OSError:  # there is none, or it cannot be read; whether it can be written shows later
+    except OSError:
         return None
-    kept = memoryview(content)[CHECKSUM_BYTES:]
-    if _checksum(kept) != content[:CHECKSUM_BYTES]:
-        raise Distrusted("it is not what was written there")
-    return kept
+    payload = memoryview(content)[CHECKSUM_BYTES:]
+    if _checksum(payload) != content[:CHECKSUM_BYTES]:
+        raise Distrusted("the checksum of the file is wrong")
+    return payload
 
 
 CHECKSUM_BYTES = 4
 
 
 def _checksum(content: bytes | memoryview) -> bytes:
-    """It tells damage. Who may write there could make any: that is what the owner is asked for."""
+    """Return a checksum that detects damage. File permissions, and not the checksum, prevent manipulation by others."""
     return zlib.crc32(content).to_bytes(CHECKSUM_BYTES)
 
 
-def _require_own(file: os.stat_result) -> None:
-    """Check that only this user, or the system's, can have written it; where there are no such users, all is well."""
+def _require_private(file: os.stat_result) -> None:
+    """Require that only this user or root can have written a file. Windows has no user ids and is not checked."""
     if not hasattr(os, "geteuid"):
         return
     if file.st_uid not in (os.geteuid(), 0):
-        raise Distrusted(f"it belongs to another user ({file.st_uid})")
+        raise Distrusted(f"the file belongs to another user ({file.st_uid})")
     if file.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise Distrusted("others may write to it")
+        raise Distrusted("other users may write to the file")
 
 
 def exists(path: Path) -> bool:
-    """Whether anything has that name, be it a link that leads nowhere."""
+    """Return whether ``path`` exists. A broken symbolic link counts as existing."""
     return path.is_symlink() or path.exists()
 
 
 def forget_oldest(folder: Path, pattern: str, most_bytes: int) -> None:
-    """Delete files of a cache until the rest is not larger than ``most_bytes``: the longest unused first.
+    """Delete the oldest files of a cache until the total size is at most ``most_bytes``.
 
-    The latest one stays, however large. A file that another process deletes meanwhile is gone as well.
+    The newest file is never deleted. Files that another process deletes at the same time are ignored.
     """
     files: list[tuple[Path, os.stat_result]] = []
     for path in folder.glob(pattern):
@@ -117,30 +117,33 @@ def forget_oldest(folder: Path, pattern: str, most_bytes: int) -> None:
             files.append((path, path.stat()))
     files.sort(key=lambda entry: -entry[1].st_mtime_ns)
     size = 0
-    for place, (path, of_file) in enumerate(files):
+    for rank, (path, of_file) in enumerate(files):
         size += of_file.st_size
-        if place and size > most_bytes:
+        if rank and size > most_bytes:
             path.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` to ``path`` atomically, as UTF-8; what would steer a terminal or end a line is written out."""
+    """Write ``text`` to ``path`` atomically, as UTF-8. Control characters are escaped (`plain`)."""
     write_atomically(path, lambda partial: partial.write_text(plain(text), encoding="utf-8"))
 
 
 def filled_template(
     path: Path, filters: Mapping[str, Callable[..., object]] = MappingProxyType({}), /, **values: object
 ) -> str:
-    """Return the template at ``path``, of a text that is no HTML, filled in; a value that is not given is an error."""
+    """Return the text of a Jinja template, filled with ``values``. A missing value raises an exception.
+
+    The template must not be HTML, because values are not escaped.
+    """
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701 - no HTML
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701 - not HTML
     environment.filters |= filters
     return environment.from_string(path.read_text(encoding="utf-8")).render(values)
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:
-    """Return a page with each of its parts, which stand between ``<!-- NAME -->`` and ``<!-- end -->``, made anew."""
+    """Replace the text between ``<!-- NAME -->`` and ``<!-- end -->`` on a page, for each name in ``parts``."""
     for name, text in parts.items():
         begin, end = f"<!-- {name} -->\n", "<!-- end -->"
         before, rest = page.split(begin)
@@ -148,32 +151,32 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
     return page
 
 
-# YAML of anybody: a few lines of aliases can stand for more than a machine can hold.
+# Untrusted YAML. A few lines with aliases can expand to more values than fit into memory.
 
 
 MAX_VALUES = 100_000
-"""Values of a file, each alias counted with all that it repeats."""
+"""Maximum number of values in a file. An alias counts as all the values that it repeats."""
 
-DEEPEST = 100
-"""Lists and mappings inside each other."""
+MAX_DEPTH = 100
+"""Maximum depth of nested lists and mappings."""
 
 MAX_INTERPOLATIONS = 20
-"""References to other values (${...}): each repeats what it refers to, as an alias does, and may hold some itself."""
+"""Maximum number of interpolations (${...}). Like aliases, they repeat values, and they can be nested."""
 
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 TOO_DEEP = "exceeded maximum nesting depth"
-"""What newer versions of libyaml say of a file, as they read some way ahead of the values that they give."""
+"""Error message of newer versions of libyaml. They read ahead, so they detect the depth before `require_small`."""
 
 
-def read_yaml(path: Path) -> Any:  # noqa: ANN401 - whatever stands there
-    """Read a file.
+def read_yaml(path: Path) -> Any:  # noqa: ANN401 - any YAML value
+    """Read an untrusted YAML file.
 
     Raises:
-        JerkbenchError: it is too large.
-        OSError: it cannot be read.
-        ValueError: it is no UTF-8.
-        yaml.YAMLError: it is no YAML.
+        JerkbenchError: The file has too many values or interpolations, or is nested too deeply.
+        OSError: The file cannot be read.
+        ValueError: The file is not UTF-8.
+        yaml.YAMLError: The file is not valid YAML.
     """
     text = path.read_text(encoding="utf-8")
     require_small(text, path)
@@ -181,11 +184,11 @@ def read_yaml(path: Path) -> Any:  # noqa: ANN401 - whatever stands there
 
 
 def require_small(text: str, path: Path) -> None:
-    """Refuse what stands for too many values, or is nested too deep, without making any of them.
+    """Require that a YAML text is not too large and not nested too deeply, without a creation of its values.
 
     Raises:
-        JerkbenchError: it does, or an alias stands for what it is a part of.
-        yaml.YAMLError: it is no YAML.
+        JerkbenchError: The text has too many values or interpolations, is nested too deeply, or has a recursive alias.
+        yaml.YAMLError: The text is not valid YAML.
     """
     values, interpolations = 0, 0
     sizes: dict[str | None, int] = {}
@@ -201,13 +204,13 @@ def require_small(text: str, path: Path) -> None:
             sizes[anchor] = values - before
         interpolations += event.value.count("${") if isinstance(event, yaml.ScalarEvent) else 0
         if interpolations > MAX_INTERPOLATIONS:
-            raise JerkbenchError(f"{path} has more than {MAX_INTERPOLATIONS} interpolations (${{...}}); write values.")
-        if values > MAX_VALUES or len(open_since) > DEEPEST:
+            raise JerkbenchError(f"{path} has more than {MAX_INTERPOLATIONS} interpolations, ${{...}}; give values.")
+        if values > MAX_VALUES or len(open_since) > MAX_DEPTH:
             raise _too_large(path)
 
 
 def _events(text: str, path: Path) -> Iterator[yaml.Event]:
-    """The events of a text; where the library itself refuses its depth, our sentence."""
+    """Yield the parser events of a YAML text. If libyaml rejects the nesting depth, raise a `JerkbenchError`."""
     try:
         yield from yaml.parse(text, LOADER)
     except yaml.MarkedYAMLError as error:
@@ -217,23 +220,21 @@ def _events(text: str, path: Path) -> Iterator[yaml.Event]:
 
 
 def _too_large(path: Path) -> JerkbenchError:
-    return JerkbenchError(
-        f"{path} stands for more than {MAX_VALUES} values, or has lists nested more than {DEEPEST} deep. An alias"
-        " (*NAME) counts as all the values that it repeats. Make the file smaller."
-    )
+    limits = f"more than {MAX_VALUES} values, or lists that are nested more than {MAX_DEPTH} deep"
+    return JerkbenchError(f"{path} has {limits}. An alias (*NAME) counts as all the values that it repeats.")
 
 
-# Results of checks in the JUnit format, which build servers read
+# Results of checks in the JUnit format, which continuous integration services read.
 
 
 class JunitCase(NamedTuple):
-    """One check.
+    """The result of one check.
 
     Attributes:
-        group: group of checks.
-        name: name of the check.
-        failures: messages. Empty if the check passed.
-        notes: messages that are not failures.
+        group: Group of the check.
+        name: Name of the check.
+        failures: Messages about failures, empty if the check passed.
+        notes: Messages that are not failures.
     """
 
     group: str
@@ -243,7 +244,7 @@ class JunitCase(NamedTuple):
 
 
 def junit(suite: str, cases: Sequence[JunitCase]) -> str:
-    """Return the text of a JUnit file with one suite."""
+    """Return the text of a JUnit file with one test suite."""
     failed = sum(bool(case.failures) for case in cases)
     root = ET.Element("testsuite", name=suite, tests=str(len(cases)), failures=str(failed), errors="0")
     for case in cases:

@@ -1,73 +1,66 @@
-"""Geodetic <-> ENU and rotations: thin over pymap3d and scipy, in the conventions of `jerkbench.recording`."""
+"""Geodetic coordinates and rotations in the conventions of `jerkbench.recording`, computed by pymap3d and SciPy."""
 
 from dataclasses import astuple
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
-from jerkbench.errors import JerkbenchError, require_known
 from jerkbench.recording import Origin
-
-EULER_ORDERS = (
-    *("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"),  # three axes (Tait-Bryan)
-    *("XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ"),  # the first axis again (proper Euler)
-)
-"""The orders of axes that `euler_in_order` knows."""
 
 
 def geodetic_to_enu(
     latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray, origin: Origin
 ) -> FloatArray:
-    """Turn WGS-84 coordinates into ENU [m] at ``origin``; returns (n, 3)."""
+    """Convert WGS-84 coordinates (n,) [deg, deg, m] to ENU (n, 3) [m] at ``origin``."""
     from pymap3d import geodetic2enu
 
     return np.column_stack(geodetic2enu(latitude_deg, longitude_deg, height_m, *astuple(origin)))
 
 
 def geodetic_to_ecef(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Turn WGS-84 coordinates into ECEF [m]; returns (n, 3)."""
+    """Convert WGS-84 coordinates (n,) [deg, deg, m] to ECEF (n, 3) [m]."""
     from pymap3d import geodetic2ecef
 
     return np.column_stack(geodetic2ecef(latitude_deg, longitude_deg, height_m))
 
 
 def enu_to_geodetic(enu_m: FloatArray, origin: Origin) -> FloatArray:
-    """Turn (n, 3) ENU [m] at ``origin`` into latitude [deg], longitude [deg], height [m]; returns (n, 3)."""
+    """Convert ENU (n, 3) [m] at ``origin`` to latitude, longitude and height (n, 3) [deg, deg, m]."""
     from pymap3d import enu2geodetic
 
     return np.column_stack(enu2geodetic(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *astuple(origin)))
 
 
 def ecef_to_enu(ecef_m: FloatArray, origin: Origin) -> FloatArray:
-    """Turn (n, 3) ECEF [m] into ENU [m] at ``origin``; returns (n, 3)."""
+    """Convert ECEF (n, 3) [m] to ENU (n, 3) [m] at ``origin``."""
     from pymap3d import ecef2enu
 
     return np.column_stack(ecef2enu(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2], *astuple(origin)))
 
 
 def enu_to_ecef(enu_m: FloatArray, origin: Origin) -> FloatArray:
-    """Turn (n, 3) ENU [m] at ``origin`` into ECEF [m]; returns (n, 3)."""
+    """Convert ENU (n, 3) [m] at ``origin`` to ECEF (n, 3) [m]."""
     from pymap3d import enu2ecef
 
     return np.column_stack(enu2ecef(enu_m[:, 0], enu_m[:, 1], enu_m[:, 2], *astuple(origin)))
 
 
 def ecef_to_geodetic(ecef_m: FloatArray) -> FloatArray:
-    """Return latitude [deg], longitude [deg], height [m] (n, 3) of points (n, 3) in ECEF [m]."""
+    """Convert ECEF (n, 3) [m] to latitude, longitude and height (n, 3) [deg, deg, m]."""
     from pymap3d import ecef2geodetic
 
     return np.column_stack(ecef2geodetic(ecef_m[:, 0], ecef_m[:, 1], ecef_m[:, 2]))
 
 
 def ecef_to_origin(ecef_m: FloatArray) -> Origin:
-    """Return the origin at one point (3,) in ECEF [m]."""
+    """Return the origin at the point ``ecef_m`` (3,) [m]."""
     from pymap3d import ecef2geodetic
 
     return Origin(*(float(value) for value in ecef2geodetic(*ecef_m)))
 
 
 def enu_axes(origin: Origin) -> FloatArray:
-    """Return (3, 3) E with v_enu = E v_ecef: its rows are east, north and up at ``origin``."""
+    """Return E (3, 3) with v_enu = E v_ecef. The rows of E are the unit vectors east, north and up at ``origin``."""
     lat, lon = np.radians([origin.latitude_deg, origin.longitude_deg])
     return np.array(
         [
@@ -79,23 +72,24 @@ def enu_axes(origin: Origin) -> FloatArray:
 
 
 def dcm_from_quaternion(xyzw: FloatArray) -> FloatArray:
-    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), scalar last."""
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4) with the scalar last."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_quat(xyzw).as_matrix())
 
 
 def quaternion_from_dcm(dcm: FloatArray) -> FloatArray:
-    """Return unit quaternions (n, 4), scalar last, of rotation matrices (n, 3, 3)."""
+    """Return the unit quaternions (n, 4), with the scalar last, of rotation matrices (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(dcm).as_quat())
 
 
 def dcm_from_euler(euler_rad: FloatArray) -> FloatArray:
-    """Turn roll, pitch, yaw (..., 3) into Omega = Rz(yaw) Ry(pitch) Rx(roll), (..., 3, 3).
+    """Return Omega = Rz(yaw) Ry(pitch) Rx(roll) (..., 3, 3) of roll, pitch and yaw (..., 3) [rad].
 
-    Written out: SciPy's general one takes six times as long, and every sample of every recording goes through here.
+    The elements are computed explicitly, because every sample needs them and the general function of SciPy takes six
+    times as long.
     """
     angles = np.ascontiguousarray(np.moveaxis(np.asarray(euler_rad, dtype=np.float64), -1, 0))
     (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
@@ -108,21 +102,21 @@ def dcm_from_euler(euler_rad: FloatArray) -> FloatArray:
 
 
 def euler_from_dcm(dcm: FloatArray) -> FloatArray:
-    """Roll, pitch, yaw (n, 3) of rotation matrices (n, 3, 3)."""
+    """Return roll, pitch and yaw (n, 3) [rad] of rotation matrices (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(dcm).as_euler("ZYX"))[:, ::-1]
 
 
 def euler_from_rotations(dcm: FloatArray) -> FloatArray:
-    """Roll, pitch, yaw (n, 3) of (n, 3, 3) that are rotations to the last digits; SciPy would first make them so."""
+    """Return roll, pitch and yaw (n, 3) [rad] of exact rotation matrices (n, 3, 3), which need no orthogonalisation."""
     pitch = np.arctan2(-dcm[:, 2, 0], np.hypot(dcm[:, 2, 1], dcm[:, 2, 2]))
     roll, yaw = np.arctan2(dcm[:, 2, 1], dcm[:, 2, 2]), np.arctan2(dcm[:, 1, 0], dcm[:, 0, 0])
     return np.stack([roll, pitch, yaw], axis=-1)
 
 
 def euler_from_quaternion(wxyz: FloatArray) -> FloatArray:
-    """Roll, pitch, yaw (n, 3) of quaternions (n, 4), scalar first, that turn the body into ENU."""
+    """Return roll, pitch and yaw (n, 3) [rad] of quaternions (n, 4), scalar first, that rotate from body to ENU."""
     from scipy.spatial.transform import Rotation
 
     if not len(wxyz):
@@ -131,39 +125,24 @@ def euler_from_quaternion(wxyz: FloatArray) -> FloatArray:
 
 
 def vertical_in_body(euler_rad: FloatArray) -> FloatArray:
-    """Omega' e3, the vertical of ENU seen from the body, of (..., 3) roll, pitch, yaw; returns (..., 3)."""
+    """Return the vertical Omega' e3 (..., 3) in the body frame for roll, pitch and yaw (..., 3) [rad]."""
     roll, pitch = euler_rad[..., 0], euler_rad[..., 1]
     return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1)
 
 
 def roll_pitch(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Roll and pitch [rad] of x = Omega' e3 (..., 3): roll = atan2(x2, x3), pitch = atan2(-x1, hypot(x2, x3))."""
+    """Return roll atan2(x2, x3) and pitch atan2(-x1, hypot(x2, x3)) [rad] for the vertical x = Omega' e3 (..., 3)."""
     return np.arctan2(x[..., 1], x[..., 2]), np.arctan2(-x[..., 0], np.hypot(x[..., 1], x[..., 2]))
 
 
 def best_rotation(b: FloatArray, a: FloatArray) -> FloatArray:
-    """Return the rotation C (3, 3) with the least sum of |b_i - C a_i|^2 over the rows of b and a (n, 3) (Kabsch)."""
+    """Return the rotation C (3, 3) that minimises sum |b_i - C a_i|^2 over the rows of b and a (n, 3) (Kabsch)."""
     U, _, V = np.linalg.svd(b.T @ a)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
 
 
-def euler_in_order(dcm: FloatArray, order: str) -> FloatArray:
-    """Angles [rad] (n, 3) of rotation matrices (n, 3, 3), in any of the twelve orders of axes.
-
-    The rotations follow each other about the axes of the turned body, the first letter first: with "ZYX" the angles
-    are yaw, pitch, roll of Omega = Rz(yaw) Ry(pitch) Rx(roll); with "ZXZ" Omega = Rz(a) Rx(b) Rz(c).
-
-    Raises:
-        JerkbenchError: ``order`` is none of the twelve.
-    """
-    require_known("order of axes", order, EULER_ORDERS, JerkbenchError)
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(dcm).as_euler(order))
-
-
 def wrap_angle(angle_rad: FloatArray) -> FloatArray:
-    """Wrap to (-pi, pi].
+    """Wrap an angle [rad] to (-pi, pi].
 
     >>> float(wrap_angle(np.array(-np.pi)))
     3.141592653589793

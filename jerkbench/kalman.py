@@ -1,49 +1,51 @@
-"""The measurement update of a Kalman filter in NumPy, and the limit of double precision."""
+"""The measurement update of a Kalman filter in NumPy, and its limits due to double precision."""
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray, IntArray
 
 ROUNDING = 1e-12
-"""A variance that is left over when all but this share is taken away is rounding, not information (`spread_by`).
+"""A posterior variance below this fraction of its spread (`spread_by`) is a rounding error, not information.
 
-Doubles carry 16 digits, so what is left has an error of 1e-4 of itself by then. It happens where a long gap makes the
-states depend on each other, as with `jerk` over 100 s in one step: p = 166 667 j and v = 5 000 j.
+Doubles have 16 digits, so the relative error of a variance at this limit is 1e-4. Such variances occur if a long gap
+makes the states linearly dependent, for example with `jerk` over 100 s in one step: p = 166 667 j and v = 5 000 j.
 """
 
 EXPOSED = 1e-3
-"""Below this share of what an update takes away, what it leaves is widened by rounding (`rounding_noise`).
+"""A rounding error (`rounding_noise`) is added to a posterior variance below this fraction of its spread.
 
-Above it an error of u of the whole is 1e-13 of what is left. That is less than `ROUNDING`: a second update cannot take
-away all but the error. It could if widening began at a millionth: of two precise rows the first leaves 1e-5 of a
-variance, the second 3e-12 of the rest, and the sign of the error decides which run ends.
+Above this fraction, a relative error u of the spread is an error of 1e-13 of the posterior variance. This is less than
+`ROUNDING`, so a second update cannot reduce the variance to the size of the error. With a limit of 1e-6, it could: the
+first of two precise rows leaves 1e-5 of the variance and the second leaves 3e-12 of the rest, so that the sign of the
+rounding error decides which run ends.
 """
 
 FLOOR = 1e-15
-"""What rounding is taken for there, as a share of the same.
+"""The rounding error that `rounding_noise` adds to a variance, as a fraction of the spread of the variance.
 
-Nine units of rounding u: some for the factors of S, some for the prediction before. Without it the posterior keeps the
-noise alone where the prior is singular to rounding, of either sign; the next precise row takes away what is left beside
-it, and its sign decides which run ends. A variance gets wider by FLOOR / ROUNDING, a thousandth, at the very limit, by
-FLOOR / EXPOSED, a millionth of a millionth, where it begins.
+It is nine units of rounding u, for the factor of S and for the prediction before. If the prior is numerically singular,
+the posterior without this term consists of rounding errors of either sign. The next precise row removes the rest of the
+variance, and the sign of the error decides which run ends. The term increases a variance by at most FLOOR / ROUNDING =
+1e-3, and by FLOOR / EXPOSED = 1e-12 at the limit below which it is added.
 """
 
 SYMMETRIC = 1e-12
-"""The largest difference between the two halves of S, as a part of sqrt(S_ii S_jj)."""
+"""Maximum asymmetry of S, relative to sqrt(S_ii S_jj)."""
 
 INDEFINITE = 1e-3
-"""How far below zero rounding may take an eigenvalue of a covariance that is scaled to ones on its diagonal.
+"""Maximum magnitude of a negative eigenvalue that counts as a rounding error, for a covariance with a unit diagonal.
 
-What `ROUNDING` lets through has errors of 1e-4 of its variances, and ten states add them up. A rule that gave an R that
-is not positive definite goes far beyond. Without a margin rounding would decide which run ends: after 100 s in one step
-of `acceleration` the smallest eigenvalue is 2e-12, and every form of the update has errors of 1e-11 there.
+Variances that pass `ROUNDING` have relative errors of up to 1e-4, and the errors of ten states add up. The eigenvalues
+after an update with an R that is not positive definite are far below this limit. Without this tolerance, rounding
+errors would decide which run ends: after a step of 100 s with `acceleration`, the smallest eigenvalue is 2e-12, and
+every form of the update has errors of 1e-11.
 """
 
 
 def innovation_factor(S: FloatArray) -> FloatArray | None:
-    """Return L of S = L L', or None where S (m, m) is not symmetric and positive definite beyond rounding."""
+    """Return the Cholesky factor L of S (m, m), or None if S is not numerically symmetric and positive definite."""
     variances = np.diag(S)
-    if not (variances > 0).all():  # NaN is not, either
+    if not (variances > 0).all():  # NaN fails this comparison
         return None
     sigma = np.sqrt(variances)
     if not (np.abs(S - S.T) <= SYMMETRIC * sigma[:, None] * sigma).all():
@@ -61,17 +63,18 @@ def squared_distance(y: FloatArray, S: FloatArray) -> float:
 
 
 def squared_distance_by(y: FloatArray, L: FloatArray) -> float:
-    """Return the same by the factor of S = L L'."""
+    """Return y' S^-1 y, where L is the Cholesky factor of S."""
     white = np.linalg.solve(L, y)
     return float(white @ white)
 
 
 def moved(PHt: FloatArray, y: FloatArray, R: FloatArray, L: FloatArray, measured: IntArray) -> FloatArray:
-    """Return K y (n,); rows of z are the states ``measured`` themselves, and L is the factor of S.
+    """Return the state change K y (n,). Row i of z measures the state ``measured[i]``. L is the Cholesky factor of S.
 
-    With v = S^-1 y it is P H' v, of a measured state y - R v as well: that is the better one where R is the smaller.
+    With v = S^-1 y, K y is equal to P H' v. For a measured state, P H' v is equal to y - R v, which is more accurate if
+    R is smaller than P.
     """
-    from scipy.linalg import cho_solve  # a tenth of a second
+    from scipy.linalg import cho_solve  # imported here, because the import takes a tenth of a second
 
     v = cho_solve((L, True), y, check_finite=False)
     step = np.asarray(PHt @ v, dtype=np.float64)
@@ -81,32 +84,33 @@ def moved(PHt: FloatArray, y: FloatArray, R: FloatArray, L: FloatArray, measured
 
 
 def gain_and_rest(PHt: FloatArray, R: FloatArray, L: FloatArray, measured: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return K = P H' S^-1 (n, m) and I - K H (n, n); rows of z are the states ``measured``, and L is the factor of S.
+    """Return K = P H' S^-1 (n, m) and I - K H (n, n). Row i of z measures the state ``measured[i]``.
 
-    K S = P H' holds to rounding then, however S is scaled and conditioned; with the inverse of S it does not: where S
-    is nearly singular that K is wrong by more than the posterior's sigma. Of a measured state the row of I - K H is
-    that of R S^-1, and where R is the smaller one that is solved for, and K is what is left of one: one less a gain of
-    nearly one would be rounding, and that times P all of a small posterior.
+    L is the Cholesky factor of S. A gain that is solved with L satisfies K S = P H' up to rounding for every scaling
+    and condition number of S. If K were computed with the inverse of a nearly singular S, the error of K would exceed
+    the posterior sigma. For a measured state, the row of I - K H is equal to the row of R S^-1. If R is smaller than P,
+    R S^-1 is solved for, and K is computed from R S^-1. For a gain of nearly one, the difference 1 - K would otherwise
+    be a rounding error, and its product with P would dominate a small posterior variance.
     """
-    from scipy.linalg import cho_solve  # a tenth of a second
+    from scipy.linalg import cho_solve  # imported here, because the import takes a tenth of a second
 
     K = np.asarray(cho_solve((L, True), PHt.T, check_finite=False).T, dtype=np.float64)
-    own = np.asarray(cho_solve((L, True), R, check_finite=False).T, dtype=np.float64)
+    residual_gain = np.asarray(cho_solve((L, True), R, check_finite=False).T, dtype=np.float64)
     finer = np.diag(R) < np.diag(PHt[measured])
-    K[measured[finer]] = (np.eye(len(R)) - own)[finer]
+    K[measured[finer]] = (np.eye(len(R)) - residual_gain)[finer]
     rest = without_measured(K, measured)
-    rest[np.ix_(measured[finer], measured)] = own[finer]
+    rest[np.ix_(measured[finer], measured)] = residual_gain[finer]
     return K, rest
 
 
 def spread_by(K: FloatArray, rest: FloatArray, P: FloatArray, R: FloatArray, measured: IntArray) -> FloatArray:
-    """Return (n,) what the posterior variances are left of, q_s = P_ss + sum_i K_si^2 S_ii.
+    """Return the spread (n,) q_s = P_ss + sum_i K_si^2 S_ii, to which rounding errors of variances are proportional.
 
-    Of a measured state whose R is the smaller, the posterior is R S^-1 P, and q_s is that of the row of R S^-1 alone.
-    Where S is wrong by E and the prior likewise, |E_ij| < c u sqrt(S_ii S_jj), that variance is wrong by K E K', which
-    is less than c u (m + 1) q_s by Cauchy's inequality. A nearly singular S makes K large: then q_s is more than the
-    prior variance, of which the share would not tell rounding from information. Both engines know q_s to many digits
-    where they know nothing of what is left of it.
+    For a measured state whose R is smaller than P, the posterior is R S^-1 P, and q_s is computed only from the row of
+    R S^-1. If S and the prior have errors E with |E_ij| < c u sqrt(S_ii S_jj), the error of the posterior variance is
+    K E K', which is less than c u (m + 1) q_s by the Cauchy-Schwarz inequality. If S is nearly singular, K is large and
+    q_s exceeds the prior variance. A limit relative to the prior variance would then not distinguish rounding errors
+    from information. Both engines compute accurate q_s, even if all digits of the posterior variance are wrong.
     """
     finer = np.diag(R) < np.diag(P)[measured]
     used, base = K.copy(), np.diag(P).copy()
@@ -115,19 +119,19 @@ def spread_by(K: FloatArray, rest: FloatArray, P: FloatArray, R: FloatArray, mea
 
 
 def rounding_noise(variances: FloatArray, spread: FloatArray) -> FloatArray:
-    """Return (n,) what is added to posterior ``variances`` for rounding, nothing where more is left of ``spread``."""
+    """Return the rounding error (n,) to add to ``variances``: zero for variances above EXPOSED times the spread."""
     return np.where(variances < EXPOSED * spread, FLOOR * spread, 0.0)
 
 
 def without_measured(K: FloatArray, measured: IntArray) -> FloatArray:
-    """Return I - K H (n, n); rows of z are the states ``measured``."""
+    """Return I - K H (n, n). Row i of z measures the state ``measured[i]``."""
     rest = np.eye(len(K))
     rest[:, measured] -= K
     return rest
 
 
 def joseph(P: FloatArray, K: FloatArray, rest: FloatArray, R: FloatArray) -> FloatArray:
-    """Return (I - K H) P (I - K H)' + K R K', symmetrised; ``rest`` is I - K H."""
+    """Return (I - K H) P (I - K H)' + K R K', made symmetric. ``rest`` is I - K H."""
     posterior = rest @ P @ rest.T + K @ R @ K.T
     return np.asarray(0.5 * (posterior + posterior.T), dtype=np.float64)
 
@@ -135,19 +139,19 @@ def joseph(P: FloatArray, K: FloatArray, rest: FloatArray, R: FloatArray) -> Flo
 def updated(
     x: FloatArray, P: FloatArray, innovation: FloatArray, H: FloatArray, R: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return x and P after an update with rows H (m, n) of any kind: the plain text, for a definition in NumPy."""
+    """Return x and P after an update with any H (m, n), in the textbook form, for reference implementations."""
     PHt = P @ H.T
     K: FloatArray = np.asarray(np.linalg.solve(H @ PHt + R, PHt.T).T, dtype=np.float64)
     return x + K @ innovation, joseph(P, K, np.eye(len(x)) - K @ H, R)
 
 
 def is_healthy(x: FloatArray, P: FloatArray) -> bool:
-    """Whether the state is finite and the covariance positive definite."""
+    """Return whether the state is finite and the covariance is positive definite."""
     return bool(np.isfinite(x).all()) and has_factor(P)
 
 
 def has_factor(P: FloatArray) -> bool:
-    """Whether P is finite and has a Cholesky factor."""
+    """Return whether P is finite and has a Cholesky factor."""
     try:
         return bool(np.isfinite(P).all() and np.isfinite(np.linalg.cholesky(P)).all())
     except np.linalg.LinAlgError:
@@ -155,5 +159,5 @@ def has_factor(P: FloatArray) -> bool:
 
 
 def is_positive_definite(P: FloatArray) -> bool:
-    """Whether P is finite and positive definite but for rounding: P + INDEFINITE diag(P) has a factor."""
+    """Return whether P is finite and positive definite up to rounding: P + INDEFINITE diag(P) has a Cholesky factor."""
     return has_factor(P + INDEFINITE * np.diag(np.diag(P)))

@@ -1,4 +1,4 @@
-"""What a person reads: notices, each once, whichever of the processes comes first with it; and text as plain text."""
+"""Notices that several processes together print only once, and text without control characters."""
 
 import hashlib
 import os
@@ -11,14 +11,14 @@ from tempfile import TemporaryDirectory
 from typing import Any, TextIO, cast
 
 NOTICES_FOLDER = "JERKBENCH_NOTICES"
-"""Environment variable: where processes that work together note what has been said."""
+"""Environment variable with the folder in which cooperating processes record the notices that were printed."""
 
 _GIVEN: set[str] = set()
-"""Notices that this process has given, or has seen given."""
+"""Topics of the notices that this process or another process has already printed."""
 
 
 def notify(text: str, topic: str = "") -> None:
-    """Write ``text`` to standard error, unless something was said about its ``topic`` (default: the same text)."""
+    """Print ``text`` on standard error, unless a notice with the same ``topic`` (default: the text) was printed."""
     topic = topic or text
     if topic in _GIVEN:
         return
@@ -29,7 +29,7 @@ def notify(text: str, topic: str = "") -> None:
 
 @contextmanager
 def shared_notices() -> Iterator[None]:
-    """Let this process, and those that it starts meanwhile, say each thing once between them."""
+    """Print each notice only once, for this process and all processes that are started inside the context."""
     if NOTICES_FOLDER in os.environ:
         yield
         return
@@ -44,7 +44,7 @@ def shared_notices() -> Iterator[None]:
 
 
 def _claimed(topic: str) -> bool:
-    """Whether it is this process that speaks of ``topic``; one whose word cannot be noted is rather said twice."""
+    """Return False if another process has already printed a notice with this topic, otherwise True."""
     folder = os.environ.get(NOTICES_FOLDER)
     if not folder:
         return True
@@ -57,18 +57,18 @@ def _claimed(topic: str) -> bool:
     return True
 
 
-# Text from elsewhere as plain text: what would steer a terminal is written out.
+# Functions that escape control characters in untrusted text.
 
 
 STEERING = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # controls, but tab and newline
-    "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # which end a line, or turn the direction of what follows
-    "\ud800-\udfff]"  # bytes of a file name that are no text
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # control characters except tab and newline
+    "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # line separators and changes of the text direction
+    "\ud800-\udfff]"  # bytes of a file name that are not valid UTF-8
 )
 
 
 def plain(text: str) -> str:
-    r"""Return ``text`` with every character that steers a terminal as its escape.
+    r"""Return ``text`` with every control character escaped.
 
     >>> plain("/imu\x1b[2J")
     '/imu\\x1b[2J'
@@ -77,23 +77,22 @@ def plain(text: str) -> str:
 
 
 def is_plain(text: str) -> bool:
-    """Whether nothing in ``text`` steers a terminal."""
+    """Return whether ``text`` has no control characters."""
     return STEERING.search(text) is None
 
 
 class PlainStream:
-    """A text stream to which nothing goes but plain text.
+    """A text stream that escapes control characters.
 
     Attributes:
-        styled: the stream behind it, for what draws in colours of its own.
+        styled: The underlying stream, which accepts control characters, for output with colours.
     """
 
     def __init__(self, stream: TextIO) -> None:
-        """Write to ``stream``."""
         self.styled = stream
 
     def write(self, text: str) -> int:
-        """Write ``text``; returns its length."""
+        """Write ``text`` with control characters escaped, and return the length of ``text``."""
         self.styled.write(plain(text))
         return len(text)
 
@@ -102,25 +101,25 @@ class PlainStream:
         for line in lines:
             self.write(line)
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
-        """Give everything else of the stream."""
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any attribute of a stream
+        """Return any other attribute of the underlying stream."""
         return getattr(self.styled, name)
 
 
 def styled(stream: TextIO) -> TextIO:
-    """Return the stream that takes colours: the one behind a `PlainStream`, or ``stream`` itself."""
+    """Return the stream that accepts colours: the underlying stream of a `PlainStream`, or ``stream`` itself."""
     return stream.styled if isinstance(stream, PlainStream) else stream
 
 
 @contextmanager
 def plain_output() -> Iterator[None]:
-    """Let nothing but plain text through standard output and standard error."""
+    """Escape control characters in standard output and standard error inside the context."""
     with redirect_stdout(_plain(sys.stdout)), redirect_stderr(_plain(sys.stderr)):
         yield
 
 
-def keep_output_plain() -> None:
-    """The same, for as long as the process lives."""
+def make_output_plain() -> None:
+    """Escape control characters in standard output and standard error until the process ends."""
     sys.stdout, sys.stderr = _plain(sys.stdout), _plain(sys.stderr)
 
 

@@ -1,6 +1,6 @@
-"""What plugins say of themselves: what a method is, the range and the origin of a parameter, how a column is read.
+"""Metadata of plugins: provenance of methods, ranges and origins of parameters, and interpretation of metric columns.
 
-A field that one would tune says within which bounds, and on which scale::
+The metadata of a tunable parameter are part of its type annotation::
 
     accel_mps2: Annotated[float, Range(0.01, 10.0, log=True, source="..."), DefaultOrigin("...")] = 0.2
 """
@@ -17,14 +17,14 @@ from jerkbench.errors import PluginError
 
 @dataclasses.dataclass(frozen=True)
 class Range:
-    """The values of a parameter that a search may try.
+    """The range in which a search may vary a parameter.
 
     Attributes:
-        low: the smallest.
-        high: the largest.
-        log: whether equal factors count alike, not equal differences.
-        toward_one: whether equal factors of 1 - x count alike: of a share that may come near to one.
-        source: where the bounds come from.
+        low: Smallest value of the parameter.
+        high: Largest value of the parameter.
+        log: True if the scale is logarithmic.
+        toward_one: True if the scale is logarithmic in 1 - x, for fractions close to one.
+        source: Origin of the bounds, for example a publication.
     """
 
     low: float
@@ -34,7 +34,7 @@ class Range:
     source: str = ""
 
     def value(self, share: float) -> float:
-        """Return the value at ``share`` of the way from low to high, 0 to 1, on the range's scale."""
+        """Return the value at the fraction ``share`` (0 to 1) of the range, on the scale of the range."""
         value = self.low + share * (self.high - self.low)
         if self.log:
             value = self.low * (self.high / self.low) ** share
@@ -43,7 +43,7 @@ class Range:
         return min(max(value, self.low), self.high)
 
     def share(self, value: float) -> float:
-        """Return how much of the way from low to high ``value`` is, on the range's scale: the inverse of `value`."""
+        """Return the fraction (0 to 1) of the range at which ``value`` lies, on the scale of the range."""
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
         if self.toward_one:
@@ -51,30 +51,29 @@ class Range:
         return (value - self.low) / (self.high - self.low)
 
     def mistake(self) -> str:
-        """Return what is wrong with the bounds, or an empty string."""
+        """Return a message about an error in the range, or an empty string if the range is valid."""
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
             return f"low is {self.low:g} and high {self.high:g}; low < high is needed, both finite"
         if self.log and self.toward_one:
-            return "log and toward_one are two scales; choose one"
+            return "log and toward_one are both True; a range has only one scale"
         if self.log and self.low <= 0:
             return f"low is {self.low:g}; on a logarithmic scale it must be above 0"
         if self.toward_one and self.high >= 1:
             return f"high is {self.high:g}; with toward_one it must be below 1"
-        return "" if self.source else "source is empty; say where the bounds come from"
+        return "" if self.source else "source is empty; give the origin of the bounds"
 
     def __str__(self) -> str:
-        """Say the bounds and the scale."""
         scale = ", logarithmic" if self.log else ", logarithmic in 1 - x" if self.toward_one else ""
         return f"{self.low:g} to {self.high:g}{scale}"
 
 
 @dataclasses.dataclass(frozen=True)
 class Limit:
-    """What a parameter may be.
+    """A condition on the value of a parameter.
 
     Attributes:
-        fits: whether it may have a value; null is not asked about.
-        words: what it must be: the end of the error's sentence.
+        fits: Function that returns whether a value other than None is allowed.
+        words: End of the error message, for example "it must be a positive number."
     """
 
     fits: Callable[[Any], object]
@@ -82,20 +81,20 @@ class Limit:
 
 
 PLUGIN_TITLES: dict[type, str] = {}
-"""What an error's sentence begins with: kind and name of a plugin, as it was registered."""
+"""Prefix of the error messages of each plugin class: the kind and name with which it was registered."""
 
 
 class Limited:
-    """A plugin that checks its parameters against the limits beside their types."""
+    """Base class of plugins that checks the parameters against the limits in their annotations."""
 
     def __post_init__(self) -> None:
-        """Check them.
+        """Check each parameter against the limits in its annotation.
 
         Raises:
-            PluginError: one is not within its limit.
+            PluginError: A parameter violates its limit.
         """
-        own: type = type(self)
-        for name, notes in _notes(own).items():
+        cls: type = type(self)
+        for name, notes in _notes(cls).items():
             value = getattr(self, name)
             for limit in notes:
                 if isinstance(limit, Limit) and value is not None and not limit.fits(value):
@@ -107,32 +106,34 @@ ABOVE_ZERO = Limit(lambda value: 0 < value < math.inf, "it must be a positive nu
 
 
 SWITCH = Range(0.0, 1.0, source="off or on")
-"""Beside the type of a switch that a search may turn."""
+"""The range of a tunable parameter of the type bool."""
 
 
 @dataclasses.dataclass(frozen=True)
 class DefaultOrigin:
-    """The origin of a default: literature, a data sheet, what it was tuned on.
+    """The origin of a default value: literature, a data sheet, or the recordings of a tuning.
 
     Attributes:
-        text: one phrase.
+        text: Description of the origin in one phrase.
     """
 
     text: str
 
 
 class Column(NamedTuple):
-    """How a column of a metric is read.
+    """The title and the interpretation of a column of a metric.
 
     Attributes:
-        title: in words; empty: those of its name.
-        expected: what a consistent filter gives; then neither the lowest nor the highest is the best.
-        judged: whether tables and pages say who is better: the lowest is, and a ratio says by how much. Not so of a
-            count, of what an adaptation did, of a bound, of what is the better the higher it is, and of a logarithm,
-            which has no ratio.
-        reading: how to read more or less than what is expected.
-        section: its place among the sections of table.md, where it applies; 0: it has none.
-        unit: beside a title; empty: the one that the end of its name stands for, or none (a ratio).
+        title: Title of the column, or an empty string to derive the title from the name of the column.
+        expected: Expected value for a consistent filter, or None. In a column with an expected value, neither the
+            lowest nor the highest value is the best.
+        judged: True if methods are compared by this column: the lowest value is the best, and differences are stated as
+            ratios. ``judged`` is False for counts, bounds, activities of an adaptation, logarithms (which have no
+            meaningful ratio), and columns whose highest value is the best.
+        reading: Interpretation of values above and below the expected value.
+        section: Position of the section in table.md, or 0 if the column is in no section.
+        unit: Unit in the heading, or an empty string to derive the unit from the suffix of the name of the column.
+            Ratios have no unit.
     """
 
     title: str = ""
@@ -144,23 +145,24 @@ class Column(NamedTuple):
 
     @property
     def heading(self) -> str:
-        """Title and unit."""
+        """Title with the unit in brackets."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
     @property
     def lowest_is_best(self) -> bool:
-        """Whether the lowest is the best, and a ratio says by how much; if not, nothing is judged."""
+        """True if the lowest value is the best. Otherwise, methods are not compared by this column."""
         return self.judged and self.expected is None
 
 
 @dataclasses.dataclass(frozen=True)
 class Provenance:
-    """What a method is: as published, simplified, or its author's own.
+    """The provenance of a method: as published, simplified, or original.
 
     Attributes:
-        kind: "published" (as in its source), "simplified" (something is left out or changed) or "own".
-        source: a DOI, or authors and year; of an own method, what it builds on.
-        note: what is left out or changed, or what an own method is: one sentence.
+        kind: "published" (as in the source), "simplified" (parts are left out or changed) or "own" (original).
+        source: DOI, or authors and year. An original method names the work that it extends, or has an empty source.
+        note: One sentence about the parts that are left out or changed, or about the idea of an original method. A
+            published method has an empty note.
     """
 
     kind: Literal["published", "simplified", "own"]
@@ -168,66 +170,59 @@ class Provenance:
     note: str = ""
 
     def mistake(self) -> str:
-        """Return what is missing or too much, or an empty string."""
+        """Return a message about a missing or superfluous source or note, or an empty string."""
         if self.kind not in get_args(Provenance.__annotations__["kind"]):
-            return f"kind is {self.kind!r}; it is published, simplified or own"
+            return f"kind is {self.kind!r}; it must be published, simplified or own"
         if self.kind != "own" and not self.source:
-            return f"a {self.kind} method has a source: a DOI, or authors and year"
+            return f"source is empty; a {self.kind} method needs a DOI, or authors and year"
         if (self.kind == "published") != (not self.note):
-            return "what is published as it is needs no note; all else needs one: what is left out, or what it is"
-        return (
-            "" if not self.note or self.note.endswith(".") else "the note is no sentence: it ends without a full stop"
-        )
+            need = "must be empty" if self.note else "is empty; name the parts that are left out, or the idea"
+            return f"the note of a {self.kind} method {need}"
+        return "" if not self.note or self.note.endswith(".") else "the note must end with a full stop"
 
     def __str__(self) -> str:
-        """Say it in one line."""
         source = f" ({self.source})" if self.source else ""
         return f"{self.kind}{source}: {self.note}" if self.note else f"{self.kind}{source}"
 
 
 def provenance_of(cls: type) -> Provenance | None:
-    """Return what a method says that it is, not what it is a variant of; None where it does not say."""
+    """Return the provenance that a class itself declares, or None. An inherited provenance is ignored."""
     known = vars(cls).get("provenance")
     return known if isinstance(known, Provenance) else None
 
 
 def ranges_of(cls: type) -> Mapping[str, Range]:
-    """Return the range of each field of a plugin's class that has one."""
+    """Return the ranges of the fields of a plugin class, by name of the field."""
     return {name: note for name, notes in _notes(cls).items() for note in notes if isinstance(note, Range)}
 
 
 def origins_of(cls: type) -> Mapping[str, str]:
-    """Return the origin of the default of each field that says one."""
+    """Return the origins of the default values of a plugin class, by name of the field."""
     return {name: note.text for name, notes in _notes(cls).items() for note in notes if isinstance(note, DefaultOrigin)}
 
 
-def is_whole(cls: type, name: str) -> bool:
-    """Whether a field holds whole numbers."""
-    return typing.get_type_hints(cls)[name] is int
-
-
-def is_switch(cls: type, name: str) -> bool:
-    """Whether a field is on or off."""
-    return typing.get_type_hints(cls)[name] is bool
+def type_of(cls: type, name: str) -> Any:  # noqa: ANN401 - a type
+    """Return the type of a field, without the metadata in its annotation."""
+    return typing.get_type_hints(cls)[name]
 
 
 def range_problems(cls: type) -> Iterator[str]:
-    """Yield what is wrong with the ranges of parameters and with the defaults in them."""
+    """Yield a message for each invalid range, and for each default value that is outside its range."""
     defaults = {f.name: f.default for f in dataclasses.fields(cls)}
     for name, bounds in ranges_of(cls).items():
         subject, default = f"{cls.__name__}.{name}", defaults[name]
         if bounds.mistake():
             yield f"The range of {subject} is not valid: {bounds.mistake()}."
-        elif not isinstance(default, int | float) or isinstance(default, bool) != is_switch(cls, name):
+        elif not isinstance(default, int | float) or isinstance(default, bool) != (type_of(cls, name) is bool):
             yield f"{subject} has a range and the default {default!r}; a search needs a number to start from."
         elif not bounds.low <= default <= bounds.high:
             yield f"The default of {subject} is {default}, outside of its range {bounds}."
-        elif is_whole(cls, name) and (bounds.low % 1 or bounds.high % 1):
+        elif type_of(cls, name) is int and (bounds.low % 1 or bounds.high % 1):
             yield f"{subject} is an integer; the bounds of its range are {bounds.low} and {bounds.high}."
 
 
 @cache
 def _notes(cls: type) -> Mapping[str, tuple[object, ...]]:
-    """What stands beside the type of each field."""
+    """Return the metadata in the type annotation of each field, by the name of the field."""
     hints = typing.get_type_hints(cls, include_extras=True)
     return {f.name: getattr(hints[f.name], "__metadata__", ()) for f in dataclasses.fields(cls)}

@@ -1,4 +1,4 @@
-"""The folders of the presets, ours and the user's, and a preset as plain data."""
+"""The folders of built-in presets and user presets, and functions that read presets as plain data."""
 
 import os
 import re
@@ -11,96 +11,115 @@ from typing import Any
 from jerkbench.errors import PluginError, unknown
 from jerkbench.renamed import new_name
 
-_ASKED = "JERKBENCH_ENV"
-"""The environment variable that names those which a configuration may read."""
+_VARIABLES_ALLOWED = "JERKBENCH_ENV"
+"""Environment variable with a list of the environment variables that a configuration may read."""
 
 
 def config_folder() -> Path:
-    """The presets: conf/ of a checkout, or the copy that an installed package carries."""
+    """Return the folder of the built-in presets: conf/ in a checkout, or its copy in an installed package."""
     package = Path(__file__).parent
     beside, inside = package.parent / "conf", package / "conf"
     return beside if (beside / "config.yaml").is_file() else inside
 
 
 _of_user: list[Path] = []
-"""Folders that --config-dir names; a preset of ours goes before one of the same name there."""
+"""Folders of --config-dir. If a built-in preset has the same name as a preset in these folders, it is used instead."""
+
+main_files: dict[str, Path] = {}
+"""Files of --config-name."""
 
 
-def take_folders(words: Sequence[str]) -> list[str]:
-    """Take each ``--config-dir DIR`` out of a command line: its presets count from here on, and no earlier ones.
+def take_folders(arguments: Sequence[str]) -> list[str]:
+    """Use the presets in each ``--config-dir DIR`` of a command line, and return the other arguments.
+
+    The option ``--config-name NAME`` (``-cn``) selects DIR/NAME.yaml as the experiment. Each call replaces the folders
+    of the previous call.
 
     Raises:
-        PluginError: there is no such folder, no word behind the last --config-dir, or two presets of one name.
+        PluginError: A folder or NAME.yaml does not exist, or two folders have different presets with the same name.
     """
     _of_user.clear()
-    others, remaining = [], iter(words)
-    for word in remaining:
-        option, equals, value = word.partition("=")
-        if option not in ("--config-dir", "-cd"):
-            others.append(word)
+    main_files.clear()
+    others, names, remaining = [], list[str](), iter(arguments)
+    for argument in remaining:
+        option, equals, value = argument.partition("=")
+        if option not in ("--config-dir", "-cd", "--config-name", "-cn"):
+            others.append(argument)
             continue
-        folder = value if equals else next(remaining, "")
-        if not folder or not Path(folder).expanduser().is_dir():
-            raise PluginError(
-                f"There is no folder '{folder}'; --config-dir names one with presets (dataset/mine.yaml)."
-            )
-        _of_user.append(Path(folder).expanduser().resolve())
+        given = value if equals else next(remaining, "")
+        if option in ("--config-name", "-cn"):
+            names.append(given.removesuffix(".yaml"))
+            continue
+        if not given or not Path(given).expanduser().is_dir():
+            raise PluginError(f"The folder '{given}' does not exist; --config-dir needs a folder of presets.")
+        _of_user.append(Path(given).expanduser().resolve())
     _require_no_doubles()
-    return others
+    for name in names:
+        files = {path.stem: path for folder in reversed(_of_user) for path in sorted(folder.glob("*.yaml"))}
+        if name not in files:
+            known = ", ".join(files) or "none"
+            raise PluginError(
+                f"--config-name {name}: no folder of --config-dir contains {name}.yaml; files there: {known}. Give"
+                " --config-dir DIR, or use a preset of experiments with experiment=NAME."
+            )
+        main_files[name] = files[name]
+    return [*others, *(f"experiment={name}" for name in names)]
 
 
 def _require_no_doubles() -> None:
-    """Check that no two of the user's folders have a preset of one name: the first would silently stand for both."""
+    """Require that no two folders have different presets with one name. Hydra would silently use the first preset."""
     groups = [path.name for path in config_folder().iterdir() if path.is_dir()]
     found: dict[Path, Path] = {}
     for folder in dict.fromkeys(_of_user):
         for path in sorted(path for group in groups for path in (folder / group).glob("*.yaml")):
             other = found.setdefault(path.relative_to(folder), path)
             if other != path and other.read_bytes() != path.read_bytes():
-                raise PluginError(f"{other} and {path} are different presets of one name; rename one of them.")
+                raise PluginError(f"{other} and {path} are different presets with the same name; rename one file.")
 
 
-def folder_words() -> list[str]:
-    """Return the override by which Hydra finds the user's presets; none where there are none."""
+def search_path_overrides() -> list[str]:
+    """Return the override that adds the folders of --config-dir to Hydra's search path, or [] without such folders."""
     paths = ",".join(f'"file://{folder}"' for folder in _of_user)
     return [f"hydra.searchpath=[{paths}]"] if paths else []
 
 
 def user_folders() -> tuple[Path, ...]:
-    """Return the folders that --config-dir has named."""
+    """Return the folders of --config-dir."""
     return tuple(_of_user)
 
 
 def preset_files(kind: str) -> dict[str, Path]:
-    """Return the file of each preset of a group, by its name, sorted."""
+    """Return the files of the presets of a group, sorted by the name of the preset."""
     files = [path for folder in (*reversed(_of_user), config_folder()) for path in (folder / kind).glob("*.yaml")]
     return dict(sorted({path.stem: path for path in files}.items()))
 
 
 @cache
 def default_names() -> Mapping[str, str]:
-    """Return what conf/config.yaml chooses for each group: the one place of these defaults."""
+    """Return the default of each group, as defined in conf/config.yaml."""
     from omegaconf import OmegaConf
 
     entries: Any = OmegaConf.to_container(OmegaConf.load(config_folder() / "config.yaml").defaults)
-    chosen = (item for entry in entries if isinstance(entry, dict) for item in entry.items())
-    return {group: name for group, name in chosen if " " not in group and name}  # no overrides, no experiment
+    choices = (item for entry in entries if isinstance(entry, dict) for item in entry.items())
+    return {group: name for group, name in choices if " " not in group and name}  # without overrides and experiments
 
 
 _HYDRA = re.compile(r"hydra(?!\w)")
-"""Hydra's part of the configuration in a key, a path or a package; other names may begin with these letters."""
+"""The word hydra in a key, a path or a package. It does not match longer words that start with these letters."""
 
 
 def require_harmless(path: Path, content: object, *names: str | None) -> None:
-    """Refuse a preset that sets options of Hydra other than the values of a sweep: they write files and create objects.
+    """Reject a preset that sets options of Hydra, which can write files and create objects.
+
+    The only allowed option of Hydra is hydra.sweeper.params, which contains the values of a sweep.
 
     Args:
-        path: the file.
-        content: the content of the file; interpolations are not resolved.
-        names: the group of the preset and its package.
+        path: Path of the preset, for the error message.
+        content: The content of the file with unresolved interpolations.
+        names: The group and the package of the preset.
 
     Raises:
-        PluginError: the preset sets one of these options, or chooses from one of Hydra's groups.
+        PluginError: The preset sets another option of Hydra, or chooses from a group of Hydra.
     """
     values = dict(content) if isinstance(content, dict) else {}
     swept = values.pop("hydra", {})
@@ -108,44 +127,64 @@ def require_harmless(path: Path, content: object, *names: str | None) -> None:
         swept = swept.get(part, {}) if isinstance(swept, dict) and set(swept) <= {part} else None
     keys = [*names, values.pop("defaults", ""), *values, *(swept if isinstance(swept, dict) else ["hydra"])]
     if any(_HYDRA.search(str(key)) for key in keys):
-        raise PluginError(
-            f"{path} sets options of Hydra. A preset in --config-dir may only set hydra.sweeper.params; give all other"
-            " options of Hydra on the command line."
-        )
+        allowed = "A preset in --config-dir may set only the option hydra.sweeper.params"
+        raise PluginError(f"{path} sets options of Hydra. {allowed}; give other options on the command line.")
+
+
+def as_experiment(path: Path) -> dict[str, Any]:
+    """Return a main configuration of the user as an experiment, whose choices replace those in conf/config.yaml.
+
+    Raises:
+        PluginError: The file cannot be read, or it sets options of Hydra.
+    """
+    from omegaconf import OmegaConf
+
+    content: Any = OmegaConf.to_container(_read_unresolved(path)[0])
+    require_harmless(path, content)
+    entries = [entry for entry in content.pop("defaults", []) if entry not in ("config", "schema")]
+    choices = [
+        {f"override /{key.split()[-1].removeprefix('/')}": name for key, name in entry.items()}
+        if isinstance(entry, dict)
+        else entry
+        for entry in entries
+    ]
+    return {**content, "defaults": choices}
 
 
 def preset_names(kind: str) -> list[str]:
-    """Names of the presets of a group, sorted."""
+    """Return the sorted names of the presets of a group."""
     return list(preset_files(kind))
 
 
 def preset(kind: str, name: str) -> dict[str, Any]:
-    """Return what conf/KIND/NAME.yaml stands for: its ``defaults`` in order, and its own values over them.
+    """Return the values of conf/KIND/NAME.yaml: its ``defaults`` in order, overridden by the other values in the file.
 
-    A default that is a preset itself is read in the same way; any other is the name of a plugin, which stands as
-    {"name": ...}. Of disturbances, that may be several, each stands under its name. ``noise`` has no plugins.
+    If the name of a preset is in ``defaults``, the preset is resolved recursively. Any other name in ``defaults`` is a
+    plugin and becomes {"name": ...}. A preset of disturbances maps the name of each disturbance to its values. The
+    group ``noise`` has no plugins.
 
     Raises:
-        PluginError: there is none, or it chooses parts of other groups, which only the command line can do.
+        PluginError: The preset is unknown, cannot be read, or chooses parts of other groups, which is supported only on
+            the command line.
     """
     today = new_name(kind, name)
     files = preset_files(kind)
     if today not in files:
         raise PluginError(unknown(f"preset of {kind}", name, files))
-    own = _read(files[today])
-    defaults = own.pop("defaults", [])
+    content = _read(files[today])
+    defaults = content.pop("defaults", [])
     if kind == "disturbance":
-        own = {new_name(kind, key): value for key, value in own.items()}
+        content = {new_name(kind, key): value for key, value in content.items()}
     if "_self_" not in defaults:
         defaults = [*defaults, "_self_"]
     values: dict[str, Any] = {}
     for entry in defaults:
-        values = merged_values(values, own if entry == "_self_" else _default(kind, name, entry))
+        values = merged_values(values, content if entry == "_self_" else _default(kind, name, entry))
     return values
 
 
 def merged_values(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Return both, a mapping inside them merged likewise; where both have a value, that of ``above``."""
+    """Merge two mappings recursively. If both mappings have a value for a key, the value in ``above`` is used."""
     combined = {**below, **above}
     for key in below.keys() & above.keys():
         if isinstance(below[key], dict) and isinstance(above[key], dict):
@@ -155,21 +194,31 @@ def merged_values(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any
 
 def _read(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
-    from yaml import YAMLError
 
-    try:
-        content, asked = _parsed(path, path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
-    for name in asked:
+    content, variables = _read_unresolved(path)
+    for name in variables:
         environment_variable(name, None)
     values: Any = OmegaConf.to_container(content, resolve=True)
     return values or {}
 
 
+def _read_unresolved(path: Path) -> tuple[Any, list[str]]:
+    """Return the content of a file with unresolved interpolations, and the environment variables that the file reads.
+
+    Raises:
+        PluginError: The file cannot be read.
+    """
+    from yaml import YAMLError
+
+    try:
+        return _parsed(path, path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise PluginError(f"{path} cannot be read: {' '.join(str(error).split())}.") from error
+
+
 @lru_cache(maxsize=256)
 def _parsed(path: Path, text: str) -> tuple[Any, list[str]]:
-    """A preset, and the environment variables that it names; each method of an audit asks for the same two."""
+    """Return a preset and the environment variables that the preset reads, from a cache if the text is unchanged."""
     from omegaconf import OmegaConf
 
     from jerkbench.files import require_small
@@ -180,31 +229,26 @@ def _parsed(path: Path, text: str) -> tuple[Any, list[str]]:
 
 
 def environment_variable(name: str, *default: str | None) -> str | None:
-    """Return an environment variable that `_ASKED` names: what a configuration resolves stands in tables and files.
+    """Return the value of an environment variable that JERKBENCH_ENV lists. Tables may show values of such variables.
 
     Raises:
-        PluginError: it is not named there, or not set, and the configuration gives no default.
+        PluginError: The variable is not allowed, or it is not set and the configuration has no default.
     """
-    if name not in os.environ.get(_ASKED, "").replace(",", " ").split():
-        raise PluginError(
-            f"The configuration reads the environment variable {name}, whose value would stand in names and tables;"
-            f" if it may, set {_ASKED}={name}."
-        )
+    if name not in os.environ.get(_VARIABLES_ALLOWED, "").replace(",", " ").split():
+        allowing = f"to allow its value in names and tables, set {_VARIABLES_ALLOWED}={name}"
+        raise PluginError(f"The configuration reads the environment variable {name}; {allowing}.")
     if name not in os.environ and not default:
-        raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set it.")
+        raise PluginError(f"The configuration reads the environment variable {name}, which is not set; set {name}.")
     return os.environ.get(name, *default)
 
 
 def _default(kind: str, preset_name: str, entry: object) -> dict[str, Any]:
-    """Return the values behind one entry of the defaults."""
     if not isinstance(entry, str):
-        raise PluginError(
-            f"The preset {kind}/{preset_name} has {entry} in its defaults; from Python only names of {kind} can stand "
-            "there: give the other parts by their own arguments."
-        )
+        advice = f"in Python, only names of {kind} are allowed there; give other parts as arguments"
+        raise PluginError(f"The preset {kind}/{preset_name} has {entry} in its defaults; {advice}.")
     if new_name(kind, entry) in preset_names(kind):
         return preset(kind, entry)
-    if kind == "noise":  # the schema: nothing is set
+    if kind == "noise":  # this default is the schema, which sets no values
         return {}
     plugin = new_name(kind, entry)
     return {plugin: {"name": plugin}} if kind == "disturbance" else {"name": plugin}

@@ -1,4 +1,4 @@
-"""Random streams: one for each source of randomness, all derived from the one seed of a run."""
+"""Random streams, one for each source of randomness. All streams are derived from the seed of a run."""
 
 import hashlib
 
@@ -6,9 +6,10 @@ import numpy as np
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
-    """Return the generator that belongs to ``names`` under ``seed``.
+    """Return the random generator for ``seed`` and ``names``.
 
-    Streams with different names are independent, so that switching one source of noise on does not move another.
+    Streams with different names are independent, so the numbers of one noise source do not depend on other noise
+    sources.
 
     >>> stream(1, "gyro").normal() == stream(1, "gyro").normal()
     True

@@ -1,9 +1,9 @@
-"""The recording: IMU, position, velocity, heading and the reference, validated when made and never changed.
+"""The recording: IMU, position, velocity, heading and reference. All objects are immutable and checked on creation.
 
-Frames: positions and velocities are in the local tangent plane ENU at ``Recording.origin`` (WGS-84), the body is
-FLU (forward, left, up). The attitude Omega = Rz(yaw) Ry(pitch) Rx(roll) turns body into ENU; positive pitch is nose
-down. Specific force at rest and level is (0, 0, +g). Times are seconds from the recording's start, and each is the
-time at which the value was true (the stamp less the latency). A value that is NaN is not there.
+Positions and velocities are in the local tangent plane ENU at ``Recording.origin`` (WGS-84). The body frame is FLU
+(forward, left, up). The attitude Omega = Rz(yaw) Ry(pitch) Rx(roll) rotates from body to ENU. With a positive pitch,
+the nose points down. The specific force of a level body at rest is (0, 0, +g). Times are in seconds since the start of
+the recording. Each time is the time of validity of its value (the stamp minus the latency). NaN marks a missing value.
 """
 
 from collections.abc import Mapping
@@ -18,24 +18,24 @@ import numpy as np
 from jerkbench.arrays import BoolArray, FloatArray, frozen, require, require_covariances, require_times
 from jerkbench.errors import RecordingError
 
-# The HTML that a notebook shows of an object.
+# HTML for notebooks.
 
 
 def shown(title: str, values: Mapping[str, str]) -> str:
-    """Return a title above a table with a line for each value."""
+    """Return HTML with a title and a table that has one line for each value."""
     lines = (f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in values.items())
     return f"<section><h4>{escape(title)}</h4><table>{''.join(lines)}</table></section>"
 
 
 def stamps_text(t_s: FloatArray) -> str:
-    """Say how many stamps there are, and from when to when."""
+    """Return a text with the number of stamps, the first and the last time, and the rate."""
     if len(t_s) == 0:
         return "none"
     rate = f", {(len(t_s) - 1) / (t_s[-1] - t_s[0]):.3g} Hz" if len(t_s) > 1 else ""
     return f"{len(t_s)} from {t_s[0]:.2f} to {t_s[-1]:.2f} s{rate}"
 
 
-# The origin of a recording's coordinates.
+# The origin of the coordinates of a recording.
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Origin:
     """Origin of the local tangent plane (WGS-84).
 
     Attributes:
-        latitude_deg: geodetic latitude.
-        longitude_deg: longitude.
-        height_m: height above the ellipsoid (or above the datum that the recording's heights use).
+        latitude_deg: Geodetic latitude [deg].
+        longitude_deg: Longitude [deg].
+        height_m: Height above the ellipsoid, or above the datum of the heights in the recording [m].
     """
 
     latitude_deg: float
@@ -53,34 +53,34 @@ class Origin:
     height_m: float
 
 
-# The fields of a recording's parts as checked, read-only arrays.
+# Checked, read-only arrays.
 
 
 def freeze(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Replace each named field of a frozen dataclass by its checked read-only array."""
+    """Replace each named field of a frozen dataclass by a read-only array, after a check of its shape."""
     for name, shape in shapes.items():
         value: Any = getattr(owner, name)
         if value is not None:
             object.__setattr__(owner, name, frozen(owner, name, value, shape))
 
 
-# The streams of a recording: inertial samples, position fixes, velocities, headings.
+# The streams of a recording: inertial samples, position fixes, velocities and headings.
 
 _VELOCITY_FRAMES = ("enu", "body", "speed")
-"""In which axes a velocity may be."""
+"""Possible frames of a velocity."""
 
 HEADING_SOURCES = ("dual_antenna", "odometry", "course")
-"""The sources of a heading."""
+"""Possible sources of a heading."""
 
 
 @dataclass(frozen=True, eq=False)
 class Imu:
-    """Inertial samples; each is the mean over the interval that ends at its stamp.
+    """Inertial samples. Each sample is the mean over the interval that ends at its stamp.
 
     Attributes:
-        t_s: (n,) end of each sample's interval.
-        accel_mps2: (n, 3) specific force, body FLU, gravity included.
-        gyro_radps: (n, 3) angular rate, body FLU.
+        t_s: (n,) end of the interval of each sample [s].
+        accel_mps2: (n, 3) specific force in the body frame FLU, with gravity [m/s2].
+        gyro_radps: (n, 3) angular rate in the body frame FLU [rad/s].
     """
 
     t_s: FloatArray
@@ -88,7 +88,6 @@ class Imu:
     gyro_radps: FloatArray
 
     def __post_init__(self) -> None:
-        """Check shapes, times and that every sample is a number."""
         freeze(self, t_s=(None,))
         n = len(self.t_s)
         if n < 2:
@@ -100,32 +99,31 @@ class Imu:
 
     @cached_property
     def nominal_interval_s(self) -> float:
-        """The interval dt0 between samples (median)."""
+        """Nominal sampling interval dt0: the median of the intervals [s]."""
         return float(np.median(np.diff(self.t_s)))
 
     @cached_property
     def largest_interval_s(self) -> float:
-        """The largest interval between samples."""
+        """Largest interval between samples [s]."""
         return float(np.diff(self.t_s).max())
 
     @property
     def intervals_s(self) -> FloatArray:
-        """The interval (n,) that ends at each stamp; nobody saw the first one begin, so it is the nominal one."""
+        """Interval (n,) before each stamp [s]. The first interval is unknown and is set to the nominal interval."""
         return np.concatenate(([self.nominal_interval_s], np.diff(self.t_s)))
 
 
 class MeasuredVectors:
-    """What `Position` and `Velocity` have in common: values on three axes with their covariances.
+    """Base class of `Position` and `Velocity`: values on three axes with their covariances.
 
     Attributes:
-        fields: names of the fields with the values, the reported covariance and the true one.
+        fields: Names of the fields with the values, the reported covariance and the true covariance.
     """
 
     fields: ClassVar[tuple[str, str, str]]
     t_s: FloatArray
 
     def __post_init__(self) -> None:
-        """Check shapes, times and covariances."""
         freeze(self, t_s=(None,))
         m, (values, *covariances) = len(self.t_s), self.fields
         freeze(self, **{values: (m, 3)}, **dict.fromkeys(covariances, (m, 3, 3)))
@@ -136,22 +134,22 @@ class MeasuredVectors:
 
     @property
     def values(self) -> FloatArray:
-        """What was measured (m, 3); NaN: not there."""
+        """Measured values (m, 3), with NaN on axes that were not measured."""
         return np.asarray(getattr(self, self.fields[0]))
 
     @property
     def reported(self) -> FloatArray:
-        """The covariance (m, 3, 3) as reported."""
+        """Reported covariance (m, 3, 3)."""
         return np.asarray(getattr(self, self.fields[1]))
 
     @property
     def true(self) -> FloatArray:
-        """The true covariance (m, 3, 3) where it is known, else the reported one."""
+        """True covariance (m, 3, 3) if it is known, otherwise the reported covariance."""
         known = getattr(self, self.fields[2])
         return self.reported if known is None else np.asarray(known)
 
     def changed(self, values: FloatArray, reported: FloatArray, true: FloatArray) -> Self:
-        """Return the measurements with other values (m, 3), and reported and true covariances (m, 3, 3)."""
+        """Return a copy with other values (m, 3), reported covariances (m, 3, 3) and true covariances (m, 3, 3)."""
         changes: dict[str, Any] = dict(zip(self.fields, (values, reported, true), strict=True))
         return replace(self, **changes)  # type: ignore[type-var]  # the subclasses are dataclasses
 
@@ -161,10 +159,11 @@ class Position(MeasuredVectors):
     """Position fixes.
 
     Attributes:
-        t_s: (m,) time at which the fix was true.
-        enu_m: (m, 3) east, north, up; a NaN axis was not measured.
-        covariance_m2: (m, 3, 3) as reported by the receiver.
-        true_covariance_m2: (m, 3, 3) what the errors were really drawn from (simulated or disturbed fixes), or None.
+        t_s: (m,) times of validity [s].
+        enu_m: (m, 3) position in ENU, with NaN on axes that were not measured [m].
+        covariance_m2: (m, 3, 3) covariance that the receiver reports [m2].
+        true_covariance_m2: (m, 3, 3) true covariance of the errors of simulated or disturbed fixes [m2], or None if it
+            is not known.
     """
 
     t_s: FloatArray
@@ -180,13 +179,15 @@ class Velocity(MeasuredVectors):
     """Velocity measurements.
 
     Attributes:
-        t_s: (m,) time at which the value was true. Axes with different latencies stand in rows of their own.
-        mps: (m, 3) velocity in ``frame``; a NaN axis was not measured.
-        covariance_m2ps2: (m, 3, 3) in ``frame``.
-        frame: "enu"; "body" (FLU), all three axes; or "speed": what a wheel measures, along the body's x axis, which a
-            data set turns into the direction of travel, and across it, left and up, what is known of that (or NaN).
-            The last two are turned into ENU with the attitude at that time, covariance too.
-        true_covariance_m2ps2: as in Position.
+        t_s: (m,) times of validity [s]. Axes with different latencies are in different rows.
+        mps: (m, 3) velocity in ``frame``, with NaN on axes that were not measured [m/s].
+        covariance_m2ps2: (m, 3, 3) covariance that the receiver or the data set reports, in ``frame`` [m2/s2].
+        frame: Frame of the velocity: "enu", "body" (FLU, all three axes) or "speed" (speed of a wheel). The first axis
+            of "speed" is the direction of travel, which is the x axis of the body with a correction by the data set.
+            For "speed", the second and third axes point left and up, and a component is NaN if it is unknown.
+            Velocities in the frames "body" and "speed", and their covariances, are rotated into ENU with the attitude
+            at the time of validity.
+        true_covariance_m2ps2: (m, 3, 3) true covariance of the errors [m2/s2], or None if it is not known.
     """
 
     t_s: FloatArray
@@ -198,7 +199,6 @@ class Velocity(MeasuredVectors):
     fields = ("mps", "covariance_m2ps2", "true_covariance_m2ps2")
 
     def __post_init__(self) -> None:
-        """Check shapes, times, covariances and the frame."""
         super().__post_init__()
         present = np.isfinite(self.mps)
         if self.frame not in _VELOCITY_FRAMES:
@@ -212,14 +212,14 @@ class Velocity(MeasuredVectors):
     def along_course(
         cls, t_s: FloatArray, speed_mps: FloatArray, sigma_mps: float, across_sigma_mps: float | None = None
     ) -> Self:
-        """Return a wheel's speed in the frame "speed".
+        """Return the speed of a wheel as a velocity in the frame "speed".
 
         Args:
-            t_s: (m,) time at which it was true.
-            speed_mps: (m,) forwards; NaN: not there.
-            sigma_mps: one standard deviation of it.
-            across_sigma_mps: one standard deviation of the velocity to the left and upwards, taken to be zero (the
-                vehicle does not slide: non-holonomic); None: nothing is known of it.
+            t_s: (m,) times of validity [s].
+            speed_mps: (m,) forward speed, with NaN if the speed was not measured [m/s].
+            sigma_mps: Standard deviation of the speed [m/s].
+            across_sigma_mps: Standard deviation of the velocity to the left and upwards, which is assumed to be zero
+                (non-holonomic constraint) [m/s]. With None, the axes left and up are not measured.
         """
         along = np.asarray(speed_mps, dtype=np.float64)
         across = np.where(np.isfinite(along), np.nan if across_sigma_mps is None else 0.0, np.nan)
@@ -233,11 +233,11 @@ class Heading:
     """Heading measurements.
 
     Attributes:
-        t_s: (m,) time at which the heading was true.
-        yaw_rad: (m,) from east towards north.
-        sigma_rad: (m,) one standard deviation.
-        source: what measured it: "dual_antenna", "odometry" (the yaw of a vehicle's own odometry) or "course" (a
-            receiver's course over ground, where it gives no velocity in ENU).
+        t_s: (m,) times of validity [s].
+        yaw_rad: (m,) yaw from east towards north [rad].
+        sigma_rad: (m,) standard deviation of yaw [rad].
+        source: "dual_antenna", "odometry" (yaw from the odometry of the vehicle) or "course" (course over ground from a
+            receiver that reports no velocity in ENU).
     """
 
     t_s: FloatArray
@@ -246,7 +246,6 @@ class Heading:
     source: Literal["dual_antenna", "odometry", "course"] = "dual_antenna"
 
     def __post_init__(self) -> None:
-        """Check shapes, times, that every sigma is positive, and the source."""
         freeze(self, t_s=(None,))
         m = len(self.t_s)
         freeze(self, yaw_rad=(m,), sigma_rad=(m,))
@@ -257,22 +256,22 @@ class Heading:
             raise RecordingError(f"Heading.source is '{self.source}'; it must be one of {', '.join(HEADING_SOURCES)}.")
 
 
-# The reference of a recording: what estimates are compared with.
+# The reference of a recording.
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The reference of the estimates, at its own stamps.
+    """The reference trajectory, with which estimates are compared.
 
     Attributes:
-        t_s: (k,) stamps.
-        source: one phrase: where it comes from.
-        independent: whether it shares nothing with the measurements that the filters get.
-        enu_m: (k, 3) position, or None. NaN: not known there.
-        velocity_mps: (k, 3) in ENU, or None.
-        euler_rad: (k, 3) roll, pitch, yaw, or None.
-        scored: (k,) whether errors count there (default: everywhere).
-        sigma_m: (k, 3) one standard deviation of its position, east, north, up; None: not known.
+        t_s: (k,) stamps [s].
+        source: Origin of the reference in one phrase.
+        independent: True if the reference uses none of the sensor data that the filters use.
+        enu_m: (k, 3) position in ENU, with NaN at stamps without a known position [m], or None.
+        velocity_mps: (k, 3) velocity in ENU [m/s], or None.
+        euler_rad: (k, 3) roll, pitch, yaw [rad], or None.
+        scored: (k,) True if the errors at the stamp count. By default, all stamps count.
+        sigma_m: (k, 3) standard deviation of the reference position in ENU [m], or None if it is not known.
     """
 
     t_s: FloatArray
@@ -281,11 +280,10 @@ class Reference:
     enu_m: FloatArray | None = None
     velocity_mps: FloatArray | None = None
     euler_rad: FloatArray | None = None
-    scored: BoolArray = None  # type: ignore[assignment]  # filled in below
+    scored: BoolArray = None  # type: ignore[assignment]  # `__post_init__` replaces None
     sigma_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        """Check shapes and times; fill in ``scored``."""
         freeze(self, t_s=(None,))
         k = len(self.t_s)
         freeze(self, enu_m=(k, 3), velocity_mps=(k, 3), euler_rad=(k, 3), sigma_m=(k, 3))
@@ -298,27 +296,29 @@ class Reference:
 
     @property
     def empty(self) -> bool:
-        """Whether it knows nothing: no position, no velocity, no attitude."""
+        """True if the reference has no position, no velocity and no attitude."""
         return self.enu_m is None and self.velocity_mps is None and self.euler_rad is None
 
 
-# The law by which a simulation drew the errors of a recording.
+# The distribution of the errors of a simulated recording.
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorLaw:
-    """The law of a simulation's errors, where it is linear and Gaussian; it holds for these streams and no others.
+class ErrorModel:
+    """The error distribution of a linear Gaussian simulation, which is valid only for the streams stored with it.
+
+    On each axis of position and velocity, the error divided by its standard deviation is sqrt(1 - s) w + sqrt(s) b. w
+    is white noise and b is a Gauss-Markov process with the correlation time T, both with unit variance.
 
     Attributes:
-        imu: each axis of each accelerometer sample has an error of its own, and nothing else is wrong with it.
-        position: each axis has the error sqrt(1 - s) w + sqrt(s) b in its standard deviations: w is white, b a
-            Gauss-Markov process of the time T, both of unit variance.
-        velocity: alike, in ENU.
-        accel_sigma_mps2: one sigma of the error of an accelerometer sample.
-        position_share: s of position.
-        position_time_s: T of position.
-        velocity_share: s of velocity.
-        velocity_time_s: T of velocity.
+        imu: Inertial samples. The errors of the accelerometer are independent between axes and samples.
+        position: Position fixes.
+        velocity: Velocities in ENU.
+        accel_sigma_mps2: Standard deviation of the error of an accelerometer sample [m/s2].
+        position_share: s of the position, the fraction of the error variance that is correlated in time [-].
+        position_time_s: T of the position [s].
+        velocity_share: s of the velocity, the fraction of the error variance that is correlated in time [-].
+        velocity_time_s: T of the velocity [s].
     """
 
     imu: Imu
@@ -331,30 +331,31 @@ class ErrorLaw:
     velocity_time_s: float
 
 
-# The recording: its streams, its reference, and what is known of the drive.
+# The recording: streams, reference and metadata.
 
 _MIN_FIXES = 2
-"""A recording without an IMU has at least so many: its steps are those from fix to fix."""
+"""Minimum number of position fixes in a recording without an IMU. The steps of a run are the intervals between them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One drive, as the filters see it, with its reference.
+    """The measurements of one drive, with their reference.
 
     Attributes:
-        name: what tables call it.
-        imu: inertial samples, or None: then only filters that take no acceleration run over it, from fix to fix.
-        reference: what is compared with.
-        position: fixes, or None.
-        velocity: velocity measurements, or None.
-        heading: headings of one source, or None.
-        origin: origin of ENU, or None where nothing is known of it.
-        start_utc: time of t_s = 0, or None.
-        static_start_s: how long it stands still at the start (for the alignment); 0: it moves from the start.
-        outages_s: (k, 2) begin and end of each interval without aiding (for the metrics).
-        notes: sentences that a reader of the table has to know.
-        drawn: the law of its errors, where a simulation knows it, with the streams as they were drawn; or None.
-        parameters: numbers that are random themselves, such as a random drive's speed, by the name of their column.
+        name: Name in tables.
+        imu: Inertial samples, or None. Without an IMU, only filters that do not use the acceleration can run, and the
+            steps of a run are the intervals between measurements.
+        reference: The reference for the estimates.
+        position: Position fixes, or None.
+        velocity: Velocity measurements, or None.
+        heading: Headings from one source, or None.
+        origin: Origin of ENU, or None if it is not known.
+        start_utc: UTC at t_s = 0, or None if it is not known.
+        static_start_s: Duration for which the vehicle is stationary at the start, for the alignment [s].
+        outages_s: (k, 2) start and end of each interval without aiding, for the metrics [s].
+        notes: Sentences that are printed below tables.
+        drawn: Distribution of the errors of a simulation and its original streams, or None.
+        parameters: Random parameters of the recording, for example the speed of a random drive, by name of the column.
     """
 
     name: str
@@ -368,52 +369,48 @@ class Recording:
     static_start_s: float = 0.0
     outages_s: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     notes: tuple[str, ...] = ()
-    drawn: ErrorLaw | None = None
+    drawn: ErrorModel | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check that an outage ends after it begins, and that there is something without an IMU."""
         freeze(self, outages_s=(None, 2))
         object.__setattr__(self, "parameters", dict(self.parameters))
-        require(
-            self.outages_s[:, 1] > self.outages_s[:, 0], self, "outages_s", "the outage does not end after it begins"
-        )
-
+        require(np.diff(self.outages_s)[:, 0] > 0, self, "outages_s", "the outage does not end after its start")
         if self.imu is None:
             self._require_fixes()
 
     @property
     def inertial(self) -> Imu:
-        """The inertial samples, for what cannot do without.
+        """The inertial samples. Unlike ``imu``, this property is never None.
 
         Raises:
-            RecordingError: the recording has none.
+            RecordingError: The recording has no IMU.
         """
         if self.imu is None:
-            raise RecordingError(
-                f"{self.name} has no IMU: no attitude, and only filters and disturbances that need none."
-            )
+            raise RecordingError(f"{self.name} has no IMU; use filters and disturbances that do not need an IMU.")
         return self.imu
 
     def apparent_vertical(self, seconds: float) -> FloatArray:
-        """Return the direction (3,) of the mean specific force over the first ``seconds``: at rest, the vertical.
+        """Return the direction of the mean specific force over the first ``seconds``, which is the vertical at rest.
+
+        Returns:
+            Unit vector (3,) in the body frame FLU.
 
         Raises:
-            RecordingError: the accelerometer shows no gravity.
+            RecordingError: The mean specific force is zero.
         """
         imu = self.inertial
         mean = imu.accel_mps2[imu.t_s < imu.t_s[0] + seconds].mean(axis=0)
         norm = float(np.linalg.norm(mean))
         if not norm > 0:
             raise RecordingError(
-                f"{self.name}: the accelerometer's mean over the first {seconds:g} s is zero, so that it cannot be"
-                " levelled; specific force must contain gravity."
+                f"{self.name}: the mean specific force of the first {seconds:g} s is zero, but must contain gravity."
             )
         return np.asarray(mean / norm)
 
     @property
     def clock_s(self) -> FloatArray:
-        """The stamps at which something may happen, whatever is measured: the IMU's, or else all of the fixes'."""
+        """Stamps of the IMU, or stamps of all positions and velocities if the recording has no IMU [s]."""
         if self.imu is not None:
             return self.imu.t_s
         streams = [stream.t_s for stream in (self.position, self.velocity) if stream is not None]
@@ -421,17 +418,16 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
-        """Time of the last IMU sample; without an IMU, of the last fix."""
+        """Time of the last IMU sample, or of the last position or velocity if the recording has no IMU [s]."""
         return float(self.clock_s[-1])
 
     def __repr__(self) -> str:
-        """Return its name, its length, and how many samples each stream has."""
         counts = {name: len(t_s) for name, t_s in self._stamps().items()} | {"reference": len(self.reference.t_s)}
         streams = ", ".join(f"{name} {count}" for name, count in counts.items())
         return f"Recording({self.name!r}, {self.duration_s:.2f} s: {streams})"
 
     def _repr_html_(self) -> str:
-        """Return its streams and notes, as a notebook shows them."""
+        """Return the streams and the notes as HTML for notebooks."""
         lines = {name: stamps_text(t_s) for name, t_s in self._stamps().items()}
         independent = "" if self.reference.independent else ", not independent"
         lines["reference"] = f"{stamps_text(self.reference.t_s)}; {self.reference.source}{independent}"
@@ -439,22 +435,19 @@ class Recording:
         return shown(self.name, lines | ({"outages": outages} if outages else {}) | dict.fromkeys(self.notes, ""))
 
     def _stamps(self) -> dict[str, FloatArray]:
-        """The stamps of each stream that is there."""
+        """Return the stamps of each stream of the recording [s]."""
         streams = {"imu": self.imu, "position": self.position, "velocity": self.velocity, "heading": self.heading}
         return {name: stream.t_s for name, stream in streams.items() if stream is not None}
 
     def _require_fixes(self) -> None:
-        """Check that a recording without an IMU has two fixes, and no velocity that an attitude would have to turn."""
+        """Require that a recording without an IMU has two fixes, and that its velocity is in ENU."""
         if self.position is None or len(self.position.t_s) < _MIN_FIXES:
-            raise RecordingError(f"{self.name} has no IMU, and fewer than {_MIN_FIXES} position fixes to do without.")
+            raise RecordingError(f"{self.name} needs an IMU or at least {_MIN_FIXES} position fixes, but has neither.")
         if self.velocity is not None and self.velocity.frame != "enu":
-            raise RecordingError(
-                f"{self.name} has no IMU, so that nothing turns its velocity in the frame '{self.velocity.frame}' into"
-                " ENU; leave the velocity out, or give an IMU."
-            )
+            raise RecordingError(f"{self.name} has a velocity in frame '{self.velocity.frame}', which needs an IMU.")
 
 
-# The gravity of every model.
+# Gravity.
 
 GRAVITY_MPS2 = 9.81
-"""Magnitude of gravity that the filters, the simulator and the gravity compensation use."""
+"""Magnitude of gravity in the filters, the simulator and the gravity compensation [m/s2]."""

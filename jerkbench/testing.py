@@ -1,4 +1,4 @@
-"""Checks of plugins, for the tests of their authors.
+"""Checks of plugins, for use in the tests of plugin packages.
 
 Each check raises an AssertionError whose message describes the problem. For example::
 
@@ -8,8 +8,8 @@ Each check raises an AssertionError whose message describes the problem. For exa
     def test_the_adaptation_satisfies_its_contract():
         check_plugin("adaptation", MyAdaptation())
 
-`check_plugin` checks the class (frozen, documented, hashable) and the methods; the other functions only the methods.
-`small_recording` and `true_attitude` return the inputs with which the checks call a plugin.
+`check_plugin` checks the class (frozen, documented, hashable) and the methods. The other functions check only the
+methods. `small_recording` and `true_attitude` return the inputs with which the checks call a plugin.
 """
 
 from jerkbench.plugins.checks import (

@@ -1,7 +1,8 @@
-"""(Recording, Attitude) -> Timeline: the events of a run in the order in which they were true.
+"""The timeline of a recording and its attitude: the events of a run, ordered by their times of validity.
 
-Nothing is rounded to the IMU's grid and nothing is interpolated: a measurement, or a stamp of the reference, between
-two IMU stamps splits the interval. Times are compared as whole nanoseconds, so that equal stamps are equal.
+Times are not rounded to the stamps of the IMU, and measurements are not interpolated. A measurement or a stamp of the
+reference that lies between two IMU stamps divides the interval. Times are compared as integer nanoseconds, because
+floating point times of the same event may differ by rounding errors.
 """
 
 import dataclasses
@@ -18,22 +19,22 @@ from jerkbench.r_scale import AS_REPORTED, RScale, with_r_scale
 from jerkbench.recording import Recording, Velocity
 
 VARIANCE_FLOOR = 1e-6
-"""No variance is taken below (1 mm)^2 or (1 mm/s)^2."""
+"""Minimum variance of a measurement: (1 mm)^2 or (1 mm/s)^2."""
 
 ABSENT_SIGMA_MPS = 100.0
-"""One sigma of what a speed does not tell: far more than any vehicle's, and still well conditioned."""
+"""Standard deviation of the axes that a speed does not measure [m/s]. It is small enough for a well conditioned R."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """Measurements in the order of time; what comes at the same time is one row.
+    """Measurements ordered by time. Measurements with equal times are in the same row.
 
     Attributes:
-        t_ns: (m,) time at which they were true.
-        z: (m, 6) position and velocity in ENU; NaN: not there.
-        R: (m, 6, 6) as reported, the diagonal not below the floor.
-        R_true: (m, 6, 6) what the errors were drawn from, where it is known; else R.
-        unfloored: (m, 6, 6) R before its diagonal was raised to the floor; None: none of it was.
+        t_ns: (m,) times of validity [ns].
+        z: (m, 6) position [m] and velocity [m/s] in ENU, with NaN on axes that were not measured.
+        R: (m, 6, 6) reported covariance, whose diagonal elements are at least `VARIANCE_FLOOR`.
+        R_true: (m, 6, 6) true covariance of the errors if it is known, otherwise R.
+        unfloored: (m, 6, 6) R before its diagonal was raised to the floor, or None if no element was below the floor.
     """
 
     t_ns: IntArray
@@ -43,51 +44,34 @@ class Measurements:
     unfloored: FloatArray | None = None
 
     def covariances(self, *, true: bool) -> FloatArray:
-        """Return (m, 6, 6) those that a filter gets."""
+        """Return the covariances (m, 6, 6) that a filter uses: the true or the reported covariances."""
         return self.R_true if true else self.R
 
     @property
     def as_reported(self) -> FloatArray:
-        """(m, 6, 6) R whatever its floor."""
+        """Reported R (m, 6, 6) before the variance floor is applied."""
         return self.R if self.unfloored is None else self.unfloored
-
-    @cached_property
-    def apart(self) -> bool:
-        """Whether no covariance that is reported is one of two axes."""
-        return bool(axes_apart(self.R).all())
-
-
-ACROSS = np.nonzero((np.arange(6)[:, None] - np.arange(6)) % 3)
-"""Rows and columns of the elements of a covariance that are those of two axes."""
-
-TURNING_NOISE = 16.0 * np.finfo(np.float64).eps
-"""Correlation that rounding leaves where a diagonal covariance was turned."""
-
-
-def axes_apart(R: FloatArray) -> BoolArray:
-    """Whether each of (m, 6, 6) covariances has nothing between two axes but rounding, where they are numbers."""
-    (r, c), variances = ACROSS, np.einsum("nii->ni", R)
-    across = R[:, r, c] ** 2 > TURNING_NOISE * TURNING_NOISE * variances[:, r] * variances[:, c]
-    return np.asarray(~across.any(axis=1))
 
 
 class ScaledMeasurements(Measurements):
-    """Measurements of which a filter is told another R: made where it is read, for runs side by side share `reported`.
+    """Measurements with a scaled R, which is computed on first access.
+
+    Batched runs need only `reported` and the factors, because they scale R themselves.
 
     Attributes:
-        reported: as they were.
-        position: factor on the covariance of each position [-].
-        velocity: factor on the covariance of each velocity [-].
+        reported: The measurements with R as reported.
+        position: Factor on the covariance of each position [-].
+        velocity: Factor on the covariance of each velocity [-].
     """
 
     def __init__(self, reported: Measurements, position: float, velocity: float) -> None:
-        """Share with ``reported`` all but R."""
+        """Use the arrays of ``reported`` without copies, except R."""
         vars(self).update(t_ns=reported.t_ns, z=reported.z, R_true=reported.R_true)
         self.reported, self.position, self.velocity = reported, position, velocity
 
     @cached_property
-    def R(self) -> FloatArray:  # noqa: N802 - read like the field
-        """(m, 6, 6) the factors times R; of what is not there it stays."""
+    def R(self) -> FloatArray:  # noqa: N802 - overrides the field R
+        """Reported R (m, 6, 6) multiplied by the factors. Rows that were not measured do not change."""
         R, there = self.reported.as_reported.copy(), np.asarray(np.isfinite(self.z).reshape(-1, 2, 3).any(axis=2))
         for k, factor in enumerate((self.position, self.velocity)):
             rows: slice | BoolArray = slice(None) if there[:, k].all() else there[:, k]
@@ -98,7 +82,7 @@ class ScaledMeasurements(Measurements):
 
 
 def merged_measurements(recording: Recording, attitude: Attitude) -> Measurements:
-    """Merge the position and velocity of ``recording`` into rows of z."""
+    """Merge the positions and velocities of a recording into rows of z, ordered by time."""
     position, velocity = recording.position, recording.velocity
     streams = [(slice(0, 3), position), (slice(3, 6), velocity and velocity_in_enu(velocity, attitude))]
     stamps = [np.empty(0, dtype=np.int64) if stream is None else nanoseconds(stream.t_s) for _, stream in streams]
@@ -107,11 +91,8 @@ def merged_measurements(recording: Recording, attitude: Attitude) -> Measurement
     for (block, stream), stamp in zip(streams, stamps, strict=True):
         if stream is not None:
             rows = np.searchsorted(t_ns, stamp)
-            z[rows, block], R[rows, block, block], R_true[rows, block, block] = (
-                stream.values,
-                stream.reported,
-                stream.true,
-            )
+            z[rows, block], R[rows, block, block] = stream.values, stream.reported
+            R_true[rows, block, block] = stream.true
     present = np.isfinite(z).any(axis=1)
     reported, raised = R[present], floored(R[present])
     unfloored = reported if (raised != reported).any() else None
@@ -119,34 +100,35 @@ def merged_measurements(recording: Recording, attitude: Attitude) -> Measurement
 
 
 def velocity_in_enu(velocity: Velocity, attitude: Attitude) -> Velocity:
-    """Turn a velocity along the body's axes, and its covariances, into ENU; one that is in ENU stays as it is.
+    """Rotate a velocity in the frame "body" or "speed", and its covariances, into ENU.
 
-    With Omega of the last IMU stamp before it, v in the frame "body" or "speed" and C its covariance::
+    v is the velocity, C is its covariance, and Omega is the attitude at the last IMU stamp before the velocity::
 
         z = Omega v;  R = Omega C Omega'
 
-    An axis of "speed" that nothing is known of is 0 with the variance (100 m/s)^2, uncorrelated: once turned, only that
-    much in R says that it is absent, for the rows of z are those of ENU. A speed alone is so one quantity in three
-    rows; a rule that adds up variances, or takes the diagonal alone, sees little in them.
+    An axis of "speed" that was not measured is set to 0 with the variance (100 m/s)^2 and without correlations. After
+    the rotation into ENU, only the large variance in R shows that the axis was not measured. The measured speed is then
+    spread over three rows, so adaptations that use only the diagonal of R, or add up variances, get little information
+    from a speed.
     """
     if velocity.frame == "enu":
         return velocity
     sample = np.maximum(np.searchsorted(attitude.t_s, velocity.t_s, side="right") - 1, 0)
     omega = attitude.dcm[sample]
     absent = ~np.isfinite(velocity.mps)
-    absent[absent.all(axis=1)] = False  # such a row stays absent as a whole
+    absent[absent.all(axis=1)] = False  # rows without any value stay NaN
     true = velocity.true_covariance_m2ps2
     return Velocity(
         velocity.t_s,
         np.einsum("nij,nj->ni", omega, np.where(absent, 0.0, velocity.mps)),
-        _turned(omega, _widened(velocity.covariance_m2ps2, absent)),
+        _rotated(omega, _widened(velocity.covariance_m2ps2, absent)),
         "enu",
-        None if true is None else _turned(omega, _widened(true, absent)),
+        None if true is None else _rotated(omega, _widened(true, absent)),
     )
 
 
 def floored(covariance: FloatArray) -> FloatArray:
-    """Raise each diagonal element to the floor; the off-diagonals stay."""
+    """Raise each diagonal element of covariances (m, 6, 6) to the floor. Other elements do not change."""
     raised = covariance.copy()
     diagonal = np.einsum("nii->ni", raised)
     np.maximum(diagonal, VARIANCE_FLOOR, out=diagonal)
@@ -154,28 +136,31 @@ def floored(covariance: FloatArray) -> FloatArray:
 
 
 def _widened(covariance: FloatArray, absent: BoolArray) -> FloatArray:
-    """The covariance with the variance of an absent axis where ``nothing`` (n, 3) is known."""
+    """Set the variance to `ABSENT_SIGMA_MPS` squared, and the correlations to zero, on the axes ``absent`` (n, 3)."""
     either = absent[:, :, None] | absent[:, None, :]
     return np.where(either, ABSENT_SIGMA_MPS**2 * np.eye(3), covariance)
 
 
-def _turned(omega: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Omega C Omega', symmetric to the bit."""
-    turned = np.einsum("nij,njk,nlk->nil", omega, covariance, omega)
-    return np.asarray(0.5 * (turned + turned.transpose(0, 2, 1)))
+def _rotated(omega: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the covariances Omega C Omega' (n, 3, 3), which are exactly symmetric."""
+    rotated = np.einsum("nij,njk,nlk->nil", omega, covariance, omega)
+    return np.asarray(0.5 * (rotated + rotated.transpose(0, 2, 1)))
 
 
 INITIAL_SPEED_SIGMA_MPS = 10.0
-"""One sigma of a velocity axis that nothing measures in the last second before the start, or at it."""
+"""Initial standard deviation of a velocity axis without a measurement in the last second before the start [m/s]."""
 
 INITIAL_SPEED_AGE_S = 1.0
-"""The largest age of a velocity to start from."""
+"""Maximum age of a velocity measurement that is used for the initial state [s]."""
 
 INPUT_SIGMA_MPS2 = 0.5
-"""One sigma of what is wrong with u on each axis, alike over the second: above all gravity that leaks by the tilt."""
+"""Standard deviation of the error of the input u on each axis, constant over `INITIAL_SPEED_AGE_S` [m/s2].
+
+The main cause of this error is the tilt error.
+"""
 
 UNSEEN_SIGMA_MPS2 = 2.0
-"""One sigma of the acceleration of a vehicle while no IMU sees it."""
+"""Standard deviation of the acceleration of a vehicle during a gap of the IMU samples [m/s2]."""
 
 
 _AT_START = np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
@@ -183,13 +168,13 @@ _AT_START = np.diag([1.0] * 3 + [INITIAL_SPEED_SIGMA_MPS**2] * 3)
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What a run starts from, whatever it is told of R.
+    """The measurements from which the initial state is computed. All R are as reported, without the variance floor.
 
     Attributes:
-        position_m: (3,) of the first fix.
-        covariance_m2: (3, 3) likewise, whatever its floor.
-        velocities: of each measurement of some axes: their rows of x, z moved up to the fix, R whatever its floor, and
-            the variance that moving it adds to each axis.
+        position_m: (3,) position of the first fix in ENU [m].
+        covariance_m2: (3, 3) covariance of the first fix [m2].
+        velocities: For each velocity measurement, the indices of its axes in x, the velocity z predicted to the time of
+            the fix, R, and the variance that the prediction adds to each axis.
     """
 
     position_m: FloatArray
@@ -197,38 +182,40 @@ class Start:
     velocities: tuple[tuple[IntArray, FloatArray, FloatArray, float], ...]
 
     def motion(self, position: float = 1.0, velocity: float = 1.0) -> tuple[FloatArray, FloatArray]:
-        """Return x0 (6,) and P0 (6, 6) of a filter that is told these factors on R."""
+        """Return the initial state x0 (6,) and its covariance P0 (6, 6), after R is multiplied by the factors."""
         x0, P0 = np.zeros(6), _AT_START.copy()
-        x0[:3], P0[:3, :3] = self.position_m, _told(self.covariance_m2, position)
+        x0[:3], P0[:3, :3] = self.position_m, _scaled(self.covariance_m2, position)
         for axes, z, R, grown in self.velocities:
-            told = _told(R, velocity)
-            x0[axes], P0[axes[:, None], axes] = _bounded(z, told + grown * np.eye(len(axes)) if grown else told)
+            scaled = _scaled(R, velocity)
+            x0[axes], P0[axes[:, None], axes] = _bounded(z, scaled + grown * np.eye(len(axes)) if grown else scaled)
         return x0, P0
 
 
-motion_told = lru_cache(maxsize=8192)(Start.motion)  # a kB each
-"""The same, found once for the settings of a search that share these factors."""
+cached_motion = lru_cache(maxsize=8192)(Start.motion)  # each entry needs about 1 kB
+"""`Start.motion` with a cache, because many settings of a search have the same factors."""
 
 
-def _told(R: FloatArray, factor: float) -> FloatArray:
-    """The factor times R (k, k), the diagonal not below the floor."""
-    told = factor * R
-    for k in range(len(told)):
-        told[k, k] = max(told[k, k], VARIANCE_FLOOR)
-    return told
+def _scaled(R: FloatArray, factor: float) -> FloatArray:
+    """Return R (k, k) multiplied by ``factor``. Diagonal elements below the variance floor are raised to the floor."""
+    scaled = factor * R
+    for k in range(len(scaled)):
+        scaled[k, k] = max(scaled[k, k], VARIANCE_FLOOR)
+    return scaled
 
 
 def start_of(measurements: Measurements, first: int, attitude: Attitude | None, dt0_s: float) -> Start:
-    """Return the position of the fix ``first``, and the velocity as it was last measured, moved up to it.
+    """Return the position of the fix ``first``, and the latest velocity up to it, predicted to the time of the fix.
 
-    Each velocity axis comes from its latest measurement of the last second up to the fix; axes of the same measurement
-    keep their covariances. With tau its age, and the input u of the part tau_u of it that the IMU saw (nothing where
-    ``attitude`` is None: there is no IMU)::
+    Each velocity axis comes from its latest measurement in the last second up to the fix. Correlations between axes of
+    the same measurement are retained. The age of the measurement is tau. IMU samples with the input u cover the part
+    tau_u of tau. Without an IMU (``attitude`` is None), tau_u is 0::
 
         v = z + int u dt;  P = R + (tau_u .5 m/s2)^2 I + ((tau - tau_u) 2 m/s2)^2 I
 
-    An axis that was not measured by then is 0 +- 10 m/s: what comes later is an update, and must not be used twice. A
-    measurement that is no surer than that in some direction (a speed, across) is not taken there.
+    An axis without a measurement up to the fix is set to 0 with a standard deviation of 10 m/s. Later measurements are
+    not used here, because the filter uses them in its updates, and no measurement may be used twice. A measurement is
+    not used in directions in which its standard deviation is 10 m/s or more, for example across the direction of travel
+    of a speed.
     """
     start_s, reported, velocities = measurements.t_ns[first] * 1e-9, measurements.as_reported, []
     rows = latest_rows(measurements, first)
@@ -245,7 +232,7 @@ def start_of(measurements: Measurements, first: int, attitude: Attitude | None, 
 
 
 def latest_rows(measurements: Measurements, first: int) -> IntArray:
-    """Row of the latest measurement of each velocity axis (3,) in the last second up to the fix; -1: there is none."""
+    """Return the row of the latest measurement of each velocity axis (3,) in the last second up to the fix, or -1."""
     t_ns = measurements.t_ns
     begin = int(np.searchsorted(t_ns, t_ns[first] - round(INITIAL_SPEED_AGE_S * 1e9)))
     measured = np.isfinite(measurements.z[begin : first + 1, 3:])
@@ -253,20 +240,23 @@ def latest_rows(measurements: Measurements, first: int) -> IntArray:
 
 
 def _bounded(z: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A velocity and its covariance, 0 +- 10 m/s along the principal axes where it is no surer."""
-    if R.trace() < INITIAL_SPEED_SIGMA_MPS**2:  # the sum of all variances
+    """Return a velocity and its covariance, with at most 10 m/s of uncertainty along each principal axis.
+
+    Along each principal axis whose sigma is 10 m/s or more, the velocity is set to 0 m/s and the sigma to 10 m/s.
+    """
+    if R.trace() < INITIAL_SPEED_SIGMA_MPS**2:  # no eigenvalue can exceed the trace
         return z, R
     variances, axes = np.linalg.eigh(R)
     sure = variances < INITIAL_SPEED_SIGMA_MPS**2
     if sure.all():
         return z, R
-    kept = axes[:, sure]
+    known = axes[:, sure]
     P = axes * np.where(sure, variances, INITIAL_SPEED_SIGMA_MPS**2) @ axes.T
-    return kept @ (kept.T @ z), 0.5 * (P + P.T)
+    return known @ (known.T @ z), 0.5 * (P + P.T)
 
 
 def _gained(attitude: Attitude | None, dt0_s: float, begin_s: float, end_s: float) -> tuple[FloatArray, float]:
-    """The integral (3,) of the input u between two times, and how much of that time an IMU saw."""
+    """Return the integral (3,) of the input u between two times, and the duration that IMU samples cover [s]."""
     if attitude is None:
         return np.zeros(3), 0.0
     t_s = attitude.t_s
@@ -278,21 +268,24 @@ def _gained(attitude: Attitude | None, dt0_s: float, begin_s: float, end_s: floa
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """The steps of one run: predict over dt with u of ``sample``, then update, then compare with the reference.
+    """The steps of one run.
+
+    A step is a prediction over dt with the input u of ``sample``. A step may end with an update. After the update, the
+    state may be compared with the reference.
 
     Attributes:
-        dt0_s: nominal interval of the IMU; without one, the usual one between fixes.
-        dt_s: (n,) length of each step; the first is 0 (the start).
-        sample: (n,) which row of ``accel_enu_mps2`` covers the step.
-        update: (n,) row of ``measurements`` at the end of the step, or -1.
-        reference: (n,) row of the reference at the end of the step, or -1.
-        accel_enu_mps2: (samples, 3) the input u; without an IMU zeros.
-        measurements: what is measured, six rows each.
-        x0: (6,) initial position and velocity.
-        P0: (6, 6) their covariance.
-        euler_rad: (k, 3) roll, pitch, yaw at the reference's stamps.
-        t_s: (n,) time at the end of each step.
-        start: what x0 and P0 were made of, with R as reported; None: they were given.
+        dt0_s: Nominal sampling interval of the IMU, or the median interval between measurements without an IMU [s].
+        dt_s: (n,) length of each step [s]. The first step has the length 0, because it is the start of the run.
+        sample: (n,) row of ``accel_enu_mps2`` that covers the step.
+        update: (n,) row of ``measurements`` at the end of the step, or -1 without an update.
+        reference: (n,) row of the reference at the end of the step, or -1 without a reference.
+        accel_enu_mps2: (samples, 3) input u in ENU, or zeros without an IMU [m/s2].
+        measurements: The measurements of position and velocity.
+        x0: (6,) initial position [m] and velocity [m/s] in ENU.
+        P0: (6, 6) covariance of x0.
+        euler_rad: (k, 3) roll, pitch, yaw at the stamps of the reference [rad].
+        t_s: (n,) time at the end of each step [s].
+        start: The measurements from which x0 and P0 were computed, or None if x0 and P0 were passed directly.
     """
 
     dt0_s: float
@@ -310,17 +303,17 @@ class Timeline:
 
     @cached_property
     def lengths(self) -> tuple[FloatArray, IntArray]:
-        """The different lengths of steps, and which of them each step has: `step_lengths`."""
+        """The distinct lengths of the steps, and for each step the index of its length (`step_lengths`)."""
         return step_lengths(self.dt_s)
 
     @cached_property
     def visits(self) -> tuple[int, int]:
-        """How many stamps of the reference are met, and how many updates there are."""
+        """The number of stamps of the reference in the run, and the number of updates."""
         return int(np.count_nonzero(self.reference >= 0)), int(np.count_nonzero(self.update >= 0))
 
     @cached_property
     def update_times_s(self) -> FloatArray:
-        """(m,) when the updates are that measure anything, seconds since the start; shared, so it cannot be written."""
+        """Times (m,) since the start of the run of all updates with a measured row [s]. The array is read-only."""
         rows = self.update[self.update >= 0]
         rows = rows[np.isfinite(self.measurements.z[rows]).any(axis=1)]
         times_s: FloatArray = self.measurements.t_ns[rows] * 1e-9 - self.t_s[0]
@@ -329,10 +322,10 @@ class Timeline:
 
 
 def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
-    """Order the events of ``recording`` from the first fix to the last IMU sample; without an IMU, to the last fix.
+    """Return the timeline from the first fix to the last IMU sample, or to the last measurement without an IMU.
 
     Raises:
-        RecordingError: there is no complete position fix while the IMU runs.
+        RecordingError: The recording has no complete position fix between the first and the last IMU sample.
     """
     measurements = merged_measurements(recording, attitude)
     clock, reference = nanoseconds(recording.clock_s), nanoseconds(recording.reference.t_s)
@@ -344,7 +337,7 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
     start = start_of(measurements, first, attitude if recording.imu else None, dt0_s)
     x0, P0 = start.motion()
     update = _rows_at(events, measurements.t_ns)
-    update[0] = -1  # the first fix is the start itself
+    update[0] = -1  # the first fix determines the initial state, so it is not an update
     return Timeline(
         dt0_s=dt0_s,
         dt_s=np.diff(events, prepend=start_ns) * 1e-9,
@@ -362,19 +355,19 @@ def build_timeline(recording: Recording, attitude: Attitude) -> Timeline:
 
 
 def merged_times(*times_ns: IntArray) -> IntArray:
-    """Return all of the times once, in increasing order; quick where each of them is in order already."""
-    merged = np.sort(np.concatenate(times_ns), kind="stable")  # np.unique puts them into a table first
+    """Return the distinct times in increasing order. The function is fastest if each array is sorted."""
+    merged = np.sort(np.concatenate(times_ns), kind="stable")  # np.unique uses a hash table, which is slower
     is_new = np.append(True, merged[1:] != merged[:-1])
     return np.asarray(merged[is_new[: len(merged)]])
 
 
 def nanoseconds(t_s: FloatArray) -> IntArray:
-    """Turn seconds into whole nanoseconds."""
+    """Convert seconds to integer nanoseconds."""
     return np.round(np.asarray(t_s) * 1e9).astype(np.int64)
 
 
 def _rows_at(events: IntArray, t_ns: IntArray) -> IntArray:
-    """Return the row of ``t_ns`` of each event, or -1."""
+    """Return for each event the row of ``t_ns`` with the same time, or -1 without such a row."""
     rows = np.full(len(events), -1, dtype=np.int64)
     if len(t_ns):
         near = np.minimum(np.searchsorted(t_ns, events), len(t_ns) - 1)
@@ -387,17 +380,18 @@ def _first_fix(measurements: Measurements, begin_ns: int, end_ns: int, name: str
     inside = (measurements.t_ns >= begin_ns) & (measurements.t_ns <= end_ns)
     rows = np.flatnonzero(complete & inside)
     if not rows.size:
-        raise RecordingError(
-            f"{name} has no complete position fix while it runs; a navigation filter needs one to start from."
-        )
+        raise RecordingError(f"{name} has no position fix with all three axes during the run; a filter needs one.")
     return int(rows[0])
 
 
-# Lengths of steps: few different ones, but where stamps are uneven.
+# Lengths of steps. If the stamps are regular, the steps have only a few distinct lengths.
 
 
 def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return the different lengths, whole nanoseconds apart, and which of them each step has (-1: none, dt = 0)."""
+    """Return the distinct lengths of steps [s], and for each step the index of its length, or -1 if dt = 0.
+
+    Two lengths count as equal if they are equal after rounding to 1 ns.
+    """
     if _even(dt_s) or _even(key := np.round(dt_s * 1e9).astype(np.int64)):
         which = np.zeros(len(dt_s), dtype=np.int64)
         which[0] = -1
@@ -409,39 +403,40 @@ def step_lengths(dt_s: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _even(dt: FloatArray | IntArray) -> bool:
-    """Whether all steps but the first, in which no time passes, are equal; to sort them takes a tenth of a run."""
+    """Return whether all steps after the start are equal. Sorting, which takes a tenth of a run, is then not needed."""
     return bool(len(dt) > 1 and dt[0] <= 0 < dt[1] and (dt[1:] == dt[1]).all())
 
 
-def told_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:
-    """Return what `build_timeline` makes of `with_r_scale`, to the bit, from the ``timeline`` of ``recording`` itself.
+def scaled_timeline(timeline: Timeline, recording: Recording, attitude: Attitude, scale: RScale) -> Timeline:
+    """Return the timeline of a recording with a scaled R, computed from its ``timeline`` with R as reported.
 
-    It shares with ``timeline`` all that no covariance changes, and takes some 15 us, but where a velocity was turned.
+    The result is bitwise equal to `build_timeline` after `with_r_scale`. Arrays that do not depend on R are not copied,
+    so the function takes only about 15 us, unless a velocity has to be rotated again.
     """
     if not scale.changed:
         return timeline
     before = timeline.measurements
     if timeline.start and (recording.velocity is None or recording.velocity.frame == "enu"):
         measured: Measurements = ScaledMeasurements(before, scale.position, scale.velocity)
-        x0, P0 = motion_told(timeline.start, scale.position, scale.velocity)
-    else:  # R is not the reported one, but was turned
+        x0, P0 = cached_motion(timeline.start, scale.position, scale.velocity)
+    else:  # a velocity was rotated, so its reported R has to be scaled before the rotation
         again = merged_measurements(with_r_scale(recording, scale), attitude)
         measured = dataclasses.replace(before, R=again.R, unfloored=again.unfloored)
         first = int(np.searchsorted(before.t_ns, round(timeline.t_s[0] * 1e9)))
         x0, P0 = start_of(measured, first, attitude if recording.imu else None, timeline.dt0_s).motion()
-    told, at_s = object.__new__(Timeline), timeline.update_times_s  # `dataclasses.replace` takes as long as all else
-    vars(told).update(vars(timeline), update_times_s=at_s, measurements=measured, x0=x0, P0=P0)
-    return told
+    scaled, at_s = object.__new__(Timeline), timeline.update_times_s  # `dataclasses.replace` would take twice as long
+    vars(scaled).update(vars(timeline), update_times_s=at_s, measurements=measured, x0=x0, P0=P0)
+    return scaled
 
 
-# The timelines of the latest recordings, for the next adaptation.
+# A cache of the latest timelines. A run with the next adaptation uses the same timeline again.
 
-kept_timeline = lru_cache(maxsize=32)(build_timeline)
-"""`build_timeline`, done once for a recording with its attitude; as many as a process keeps recordings."""
+cached_timeline = lru_cache(maxsize=32)(build_timeline)
+"""`build_timeline` with a cache that has the same size as the cache of recordings."""
 
 
 class Run(NamedTuple):
-    """A run without its filter."""
+    """The timeline and the scoring of a run, without its filter."""
 
     timeline: Timeline
     scoring: ErrorWeights
@@ -449,14 +444,14 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """A run of an estimator, which sees the recording itself.
+    """The inputs and the scoring of a run of an estimator, which also uses the recording.
 
     Attributes:
-        reported: the recording, with the covariances that the receiver reports.
-        attitude: its attitude.
-        timeline: that of `recording` and the attitude.
-        scoring: what the errors count for.
-        r_scale: what the estimator is told of those covariances.
+        reported: The recording with the covariances that the receiver reports.
+        attitude: The attitude of the recording.
+        timeline: The timeline of the recording and the attitude.
+        scoring: The weights of the errors.
+        r_scale: Factors on the reported covariances.
     """
 
     reported: Recording
@@ -467,5 +462,5 @@ class RecordedRun:
 
     @cached_property
     def recording(self) -> Recording:
-        """The recording as the estimator is told it; made where it is asked for, which takes longer than a run."""
+        """The recording with scaled covariances, computed on first access because scaling takes longer than a run."""
         return with_r_scale(self.reported, self.r_scale)

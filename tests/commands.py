@@ -1,10 +1,12 @@
-"""The command line as a person runs it: in a process of its own, or, where that shows no more, in this one."""
+"""The command line as a person runs it, in a new process or in this one; other programs, and the scripts."""
 
 import contextlib
 import io
 import os
 import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 from unittest.mock import patch
 
 from jerkbench.cli import main
@@ -12,6 +14,7 @@ from jerkbench.cli import main
 SHORT = ["dataset.duration_s=12", "seeds=1", "figures=false", "workers=1"]
 """A simulation that takes a fraction of a second."""
 
+EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 PATIENCE_S = 900
 """A bound for what cannot fail by being slow, however much else the machine has to do."""
 
@@ -56,3 +59,36 @@ def verb(*words, cwd):
         except SystemExit as end:
             code = end.code or 0
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def standing_program(path):
+    """Write a program whose estimate is that the vehicle does not move; returns its path."""
+    path.write_text("""#!/bin/sh
+awk -F, 'NR == 1 { print "t_s,east_m,north_m,up_m" } NR > 1 { print $1 ",0,0,0" }' "$1" > "$2"
+""")
+    path.chmod(0o755)
+    return path
+
+
+def experiment(script):
+    """Import a script by its path below experiments/, and what lies beside it, as its own command line does."""
+    path = EXPERIMENTS / script
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    return import_module(path.stem)
+
+
+def children_of(pid):
+    listed = subprocess.run(
+        ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False
+    ).stdout
+    return [int(number) for number in listed.split()]
+
+
+def alive(pid):
+    """Whether a process runs; one that has ended and that nobody has waited for does not."""
+    try:
+        os.kill(pid, 0)
+        return ") Z " not in Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
+    except (ProcessLookupError, FileNotFoundError):
+        return False

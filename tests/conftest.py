@@ -7,12 +7,9 @@ import pytest
 from hypothesis import settings
 
 from jerkbench.cli import main
-from jerkbench.compilation.module_cache import target
 
 settings.register_profile("any speed", deadline=None)  # how fast a machine is fails no test
 settings.load_profile("any speed")
-
-target()  # before a test lets numba make something: processes of one level share what is compiled
 
 SHARED = Path(__file__).parents[2] / "shared"
 

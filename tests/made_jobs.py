@@ -54,6 +54,11 @@ SHORT_FIELD = {
 USUAL = {"dataset": SHORT_FIELD, "attitude": "tilt", "filter": "jerk", "adaptation": "none", "engine": "compiled"}
 
 
+SPEC = {kind: {"name": name} for kind, name in {**USUAL, "dataset": "field", "filter": "baseline"}.items()}
+SPEC |= {"engine": {"name": "filterpy"}, "disturbance": [{"name": "none"}]}
+"""The smallest specification: the baseline on the field, with the reference engine."""
+
+
 def job_with(protocol=None, disturbance="none", **parts):
     """A job with the usual parts, of which some are given by name or as mappings."""
     spec = {**USUAL, **parts, "disturbance": disturbance}

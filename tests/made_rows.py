@@ -51,7 +51,7 @@ def made_rows(protocol=SMALL, seed=0, ratio=None):
     level = dict(zip([seed for seed, _ in uses], rng.normal(-3.0, 0.8, len(uses)), strict=True))
     drives = pd.DataFrame([{"seed": s, "tuning": r, "level": level[s], **dataset.columns(s)} for s, r in uses])
     tuned, judged, settings = [], [], []
-    for method in [*protocol.competing, *protocol.beside]:
+    for method in [*protocol.competing, *protocol.separate]:
         mean, luck = ratio.get(tuple(method), 0.0), dict(zip(level, rng.normal(0.0, 0.3, len(level)), strict=True))
         searches = max(protocol.searches(method))
         for tuning in protocol.tunings_of(method):

@@ -14,7 +14,7 @@ from commands import environment, verb
 
 ROOT = Path(__file__).parents[1]
 ACTION = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
-QUICK = "-m filter=baseline adaptation=none,mtf dataset.duration_s=12 seeds=2 engine=filterpy workers=1"
+QUICK = "-m filter=baseline adaptation=none,mtf dataset.duration_s=8 seeds=2 engine=filterpy workers=1"
 
 
 @pytest.fixture
@@ -53,13 +53,8 @@ def test_it_passes_what_is_the_same_and_fails_what_is_worse(machine, tmp_path):
     assert machine("run", run=QUICK).returncode == 0
     limits = {"baseline": "benchmarks/accepted", "fail-above": "3"}
     assert machine("compare", **limits).returncode == 0
-    assert "the same to the bit" in (tmp_path / "summary.md").read_text(encoding="utf-8")
+    assert "identical" in (tmp_path / "summary.md").read_text(encoding="utf-8")
 
     stricter = machine("compare", **{**limits, "fail-above": "-50"})
     assert stricter.returncode == 3
     assert b"2 of 2 combinations fail (allowed: -50 %)." in stricter.stdout
-
-    less = QUICK.replace("adaptation=none,mtf", "adaptation=none")
-    subprocess.run(["rm", "-r", str(tmp_path / "results")], check=True)
-    assert machine("run", run=less).returncode == 0
-    assert machine("compare", **limits).returncode == 4

@@ -1,4 +1,4 @@
-"""The commands of docs/any_language.md, typed on shorter drives; in the place of KF-GINS stands a script."""
+"""The commands of docs/any_language.md on shorter drives; a script replaces the program KF-GINS."""
 
 import importlib.util
 import shlex
@@ -54,18 +54,16 @@ def publish(folder):
     for seed in range(3):
         rows = np.loadtxt(folder / f"mine_{seed}.csv", delimiter=",", skiprows=1)
         stamps_ns = [start_ns + round(t * 1e9) for t in rows[:, 0]]
-        made = [odometry(ROS2, ns, *poses(row), frame="map") for ns, row in zip(stamps_ns, rows, strict=True)]
+        made = [
+            odometry(ROS2, ns, row[1:4], (0.0, 0.0, 0.0, 1.0), row[4:7], frame="map")
+            for ns, row in zip(stamps_ns, rows, strict=True)
+        ]
         with Writer(folder / f"filtered_{seed}", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             place = writer.add_connection("/odometry/filtered", "nav_msgs/msg/Odometry", typestore=ROS2)
             for ns, (msgtype, message) in zip(stamps_ns, made, strict=True):
                 writer.write(place, ns, ROS2.serialize_cdr(message, msgtype))
         (written,) = (folder / f"filtered_{seed}").glob("*.mcap")
         written.rename(folder / f"filtered_{seed}" / f"filtered_{seed}_0.mcap")
-
-
-def poses(row):
-    """Place, no turn, velocity."""
-    return row[1:4], (0.0, 0.0, 0.0, 1.0), row[4:7]
 
 
 def typed(line, folder):
@@ -76,10 +74,11 @@ def typed(line, folder):
         subprocess.run(["sh", "-c", line], cwd=folder, env=environment(), check=True, timeout=100)
         return
     short = SHORT.get(words[1], [])
+    words = [word.replace("python ", f"{sys.executable} ") for word in words]
     if "python-ins" in line:
         if importlib.util.find_spec("pyins") is None:
             return
-        words = [word.replace("python ", f"{sys.executable} ") for word in words if "disturbance=" not in word]
+        words = [word for word in words if "disturbance=" not in word]
         short = [*SHORT["run"][1:], "dataset.duration_s=12", "study=pyins"]  # it takes as long as the drive
     options = words.index("--format") if "--format" in words else len(words)
     done = verb(*words[1:options], *short, *words[options:], cwd=folder)
@@ -92,16 +91,12 @@ def rows_of(folder):
 
 
 @pytest.mark.slow
-def test_every_program_stands_in_one_table_and_the_one_in_c_has_the_numbers_of_our_baseline(rows_of):
+def test_every_program_stands_in_one_table_and_is_scored_as_it_is_run(rows_of):
     rows = rows_of("languages")
     counts = rows[rows["status"] == "ok"].groupby("filter")["disturbance"].nunique()
     assert dict(counts) == dict.fromkeys(["gnss_only", "baseline", "jerk", "C(program)", "KF-GINS(program)"], 3)
     errors = rows.set_index(["filter", "disturbance"])["position_rmse_m"]
     pd.testing.assert_series_equal(errors["C(program)"], errors["baseline"], rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_what_was_scored_is_what_was_run_and_a_node_is_scored_as_the_file_is(rows_of):
     scored, run = rows_of("scored"), rows_of("languages")
     assert list(scored["filter"].unique()) == ["mine(external)", "robot_localization(external)"]
     assert list(scored["seed"]) == [0, 1, 2, 0, 1, 2]

@@ -1,7 +1,7 @@
 import pytest
 from platformdirs import user_cache_path
 
-from jerkbench.compilation.module_cache import COMPILED
+from jerkbench.compilation.compiled import COMPILED
 from jerkbench.files import cache_folder
 from jerkbench.io.bag import BAGS
 from jerkbench.io.files import fetched_folder

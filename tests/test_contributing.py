@@ -14,34 +14,23 @@ TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
-@pytest.mark.parametrize("name", sorted(set(re.findall(r"`((?:jerkbench|tests|conf)/[\w/.]*)`", TEXT))))
+@pytest.mark.parametrize("name", sorted({*re.findall(r"`((?:jerkbench|tests|conf)/[\w/.]*|\w+/\w+\.py)`", TEXT)}))
 def test_every_place_it_names_is_there(name):
-    assert (ROOT / name).exists()
-
-
-@pytest.mark.parametrize("name", sorted(set(re.findall(r"`((?:\w+)/(?:\w+)\.py)`", TEXT))))
-def test_every_example_to_begin_from_is_there(name):
     assert (ROOT / name).exists() or (ROOT / "jerkbench" / name).exists()
 
 
-def test_every_room_of_the_drawing_is_there():
+def test_the_drawing_has_every_room_in_the_order_in_which_they_import():
     drawing = re.search(r"```text\n(.*?)```", TEXT, flags=re.DOTALL).group(1)
     rooms = {
         name
         for line in drawing.splitlines()
         for name in re.findall(r"[a-z][\w/]*", re.split(r"\s{3,}", line.strip())[0])
     }
-
     for room in rooms:
         place = ROOT / "jerkbench" / room
         assert place.is_dir() or place.with_suffix(".py").is_file(), room
     folders = {path.parent.name for path in (ROOT / "jerkbench").glob("*/__init__.py")}
     assert folders - {"compilation"} <= rooms | {"evaluation"}
-
-
-def test_the_drawing_has_the_rooms_in_the_order_in_which_they_import():
-    """So that what it says, a module imports only from rooms above its own, is what test_import_direction holds."""
-    drawing = re.search(r"```text\n(.*?)```", TEXT, flags=re.DOTALL).group(1)
     lines = [re.split(r"\s{3,}", line.strip())[0] for line in drawing.splitlines()]
     places = [STAGE[room] for line in lines for room in re.findall(r"[a-z]\w*", line)]
     assert places == sorted(places)

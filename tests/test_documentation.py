@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pages
-from commands import jerkbench, verb
+from commands import jerkbench, standing_program, verb
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -17,13 +17,6 @@ BRIEF = ("data", "report", "new", "check", "compare", "cite")
 IN_FULL = pages.commands("sweeps")
 """They are typed by `test_pages.py`, which compares what they print."""
 QUICK = ["dataset.duration_s=80", "seeds=1", "workers=1"]
-
-
-MY_FILTER = """\
-#!/bin/sh
-awk -F, 'NR == 1 { print "t_s,east_m,north_m,up_m" } NR > 1 { print $1 ",0,0,0" }' "$1" > "$2"
-"""
-"""A reader's filter, which believes that it stands."""
 
 
 def blocks(language, text=README):
@@ -45,8 +38,7 @@ def folder(tmp_path_factory):
     """Where the reader types; with a filter and a bag of their own, and one that was cut."""
     folder = tmp_path_factory.mktemp("reader")
     verb("data", "convert", "field", "drive.bag", "--set", "duration_s=30", cwd=folder)
-    (folder / "my_filter").write_text(MY_FILTER)
-    (folder / "my_filter").chmod(0o755)
+    standing_program(folder / "my_filter")
     whole = (folder / "drive.bag").read_bytes()
     (folder / "cut.bag").write_bytes(whole[: len(whole) // 2])
     return folder
@@ -109,29 +101,20 @@ def test_the_drive_of_its_study_goes_well(folder, shared_folder):
     assert "withheld from the filter; not independent" in done.stdout
 
 
-def test_the_two_commands_of_the_readme_are_what_the_gate_runs():
+def test_the_readme_is_short_and_its_two_commands_are_what_the_gate_runs():
     gate = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-
     for name in ("main", "tests"):
         assert f"<!-- {name} -->\n```sh\npython3 -m venv .venv\n" in README
         assert f"readme {name}" in gate
+    assert README.count("\n") <= 120
 
 
-def test_what_was_drawn_can_be_asked_of_the_rows(tmp_path, monkeypatch, capsys):
+def test_the_python_of_the_page_of_sweeps_runs_and_asks_what_was_drawn(tmp_path, monkeypatch, capsys):
     (words,) = [words for words in pages.commands("sweeps") if "dataset=mixture" in words]
     done = verb(*words, "seeds=3", "workers=1", cwd=tmp_path)
     monkeypatch.chdir(tmp_path)
     exec(pages.files("sweeps")["by_faults.py"], {})  # noqa: S102 - our own page
-
     assert done.returncode == 0, done.stderr
     assert "drawn.faults\n2.0" in capsys.readouterr().out
-
-
-def test_the_python_of_the_page_of_sweeps_runs(capsys):
     exec(pages.files("sweeps")["first_run.py"], {})  # noqa: S102 - our own page
-
     assert "outage_end_m" in capsys.readouterr().out
-
-
-def test_the_readme_is_short():
-    assert README.count("\n") <= 120

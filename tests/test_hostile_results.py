@@ -13,10 +13,11 @@ from types import SimpleNamespace
 import matplotlib as mpl
 import numpy as np
 import pytest
+from PIL import Image
 
 from jerkbench.cli import main
 from jerkbench.errors import JerkbenchError
-from jerkbench.hydra_app.app import conclude_study, ended_by
+from jerkbench.hydra_app.app import conclude_sweep, report_end
 from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.manifest import read_manifest
@@ -26,7 +27,7 @@ from jerkbench.jobs.store import Store
 from jerkbench.jobs.study import load_study
 from stored_cells import store_cell
 
-DAMAGES = 80
+DAMAGES = 20
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 SPEC = {
     "dataset": {"name": "field", "duration_s": 8.0},
@@ -60,9 +61,9 @@ def run(plan, folder):
         try:
             run_missing(plan, store)
         except (OSError, JerkbenchError) as error:
-            code = ended_by(error)
+            code = report_end(error)
         patched.setattr(Store, "compact", lambda _: None)
-        conclude_study(store, plan.draws, SimpleNamespace(notes=["a note"]))
+        conclude_sweep(plan, None, code, store, SimpleNamespace(notes=["a note"], report=False))
     return code
 
 
@@ -97,7 +98,7 @@ def ending(words):
 def _undrawn(monkeypatch):
     """Figures are made, but not painted."""
     mpl.use("Agg")
-    monkeypatch.setattr("jerkbench.report.plots.style.png_bytes", lambda _: b"")
+    monkeypatch.setattr("jerkbench.report.plots.style.image_of", lambda _: Image.new("P", (1, 1)))
 
 
 @pytest.mark.slow
@@ -126,7 +127,7 @@ def test_no_verb_falls_over_damaged_results(whole, plan, hostile, tmp_path, caps
 
 def test_a_damaged_study_is_run_again(whole, plan, hostile, tmp_path):
     rng = np.random.default_rng(4)
-    for number in range(20):
+    for number in range(10):
         folder = tmp_path / f"study{number}"
         shutil.copytree(whole, folder)
         what = hostile.damage(folder, rng)
@@ -155,24 +156,25 @@ def test_a_signed_cell_that_lacks_something_is_damaged(whole, hostile, tmp_path,
     signed = hostile.sign(path, hostile.pq.read_table(path).drop([missing]))
 
     assert ending(["table", str(folder)]) == 0
-    assert f"1 damaged file of cells is left out: {signed.stem}." in capsys.readouterr().out
+    assert f"1 damaged file of results is left out: {signed.stem}." in capsys.readouterr().out
     assert ending(["rerun", str(folder), signed.stem]) == 2
     assert "is damaged" in capsys.readouterr().err
-
-
-PROTOCOL = {"seeds": 1, "first_seed": 0, "burn_in_s": 5.0, "divergence_limit_m": 1000.0}
 
 
 @pytest.mark.parametrize(
     ("column", "forged", "sentence"),
     [
         ("cell.spec.dataset", {"name": "field", "duration_s": 1e12}, "a simulated drive has at most"),
-        ("cell.spec.dataset", {"name": "field", "position_sigma_m": [0.01] * 100_000}, "at most 100000 are taken"),
-        ("cell.spec.disturbance", [{"name": "none"}] * 10_000, "at most 100000 are taken"),
-        ("cell.spec.filter", {"name": "x" * 5_000_000}, "at most 100000 are taken"),
+        ("cell.spec.dataset", {"name": "field", "position_sigma_m": [0.01] * 100_000}, "the maximum is 100000"),
+        ("cell.spec.disturbance", [{"name": "none"}] * 10_000, "the maximum is 100000"),
+        ("cell.spec.filter", {"name": "x" * 5_000_000}, "the maximum is 100000"),
         ("cell.spec.filter", {"name": "x" * 50_000}, "characters ...]"),
         ("cell.spec.adaptation", {"name": "cerkf_r", "passes": 10**12}, "must be from 1 to 1000"),
-        ("cell.protocol", PROTOCOL | {"seeds": 10**9}, "a cell has at most"),
+        (
+            "cell.protocol",
+            {"seeds": 10**9, "first_seed": 0, "burn_in_s": 5.0, "divergence_limit_m": 1000.0},
+            "a combination has at",
+        ),
     ],
 )
 def test_a_forged_configuration_of_any_size_is_refused_at_once(
@@ -195,20 +197,17 @@ def test_a_forged_configuration_of_any_size_is_refused_at_once(
     assert time.monotonic() - begun < 10.0
 
 
-NAME = '"><img src=x onerror=alert(1)>'
-
-
 def test_a_file_whose_name_is_no_key_runs_nothing_in_the_page(whole, tmp_path, capsys):
     folder = shutil.copytree(whole, tmp_path / "study")
     cells = sorted((folder / "cells").iterdir())
-    shutil.copy(cells[0], folder / "cells" / f"{NAME}.parquet")
+    shutil.copy(cells[0], folder / "cells" / '"><img src=x onerror=alert(1)>.parquet')
     cells[1].rename(folder / "cells" / "\x1b[2J.parquet")
 
     assert ending(["report", str(folder), "--scenarios", "0"]) == 0
     assert ending(["table", str(folder)]) == 0
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "<img src=x" not in page
-    assert "2 damaged files of cells are left out" in page
+    assert "2 damaged files of results are left out" in page
     printed = capsys.readouterr()
     assert "\x1b" not in page + printed.out + printed.err
     assert r"\x1b[2J" in printed.out
@@ -222,7 +221,7 @@ def test_what_is_no_file_is_not_waited_for(whole, tmp_path, capsys, what):
         getattr(os, what)(path)
 
     assert ending(["table", str(folder)]) == 0
-    assert "1 damaged file of cells is left out" in capsys.readouterr().out
+    assert "1 damaged file of results is left out" in capsys.readouterr().out
 
 
 def test_a_plugin_that_fails_in_an_export_is_a_sentence(whole, tmp_path, capsys, monkeypatch):
@@ -242,7 +241,7 @@ def test_a_method_without_any_error_has_no_ratio(whole, tmp_path):
 
 
 def test_a_worker_that_died_is_not_told_as_a_result_that_cannot_be_stored(capsys):
-    assert ended_by(ChildProcessError("the process that ran it died")) == 1
+    assert report_end(ChildProcessError("the process that ran it died")) == 1
     printed = capsys.readouterr().err
     assert "the process that ran it died" in printed
     assert "stored" not in printed

@@ -19,30 +19,30 @@ ROOT = Path(jerkbench.__file__).parents[1]
 MAX_FILE_LINES = 500
 """Lines of a file."""
 
-MAX_MODULES, MAX_FOLDERS = 178, 23
+MAX_MODULES, MAX_FOLDERS = 166, 23
 """Modules, but for those of plugins, which may become more; and folders."""
 MAX_CODE = {
-    "campaign": 1803,
-    "cli": 944,
-    "compilation": 1018,
-    "evaluation": 1051,
-    "hydra_app": 760,
-    "hydra_plugins": 23,
-    "inertial": 1146,
-    "inspection": 1796,
-    "io": 3165,
-    "jerkbench": 1865,
-    "jobs": 1867,
-    "kinematic": 2108,
-    "plugins": 861,
-    "report": 3990,
+    "campaign": 1709,
+    "cli": 885,
+    "compilation": 427,
+    "evaluation": 997,
+    "hydra_app": 721,
+    "hydra_plugins": 15,
+    "inertial": 1040,
+    "inspection": 1788,
+    "io": 2811,
+    "jerkbench": 1758,
+    "jobs": 1774,
+    "kinematic": 1309,
+    "plugins": 806,
+    "report": 3219,
     "simulation": 598,
 }
 """Lines of code of each package without docstrings, comments, blank lines, imports and plugins. They may only fall."""
-MAX_LONE = 14
+MAX_LONE = 13
 """Modules that one other module imports; the aim is none."""
 
-DOUBLES = {"anywhere", "chosen", "each_run"}
+DOUBLES = {"anywhere", "each_run", "select"}
 """Names that stand for several things: these functions are one operation on numbers and on vectors of them."""
 
 PLUGINS = ("adaptation", "attitude", "datasets", "disturbances", "engines", "evaluation/metrics", "filters")

@@ -30,9 +30,9 @@ ORDER = [
     ["plugins.checks", "report"],
     ["testing", "inspection"],
     ["jobs"],
-    ["campaign", "report.selection", "report.study_figures"],
-    ["hydra_app", "api", "fetching", "plugins.new"],
-    ["cli"],
+    ["campaign", "report.changes", "report.study_figures"],
+    ["hydra_app", "fetching", "plugins.new"],
+    ["api", "cli"],
     ["__main__"],
 ]
 """The modules of `plugins` other than the registry have their own stages, as have modules of `report` that need jobs.

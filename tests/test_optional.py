@@ -1,11 +1,15 @@
-"""The optional parts of plugins: kept by every plugin of the tree, refused in words where they are misspelt."""
+"""Optional members of plugins, a package that is not installed, and messages that are printed once."""
 
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import pytest
 
-from jerkbench import plugins
+from commands import jerkbench
+from jerkbench import notices, plugins
 from jerkbench.errors import PluginError
+from jerkbench.notices import notify, shared_notices
 
 
 def refusal(kind, cls):
@@ -14,28 +18,13 @@ def refusal(kind, cls):
     return str(raised.value)
 
 
-def test_a_misspelt_method_is_refused_with_the_name_that_was_meant():
-    class Fades:
-        def adapt(self, innovation, HPHt, R, rows, memory):
-            return R
-
-        def fades(self, innovation, HPHt, R, rows, memory):
-            return 2.0
-
-    sentence = refusal("adaptation", Fades)
-
-    assert "adaptation of_a_test" in sentence
-    assert "Fades.fades" in sentence
-    assert "Did you mean fade?" in sentence
-    assert "of_a_test" not in plugins.names("adaptation")
-
-
 @pytest.mark.parametrize(
     ("kind", "name", "value", "meant"),
     [
         ("metric", "summarize", lambda self, sums: {}, "summarise"),
         ("adaptation", "wants_true_covarience", True, "wants_true_covariance"),
         ("adaptation", "memory_sise", lambda self: 3, "memory_size"),
+        ("adaptation", "fades", lambda self, *update: 2.0, "fade"),
         ("engine", "run_setings", lambda self: [], "run_settings"),
         ("dataset", "default_atitude", "real", "default_attitude"),
         ("filter", "axis_modells", lambda self: (), "axis_models"),
@@ -46,12 +35,13 @@ def test_every_kind_knows_its_own_optional_parts(kind, name, value, meant):
     assert f"Did you mean {meant}?" in refusal(kind, type("Typo", (), {name: value}))
 
 
-def test_a_misspelt_part_of_a_base_is_found_too():
+def test_a_misspelt_part_of_a_base_and_one_that_a_metric_reads_are_found_too():
     class Base:
         def remark(self, recording):
             return ()
 
     assert "Did you mean remarks?" in refusal("attitude", type("Derived", (Base,), {}))
+    assert "Did you mean" in refusal("metric", type("Reads", (), {"reads": "atitude"}))
 
 
 def test_all_mistakes_of_a_class_are_refused_at_once():
@@ -98,11 +88,63 @@ def test_a_parameter_may_have_any_name_but_that_of_a_method():
     assert "must be a method" in next(plugins.misfits("adaptation", Same))
 
 
-def test_a_metric_reads_a_part_that_there_is():
-    assert "Did you mean" in refusal("metric", type("Reads", (), {"reads": "atitude"}))
-
-
 def test_no_plugin_of_the_tree_is_near_a_part_that_it_has_not():
     for kind in plugins.KINDS:
         for name in plugins.names(kind):
             assert not list(plugins.misfits(kind, plugins.get(kind, name))), (kind, name)
+
+
+HIDDEN = """
+import importlib.metadata as metadata
+
+real = metadata.Distribution.from_name
+
+
+def from_name(name):
+    if name == "jerkbench":
+        raise metadata.PackageNotFoundError(name)
+    return real(name)
+
+
+metadata.Distribution.from_name = from_name
+"""
+
+
+@pytest.mark.parametrize("words", [["run"], ["--version"]])
+def test_it_says_how_to_install_it(tmp_path, words):
+    (tmp_path / "sitecustomize.py").write_text(HIDDEN)
+    done = jerkbench(*words, cwd=tmp_path, PYTHONPATH=str(tmp_path))
+
+    assert done.returncode == 2
+    assert done.stderr.startswith("jerkbench: jerkbench runs from ")
+    assert "-m pip install -e " in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+SAY = "from jerkbench.notices import notify; notify('compiling a', 'a'); notify('waiting for a', 'a'); notify('b')"
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch):
+    monkeypatch.setattr(notices, "_GIVEN", set())
+    monkeypatch.delenv(notices.NOTICES_FOLDER, raising=False)
+
+
+def said_by_another():
+    return subprocess.run([sys.executable, "-c", SAY], capture_output=True, text=True, check=True, timeout=60).stderr
+
+
+def test_a_process_says_it_once(capsys):
+    for text in ("one", "one", "two"):
+        notify(text)
+    assert capsys.readouterr().err == "jerkbench: one\njerkbench: two\n"
+
+
+def test_processes_that_work_together_say_it_once_between_them_and_others_anew(capsys):
+    notify("b")
+    with shared_notices():
+        assert said_by_another() == "jerkbench: compiling a\n"
+        assert said_by_another() == ""
+        notify("compiling a", "a")
+    assert capsys.readouterr().err == "jerkbench: b\n"
+    assert said_by_another() == "jerkbench: compiling a\njerkbench: b\n"

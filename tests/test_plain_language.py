@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-MAX_PRIVATE_WORDS = 6002
+MAX_PRIVATE_WORDS = 114
 """Private words and patterns in the package and its pages; the aim is 8 for each 1 000 lines of the package."""
 
 NAMES = re.compile(

@@ -1,4 +1,4 @@
-"""Old names of plugins and presets mean what the new ones mean: on the command line, in files, in stored rows."""
+"""Old names of plugins, presets and options."""
 
 import pytest
 
@@ -6,30 +6,24 @@ from jerkbench import plugins
 from jerkbench.hydra_app.composition import composed
 from jerkbench.jobs.names import choose
 from jerkbench.presets import preset_names
-from jerkbench.renamed import RENAMED, new_label, new_word
+from jerkbench.renamed import RENAMED, new_argument, new_label
+from jerkbench.report.changes import named_study
 from jerkbench.report.comparisons import parse_baseline
-from jerkbench.report.selection import named_study
 
 PAIRS = [(kind, old, new) for kind, names in RENAMED.items() for old, new in names.items()]
 
 
 @pytest.mark.parametrize(("kind", "old", "new"), PAIRS)
-def test_an_old_name_is_the_new_one_everywhere(capsys, kind, old, new):
+def test_an_old_name_is_the_new_one_everywhere_and_is_not_listed(capsys, kind, old, new):
     by_old, said = composed([f"{kind}={old}"]), capsys.readouterr().err
     by_new, unsaid = composed([f"{kind}={new}"]), capsys.readouterr().err
-
     assert by_old.job().spec == by_new.job().spec
     assert by_old.job().labels == by_new.job().labels
     assert said == f"{kind}={old} is now {kind}={new}; the old name will be removed in the next version.\n"
     assert not unsaid
     if kind != "noise":
         assert choose(kind, old).plain == choose(kind, new).plain
-
-
-@pytest.mark.parametrize(("kind", "old", "new"), PAIRS)
-def test_only_the_new_name_is_listed(kind, old, new):
     listed = [*preset_names(kind), *(plugins.names(kind) if kind in plugins.KINDS else ())]
-
     assert new in listed
     assert old not in listed
 
@@ -77,12 +71,11 @@ def test_a_choice_of_stored_rows_may_have_old_names():
         ("disturbance.bias.accel_mps2=0.1", "disturbance.imu_bias.accel_mps2=0.1"),
         ("+disturbance@disturbance.second=bias", "+disturbance@disturbance.second=imu_bias"),
         ("filter=jerk,baseline_naive", "filter=jerk,baseline_untuned"),
+        *(
+            (word, word)
+            for word in ("dataset.duration_s=3", "filter=bias,jerk", "study=field_v1", "noise.accel_mps2=1")
+        ),
     ],
 )
 def test_a_word_has_its_names_of_today(typed, today):
-    assert new_word(typed) == today
-
-
-@pytest.mark.parametrize("word", ["dataset.duration_s=3", "filter=bias,jerk", "study=field_v1", "noise.accel_mps2=0.1"])
-def test_other_words_stay(word):
-    assert new_word(word) == word
+    assert new_argument(typed) == today

@@ -45,7 +45,7 @@ def test_more_seeds_than_can_be_run_are_refused_at_once():
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (ChildProcessError("the process that ran it died (killed by signal 9)"), "A worker ended"),
+        (ChildProcessError("the process that ran it died (killed by signal 9)"), "A worker process ended early"),
         (MemoryError("Unable to allocate 8.00 TiB for an array"), "8.00 TiB"),
     ],
 )

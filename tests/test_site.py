@@ -34,47 +34,36 @@ def site(tmp_path_factory):
 @pytest.mark.parametrize("kind", plugins.KINDS)
 def test_every_plugin_has_its_page(site, kind):
     for name in plugins.names(kind):
-        if not plugins.is_own(plugins.get(kind, name)):
+        if not plugins.is_builtin(plugins.get(kind, name)):
             continue
         page = (site / "plugins" / kind / f"{name}.html").read_text(encoding="utf-8")
         assert name in page
         assert (site / "plugins" / kind / f"{name}.png").is_file() == (kind in DRAWN)
 
 
-def test_a_plugin_page_has_equations_and_a_table_of_parameters(site):
+def test_pages_have_equations_parameters_escaped_characters_and_the_help_of_commands(site):
     page = (site / "plugins" / "adaptation" / "huber_r.html").read_text(encoding="utf-8")
-
     assert re.search(r"<code>r_i = r_i max\(1, \|y_i\| / \(k sqrt\(h_i \+ r_i\)\)\)", page)
-    assert "<td>k, in standard deviations of the innovation [-].</td>" in page
+    assert "<td>k, threshold in standard deviations of the innovation [-].</td>" in page
     assert "<td>0.5 to 5</td>" in page
     assert "Attributes:" not in page
-
-
-def test_special_characters_are_escaped(site):
     page = (site / "plugins" / "adaptation" / "mtf.html").read_text(encoding="utf-8")
-
-    assert "With mu = 1, y_i^2 &lt;= S_ii afterwards." in page
-
-
-def test_equations_in_latex_are_marked_for_the_local_copy_of_katex(site):
+    assert "With mu = 1, the adapted R satisfies y_i^2 &lt;= S_ii if the test triggers." in page
     page = (site / "adaptive_filters.html").read_text(encoding="utf-8")
-
     assert page.count('class="arithmatex"') > 20
     assert (site / "katex" / "katex.min.js").is_file()
     assert (site / "katex" / "LICENSE").is_file()
-
-
-def test_the_page_of_commands_has_the_help_of_each(site):
     page = (site / "commands.html").read_text(encoding="utf-8")
-
     assert all(f'id="{name}"' in page for name in ("run", "table", "tune", "cite"))
     assert "jerkbench run -m experiment=paper" in page
 
 
-def test_a_page_loads_nothing_from_the_network(site):
+def test_a_page_loads_nothing_from_the_network_and_links_to_copies_of_source_files(site):
     loads = re.compile(r'(?:<script[^>]*src|<link[^>]*rel="(?:stylesheet|icon)"[^>]*href|<img[^>]*src)="https?://')
-
     assert [page.name for page in site.rglob("*.html") if loads.search(page.read_text(encoding="utf-8"))] == []
+    copy = site / "source" / "examples" / "any_language" / "baseline.c.txt"
+    assert copy.read_text(encoding="utf-8") == (ROOT / "examples/any_language/baseline.c").read_text(encoding="utf-8")
+    assert "source/examples/any_language/baseline.c.txt" in (site / "any_language.html").read_text(encoding="utf-8")
 
 
 def test_the_search_works_in_a_page_opened_from_a_file(site):
@@ -86,10 +75,3 @@ def test_the_search_works_in_a_page_opened_from_a_file(site):
     done = subprocess.run([browser, *options, page], capture_output=True, text=True, timeout=PATIENCE_S, check=True)
 
     assert re.search(r'md-search-result__meta">[1-9]\d* matching documents', done.stdout)
-
-
-def test_a_link_to_a_source_file_leads_to_a_copy(site):
-    copy = site / "source" / "examples" / "any_language" / "baseline.c.txt"
-
-    assert copy.read_text(encoding="utf-8") == (ROOT / "examples/any_language/baseline.c").read_text(encoding="utf-8")
-    assert "source/examples/any_language/baseline.c.txt" in (site / "any_language.html").read_text(encoding="utf-8")

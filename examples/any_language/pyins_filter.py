@@ -1,5 +1,6 @@
-"""pyins (python-ins 1.0.1) over a recording in its own tables: python pyins_filter.py FOLDER OUT.csv."""
+"""pyins (python-ins 1.0.1) over a recording: python pyins_filter.py recording.csv OUT.csv."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -8,16 +9,56 @@ import pandas as pd
 from pyins import measurements, strapdown
 from pyins.filters import run_feedback_filter
 from pyins.inertial_sensor import EstimationModel
+from pymap3d import enu2geodetic
+from scipy.spatial.transform import Rotation
 
 GYRO = EstimationModel(bias_sd=0.01, noise=1e-3, bias_walk=1e-5)  # rad/s, rad/s/sqrt(Hz), rad/s/sqrt(s)
 ACCEL = EstimationModel(bias_sd=0.1, noise=1e-2, bias_walk=1e-3)  # m/s2, likewise
 NAMES = {"lat": "latitude_deg", "lon": "longitude_deg", "alt": "height_m"}
 NAMES |= {"VN": "north_mps", "VE": "east_mps", "VD": "down_mps"}
+FRD = np.array([1.0, -1.0, -1.0])  # signs that turn forward, left, up into forward, right, down
 
 
-def main(folder: Path, out: Path) -> None:
+def tables_of(recording: Path) -> dict[str, pd.DataFrame]:
+    """Return imu, position, velocity and attitude with the names of pyins, in NED, FRD and degrees.
+
+    The column ``sd`` is the root of the mean variance of the three axes.
+    """
+    table = pd.read_csv(recording, index_col="t_s").rename_axis("time")
+    origin = json.loads(recording.with_suffix(".json").read_text(encoding="utf-8"))["origin"]
+
+    def columns(stream: str, names: str) -> pd.DataFrame:
+        return table[[f"{stream}_{name}" for name in names.split()]].dropna()
+
+    def frame(source: pd.DataFrame, names: str, values: np.ndarray, variances: str = "") -> pd.DataFrame:
+        made = pd.DataFrame(np.asarray(values), source.index, names.split())
+        if variances:
+            made["sd"] = np.sqrt(table.loc[source.index, variances.split()].mean(axis=1))
+        return made
+
+    axes = "forward_{0} left_{0} up_{0}"
+    imu = pd.concat([columns("gyro", axes.format("radps")), columns("accel", axes.format("mps2"))], axis=1)
+    fixes, velocity = columns("position", "east_m north_m up_m"), columns("velocity", "north_mps east_mps up_mps")
+    attitude = columns("attitude", "yaw_rad pitch_rad roll_rad")
+    ned_from_enu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    turns = ned_from_enu @ Rotation.from_euler("ZYX", attitude).as_matrix() * FRD
+    angles = Rotation.from_matrix(turns).as_euler("ZYX", degrees=True)[:, ::-1]
+    places = np.column_stack(enu2geodetic(*fixes.to_numpy().T, *origin.values()))
+    of_fixes, of_velocity = (
+        " ".join(f"{stream}_variance_{axis}{axis}_{unit}" for axis in "123")
+        for stream, unit in (("position", "m2"), ("velocity", "m2ps2"))
+    )
+    return {
+        "imu": frame(imu, "gyro_x gyro_y gyro_z accel_x accel_y accel_z", imu * np.tile(FRD, 2)),
+        "position": frame(fixes, "lat lon alt", places, of_fixes),
+        "velocity": frame(velocity, "VN VE VD", velocity * [1.0, 1.0, -1.0], of_velocity),
+        "attitude": frame(attitude, "roll pitch heading", angles),
+    }
+
+
+def main(recording: Path, out: Path) -> None:
     """Run the feedback filter from the first fix on, and write what it estimates at every stamp of the IMU."""
-    tables = {path.stem: pd.read_csv(path, index_col="time").dropna() for path in folder.glob("*.csv")}
+    tables = tables_of(recording)
     position, velocity, attitude = tables["position"], tables["velocity"], tables["attitude"]
     begin = max(position.index[0], velocity.index[0])
     imu = tables["imu"].loc[: tables["imu"].index[-1]]

@@ -23,10 +23,9 @@ from scipy.stats.qmc import Sobol
 from jerkbench import api
 from jerkbench.arrays import FloatArray
 from jerkbench.attitude.common import TRACK_S, TiltAndYaw
-from jerkbench.attitude.gyro_only import GyroOnly
-from jerkbench.attitude.madgwick import Madgwick
-from jerkbench.attitude.mahony import Mahony
+from jerkbench.attitude.mahony import Madgwick, Mahony
 from jerkbench.attitude.mekf import Mekf
+from jerkbench.attitude.reference import GyroOnly
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.attitude.vqf import SILENCE_S, OfflineVqf, Vqf
 from jerkbench.parameters import SWITCH, Range, ranges_of

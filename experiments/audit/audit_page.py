@@ -41,7 +41,6 @@ from jerkbench.evaluation.drives_and_tunings import (
     Statement,
     Statements,
     comparisons,
-    mixture_weights,
     picked,
     stated,
     statements,
@@ -174,7 +173,7 @@ def steps(rows: AuditRows, losses: Losses) -> "pd.Series[float]":
         f"{first}, tuned": losses.plains[0],
         "the best plain filter of all models, tuned": best,
         f"the same with {protocol.plain_trials} settings tried": more,
-        "the adaptation that leads, tuned": pick,
+        "the adaptation that is best in tuning, tuned": pick,
     }
     return pd.Series({step: float(np.exp((own - level).mean())) for step, own in of.items()})
 
@@ -220,6 +219,23 @@ def sentences(answer: AuditAnswer) -> list[str]:
         leaders=leaders(rows, losses),
     )
     return [" ".join(sentence.split()) for sentence in text.split("\n\n")]
+
+
+def mixture_weights(member: BoolArray, share: float) -> FloatArray:
+    """Return weights of drives (D,), as if ``share`` of all were those that are ``member``: of another mixture.
+
+    Raises:
+        PluginError: the share is none, or there are no such drives: what was never drawn cannot be added.
+    """
+    count = np.array([member.sum(), (~member).sum()])
+    shares = np.array([share, 1.0 - share])
+    if not 0.0 <= share <= 1.0 or (shares[count == 0] > 0).any():
+        raise PluginError(
+            f"{count[0]} of {count.sum()} drives are of that kind, so its share cannot be {share:g}; give one from 0 to"
+            " 1, of what was drawn."
+        )
+    each = shares / np.maximum(count, 1)
+    return np.asarray(np.where(member, each[0], each[1]))
 
 
 def reweighted(rows: AuditRows, losses: Losses, mixture: str) -> Statements:
@@ -271,7 +287,7 @@ def take_frame(rows: AuditRows, losses: Losses) -> pd.DataFrame:
 
 
 def leaders(rows: AuditRows, losses: Losses) -> list[str]:
-    """Return which published method leads on the drives of each tuning."""
+    """Return the published method that is best on the drives of each tuning."""
     names = np.array([method.name for method in rows.protocol.methods])[losses.picked]
     return [str(names[place]) for place in losses.tuned[losses.picked].argmin(axis=0)]
 
@@ -399,7 +415,7 @@ def _texts(paths: Iterable[Path]) -> str:
 def reweighted_text(rows: AuditRows, mixture: str) -> str:
     """Say what the audit would say of another mixture."""
     said = reweighted(rows, losses_of(rows), mixture)
-    methods = list(zip(rows.protocol.methods, said.own_plain, strict=True))
+    methods = list(zip(rows.protocol.methods, said.same_model_plain, strict=True))
     return worded(HERE / "reweighted.md.jinja", mixture=mixture, p=rows.protocol, said=said, methods=methods)
 
 

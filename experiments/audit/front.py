@@ -40,7 +40,7 @@ FAULTS = {
 """The kinds of fault, in the order of the picture, with their names there."""
 
 BLOCK = re.compile(r"(?<=<!-- audit -->\n).*?(?=<!-- /audit -->)", flags=re.DOTALL)
-JOURNEYS = re.compile(r"- \*\*J-GNSS\*\*: (\S+) \[(\S+), (\S+)\] .*? of (\d+) journeys.*?: \*\*(\w+)\*\*")
+REAL_GNSS = re.compile(r"- \*\*J-GNSS\*\*: (\S+) \[(\S+), (\S+)\] .*? of (\d+) trips.*?: \*\*(\w+)\*\*")
 
 
 def front(audit: Audit) -> str:
@@ -51,10 +51,10 @@ def front(audit: Audit) -> str:
     """
     counts, methods = audit.better_and_worse(), len(audit.methods)
     average, without = audit.average(), audit.average(~audit.faults["outliers"])
-    found = JOURNEYS.search((RESULTS / "journeys" / "answer.md").read_text(encoding="utf-8"))
+    found = REAL_GNSS.search((RESULTS / "journeys" / "answer.md").read_text(encoding="utf-8"))
     if not found or found[5] != "worse" or average[2] >= 1.0 or without[1] < 0.995 or counts["no fault"][0]:
         sys.exit(f"The results have changed ({average}, {without}, {counts['no fault']}, {found}): rewrite the text.")
-    ratio, low, high, journeys, _ = found.groups()
+    ratio, low, high, trips, _ = found.groups()
     finding = f"""\
 **Yes, if the receiver produces outliers; otherwise rarely.** We tuned {methods} adaptive filters and the plain
 filters equally, and scored them on {audit.y.shape[2]} unseen simulated drives. On drives with outliers,
@@ -62,7 +62,7 @@ filters equally, and scored them on {audit.y.shape[2]} unseen simulated drives. 
 are worse. Without a fault, none is better and {counts["no fault"][1]} are worse. On average, the
 {audit.literature.sum()} with an adaptation from the literature have {average[0]:.2f} times the plain filter's error
 (95 % interval {average[1]:.2f} to {average[2]:.2f}), {without[0]:.2f} times ({without[1]:.2f} to {without[2]:.2f})
-without outliers. On {journeys} real GNSS recordings, the median of these adaptations is {ratio} ({low} to {high})."""
+without outliers. On {trips} real GNSS recordings, the median of these adaptations is {ratio} ({low} to {high})."""
     limits = """\
 A drive can have several faults. [The audit](experiments/audit/README.md) describes the method, the ranking and the
 limits; `experiments/audit/recompute.py` recomputes these numbers from the stored rows."""

@@ -1,11 +1,10 @@
-"""Methods tuned alike on real recordings, each group of recordings left out in turn; what they are worth then.
+"""Comparison of equally tuned methods on real recordings, with leave-one-group-out cross-validation.
 
-A replicate is what is counted: a journey, whatever the number of receivers that rode in it. Each method has 48
-settings: the one that it comes with, and points of a Sobol sequence over all its ranges and over the factors on R. It
-is tuned 16 times. A tuning sees 24 of the settings, with the same numbers for all methods, and takes for each group the
-one with the lowest mean log error on all other groups, where each replicate has the same weight. The value of a
-replicate is the median over its recordings and the tunings of log(error/plain filter's error): of two methods that were
-tuned alike.
+A replicate is a trip, which may have several receivers and therefore several recordings. Each method has 48 settings:
+the default setting, and points of a Sobol sequence over all its ranges and the factors on R. It is tuned 16 times. Each
+tuning uses 24 of the settings, with the same indices for all methods. For each group it selects the setting with the
+lowest mean log error on all other groups, with equal weights of the replicates. The value of a replicate is the median
+of log(error/error of the plain filter) over its recordings and the tunings. Both methods are tuned in the same way.
 """
 
 import json
@@ -20,7 +19,7 @@ import pandas as pd
 
 from jerkbench import plugins
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.campaign.entry import ratio_word
+from jerkbench.campaign.entry import ratio_verdict
 from jerkbench.campaign.runs import CampaignRuns, FaultScenario, MethodSpec, tried_settings, tunable_space
 from jerkbench.campaign.space import Space
 from jerkbench.evaluation.intervals import median_intervals, quantiles_of_rows
@@ -34,34 +33,34 @@ from jerkbench.jobs.progress import Progress
 SETTINGS, EACH, TUNINGS = 48, 24, 16
 
 PLAIN = "none"
-"""The adaptation that changes nothing."""
+"""Name of the adaptation of the plain filter."""
 
-LOST = 100.0
-"""A lost run counts so many times the error of the plain filter at its defaults on that recording."""
+DIVERGED_RATIO = 100.0
+"""Error of a diverged run, as a multiple of the error of the plain filter with default settings on that recording."""
 
 MARGIN = 0.1
-"""Ratios from 1/1.1 to 1.1 are equal."""
+"""Ratios from 1/1.1 to 1.1 count as equal."""
 
 ERROR = "position_rmse_horizontal_m"
-"""The error."""
+"""Metric of the error."""
 
 ROWS = "errors.parquet"
-"""The file of the rows that are kept."""
+"""Name of the file of the stored rows."""
 
 COLUMNS = ("recording", "filter", "adaptation", "setting", "error_m")
-"""Of the rows that are kept; the error of a lost run is NaN."""
+"""Columns of the stored rows. The error of a diverged run is NaN."""
 
 Method = tuple[str, str]
 """Names of a filter and of an adaptation."""
 
 
 class Taken(NamedTuple):
-    """Which n recordings are taken, and what they count as.
+    """The n recordings of a population.
 
     Attributes:
-        recording: (n,) names.
-        replicate: (n,) name of the replicate of each.
-        group: (n,) name of what is left out together with it.
+        recording: (n,) names of the recordings.
+        replicate: (n,) name of the replicate of each recording.
+        group: (n,) name of the group that is left out together with each recording.
     """
 
     recording: Sequence[str]
@@ -70,7 +69,7 @@ class Taken(NamedTuple):
 
     @property
     def replicates(self) -> list[str]:
-        """Each replicate once, in order."""
+        """The names of the replicates, in order."""
         return list(dict.fromkeys(self.replicate))
 
 
@@ -82,15 +81,15 @@ def setting_rows(
     seeds: Mapping[str, int] | None = None,
     only: Mapping[Method, Collection[int]] | None = None,
 ) -> pd.DataFrame:
-    """Run each setting of each method on each recording, and return `COLUMNS`; what is stored is not run again.
+    """Run each setting of each method on each recording, and return `COLUMNS`. Stored runs are not repeated.
 
     Args:
-        scenarios: by the name of the recording.
+        scenarios: the scenarios by the name of the recording.
         methods: the methods.
-        limits: how each run is judged.
-        runs: where they are stored.
-        seeds: by the name of the recording; default: 0.
-        only: the numbers of the settings to run of each method; default: all.
+        limits: the protocol of each run.
+        runs: storage of the runs.
+        seeds: the seeds by the name of the recording; 0 by default.
+        only: the indices of the settings to run for each method; all by default.
 
     Raises:
         JerkbenchError: a method does not run on a recording, or a recording is damaged.
@@ -119,25 +118,25 @@ def setting_rows(
     with Progress(len(tries), doing="Recordings", unit="runs") as bar:
         rows = runs.rows(jobs(), [ERROR], bar)
     names = pd.DataFrame([(name, *labels[k], trial) for name, k, trial in tries], columns=list(COLUMNS[:4]))
-    table = names.iloc[rows["place"]].reset_index(drop=True)
+    table = names.iloc[rows["job_index"]].reset_index(drop=True)
     error_m = rows[ERROR].where(rows["status"] == "ok").astype("float32")
     return table.astype({"setting": "int8"}).assign(error_m=error_m)
 
 
-def answer(results: Path, what: str, study: str, sentences: str) -> None:
-    """Write what was found where the audit's page looks for it; links are those of a page in experiments/audit."""
-    head = f"**{what}** ([all of it](../{study}/README.md)). The average adaptation, tuned on other places, has:"
+def answer(results: Path, title: str, study: str, sentences: str) -> None:
+    """Write the finding of a study, which the page of the audit includes. Links are relative to experiments/audit."""
+    head = f"**{title}** ([details](../{study}/README.md)). Error of the average adaptation, tuned on other places:"
     write_text(results / "answer.md", f"{head}\n\n{sentences}\n")
 
 
-def keep(folder: Path, rows: pd.DataFrame, scenarios: Mapping[str, FaultScenario], protocol: str) -> None:
-    """Write the rows, and what they were made with, to ``folder``.
+def store(folder: Path, rows: pd.DataFrame, scenarios: Mapping[str, FaultScenario], protocol: str) -> None:
+    """Write the rows and a manifest with their origin to ``folder``.
 
     Raises:
         OSError: it cannot be written.
     """
-    kept = rows.astype({name: "category" for name in rows if name not in ("setting", "error_m")})
-    write_atomically(folder / ROWS, lambda path: kept.to_parquet(path, index=False))
+    coded = rows.astype({name: "category" for name in rows if name not in ("setting", "error_m")})
+    write_atomically(folder / ROWS, lambda path: coded.to_parquet(path, index=False))
     data = {name: plugins.create("dataset", choose("dataset", of.dataset).plain) for name, of in scenarios.items()}
     manifest = {
         "protocol": protocol,
@@ -150,30 +149,30 @@ def keep(folder: Path, rows: pd.DataFrame, scenarios: Mapping[str, FaultScenario
 
 
 def log_errors(rows: pd.DataFrame, recordings: Sequence[str], plain: Method) -> dict[Method, FloatArray]:
-    """Return the log errors (settings, n) of each method on n recordings; NaN of a setting that was not run.
+    """Return the log errors (settings, n) of each method on n recordings; NaN for a setting that was not run.
 
-    The level of a recording is what ``plain`` has there at its defaults.
+    ``plain`` is the method that defines the error of a diverged run.
     """
     known = rows.assign(error_m=rows["error_m"].fillna(np.inf))
     wide = known.pivot_table(index=["filter", "adaptation", "setting"], columns="recording", values="error_m")
     wide = wide[list(recordings)]
-    logs = np.log(wide.where(np.isfinite(wide), LOST * wide.loc[(*plain, 0)], axis=1))
+    logs = np.log(wide.where(np.isfinite(wide), DIVERGED_RATIO * wide.loc[(*plain, 0)], axis=1))
     return {
-        (str(model), str(rule)): own.droplevel([0, 1]).reindex(range(own.index[-1][2] + 1)).to_numpy(dtype=np.float64)
-        for (model, rule), own in logs.groupby(["filter", "adaptation"])
+        (str(model), str(rule)): of.droplevel([0, 1]).reindex(range(of.index[-1][2] + 1)).to_numpy(dtype=np.float64)
+        for (model, rule), of in logs.groupby(["filter", "adaptation"])
     }
 
 
 def tried() -> list[IntArray]:
-    """Return the settings that each tuning sees."""
+    """Return the indices of the settings that each tuning uses."""
     return [np.sort(np.random.default_rng(r).choice(SETTINGS, EACH, replace=False)) for r in range(TUNINGS)]
 
 
 def settings_elsewhere(loss: FloatArray, taken: Taken) -> IntArray:
-    """Return (16, n) the number of the setting that was best on all other groups than that of each recording.
+    """Return (16, n) the index of the best setting on all groups except the group of each recording.
 
     Args:
-        loss: (48, n) log errors; (1, n) of a method with nothing to tune.
+        loss: (48, n) log errors; (1, n) for a method without tunable parameters.
         taken: the n recordings.
     """
     replicate, group = np.array(taken.replicate), np.array(taken.group)
@@ -186,12 +185,12 @@ def settings_elsewhere(loss: FloatArray, taken: Taken) -> IntArray:
 
 
 def tuned_elsewhere(loss: FloatArray, taken: Taken) -> FloatArray:
-    """Return (16, n) the loss on each recording with the setting that was best on all other groups."""
+    """Return (16, n) the loss on each recording with the best setting on all other groups."""
     return np.asarray(loss[settings_elsewhere(loss, taken), np.arange(loss.shape[1])])
 
 
 def of_replicates(values: FloatArray, taken: Taken) -> FloatArray:
-    """Return (j,) the median over the tunings, and the recordings of each replicate, of (16, n) values."""
+    """Return (j,) medians of (16, n) values over the tunings and the recordings of each replicate."""
     replicate = np.array(taken.replicate)
     return np.array([np.median(values[:, replicate == name]) for name in taken.replicates])
 
@@ -201,13 +200,13 @@ class OverReplicates:
     """A ratio of errors over replicates; below 1 is better.
 
     Attributes:
-        median: over the replicates.
+        median: median over the replicates.
         low: lower end of its 95 % interval.
-        high: upper end.
-        exact: the ends of the interval that the exact sign test gives, which never covers less than 95 %.
-        p: of the sign test.
-        wins: on how many replicates the ratio is below 1.
-        n: how many there are.
+        high: upper end of the interval.
+        exact: ends of the interval of the exact sign test, whose coverage is at least 95 %.
+        p: p-value of the sign test.
+        wins: number of replicates with a ratio below 1.
+        n: number of replicates.
         worst: name of the replicate with the largest ratio.
         worst_ratio: its ratio.
     """
@@ -224,17 +223,17 @@ class OverReplicates:
 
     @property
     def equal(self) -> bool:
-        """Whether the whole exact interval lies within 10 %."""
+        """True if the exact interval lies within 10 %."""
         return self.exact[0] >= 1.0 / (1.0 + MARGIN) and self.exact[1] <= 1.0 + MARGIN
 
     @property
-    def word(self) -> str:
-        """What the exact interval shows: for one test alone, not for the best of several."""
-        return ratio_word(*self.exact, MARGIN)
+    def verdict(self) -> str:
+        """Verdict of the exact interval. It is valid for a single test, not for the best of several methods."""
+        return ratio_verdict(*self.exact, MARGIN)
 
 
 def over_replicates(d: FloatArray, taken: Taken) -> OverReplicates:
-    """Return what (16, n) log ratios of two methods show."""
+    """Return the result of (16, n) log ratios of two methods."""
     each = of_replicates(d, taken)
     median, low, high, *_ = (float(np.exp(value[0])) for value in quantiles_of_rows(each[None]))
     exact = tuple(float(np.exp(end[0])) for end in median_intervals(np.sort(each)[None], 0.95, exact=True))
@@ -253,12 +252,12 @@ def over_replicates(d: FloatArray, taken: Taken) -> OverReplicates:
 
 
 def average_method(losses: Mapping[Method, FloatArray]) -> FloatArray:
-    """Return (16, n) the average adaptation, published or simplified, against the plain filter of its model."""
+    """Return (16, n) mean log ratios of the published or simplified adaptations to the plain filter of their model."""
     return np.mean([d for method, d in against_plain(losses).items() if _kind(method[1]) != "own"], axis=0)
 
 
 def against_plain(losses: Mapping[Method, FloatArray]) -> dict[Method, FloatArray]:
-    """Return (16, n) log ratios of each adaptation to the plain filter of its model, tuned alike."""
+    """Return (16, n) log ratios of each adaptation to the equally tuned plain filter of its model."""
     return {method: loss - losses[method[0], PLAIN] for method, loss in losses.items() if method[1] != PLAIN}
 
 
@@ -267,28 +266,27 @@ def _kind(adaptation: str) -> str:
 
 
 def ratio_sentence(d: FloatArray, taken: Taken, unit: str) -> str:
-    """Say what (16, n) log ratios show, in one line; ``unit`` is what a replicate is."""
-    own = over_replicates(d, taken)
-    ratio = f"{own.median:.2f} [{own.exact[0]:.2f}, {own.exact[1]:.2f}] of the plain filter's error"
-    return (
-        f"{ratio}, better on {own.wins} of {own.n} {unit}s, p = {own.p:.2g}: **{own.word}**. Worst {unit}: {own.worst}"
-        f" {own.worst_ratio:.2f}."
-    )
+    """Return the result of (16, n) log ratios as one line; ``unit`` is the noun for a replicate."""
+    result = over_replicates(d, taken)
+    low, high = result.exact
+    ratio = f"{result.median:.2f} [{low:.2f}, {high:.2f}] times the error of the plain filter"
+    wins = f"better on {result.wins} of {result.n} {unit}s, p = {result.p:.2g}: **{result.verdict}**"
+    return f"{ratio}, {wins}. Worst {unit}: {result.worst} {result.worst_ratio:.2f}."
 
 
 def ratio_table(losses: Mapping[Method, FloatArray], taken: Taken, unit: str) -> str:
-    """Return a line for each adaptation, the lowest median first, as Markdown."""
+    """Return a table with a line for each adaptation, sorted by the median, as Markdown."""
     wins = f"better on (of {len(taken.replicates)})"
-    lines = [["method", "what it is", "median ratio [95 %]", "within 10 %", wins, f"worst {unit}"], ["---"] * 6]
+    lines = [["method", "origin", "median ratio [95 %]", "within 10 %", wins, f"worst {unit}"], ["---"] * 6]
     found = {method: over_replicates(d, taken) for method, d in against_plain(losses).items()}
-    for (model, rule), own in sorted(found.items(), key=lambda item: item[1].median):
-        ratio, worst = f"{own.median:.2f} [{own.low:.2f}, {own.high:.2f}]", f"{own.worst} {own.worst_ratio:.2f}"
-        lines.append([f"{model} + {rule}", _kind(rule), ratio, "yes" if own.equal else "", f"{own.wins}", worst])
+    for (model, rule), of in sorted(found.items(), key=lambda item: item[1].median):
+        ratio, worst = f"{of.median:.2f} [{of.low:.2f}, {of.high:.2f}]", f"{of.worst} {of.worst_ratio:.2f}"
+        lines.append([f"{model} + {rule}", _kind(rule), ratio, "yes" if of.equal else "", f"{of.wins}", worst])
     return markdown_lines(lines)
 
 
 def error_table(losses: Mapping[str, FloatArray], taken: Taken, unit: str) -> str:
-    """Return the errors [m] of some methods, by their titles, on each replicate, as Markdown."""
+    """Return a table with the errors [m] of some methods, by their names, on each replicate, as Markdown."""
     each = np.exp([of_replicates(loss, taken) for loss in losses.values()])
     group = dict(zip(taken.replicate, taken.group, strict=True))
     heads = [unit, "left out with", *(f"{name} [m]" for name in losses)]

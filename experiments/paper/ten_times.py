@@ -14,7 +14,7 @@ import pandas as pd
 from jerkbench.evaluation.judgement import LEVEL, Judgement, LogRatios, Verdict, judged
 from jerkbench.jobs.study import load_study
 from jerkbench.report.comparisons import Comparison
-from jerkbench.report.findings import losses_clause, method_names, varying_factors
+from jerkbench.report.findings import failures_clause, method_names, varying_factors
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.table_model import number
 
@@ -123,7 +123,7 @@ def _head(comparison: Comparison, varying: Sequence[str]) -> str:
 def _sentence(comparison: Comparison, varying: Sequence[str]) -> str:
     head, word = _head(comparison, varying), claim_word(comparison)
     subject, baseline, where = method_names(comparison, varying)
-    lost = losses_clause(comparison, subject, baseline)
+    lost = failures_clause(comparison, subject, baseline)
     if (n := comparison.judgement.n) == 0:
         return f"{head} Nothing can be said{where}: no run of both has a value."
     times, low, high = map(number, better(comparison))

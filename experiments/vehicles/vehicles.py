@@ -94,7 +94,7 @@ def run(folder: Path, results: Path, names: Sequence[str]) -> None:
     known = scenarios(folder, results)
     seeds = {name: number for number, name in enumerate(known)}
     rows = left_out.setting_rows(known, methods_named(names), limits, CampaignRuns(results / "runs"), seeds)
-    left_out.keep(results, rows, known, digest())
+    left_out.store(results, rows, known, digest())
 
 
 def digest() -> str:

@@ -1,1 +1,1 @@
-"""Rules that adapt R (or fade P) from the innovations; one file a rule."""
+"""Adaptations: plugins that change R, the prior covariance or the Kalman gain, depending on the innovations."""

@@ -1,41 +1,47 @@
-"""Parameters of several adaptations: the ranges they are tuned in, and the checks."""
+"""Tuning ranges and limits that several adaptations share."""
 
 from jerkbench.errors import PluginError
 from jerkbench.parameters import PLUGIN_TITLES, Limit, Range
 
-FORGETTING = Range(0.7, 0.999, toward_one=True, source="ours: from a memory of three updates to one of 1000")
+FORGETTING = Range(0.7, 0.999, toward_one=True, source="ours: from a memory of 3 updates to one of 1000")
 PROBABILITY = Range(0.9, 0.99999, toward_one=True, source="ours: from one false alarm in ten updates to one in 100 000")
 BANDWIDTH = Range(
     1.0, 50.0, log=True, source="ours: from a kernel that rejects good measurements to one that rejects none"
 )
-FREEDOM = Range(1.0, 100.0, log=True, source="ours: from Cauchy's tails to all but Gaussian ones")
+FREEDOM = Range(1.0, 100.0, log=True, source="ours: from the tails of a Cauchy distribution to nearly Gaussian ones")
 SHRINKING = Range(0.01, 1.0, log=True, source="ours: from a tenth of the reported sigma to no shrinking")
-WINDOW = Range(3, 200, log=True, source="ours: from an estimate that is noise itself to 40 s of fixes at 5 Hz")
-SHORT_WINDOW = Range(1, 50, log=True, source="ours: from the paper's single innovation to ten seconds of fixes at 5 Hz")
+WINDOW = Range(3, 200, log=True, source="ours: from a very noisy estimate to 40 s of fixes at 5 Hz")
+SHORT_WINDOW = Range(1, 50, log=True, source="ours: from the single innovation of the paper to 10 s of fixes at 5 Hz")
 
 MAX_PASSES = 1000
-"""Of an update: a hundred times those of the papers; more take a run from minutes to years."""
+"""Maximum number of passes of an update, a hundred times as many as in the papers. This limits the run time."""
 
 ABOVE_0 = Limit(lambda value: value > 0, "it must be above 0.")
 ONE_OR_MORE = Limit(lambda value: value >= 1, "it must be at least 1.")
-NONE_OR_MORE = Limit(lambda value: value >= 0, "it must be 0 or more.")
-WITHIN_0_AND_1 = Limit(lambda share: 0 < share < 1, "it must lie between 0 and 1.")
-HITS = Limit(lambda guard: guard >= 0, "it must be 0 (off) or the number of hits that inflate.")
-SOME_PASSES = Limit(lambda passes: 1 <= passes <= MAX_PASSES, f"it must be from 1 to {MAX_PASSES}.")
+ZERO_OR_MORE = Limit(lambda value: value >= 0, "it must be 0 or more.")
+WITHIN_0_AND_1 = Limit(lambda value: 0 < value < 1, "it must lie between 0 and 1.")
+HITS = Limit(lambda guard: guard >= 0, "it must be 0 (off) or the number of consecutive hits that inflate R.")
+PASSES = Limit(lambda passes: 1 <= passes <= MAX_PASSES, f"it must be from 1 to {MAX_PASSES}.")
 
 
 def one_of(values: tuple[str, ...]) -> Limit:
-    """Return the limit of a parameter that is one of these words."""
+    """Return the limit of a parameter whose value must be one of ``values``."""
     return Limit(lambda value: value in values, f"it must be one of {', '.join(values)}.")
 
 
 ONE_OF_SIDES = one_of(("both", "measurement"))
-"""Whom a weight may doubt: prior and measurement, or the measurement alone."""
+"""Limit of the parameter ``sides``: a robust filter weights prior and measurement, or only the measurement."""
 
 
 def check_order(adaptation: object, low: str, high: str, *, equal: bool = True) -> None:
-    """Raise a PluginError unless 0 < ``low`` <= ``high``, two parameters of an adaptation."""
-    least, most = getattr(adaptation, low), getattr(adaptation, high)
-    if not (0 < least <= most and (equal or least < most)):
+    """Check that 0 < low <= high for two parameters of an adaptation.
+
+    The names of the two parameters are ``low`` and ``high``. If ``equal`` is false, the values must also differ.
+
+    Raises:
+        PluginError: the values of the parameters are not in this order.
+    """
+    minimum, maximum = getattr(adaptation, low), getattr(adaptation, high)
+    if not (0 < minimum <= maximum and (equal or minimum < maximum)):
         sign, title = "<=" if equal else "<", PLUGIN_TITLES.get(type(adaptation), "")
-        raise PluginError(f"{title}needs 0 < {low} {sign} {high}; they are {least} and {most}.")
+        raise PluginError(f"{title}{low} is {minimum} and {high} is {maximum}; 0 < {low} {sign} {high} is required.")

@@ -1,4 +1,4 @@
-"""The federated filter with two locals."""
+"""The federated filter with one local filter for position and one for velocity."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from jerkbench.adaptation._ranges import WITHIN_0_AND_1
 from jerkbench.adaptation.common import position_rows
 from jerkbench.adaptation.linalg import dot, trace
 from jerkbench.arrays import FloatArray, IntArray
-from jerkbench.compilation.lanes import chosen
+from jerkbench.compilation.lanes import select
 from jerkbench.parameters import DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
 
@@ -18,35 +18,37 @@ from jerkbench.plugins import register
 @register("adaptation", "federated")
 @dataclass(frozen=True)
 class Federated(Limited):
-    """A federated filter: position and velocity each in a local filter that scales its own R.
+    """A federated filter with one local filter for position and one for velocity, each of which scales its R.
 
-    The locals share the prior, P_i = P- / beta_i with beta_p = beta, beta_v = 1 - beta, and are fused and reset after
-    each update: P^-1 = sum P_i^-1, x = P sum P_i^-1 x_i. Each adapts like `scalar_r`, with y, h_i = (H P- H')_ii and
-    r_i = R_ii of its own block::
+    The two local filters divide the information of the prior. The prior of the position filter is P- / beta, and the
+    prior of the velocity filter is P- / (1 - beta). After each update, the local filters are fused and reset, with P^-1
+    = sum P_i^-1 and x = P sum P_i^-1 x_i. Each local filter adapts its block of R (position or velocity) as in
+    `scalar_r`. In the following equations of one block, y is the innovation, h_i = (H P- H')_ii and r_i = R_ii::
 
         if y'y >= sum h / beta_i + sum r:    lambda_i = (y'y - sum h / beta_i) / sum r,  else 1
         R_block = lambda_i R_block
 
-    This is what is computed: the fusion of such locals is the central filter with these R, exactly, so that without
-    a trigger it is the central filter for any beta. Covariances between position and velocity, which the locals could
-    not use, are scaled by sqrt(lambda_p lambda_v). beta stays as it is where a block is absent.
+    The fusion of the local filters is exactly equal to the central filter with the scaled R. Therefore this adaptation
+    computes only R. If neither condition is met, the result does not depend on beta. Covariances between position and
+    velocity in R are scaled by sqrt(lambda_p lambda_v), because local filters cannot use them. If position or velocity
+    is not measured, beta does not change.
 
-    Good on a fault of one of the two sensors, whose block alone is made worse; inside a block it is all or nothing. A
-    small beta makes a local more tolerant.
+    The method works well on a fault of only position or only velocity, because only the R of the faulty measurement is
+    inflated. All three axes of a block have the same factor. A small beta increases the threshold of the position test.
 
     Source: N. A. Carlson, "Federated square root filter for decentralized parallel processes", IEEE Trans. Aerospace
-    and Electronic Systems 26(3), 517-525, 1990, doi:10.1109/7.106130, with `scalar_r` in the locals.
+    and Electronic Systems 26(3), 517-525, 1990, doi:10.1109/7.106130, with `scalar_r` in the local filters.
 
     Attributes:
-        beta: share of the prior's information that goes to the position's filter [-].
+        beta: fraction of the prior information that is assigned to the local filter of the position, from 0 to 1 [-].
     """
 
     provenance = Provenance(
-        "own", "doi:10.1109/7.106130", "Carlson's federated filter, in whose locals `scalar_r` adapts R."
+        "own", "doi:10.1109/7.106130", "Carlson's federated filter with `scalar_r` in the local filters."
     )
 
     beta: Annotated[
-        float, WITHIN_0_AND_1, Range(0.05, 0.95, source="any share but nothing"), DefaultOrigin("equal shares")
+        float, WITHIN_0_AND_1, Range(0.05, 0.95, source="any fraction above 0"), DefaultOrigin("equal fractions")
     ] = 0.5
 
     lanes: ClassVar[bool] = True
@@ -54,14 +56,14 @@ class Federated(Limited):
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
-        """Return R with each block scaled by its own factor."""
+        """Return R, in which the blocks of position and velocity are scaled by their factors."""
         adapted, factors, split = R.copy(), np.empty(len(rows), R.dtype), position_rows(rows)
-        for begin, end, share in ((0, split, self.beta), (split, len(rows), 1.0 - self.beta)):
-            if begin < end:
-                of, y = slice(begin, end), innovation[begin:end]
-                energy, h, r = dot(y, y), trace(HPHt[of, of]) / share, trace(R[of, of])
-                for i in range(begin, end):
-                    factors[i] = chosen(h + r, energy, 1.0, (energy - h) / r)
+        for start, end, fraction in ((0, split, self.beta), (split, len(rows), 1.0 - self.beta)):
+            if start < end:
+                part, y = slice(start, end), innovation[start:end]
+                energy, h, r = dot(y, y), trace(HPHt[part, part]) / fraction, trace(R[part, part])
+                for i in range(start, end):
+                    factors[i] = select(h + r, energy, 1.0, (energy - h) / r)
         for i in range(len(rows)):
             for j in range(len(rows)):
                 adapted[i, j] *= math.sqrt(factors[i] * factors[j])

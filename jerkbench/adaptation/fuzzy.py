@@ -1,4 +1,4 @@
-"""Fuzzy rules on R."""
+"""Scaling of R by fuzzy rules."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -13,26 +13,28 @@ from jerkbench.plugins import register
 @register("adaptation", "fuzzy")
 @dataclass(frozen=True)
 class Fuzzy(Limited):
-    """Scales the whole of R by fuzzy rules on a smoothed ratio of innovation to expectation.
+    """Scales R by fuzzy rules on the smoothed ratio of the squared innovation to its expected value.
 
-    With y the innovation, h_i = (H P- H')_ii, r_i = R_ii and rho = 1 at the start::
+    In the following equations of an update, y is the innovation, h_i = (H P- H')_ii, r_i = R_ii, and rho starts at 1::
 
         rho = s rho + (1 - s) y'y / (sum h + sum r)
         small = clip(2 - rho, 0, 1),  large = clip((rho - 2) / 4, 0, 1)
         R = R (small + medium (1 - small - large) + large_factor large)
 
-    R is as reported up to rho = 1, 4 times that at rho = 2, 25 times from rho = 6 on. Smooth, and quick to forget
-    (half of rho goes with each update). One factor for all rows: one bad axis makes the others worse, and metres are
-    added to metres per second. rho belongs to the whole innovation, whichever rows are there.
+    With the default factors, R does not change for rho <= 1. R is multiplied by 4 at rho = 2 and by 25 for rho >= 6.
+    The factor is a continuous function of rho. With the default smoothing, a deviation of rho is halved with each
+    update. All measured axes have the same factor, so one faulty axis reduces the weight of the other axes. The sums
+    add squares of metres to squares of metres per second. The adaptation has a single rho, even if different updates
+    measure different quantities.
 
     Source: fuzzy adaptation of R by the degree of mismatch, after P. J. Escamilla-Ambrosio, N. Mort, "Multisensor data
-    fusion architecture based on adaptive Kalman filters and fuzzy logic performance assessment", Fusion 2002; the rules
-    are a simple set of three.
+    fusion architecture based on adaptive Kalman filters and fuzzy logic performance assessment", Fusion 2002.
+    Simplification: three rules on one ratio.
 
     Attributes:
-        smoothing: s, share of the old rho [-].
-        medium: factor on R of the rule "medium" [-].
-        large: factor on R of the rule "large" [-].
+        smoothing: s, weight of the previous value of rho, at least 0 and below 1 [-].
+        medium: factor by which the rule "medium" multiplies R [-].
+        large: factor by which the rule "large" multiplies R [-].
     """
 
     provenance = Provenance(
@@ -61,13 +63,13 @@ class Fuzzy(Limited):
     lanes: ClassVar[bool] = True
 
     def memory_size(self) -> int:
-        """Return 1: rho - 1, because a run starts with zeros."""
+        """Return 1, because the memory stores rho - 1, which is zero at the start."""
         return 1
 
     def adapt(
         self, innovation: FloatArray, HPHt: FloatArray, R: FloatArray, rows: IntArray, memory: FloatArray
     ) -> FloatArray:
-        """Return R, scaled as a whole."""
+        """Return R, multiplied by one factor that depends on rho."""
         ratio = dot(innovation, innovation) / (trace(HPHt) + trace(R))
         rho = self.smoothing * (memory[0] + 1.0) + (1.0 - self.smoothing) * ratio
         memory[0] = rho - 1.0

@@ -1,1 +1,1 @@
-"""Recording -> Attitude: tilt, yaw, gravity compensation."""
+"""Attitude estimation: tilt, yaw and gravity-compensated acceleration from a recording."""

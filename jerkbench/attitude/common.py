@@ -1,4 +1,4 @@
-"""What every attitude filter shares: its start, and what it ends with: yaw, Omega, gravity compensation."""
+"""Base class and functions of the attitude filters: initial alignment, rotation matrices, gravity compensation."""
 
 import math
 from abc import ABC, abstractmethod
@@ -11,14 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.attitude.yaw import (
-    YAW_SOURCES,
-    estimate_yaw,
-    select_headings,
-    yaw_remarks,
-)
-from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.module_cache import can_compile
+from jerkbench.attitude.yaw import YAW_SOURCES, estimate_yaw, select_headings, yaw_remarks
+from jerkbench.compilation.compiled import Compilation, can_compile
 from jerkbench.errors import RecordingError, require_known
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import best_rotation, dcm_from_euler, roll_pitch
@@ -28,10 +22,10 @@ from jerkbench.recording import GRAVITY_MPS2, Imu, Recording
 ALIGNMENTS = ("rest", "gravity", "track")
 
 ALIGNMENT_S = 1.0
-"""The rest that the alignment uses at most, and needs at least."""
+"""Minimum time at rest for the alignment at rest, and duration of the data that it uses [s]."""
 
 TRACK_S = 10.0
-"""How much of the drive the alignment by its track uses."""
+"""Duration of the data that the alignment ``track`` uses [s]."""
 
 MIN_VELOCITIES = 3
 
@@ -40,11 +34,11 @@ LEVEL_VARIANCE = 0.03
 
 
 class TiltStart(NamedTuple):
-    """Where the filter starts.
+    """Initial state of an attitude filter.
 
     Attributes:
-        x: (3,) Omega^T e3.
-        variance: diagonal of its covariance.
+        x: (3,) Omega^T e3, the direction of the vertical in the body frame.
+        variance: initial variance of each component of x [-].
     """
 
     x: FloatArray
@@ -52,55 +46,61 @@ class TiltStart(NamedTuple):
 
 
 def tilt_start(recording: Recording, variance: float | None = None, alignment: str = "rest") -> TiltStart:
-    """Return the state before the first sample.
+    """Return the initial tilt and its variance, which an attitude filter uses before the first sample.
 
-    gravity: x is the normalised mean specific force of the first second, P = 1e-3 I at rest and .03 I in motion.
-    rest: the same at rest; in motion x = (0, 0, 1), P = .03 I.
-    track: from the gyro and the measured velocities of the first seconds, see `tracked_vertical`; P = 1e-3 I.
-    ``variance`` replaces any of them.
+    With ``gravity``, x is the normalised mean specific force of the first second. The variance is 1e-3 at rest and 0.03
+    in motion. With ``rest``, the result is the same if the vehicle is at rest. In motion, ``rest`` gives x = (0, 0, 1)
+    and a variance of 0.03. With ``track``, `tracked_vertical` computes x, and the variance is 1e-3.
+
+    Args:
+        recording: recording with an IMU, and with velocities or fixes for ``track``.
+        variance: variance of each component of x; None for the default value of the alignment.
+        alignment: alignment method, one of `ALIGNMENTS`.
 
     Raises:
-        RecordingError: the accelerometer shows no gravity in the first second, or there is no track.
+        RecordingError: the mean specific force of the first second is zero, or the velocities for ``track`` are
+            missing.
     """
     at_rest = recording.static_start_s >= ALIGNMENT_S
-    usual = STATIC_VARIANCE if at_rest or alignment == "track" else LEVEL_VARIANCE
+    default = STATIC_VARIANCE if at_rest or alignment == "track" else LEVEL_VARIANCE
     if alignment == "track":
         x = tracked_vertical(recording)
     elif at_rest or alignment == "gravity":
         x = recording.apparent_vertical(ALIGNMENT_S)
     else:
         x = np.array([0.0, 0.0, 1.0])
-    return TiltStart(x, usual if variance is None else variance)
+    return TiltStart(x, default if variance is None else variance)
 
 
 def start_remarks(recording: Recording, alignment: str) -> tuple[str, ...]:
-    """Return what a reader has to know of the start: that it is a guess, and that a measured velocity shows it."""
+    """Return a note if the vehicle starts in motion and the alignment ``track`` would give a more accurate tilt."""
     velocity, imu = recording.velocity, recording.imu
     if alignment == "track" or imu is None or velocity is None or velocity.frame != "enu":
         return ()
     if recording.static_start_s >= ALIGNMENT_S or (velocity.t_s <= imu.t_s[0] + TRACK_S).sum() < MIN_VELOCITIES:
         return ()
-    start = "level" if alignment == "rest" else "along the first second's specific force"
-    found = f"it begins in motion, and the tilt starts {start}, which may be off by degrees"
-    return (f"{found}; attitude.alignment=track starts by its velocities over ground.",)
+    start = "level" if alignment == "rest" else "along the specific force of the first second"
+    problem = f"it begins in motion, and the tilt starts {start}, which may be wrong by several degrees"
+    return (f"{problem}; attitude.alignment=track uses the velocities over ground instead.",)
 
 
 def tracked_vertical(recording: Recording) -> FloatArray:
-    """Return x (3,) at the first sample from the gyro and the velocity over ground, for a vehicle in motion.
+    """Return the vertical x (3,) in the body frame at the first sample of a moving vehicle, from gyro and velocities.
 
-    With C_0k the turn from the body at sample k to the body at the first one, by the gyro alone, and v_i the velocities
-    in ENU of the first ten seconds::
+    The gyro gives the rotation C_0k from the body frame at sample k to the body frame at the first sample. The vectors
+    v_i are the velocities in ENU during the first ten seconds. A singular value decomposition gives the rotation C that
+    solves a least-squares problem::
 
         a_i = int C_0k y_A dt from t_0 to t_i;  b_i = v_i - v_0 + g (t_i - t_0) e3;  C = argmin sum |b_i - C a_i|^2
 
-    over rotations, by a singular value decomposition. x = C' e3. It needs no heading: gravity is most of both vectors,
-    and yaw is found with them. Without velocities the differences of the fixes stand in, at the middle between them.
+    The result is x = C' e3. No heading is needed, because C includes the yaw. If the recording has no velocity in ENU,
+    the velocities are the differences of consecutive fixes divided by the time step.
 
     Source: M. Wu, Y. Wu, X. Hu, D. Hu, "Optimization-based alignment for inertial navigation systems: Theory and
     algorithm", Aerospace Science and Technology 15(1), 2011, doi:10.1016/j.ast.2010.05.004.
 
     Raises:
-        RecordingError: there are fewer than three velocities or fixes in that time.
+        RecordingError: the first ten seconds contain fewer than three velocities.
     """
     imu = recording.inertial
     t_s, v_mps = _velocities(recording)
@@ -108,8 +108,8 @@ def tracked_vertical(recording: Recording) -> FloatArray:
     step_s = np.diff(imu.t_s[first], prepend=imu.t_s[0])[:, None]
     turns = Rotation.from_rotvec(step_s * imu.gyro_radps[first]).as_matrix()
     force, turn = np.empty((len(turns), 3)), np.eye(3)
-    for k, turned in enumerate(turns):
-        turn = turn @ turned
+    for k, step in enumerate(turns):
+        turn = turn @ step
         force[k] = turn @ imu.accel_mps2[k]
     integral = np.cumsum(step_s * force, axis=0)
     a = np.column_stack([np.interp(t_s, imu.t_s[first], integral[:, i]) for i in range(3)])
@@ -118,39 +118,44 @@ def tracked_vertical(recording: Recording) -> FloatArray:
 
 
 def _velocities(recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Times (m,) and velocities over ground (m, 3) while the IMU runs, of the first seconds."""
+    """Return times (m,) [s] and ENU velocities (m, 3) [m/s] of the first `TRACK_S` seconds of the IMU data.
+
+    Raises:
+        RecordingError: the first ten seconds contain fewer than three velocities.
+    """
     imu, velocity, position = recording.inertial, recording.velocity, recording.position
     t_s, v_mps = np.empty(0), np.empty((0, 3))
     if velocity is not None and velocity.frame == "enu":
         t_s, v_mps = velocity.t_s, velocity.mps
     elif position is not None:
-        whole = np.isfinite(position.enu_m).all(axis=1)
-        fix_s, place_m = position.t_s[whole], position.enu_m[whole]
-        t_s, v_mps = 0.5 * (fix_s[1:] + fix_s[:-1]), np.diff(place_m, axis=0) / np.diff(fix_s)[:, None]
+        complete = np.isfinite(position.enu_m).all(axis=1)
+        fix_s, enu_m = position.t_s[complete], position.enu_m[complete]
+        t_s, v_mps = 0.5 * (fix_s[1:] + fix_s[:-1]), np.diff(enu_m, axis=0) / np.diff(fix_s)[:, None]
     use = np.isfinite(v_mps).all(axis=1) & (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[0] + TRACK_S)
     if use.sum() < MIN_VELOCITIES:
         raise RecordingError(
-            f"{recording.name} has fewer than three velocities over ground, or fixes, in its first {TRACK_S:g} s; take"
-            " alignment rest or gravity."
+            f"{recording.name} has fewer than three velocities over ground (measured, or computed from fixes) in its"
+            f" first {TRACK_S:g} s; use alignment=rest or alignment=gravity."
         )
     return t_s[use], v_mps[use]
 
 
-# Gravity compensation: specific force of the body -> acceleration in ENU.
+# Gravity compensation: the acceleration in ENU is computed from the specific force in the body frame.
 
 COMPENSATIONS = ("midpoint", "endpoint")
 
 
 def compensate_gravity(dcm: FloatArray, accel_mps2: FloatArray, compensation: str) -> FloatArray:
-    """Return u (n, 3), the acceleration in ENU [m/s2].
+    """Return the acceleration u (n, 3) in ENU [m/s2], which is the rotated specific force minus gravity.
 
-    u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g) with ``midpoint`` (a sample is the mean over the interval
-    between the two; the first one has Omega_0 alone), Omega_k y_A + (0, 0, -g) with ``endpoint``.
+    With ``midpoint``, u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g), because sample k is the mean specific force
+    between the times k - 1 and k. The first sample is rotated with Omega_0. With ``endpoint``, u_k = Omega_k y_A + (0,
+    0, -g).
 
     Args:
-        dcm: (n, 3, 3) Omega, body -> ENU, at the end of each sample.
-        accel_mps2: (n, 3) y_A, specific force, body.
-        compensation: one of `COMPENSATIONS`.
+        dcm: (n, 3, 3) rotation matrices Omega from the body frame to ENU at the end of each sample.
+        accel_mps2: (n, 3) specific force y_A in the body frame [m/s2].
+        compensation: attitude that rotates the specific force, one of `COMPENSATIONS`.
     """
     turn = np.concatenate([dcm[:1], 0.5 * (dcm[:-1] + dcm[1:])]) if compensation == "midpoint" else dcm
     return np.asarray(np.einsum("kij,kj->ki", turn, accel_mps2) - np.array([0.0, 0.0, GRAVITY_MPS2]))
@@ -163,16 +168,31 @@ def attitude_from(
     triggered: BoolArray | None = None,
     yaw_sigma_rad: FloatArray | None = None,
 ) -> Attitude:
-    """Return the attitude (n, 3) with Omega and the ENU acceleration; ``triggered`` None: never."""
+    """Return an `Attitude` with rotation matrices and the acceleration in ENU, computed from Euler angles.
+
+    Args:
+        imu: IMU data with n samples.
+        euler_rad: (n, 3) roll, pitch and yaw at the times of the IMU samples [rad].
+        compensation: attitude that rotates the specific force, one of `COMPENSATIONS`.
+        triggered: (n,) mask of samples with a detected external acceleration; None if the filter detects none.
+        yaw_sigma_rad: (n,) standard deviation of the yaw [rad]; None if it is unknown.
+    """
     dcm = dcm_from_euler(euler_rad)
     seen = np.zeros(len(imu.t_s), dtype=np.bool_) if triggered is None else triggered
     return Attitude(imu.t_s, dcm, euler_rad, compensate_gravity(dcm, imu.accel_mps2, compensation), seen, yaw_sigma_rad)
 
 
 def run_samples(loop: Callable[..., None], title: str, imu: Imu, state: tuple[object, ...], *filled: Any) -> None:  # noqa: ANN401 - arrays
-    """Run ``loop``(*state, gyro, accel, intervals, *filled) over all samples, compiled where numba may compile.
+    """Call ``loop``(*state, gyro, accel, intervals, *filled) once for all samples, compiled if numba is enabled.
 
-    With NUMBA_DISABLE_JIT=1 the same loop runs as it is, some hundred times slower. ``title`` says what is compiled.
+    With NUMBA_DISABLE_JIT=1, the loop runs as Python code and is about a hundred times slower.
+
+    Args:
+        loop: filter loop, a function that writes its results to its last arguments.
+        title: name of the loop in progress messages.
+        imu: IMU data that the loop processes.
+        state: first arguments of the loop, the state and the parameters of the filter.
+        filled: output arrays to which the loop writes its results.
     """
     samples = (np.require(a, np.float64, ["C", "W", "A"]) for a in (imu.gyro_radps, imu.accel_mps2, imu.intervals_s))
     with np.errstate(all="ignore"):
@@ -181,32 +201,34 @@ def run_samples(loop: Callable[..., None], title: str, imu: Imu, state: tuple[ob
 
 @cache
 def _compiled(loop: Callable[..., None], title: str) -> Callable[..., None]:
-    return compiled_loop(loop, title, kernel=False)
+    function: Callable[..., None] = Compilation(loop, title).result()
+    return function
 
 
 Verticals = tuple[FloatArray, BoolArray | None]
-"""x = Omega^T e3 (n, 3) after each sample, and whether an external acceleration was seen there (n,); None: never."""
+"""x = Omega^T e3 (n, 3) after each sample, and (n,) true if an external acceleration was detected, or None."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TiltAndYaw(Limited, ABC):
-    """An attitude filter that finds the tilt its own way. The start, yaw and compensation are the same for all.
+    """Base class of attitude filters, with the initial alignment, the yaw filter and the gravity compensation.
 
-    Start, as ``alignment`` says, with x = Omega^T e3, the vertical of ENU seen from the body::
+    A subclass estimates the tilt. The parameter ``alignment`` determines the initial x = Omega^T e3, the direction of
+    the vertical in the body frame::
 
-        gravity  x is the normalised mean specific force of the first second, in motion too
-        rest     the same if it is at rest for that second; in motion x is level
-        track    from the gyro and the velocities (or fixes) of the first 10 s (`jerkbench.attitude.common`)
+        gravity  x is the normalised mean specific force of the first second, also in motion
+        rest     as gravity if the vehicle is at rest during this second; in motion x is level
+        track    x follows from the gyro and the velocities (or fixes) of the first 10 s (`jerkbench.attitude.common`)
 
     Attributes:
-        alignment: gravity, rest or track.
-        compensation: midpoint or endpoint.
-        yaw_source: dual_antenna, odometry, course, track (of the fixes), gyro_only, or auto: the headings that the
-            recording has, whatever measured them, else the course of its velocity in ENU, else the track of its fixes,
-            else the gyro alone.
-        yaw_walk_rad_per_sqrt_s: random walk of yaw.
-        course_min_speed_mps: horizontal speed above which the course counts.
-        course_sigma_min_rad: least standard deviation of a course.
+        alignment: method that determines the initial tilt: gravity, rest or track.
+        compensation: attitude that rotates the specific force: at the midpoint or at the endpoint of each sample.
+        yaw_source: source of the yaw: dual_antenna, odometry, course, track (of the fixes), gyro_only, or auto. The
+            value auto selects the first available source: measured headings, the course of a velocity in ENU, the track
+            of the fixes, the gyro only.
+        yaw_walk_rad_per_sqrt_s: random walk of the yaw [rad/sqrt(s)].
+        course_min_speed_mps: minimum horizontal speed at which the yaw filter uses a course [m/s].
+        course_sigma_min_rad: lower limit of the standard deviation of a course [rad].
     """
 
     name: ClassVar[str]
@@ -219,19 +241,21 @@ class TiltAndYaw(Limited, ABC):
     course_sigma_min_rad: Annotated[float, ABOVE_ZERO] = 0.0087
 
     def __post_init__(self) -> None:
-        """Check that every choice exists and every number makes sense."""
         super().__post_init__()
         self._check_choices({"alignment": ALIGNMENTS, "compensation": COMPENSATIONS, "yaw_source": YAW_SOURCES})
 
     @abstractmethod
     def verticals(self, recording: Recording) -> Verticals:
-        """Return x = Omega^T e3 (n, 3) after each sample, and whether it saw an external acceleration (n,), or None."""
+        """Return the vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of external accelerations.
+
+        The mask of detected external accelerations is None if the filter does not detect them.
+        """
 
     def require(self, load: Callable[[], Recording]) -> None:
-        """Check, before a sweep begins, that the recording of ``load`` has what start and yaw were asked to use.
+        """Check before a sweep that the recording has the data that the alignment and the yaw source need.
 
         Raises:
-            RecordingError: the recording has no such yaw source, or no track to start from.
+            RecordingError: the recording has no data of the yaw source, or no velocities for the alignment ``track``.
         """
         if self.yaw_source not in ("auto", "gyro_only"):
             select_headings(load(), self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
@@ -239,20 +263,20 @@ class TiltAndYaw(Limited, ABC):
             tilt_start(load(), None, "track")
 
     def remarks(self, recording: Recording) -> tuple[str, ...]:
-        """Return what a reader of the table has to know: that the start is a guess, or that nothing measures yaw."""
+        """Return notes for the result table: the initial tilt is only assumed, or the yaw is not measured."""
         yaw = yaw_remarks(recording, self.yaw_source, self.course_min_speed_mps, self.course_sigma_min_rad)
         return (*start_remarks(recording, self.alignment), *yaw)
 
     def estimate(self, recording: Recording) -> Attitude:
-        """Return attitude and ENU acceleration at the IMU's stamps.
+        """Return the attitude and the acceleration in ENU at the times of the IMU samples.
 
         Raises:
-            RecordingError: the recording lacks the yaw source that was asked for.
+            RecordingError: the recording does not have the requested yaw source.
         """
         imu, sigma_min_rad = recording.inertial, self.course_sigma_min_rad
         headings = select_headings(
             recording, self.yaw_source, self.course_min_speed_mps, sigma_min_rad
-        )  # costs no loop
+        )  # before the filter loop, because an invalid yaw source raises an error
         x, triggered = self.verticals(recording)
         roll, pitch = roll_pitch(x)
         yaw = estimate_yaw(imu, roll, pitch, headings, self.yaw_walk_rad_per_sqrt_s, sigma_min_rad)
@@ -263,18 +287,18 @@ class TiltAndYaw(Limited, ABC):
             require_known(f"{name} of attitude {self.name}", getattr(self, name), available)
 
 
-# The unit quaternion w, a, b, c of `madgwick` and `mahony`, which turns the body into ENU.
+# `madgwick` and `mahony` use a unit quaternion (w, a, b, c) that rotates from the body frame to ENU.
 
 
 def quaternion_of(x: FloatArray) -> FloatArray:
-    """Return (4,) the rotation whose vertical is x = Omega^T e3 (3,), with yaw 0."""
+    """Return the unit quaternion (4,) of the attitude with the vertical x = Omega^T e3 (3,) and a yaw of 0."""
     roll, pitch = roll_pitch(x)
     cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     return np.array([cr * cp, sr * cp, cr * sp, -sr * sp])
 
 
 def set_quaternion(q: FloatArray, w: float, a: float, b: float, c: float, x: FloatArray) -> None:
-    """Put (w, a, b, c), brought to length 1, into q (4,), and its vertical into x (3,); for a compiled loop."""
+    """Write the normalised quaternion (w, a, b, c) to ``q`` (4,), and its vertical x = Omega^T e3 to ``x`` (3,)."""
     length = math.sqrt(w * w + a * a + b * b + c * c)
     w, a, b, c = w / length, a / length, b / length, c / length
     q[0], q[1], q[2], q[3] = w, a, b, c

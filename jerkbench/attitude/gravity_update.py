@@ -1,7 +1,7 @@
-"""What the Kalman filters `tilt` and `mekf` share: the update by gravity, whose variance adapts, and the rotation.
+"""Adaptive accelerometer update and rotation matrices of the Kalman filters `tilt` and `mekf`.
 
-It is the inner part of their loops, which numba compiles. Both filters have the error of the tilt in their first three
-states, so that the accelerometer sees them by H (3, 3).
+The loops of these filters call the functions, and numba compiles the loops. In both filters, the accelerometer depends
+only on the first three states, so its measurement matrix H is (3, 3).
 """
 
 import math
@@ -14,25 +14,25 @@ from jerkbench.arrays import FloatArray, FloatMatrix, FloatVector
 from jerkbench.recording import GRAVITY_MPS2
 
 ADAPTATIONS = ("none", "mtf", "scalar", "lee")
-"""The ways to find Sigma, the variance of an external acceleration."""
+"""Methods that estimate Sigma, the variance of an external acceleration."""
 
 MTF, SCALAR, LEE = 1, 2, 3
 
 
 class GravityUpdate(NamedTuple):
-    """What passes from one update to the next, and room for one.
+    """State and buffers of the accelerometer update.
 
     Attributes:
-        a_prev: (3,) external acceleration after the last sample [m/s2].
-        squares: (mu, 3) ring of the latest e_i^2.
-        H: (3, 3) what the accelerometer sees of the first three states.
-        e: (3,) innovation.
-        C0: (3,) diagonal of H P H' + N, with N the variance of the accelerometer's noise.
-        M: (3,) diagonal of N + Sigma.
-        dx: (n,) correction of the states.
-        K: (n,) one column of the gain, times S.
-        memory: c_a.
-        adapt: which of `ADAPTATIONS`.
+        a_prev: (3,) estimated external acceleration at the previous sample [m/s2].
+        squares: (mu, 3) ring buffer of the squared innovations of the latest mu samples.
+        H: (3, 3) measurement matrix of the first three states.
+        e: (3,) innovation of the accelerometer [m/s2].
+        C0: (3,) diagonal of H P H' + N, where N is the noise variance of the accelerometer.
+        M: (3,) diagonal of N + Sigma, where Sigma is the variance of the external acceleration.
+        dx: (n,) correction of the n states.
+        K: (n,) buffer for one column of P H', which is the Kalman gain times the innovation variance.
+        memory: c_a, fraction of the external acceleration that persists until the next sample.
+        adapt: index of the adaptation method in `ADAPTATIONS`.
     """
 
     a_prev: FloatVector
@@ -48,14 +48,17 @@ class GravityUpdate(NamedTuple):
 
 
 def gravity_update(states: int, window: int, memory: float, adapt: str) -> GravityUpdate:
-    """Return it before the first sample of a filter with so many states; H = g I."""
+    """Return the buffers of the accelerometer update for a filter with ``states`` states; the initial H is g I."""
     (a_prev, e, C0, M), (dx, K) = np.zeros((4, 3)), np.zeros((2, states))
     H, which = GRAVITY_MPS2 * np.eye(3), ADAPTATIONS.index(adapt)
     return GravityUpdate(a_prev, np.zeros((window, 3)), H, e, C0, M, dx, K, float(memory), which)
 
 
 def see_gravity(u: GravityUpdate, P: FloatArray, x: FloatArray, y: FloatArray, k: int, noise: float) -> float:
-    """Fill e = y_A - c_a a_prev - g x and C0 = diag(H P H') + N; returns e'e - tr C0: from 0 on it triggers."""
+    """Compute the innovation e = y_A - c_a a_prev - g x and C0 = diag(H P H') + N, and return e'e - tr C0.
+
+    The adaptation is triggered if the returned value is at least 0.
+    """
     excess = 0.0
     for i in range(3):
         u.e[i] = y[i] - u.memory * u.a_prev[i] - GRAVITY_MPS2 * x[i]
@@ -67,10 +70,14 @@ def see_gravity(u: GravityUpdate, P: FloatArray, x: FloatArray, y: FloatArray, k
     return excess
 
 
-def fill_noise(u: GravityUpdate, k: int, excess: float, noise: float, many: float) -> None:
-    """M = N + many diag(Sigma), with w_i the mean of the latest e_i^2.
+def fill_noise(u: GravityUpdate, k: int, excess: float, noise: float, factor: float) -> None:
+    """Compute the measurement covariance M = N + factor diag(Sigma) of the adaptation method.
 
-    mtf: max(0, w_i - C0_ii) if e'e >= tr C0;  scalar: (e'e - tr C0)/3 likewise;  lee: |c_a a_prev|^2/3, always.
+    The method determines the variance Sigma_i of the external acceleration, where w_i is the mean of the latest e_i^2::
+
+        mtf:    Sigma_i = max(0, w_i - C0_ii) if e'e >= tr C0, else 0
+        scalar: Sigma_i = (e'e - tr C0)/3 if e'e >= tr C0, else 0
+        lee:    Sigma_i = |c_a a_prev|^2/3
     """
     recent = min(k + 1, len(u.squares))
     expected = u.memory**2 * (u.a_prev[0] ** 2 + u.a_prev[1] ** 2 + u.a_prev[2] ** 2)
@@ -84,25 +91,25 @@ def fill_noise(u: GravityUpdate, k: int, excess: float, noise: float, many: floa
             sigma = excess / 3.0
         elif u.adapt == LEE:
             sigma = expected / 3.0
-        u.M[i] = noise + many * sigma
+        u.M[i] = noise + factor * sigma
 
 
 def updating(states: int) -> Callable[[GravityUpdate, FloatArray], None]:
-    """Return the update of a filter with so many states: it fills dx = K e, and makes P = (I - K H) P."""
+    """Return the measurement update of a filter with ``states`` states: dx = K e and P = (I - K H) P."""
 
     def update(u: GravityUpdate, P: FloatArray) -> None:
-        """M is diagonal, so that one row of H after the other gives the same K without an inverse."""
+        """Process the rows of H sequentially. No matrix inversion is necessary, because M is diagonal."""
         u.dx[:] = 0.0
         for i in range(3):
-            S, left = u.M[i], u.e[i]
+            S, residual = u.M[i], u.e[i]
             for r in range(states):
                 u.K[r] = P[r, 0] * u.H[i, 0] + P[r, 1] * u.H[i, 1] + P[r, 2] * u.H[i, 2]
             for r in range(3):
                 S += u.H[i, r] * u.K[r]
-                left -= u.H[i, r] * u.dx[r]
+                residual -= u.H[i, r] * u.dx[r]
             for r in range(states):
                 gain = u.K[r] / S
-                u.dx[r] += gain * left
+                u.dx[r] += gain * residual
                 for s in range(r + 1):
                     P[r, s] -= gain * u.K[s]
                     P[s, r] = P[r, s]
@@ -111,7 +118,10 @@ def updating(states: int) -> Callable[[GravityUpdate, FloatArray], None]:
 
 
 def fill_rotation(C: FloatArray, t: FloatArray, scale: float, exact: bool) -> None:
-    """C = Exp(scale t) by Rodrigues, or I + skew(scale t), its first order; skew(t)^2 = t t' - t't I."""
+    """Write the rotation Exp(scale t) to ``C`` by Rodrigues' formula, or I + skew(scale t) if ``exact`` is false.
+
+    Rodrigues' formula contains the square of the skew matrix, skew(t)^2 = t t' - t't I.
+    """
     a, b, c = scale * t[0], scale * t[1], scale * t[2]
     square = a * a + b * b + c * c
     first, second = 1.0, 0.5 if exact else 0.0

@@ -1,4 +1,4 @@
-"""The attitude plugin ``mekf``: a multiplicative extended Kalman filter with the gyro's bias."""
+"""The attitude plugin ``mekf``, a multiplicative extended Kalman filter with the gyro bias."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, NamedTuple
@@ -24,19 +24,27 @@ from jerkbench.recording import GRAVITY_MPS2, Recording
 MEMS_HAND = DefaultOrigin("ours: a consumer MEMS IMU in a hand")
 
 
-GYRO_DENSITY_RANGE = Range(1e-4, 1e-2, log=True, source="ours: from a tactical gyro to one that errs with the motion")
+GYRO_DENSITY_RANGE = Range(1e-4, 1e-2, log=True, source="ours: from a tactical gyro to one with errors due to motion")
 WINDOW_S_RANGE = Range(0.01, 3.0, log=True, source="ours: from one sample at 100 Hz to a turn of a car")
-EXTERNAL_MEMORY_RANGE = Range(0.05, 0.95, source="ours: from hardly any memory to hardly any tilt that is seen")
-BIAS_DENSITY_RANGE = Range(1e-6, 1e-3, log=True, source="ours: from a bias that stays to one that follows the motion")
+EXTERNAL_MEMORY_RANGE = Range(0.05, 0.95, source="ours: from hardly any memory to a hardly observable tilt")
+BIAS_DENSITY_RANGE = Range(1e-6, 1e-3, log=True, source="ours: from a constant bias to one that follows the motion")
+
+
+ACCEL_DENSITY_RANGE = Range(
+    0.01, 30.0, log=True, source="ours: from smooth ground to hardly any weight of the accelerometer"
+)
+MEMORY_LIMIT = Limit(lambda memory: 0 < memory < 1, "it must be between 0 and 1.")
+TURN_ON_BIAS = DefaultOrigin("data sheet: turn-on bias of a consumer MEMS gyro")
 
 
 @register("attitude", "mekf")
 @dataclass(frozen=True)
 class Mekf(TiltAndYaw):
-    """A multiplicative extended Kalman filter: a rotation, its error as a vector, and the gyro's bias.
+    """A multiplicative extended Kalman filter for the attitude (a rotation matrix with a vector error) and gyro bias.
 
-    The nominal state is Omega and b; the error dx = (theta, db) is Omega_true = Omega Exp(theta), b_true = b + db. For
-    each sample of length dt, with g = 9.81 m/s2 and x = Omega^T e3::
+    The nominal state consists of the rotation matrix Omega from the body frame to ENU and the gyro bias b. The error dx
+    = (theta, db) is defined by Omega_true = Omega Exp(theta) and b_true = b + db. Each sample of length dt is processed
+    with the following equations (g = 9.81 m/s2, x = Omega^T e3)::
 
         Omega = Omega Exp(dt (y_G - b));  F = [[Exp(-dt (y_G - b)), -dt I], [0, I]]
         P = F P F' + dt diag(N_G^2 I, N_b^2 I)
@@ -48,12 +56,12 @@ class Mekf(TiltAndYaw):
         M = N_A^2/dt I + Sigma;  K = P H' (H P H' + M)^-1;  dx = K e;  Omega = Omega Exp(theta);  b += db
         P = (I - K H) P;  a_prev = y_A - g x
 
-    c is c_a with lee, otherwise 0. M is diagonal, so that the axes are processed one after the other. All noise is a
-    density and the window is a time: a setting means the same at 100 and at 286 Hz. The factor T/dt is why: an external
-    acceleration stays for about T, and the samples within it are no independent witnesses. With T = dt it is Lee's
-    equation, and MTF's.
+    The factor c is c_a for ``lee`` and 0 for the other methods. M is diagonal, so the axes are processed sequentially.
+    All noise parameters are densities and the window is a duration, so the parameters do not depend on the sampling
+    rate. Sigma has the factor T/dt, because an external acceleration lasts for about T and the samples within T are
+    therefore not independent. With T = dt, the equations are the same as in the sources for ``lee`` and ``mtf``.
 
-    With ``bias`` off, db stays 0. Yaw is not its own, but that of `tilt`.
+    If ``bias`` is false, the gyro bias b is always 0. The yaw is computed in the same way as in the plugin `tilt`.
 
     Source: F. L. Markley, "Attitude error representations for Kalman filtering", Journal of Guidance, Control, and
     Dynamics 26(2), 2003, doi:10.2514/2.5048; ``lee``: J. K. Lee, E. J. Park, S. N. Robinovitch, "Estimation of attitude
@@ -61,46 +69,33 @@ class Mekf(TiltAndYaw):
     Meas. 61(8), 2012, doi:10.1109/TIM.2012.2187245; ``mtf``: multiple tuning factors as in `tilt`.
 
     Attributes:
-        adapt: how Sigma is found: none, mtf, scalar or lee.
-        gyro_density: N_G [rad/s/sqrt(Hz)].
-        accel_density: N_A [m/s2/sqrt(Hz)].
-        window_s: T, at least one sample.
-        external_memory: c_a, the part of an external acceleration that is expected to last to the next sample (lee).
-        bias: estimate the gyro's bias.
-        bias_density: N_b, the bias's random walk [rad/s2/sqrt(Hz)].
-        initial_bias_radps: one sigma of the bias at the start.
+        adapt: method that estimates Sigma, the variance of the external acceleration: none, mtf, scalar or lee.
+        gyro_density: N_G, noise density of the gyro [rad/s/sqrt(Hz)].
+        accel_density: N_A, noise density of the accelerometer [m/s2/sqrt(Hz)].
+        window_s: T, averaging window of mtf and assumed duration of an external acceleration, at least one sample [s].
+        external_memory: c_a, fraction of the external acceleration that persists until the next sample (for lee) [-].
+        bias: if true, the gyro bias is estimated.
+        bias_density: N_b, density of the random walk of the gyro bias [rad/s2/sqrt(Hz)].
+        initial_bias_radps: initial standard deviation of the gyro bias [rad/s].
     """
 
     name: ClassVar[str] = "mekf"
 
     adapt: str = "none"
     gyro_density: Annotated[float, NOT_NEGATIVE, GYRO_DENSITY_RANGE, MEMS_HAND] = 1e-3
-    accel_density: Annotated[
-        float,
-        ABOVE_ZERO,
-        Range(0.01, 30.0, log=True, source="ours: from quiet ground to hardly any trust in the accelerometer"),
-        MEMS_HAND,
-    ] = 0.1
+    accel_density: Annotated[float, ABOVE_ZERO, ACCEL_DENSITY_RANGE, MEMS_HAND] = 0.1
     window_s: Annotated[float, ABOVE_ZERO, WINDOW_S_RANGE, MEMS_HAND] = 0.01
-    external_memory: Annotated[
-        float,
-        Limit(lambda memory: 0 < memory < 1, "it must be between 0 and 1."),
-        EXTERNAL_MEMORY_RANGE,
-        MEMS_HAND,
-    ] = 0.3
+    external_memory: Annotated[float, MEMORY_LIMIT, EXTERNAL_MEMORY_RANGE, MEMS_HAND] = 0.3
     bias: Annotated[bool, SWITCH, DefaultOrigin("ours: MEMS gyros have one")] = True
     bias_density: Annotated[float, NOT_NEGATIVE, BIAS_DENSITY_RANGE, MEMS_HAND] = 1e-5
-    initial_bias_radps: Annotated[
-        float, NOT_NEGATIVE, DefaultOrigin("a data sheet's turn-on bias of a consumer MEMS gyro")
-    ] = 0.005
+    initial_bias_radps: Annotated[float, NOT_NEGATIVE, TURN_ON_BIAS] = 0.005
 
     def __post_init__(self) -> None:
-        """Check that every choice exists and every number is within its limit."""
         super().__post_init__()
         self._check_choices({"adapt": ADAPTATIONS})
 
     def verticals(self, recording: Recording) -> Verticals:
-        """Return x after each sample, and whether an external acceleration was seen."""
+        """Return the vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of external accelerations."""
         imu = recording.inertial
         x, triggered = np.empty((len(imu.t_s), 3)), np.empty(len(imu.t_s), dtype=np.bool_)
         state = self.state(tilt_start(recording, alignment=self.alignment), imu.nominal_interval_s)
@@ -108,32 +103,32 @@ class Mekf(TiltAndYaw):
         return x, triggered
 
     def state(self, start: TiltStart, step_s: float) -> "MekfState":
-        """Return what the loop begins with, of samples ``step_s`` apart."""
+        """Return the initial state of the filter loop for a sampling interval ``step_s`` [s]."""
         bias_variance, bias_density = (self.initial_bias_radps**2, self.bias_density) if self.bias else (0.0, 0.0)
         memory, window = self.external_memory if self.adapt == "lee" else 0.0, max(1, round(self.window_s / step_s))
         C = dcm_from_euler(np.array([*roll_pitch(start.x), 0.0]))
         P = np.diag([start.variance] * 3 + [bias_variance] * 3)
-        room = np.zeros((3, 3)), np.zeros((3, 6)), np.zeros(3)
+        buffers = np.zeros((3, 3)), np.zeros((3, 6)), np.zeros(3)
         powers = float(self.gyro_density**2), float(self.accel_density**2), float(bias_density**2)
         update = gravity_update(6, window, memory, self.adapt)
-        return MekfState(C, np.zeros(3), P, *room, *powers, float(self.window_s), update)
+        return MekfState(C, np.zeros(3), P, *buffers, *powers, float(self.window_s), update)
 
 
 class MekfState(NamedTuple):
-    """What passes from one sample to the next, and the parameters.
+    """State, buffers and parameters of the filter loop.
 
     Attributes:
         C: (3, 3) Omega, the rotation from the body to ENU.
-        b: (3,) the gyro's bias.
-        P: (6, 6) covariance of the errors of both.
-        turn: (3, 3) room for the rotation of one step.
-        half: (3, 6) room for the upper half of F P.
-        rate: (3,) room for the rate without the bias.
-        gyro_power: N_G^2.
-        accel_power: N_A^2.
-        bias_power: N_b^2.
-        window_s: T.
-        gravity: the update.
+        b: (3,) gyro bias [rad/s].
+        P: (6, 6) covariance of the errors of Omega and b.
+        turn: (3, 3) buffer for the rotation of one step.
+        half: (3, 6) buffer for the upper three rows of F P.
+        rate: (3,) buffer for the angular rate minus the gyro bias [rad/s].
+        gyro_power: N_G^2, power density of the gyro noise.
+        accel_power: N_A^2, power density of the accelerometer noise.
+        bias_power: N_b^2, power density of the random walk of the gyro bias.
+        window_s: T, averaging window of the adaptation [s].
+        gravity: state and buffers of the accelerometer update.
     """
 
     C: FloatMatrix
@@ -155,11 +150,11 @@ update_mekf = updating(6)
 def run_mekf(
     state: MekfState, gyro: FloatMatrix, accel: FloatMatrix, dt: FloatVector, x: FloatMatrix, triggered: BoolVector
 ) -> None:
-    """Fill x (n, 3) and triggered (n,); ``state`` is that before the first sample, and after the last."""
+    """Process all samples: write the verticals to ``x`` and the detections to ``triggered``, and update ``state``."""
     C, H, u, g = state.C, state.gravity.H, state.gravity, GRAVITY_MPS2
     for k in range(len(dt)):
         _predict(state, gyro[k], dt[k])
-        for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # H = g [x], x the last row of Omega
+        for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # H = g [x], where x is the last row of Omega
             H[i, i], H[i, j], H[i, m] = 0.0, -g * C[2, m], g * C[2, j]
         noise = state.accel_power / dt[k]
         excess = see_gravity(u, state.P, C[2], accel[k], k, noise)
@@ -174,7 +169,7 @@ def run_mekf(
 
 
 def _turn(state: MekfState, theta: FloatVector, scale: float) -> None:
-    """Omega = Omega Exp(scale theta); the latter stays in ``turn``."""
+    """Multiply Omega by the rotation Exp(scale theta), and store this rotation in ``state.turn``."""
     C, turn = state.C, state.turn
     fill_rotation(turn, theta, scale, exact=True)
     for i in range(3):
@@ -184,12 +179,12 @@ def _turn(state: MekfState, theta: FloatVector, scale: float) -> None:
 
 
 def _predict(state: MekfState, gyro: FloatVector, dt: float) -> None:
-    """Turn Omega by the gyro less its bias; P = F P F' + Q, block by block: F is zero below, and I on the right."""
+    """Rotate Omega by the bias-corrected gyro, and compute P = F P F' + Q by blocks."""
     P, A, half = state.P, state.turn, state.half
     for i in range(3):
         state.rate[i] = gyro[i] - state.b[i]
     _turn(state, state.rate, dt)
-    for i in range(3):  # the upper rows of F P, with Exp(-dt w) = A'
+    for i in range(3):  # the upper rows of F P, where A' is Exp(-dt w)
         for j in range(6):
             half[i, j] = A[0, i] * P[0, j] + A[1, i] * P[1, j] + A[2, i] * P[2, j] - dt * P[i + 3, j]
     for i in range(3):

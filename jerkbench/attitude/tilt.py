@@ -1,4 +1,4 @@
-"""The attitude plugin ``tilt``: tilt filter, yaw filter and gravity compensation one after the other."""
+"""The attitude plugin ``tilt``: a tilt filter, followed by a yaw filter and the gravity compensation."""
 
 import math
 from dataclasses import dataclass
@@ -30,7 +30,8 @@ PROPAGATIONS = ("first_order", "exact")
 class Tilt(TiltAndYaw):
     """Tilt from gyro and accelerometer, adaptive to external acceleration; yaw from headings, course or track.
 
-    Tilt, at the IMU rate, x = Omega^T e3 (the vertical of ENU seen from the body), g = 9.81 m/s2::
+    The tilt filter processes every IMU sample. The state of the tilt filter is x = Omega^T e3, the direction of the
+    vertical in the body frame (g = 9.81 m/s2)::
 
         Phi = I - dt skew(y_G)   (exact: exp(-dt skew(y_G)))
         Q = -dt^2 sigma_G^2 skew(x+)^2;  x- = Phi x+;  P- = Phi P+ Phi' + Q
@@ -44,38 +45,42 @@ class Tilt(TiltAndYaw):
         P = (I - gK) P- (I - gK)' + K M K', symmetrised;  x /= |x|;  a_prev = y_A - g x
         roll = atan2(x2, x3);  pitch = atan2(-x1, hypot(x2, x3))
 
-    Start: P = 1e-3 I at rest or by the track, .03 I moving. a_prev = 0.
+    The initial a_prev is 0. The initial P is 1e-3 I at rest or with the alignment ``track``, and 0.03 I otherwise.
 
-    Yaw, one state::
+    The yaw filter has the yaw as its only state and uses headings or courses as measurements::
 
         yaw += dt (w_y sin(roll) + w_z cos(roll))/cos(pitch);  P += dt walk^2;  P0 = variance of the first heading
         course: atan2(v_n, v_e), sigma = max(sigma_v/speed, minimum), sigma_v across the course
 
-    Sample k uses headings up to its own time; before the first one, that one less the integrated gyro. Without
-    headings and velocity over ground, yaw comes from the track of the fixes, and the bias of the gyro with it::
+    The yaw at sample k depends only on headings up to the time of sample k. Before the first heading, the gyro gives
+    the rotation from the current sample to the first heading, which is subtracted from the first heading. If the
+    recording has neither headings nor velocities in ENU, the track of the fixes determines the yaw and the gyro bias::
 
-        chord: between two fixes, as short as its sigma allows (.05 rad); none overlaps another
+        chord: vector between two fixes, as short as its sigma allows (0.05 rad); chords do not overlap
         offset of yaw from psi, the integrated gyro = arg(chord) - arg(int e^{i psi} dt) half a chord before its end
-        two states, offset and its rate;  F = [[1, dt], [0, 1]],  H = [1, -half the chord's length]
+        two states, offset and its rate;  F = [[1, dt], [0, 1]],  H = [1, -half the duration of the chord]
 
-    Where it shows nothing either, and with gyro_only, yaw starts at 0 (east). The yaw rate is singular at a pitch of 90
-    degrees. A course, and a track, take the vehicle to drive forwards.
+    Without a usable chord, and with ``yaw_source`` gyro_only, the yaw starts at 0 (east). The yaw rate is singular at a
+    pitch of 90 degrees. The yaw from courses and tracks is correct only if the vehicle drives forwards.
 
-    Input of the navigation filter: u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g), or Omega_k y_A + (0, 0, -g).
+    The input of the navigation filter is u_k = mean(Omega_{k-1}, Omega_k) y_A + (0, 0, -g) with the compensation
+    midpoint, and u_k = Omega_k y_A + (0, 0, -g) with endpoint.
 
     Source: J. K. Lee, E. J. Park, S. N. Robinovitch, "Estimation of attitude and external acceleration using inertial
     sensor measurement during various dynamic conditions", IEEE Trans. Instrum. Meas. 61(8), 2262-2273, 2012,
     doi:10.1109/TIM.2012.2187245, for the state, Q and ``lee``; multiple tuning factors for ``mtf``.
 
     Attributes:
-        adapt: how Sigma is found: none, mtf, scalar or lee.
-        sigma_gyro_radps: sigma_G, noise of one gyro sample.
-        sigma_accel_mps2: sigma_A, noise of one accelerometer sample; null: 0.02 when adaptive, 2.0 with none.
-        external_memory: c_a, from 0 to 1. With 1 the absolute tilt is not observable; lee needs more than 0.
-        window: mu, samples in the mean of mtf, this one included.
-        normalise: bring x back to length 1 after each update.
-        propagation: first_order, or exact for fast rotation.
-        initial_tilt_variance: diagonal of the first P; null: 1e-3 at rest or by the track, .03 moving.
+        adapt: method that estimates Sigma, the variance of the external acceleration: none, mtf, scalar or lee.
+        sigma_gyro_radps: sigma_G, standard deviation of a gyro sample [rad/s].
+        sigma_accel_mps2: sigma_A, standard deviation of an accelerometer sample; if null, the value is 2.0 with
+            adapt=none and 0.02 with the other methods [m/s2].
+        external_memory: c_a, fraction of the external acceleration that persists until the next sample, from 0 to 1
+            [-]. With c_a = 1, the absolute tilt is not observable. The method lee needs c_a > 0.
+        window: mu, number of samples that mtf averages, including the current sample [samples].
+        normalise: if true, x is normalised to length 1 after each update.
+        propagation: transition matrix Phi: first_order, or exact for fast rotations.
+        initial_tilt_variance: diagonal of the initial P; if null, 1e-3 or 0.03 as described above [-].
     """
 
     name: ClassVar[str] = "tilt"
@@ -90,14 +95,15 @@ class Tilt(TiltAndYaw):
     initial_tilt_variance: Annotated[float | None, ABOVE_ZERO] = None
 
     def __post_init__(self) -> None:
-        """Check that every choice exists and every number makes sense."""
         super().__post_init__()
         self._check_choices({"adapt": ADAPTATIONS, "propagation": PROPAGATIONS})
         if self.adapt == "lee" and self.external_memory == 0:
-            raise PluginError("attitude tilt: adapt lee with external_memory 0 never adapts; set external_memory.")
+            raise PluginError(
+                "attitude tilt: adapt=lee has no effect with external_memory=0; increase external_memory."
+            )
 
     def verticals(self, recording: Recording) -> Verticals:
-        """Return x after each sample, and whether it triggered."""
+        """Return the vertical x = Omega^T e3 (n, 3) after each sample, and a mask (n,) of external accelerations."""
         n = len(recording.inertial.t_s)
         x, triggered = np.empty((n, 3)), np.empty(n, dtype=np.bool_)
         state = self.state(tilt_start(recording, self.initial_tilt_variance, self.alignment))
@@ -105,27 +111,27 @@ class Tilt(TiltAndYaw):
         return x, triggered
 
     def state(self, start: TiltStart) -> "TiltState":
-        """Return what the loop begins with."""
-        usual = 2.0 if self.adapt == "none" else 0.02
-        sigmas = float(self.sigma_gyro_radps), float(usual if self.sigma_accel_mps2 is None else self.sigma_accel_mps2)
-        begin = start.x.copy(), start.variance * np.eye(3), np.zeros((3, 3)), np.zeros((3, 3))
+        """Return the initial state of the filter loop, with the initial tilt ``start``."""
+        sigma_mps2 = (2.0 if self.adapt == "none" else 0.02) if self.sigma_accel_mps2 is None else self.sigma_accel_mps2
+        sigmas = float(self.sigma_gyro_radps), float(sigma_mps2)
+        arrays = start.x.copy(), start.variance * np.eye(3), np.zeros((3, 3)), np.zeros((3, 3))
         update = gravity_update(3, self.window, self.external_memory, self.adapt)
-        return TiltState(*begin, *sigmas, bool(self.normalise), self.propagation == "exact", update)
+        return TiltState(*arrays, *sigmas, bool(self.normalise), self.propagation == "exact", update)
 
 
 class TiltState(NamedTuple):
-    """What passes from one sample to the next, and the parameters.
+    """State, buffers and parameters of the filter loop.
 
     Attributes:
-        x: (3,) Omega^T e3.
-        P: (3, 3) its covariance.
-        Phi: (3, 3) room for the transition.
-        half: (3, 3) room for Phi P.
-        sigma_gyro_radps: sigma_G.
-        sigma_accel_mps2: sigma_A.
-        normalise: whether x is brought back to length 1.
-        exact: whether Phi is the rotation itself.
-        gravity: the update.
+        x: (3,) Omega^T e3, the direction of the vertical in the body frame.
+        P: (3, 3) covariance of x.
+        Phi: (3, 3) buffer for the transition matrix.
+        half: (3, 3) buffer for Phi P.
+        sigma_gyro_radps: sigma_G, standard deviation of a gyro sample [rad/s].
+        sigma_accel_mps2: sigma_A, standard deviation of an accelerometer sample [m/s2].
+        normalise: if true, x is normalised to length 1 after each update.
+        exact: if true, Phi is the exact rotation, otherwise its first-order approximation.
+        gravity: state and buffers of the accelerometer update.
     """
 
     x: FloatVector
@@ -145,7 +151,7 @@ update_tilt = updating(3)
 def run_tilt(
     state: TiltState, gyro: FloatMatrix, accel: FloatMatrix, dt: FloatVector, x: FloatMatrix, triggered: BoolVector
 ) -> None:
-    """Fill x (n, 3) and triggered (n,); ``state`` is that before the first sample, and after the last."""
+    """Process all samples: write the verticals to ``x`` and the detections to ``triggered``, and update ``state``."""
     noise = state.sigma_accel_mps2**2
     for k in range(len(dt)):
         _predict(state, gyro[k], dt[k])
@@ -165,7 +171,7 @@ def run_tilt(
 
 
 def _predict(state: TiltState, gyro: FloatVector, dt: float) -> None:
-    """P = Phi P Phi' + (dt sigma_G)^2 (x'x I - x x');  x = Phi x."""
+    """Predict the covariance P = Phi P Phi' + (dt sigma_G)^2 (x'x I - x x') and the state x = Phi x."""
     Phi, x, P, half = state.Phi, state.x, state.P, state.half
     fill_rotation(Phi, gyro, -dt, state.exact)
     for i in range(3):

@@ -1,4 +1,4 @@
-"""The attitude plugins ``vqf`` and ``offline_vqf``: the package vqf, with its own C++."""
+"""The attitude plugins ``vqf`` and ``offline_vqf``, which call the package vqf."""
 
 import math
 from collections.abc import Callable
@@ -18,45 +18,47 @@ if TYPE_CHECKING:
     import vqf
 
 SILENCE_S = 0.1
-"""Over a longer interval the filter sees several steps of the gyro, each as long as the others."""
+"""A longer interval between samples is a gap, which is bridged by several steps of the gyro [s]."""
 
-OF_PACKAGE = DefaultOrigin("literature: the package's default")
+OF_PACKAGE = DefaultOrigin("literature: the default of the package")
 
 
-TAU_ACC_S_RANGE = Range(0.3, 300.0, log=True, source="ours: from a tenth to a hundred times the default")
-BIAS_FORGETTING_S_RANGE = Range(10.0, 1e4, log=True, source="ours: from a tenth to a hundred times the default")
+TAU_ACC_S_RANGE = Range(0.3, 300.0, log=True, source="ours: from 0.1 to 100 times the default")
+BIAS_FORGETTING_S_RANGE = Range(10.0, 1e4, log=True, source="ours: from 0.1 to 100 times the default")
 
 
 @register("attitude", "vqf")
 @dataclass(frozen=True)
 class Vqf(TiltAndYaw):
-    """VQF: the specific force, turned into an almost inertial frame by the gyro, goes through a low-pass there.
+    """VQF: a low-pass filter of the specific force in an almost inertial frame that is determined by the gyro.
 
-    With I the frame in which the gyro alone holds the body, and E that of the Earth::
+    The frame I results from the integrated gyro only, and the frame E is fixed to the Earth::
 
         q_I: strapdown integration of y_G - b;  f_I = q_I y_A;  l = second-order Butterworth low-pass of f_I
-        q_E <- I turns l upwards by the shortest way;  the time constant tau_acc: cut-off sqrt(2)/(2 pi tau_acc)
+        q_E <- I: shortest rotation of l to the vertical;  cut-off frequency sqrt(2)/(2 pi tau_acc)
 
-    The bias b has a Kalman filter of its own: at rest the low-passed rate shows it; in motion, on request, the
-    difference between the inclination before and after the correction. The package does all of it (full version, no
-    magnetometer); yaw is not its own, but that of `tilt`.
+    A separate Kalman filter estimates the gyro bias b. At rest, the Kalman filter uses the low-passed angular rate. In
+    motion, the Kalman filter can also use the difference between the inclinations before and after the correction. The
+    package vqf performs these computations (full version, without a magnetometer). The yaw is computed in the same way
+    as in the plugin `tilt`.
 
-    It takes samples of one rate: each counts as one nominal interval, and one after a gap of more than .1 s as so many
-    turns without an accelerometer first as fit into it. ``alignment`` gravity leaves the start to the package: the mean
-    specific force over its first tau_acc. With the others it first sees two tau_acc of rest in that attitude,
-    without any estimate of the bias.
+    The package expects a constant sampling rate, so every sample is processed with the nominal interval. A gap of more
+    than 0.1 s is first filled with gyro updates without the accelerometer. With ``alignment`` gravity, the package
+    computes the initial tilt from the mean specific force of the first tau_acc seconds. With the other alignments, the
+    package first processes artificial samples at rest in the initial attitude for 2 tau_acc, with the bias estimation
+    disabled.
 
-    Its authors tuned the defaults on BROAD and five other sets of hand-held IMUs.
+    The authors of VQF tuned the default parameters on BROAD and five other data sets of hand-held IMUs.
 
     Source: D. Laidig, T. Seel, "VQF: Highly accurate IMU orientation estimation with bias estimation and magnetic
     disturbance rejection", Information Fusion 91, 187-204, 2023, doi:10.1016/j.inffus.2022.10.014; the package vqf
     (MIT), the extra ``attitude``.
 
     Attributes:
-        tau_acc_s: time constant of the low-pass.
-        rest_bias: estimate the bias at rest.
-        motion_bias: estimate it in motion.
-        bias_forgetting_s: time in which the bias grows as uncertain as it was at first.
+        tau_acc_s: tau_acc, time constant of the low-pass filter of the specific force [s].
+        rest_bias: if true, the gyro bias is estimated at rest.
+        motion_bias: if true, the gyro bias is estimated in motion.
+        bias_forgetting_s: time in which the standard deviation of the gyro bias increases from 0 to 0.1 deg/s [s].
     """
 
     name: ClassVar[str] = "vqf"
@@ -68,16 +70,17 @@ class Vqf(TiltAndYaw):
     bias_forgetting_s: Annotated[float, ABOVE_ZERO, BIAS_FORGETTING_S_RANGE, OF_PACKAGE] = 100.0
 
     def require(self, load: Callable[[], Recording]) -> None:
-        """Check, before a sweep begins, that the package is installed and the recording has what was asked to be used.
+        """Check before a sweep that the package vqf is installed and that the recording has the required data.
 
         Raises:
-            PluginError: the package is not installed.
+            PluginError: the package vqf is not installed.
+            RecordingError: the recording has no data of the yaw source, or no velocities for the alignment ``track``.
         """
         vqf_package()
         super().require(load)
 
     def verticals(self, recording: Recording) -> Verticals:
-        """Return x after each sample."""
+        """Return the vertical x = Omega^T e3 (n, 3) after each sample. The mask of detected accelerations is None."""
         imu = recording.inertial
         package, step_s = vqf_package(), imu.nominal_interval_s
         filter_ = package.VQF(step_s, **self._parameters())
@@ -85,21 +88,21 @@ class Vqf(TiltAndYaw):
             self._settle(filter_, tilt_start(recording, alignment=self.alignment).x, step_s)
         gaps = np.flatnonzero(imu.intervals_s > SILENCE_S)
         parts = []
-        for begin, end in zip([0, *gaps], [*gaps, len(imu.t_s)], strict=True):
-            if begin in gaps:
-                for _ in range(round(imu.intervals_s[begin] / step_s) - 1):
-                    filter_.updateGyr(imu.gyro_radps[begin].copy())
-            if end > begin:
-                parts.append(filter_.updateBatch(*_samples(imu, begin, end))["quat6D"])
+        for start, end in zip([0, *gaps], [*gaps, len(imu.t_s)], strict=True):
+            if start in gaps:
+                for _ in range(round(imu.intervals_s[start] / step_s) - 1):
+                    filter_.updateGyr(imu.gyro_radps[start].copy())
+            if end > start:
+                parts.append(filter_.updateBatch(*_samples(imu, start, end))["quat6D"])
         return vertical_of(np.concatenate(parts)), None
 
     def _parameters(self) -> dict[str, Any]:
-        """What the package calls them."""
+        """Return the values of the parameters by their names in the package vqf."""
         enabled = {"restBiasEstEnabled": self.rest_bias, "motionBiasEstEnabled": self.motion_bias}
         return {"tauAcc": self.tau_acc_s, "biasForgettingTime": self.bias_forgetting_s, **enabled}
 
     def _settle(self, filter_: "vqf.VQF", x: FloatArray, step_s: float) -> None:
-        """Hold the filter still until its low-pass shows the start."""
+        """Process artificial samples at rest in the initial attitude until the low-pass filter has converged."""
         steps = math.ceil(2 * self.tau_acc_s / step_s)
         filter_.setRestBiasEstEnabled(False)
         filter_.setMotionBiasEstEnabled(False)
@@ -111,52 +114,63 @@ class Vqf(TiltAndYaw):
 @register("attitude", "offline_vqf")
 @dataclass(frozen=True)
 class OfflineVqf(Vqf):
-    """VQF forwards and backwards over the whole recording: a smoother, which no filter can be compared with.
+    """VQF forwards and backwards over the complete recording; a smoother, which cannot be used online.
 
-    The equations are those of `vqf`; the low-pass has no lag, and each bias knows what came after it. It shows how much
-    of an error is the lack of a future. It finds its own start, and takes no recording with a gap above .1 s.
+    The equations are the same as in `vqf`, but the low-pass filter has no delay, and the bias estimates also use later
+    samples. The difference between the results with `vqf` and with `offline_vqf` shows the effect of later samples. The
+    package computes the initial tilt, so the only supported ``alignment`` is gravity. Recordings with a gap of more
+    than 0.1 s are not supported.
     """
 
     name: ClassVar[str] = "offline_vqf"
 
     def __post_init__(self) -> None:
-        """Check that nobody asks for another start."""
+        """Check that ``alignment`` is gravity, because the smoother of the package supports no other alignment.
+
+        Raises:
+            PluginError: ``alignment`` is not gravity.
+        """
         super().__post_init__()
         if self.alignment != "gravity":
-            reason = "a smoother finds its start itself (gravity)."
-            raise PluginError(f"attitude offline_vqf: alignment is {self.alignment}; {reason}")
+            raise PluginError(
+                f"attitude offline_vqf: alignment is {self.alignment}; it must be gravity, because the smoother"
+                " computes the initial tilt."
+            )
 
     def verticals(self, recording: Recording) -> Verticals:
-        """Return x after each sample, from all of them."""
+        """Return the vertical x = Omega^T e3 (n, 3), smoothed over all samples. The mask of accelerations is None."""
         imu = recording.inertial
         if imu.intervals_s.max() > SILENCE_S:
             raise RecordingError(
-                f"{recording.name} has a gap of {imu.intervals_s.max():.2f} s between two samples, and attitude"
-                f" offline_vqf takes samples of one rate; take vqf, or a part without a gap above {SILENCE_S} s."
+                f"{recording.name} has a gap of {imu.intervals_s.max():.2f} s between two IMU samples, but offline_vqf"
+                f" needs a constant rate. Use attitude=vqf, or a part of the recording without gaps above {SILENCE_S}"
+                " s."
             )
         samples, step_s = _samples(imu, 0, len(imu.t_s)), imu.nominal_interval_s
         return vertical_of(vqf_package().offlineVQF(*samples, None, step_s, self._parameters())["quat6D"]), None
 
 
 def vertical_of(q: FloatArray) -> FloatArray:
-    """Return x = Omega^T e3 (n, 3) of quaternions w, x, y, z (n, 4) from the body to a frame whose z is up."""
+    """Return the verticals x = Omega^T e3 (n, 3) of quaternions (n, 4) from the body to a frame whose z axis is up."""
     w, a, b, c = q.T
     return np.column_stack([2 * (a * c - w * b), 2 * (w * a + b * c), w * w - a * a - b * b + c * c])
 
 
-def _samples(imu: Imu, begin: int, end: int) -> tuple[FloatArray, FloatArray]:
-    """Gyro and accelerometer, writable and contiguous, as the package's C++ takes them."""
-    return imu.gyro_radps[begin:end].copy(), imu.accel_mps2[begin:end].copy()
+def _samples(imu: Imu, start: int, end: int) -> tuple[FloatArray, FloatArray]:
+    """Return copies of gyro and accelerometer rows, because the package vqf requires writable, contiguous arrays."""
+    return imu.gyro_radps[start:end].copy(), imu.accel_mps2[start:end].copy()
 
 
 def vqf_package() -> Any:  # noqa: ANN401 - a module that may be missing
-    """Return the package vqf.
+    """Import the package vqf and return the module.
 
     Raises:
-        PluginError: it is not installed.
+        PluginError: the package vqf is not installed.
     """
     try:
         import vqf
     except ImportError as error:
-        raise PluginError("attitude vqf needs the package vqf: pip install 'jerkbench[attitude]'.") from error
+        raise PluginError(
+            "attitude vqf needs the package vqf; install it with `pip install 'jerkbench[attitude]'`."
+        ) from error
     return vqf

@@ -1,1 +1,1 @@
-"""Tuning, the suite and the audit: settings are tried on some runs, chosen, and scored on runs that were not used."""
+"""Tuning, benchmark suite and audit of filters: parameters are selected on some runs and scored on other runs."""

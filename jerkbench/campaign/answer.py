@@ -1,4 +1,4 @@
-"""The answer of an audit: what its rows show about each method, under each kind of fault, and about all methods."""
+"""The results of an audit: statements about each method, about each kind of fault, and about all methods together."""
 
 import json
 from collections import Counter
@@ -39,30 +39,31 @@ from jerkbench.files import write_text
 from jerkbench.parameters import provenance_of
 
 AUDIT_FOLDER = "audit-"
-"""Start of the name of the folder of an audit; the scale follows."""
+"""Prefix of the name of the folder of an audit. The name of the protocol follows."""
 SECOND = "second.md"
-"""The comparison with an audit of other drives and tunings."""
+"""File with the comparison of this audit with an audit that used other drives and other tunings."""
 FAULT = "drawn.fault."
-"""Start of the columns of drives with a kind of fault."""
+"""Prefix of the columns in the table of drives that are not empty if the drive has a kind of fault."""
 NO_FAULT = "no fault"
 MIN_DRIVES = 5
-"""Drives of a kind of fault with which its ratio is stated."""
+"""Minimum number of drives with a kind of fault for which a ratio is computed."""
 WORSE = {"worse_3": 1.03, "worse_100": 2.0}
-"""Ratios above which a single drive counts as worse, by the name of the column."""
+"""Ratios above which a method counts as worse on a single drive, by the name of the column."""
 
 
 @dataclass(frozen=True)
 class AuditAnswer:
-    """The answer of an audit.
+    """The results of an audit, computed from its runs.
 
     Attributes:
-        rows: rows of the audit.
-        losses: log errors by method, tuning and drive.
-        said: statements of the three families of hypotheses.
-        methods: one row for each method, the lowest ratio to the plain filter of its model first.
-        kinds: one row for each method and kind of fault.
-        apart: one row for each estimator that is shown in a table of its own.
-        error: error rate of the complete procedure.
+        rows: The tables of the runs, from which all other attributes are computed.
+        losses: The log position errors of each method, in each tuning, on each evaluation drive.
+        said: The statistical statements about the three families of hypotheses of the audit, H1 to H3.
+        methods: Table of the methods, sorted by the ratio of their error to the error of the same filter without
+            adaptation.
+        kinds: Table with one row for each combination of a method and a kind of fault.
+        apart: Table with one row for each estimator that the audit evaluates separately from the other methods.
+        error: The error rate of the complete statistical procedure, estimated by resampling.
     """
 
     rows: AuditRows
@@ -75,18 +76,14 @@ class AuditAnswer:
 
     @property
     def sentences(self) -> list[str]:
-        """The answer in sentences."""
+        """The main findings of the audit as English sentences."""
         taken = self.methods[self.methods["is"].isin(PUBLISHED)]
-        own, best = counts_of(taken["own_verdict"]), counts_of(taken["best_verdict"])
+        same_model, best = counts_of(taken["own_verdict"]), counts_of(taken["best_verdict"])
         average = "The error of the average adaptation, relative to the plain filter of its model"
-        pick = (
-            "The error of the adaptive filter that is best in tuning, relative to the plain filter that is best there"
-        )
-        counts = (
-            f"{own['better']} are better than the equally tuned plain filter of their model, {own['worse']} are worse"
-        )
+        pick = "The error of the adaptive filter that is best in tuning, relative to the best plain filter there"
+        counts = f"{same_model['better']} are better than the equally tuned plain filter of their model"
         return [
-            f"Of {len(taken)} published or simplified adaptive filters, {counts}.",
+            f"Of {len(taken)} published or simplified adaptive filters, {counts}, {same_model['worse']} are worse.",
             f"Compared with the best plain filter, {best['better']} are better and {best['worse']} are worse.",
             f"{average}: {self.said.average}.",
             f"{pick}: {self.said.pick}.",
@@ -94,27 +91,33 @@ class AuditAnswer:
 
 
 def answered(rows: AuditRows) -> AuditAnswer:
-    """Return the answer that follows from the rows of an audit."""
+    """Compute the results of an audit from the tables of its runs."""
     losses = losses_of(rows)
     said = statements(losses)
     kinds = kind_frame(comparisons(losses)[2], [method._asdict() for method in rows.protocol.methods], rows)
     methods = method_frame(rows, losses, said, kinds)
     error = procedure_error(losses, rows.protocol.resampled_audits)
-    return AuditAnswer(rows, losses, said, methods, kinds, apart_frame(rows), error)
+    return AuditAnswer(rows, losses, said, methods, kinds, separate_frame(rows), error)
 
 
 def kinds_of(rows: AuditRows) -> dict[str, BoolArray]:
-    """Return which of the judged drives (D,) have no fault, and which have each kind; a drive may have several."""
+    """Return, by name, masks (D,) of the drives with each kind of fault and of the drives without a fault."""
     judged = rows.drives.set_index("seed").loc[list(rows.protocol.seeds_to_judge_on)]
     columns = judged.reindex(columns=[FAULT + str(kind) for kind, *_ in rows.protocol.laws["faults"]]).notna()
-    drives = {str(name).removeprefix(FAULT): own.to_numpy() for name, own in columns.items()}
+    drives = {str(name).removeprefix(FAULT): column.to_numpy() for name, column in columns.items()}
     return {NO_FAULT: ~columns.any(axis=1).to_numpy(), **drives}
 
 
 def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRows) -> pd.DataFrame:
-    """Return the ratio of each of y (k, R, D) under each kind of fault. The intervals hold for all of them together.
+    """Return a table with the error ratio of each method for each kind of fault.
 
-    A kind of fault with too few drives is left out.
+    The confidence intervals of the error ratios hold simultaneously for all rows of the table. Kinds of fault that
+    occur on fewer than `MIN_DRIVES` drives are left out.
+
+    Args:
+        y: (k, R, D) log ratios of the errors of k methods to the errors of a plain filter, in R tunings, on D drives.
+        names: For each of the k methods, the columns that identify the method.
+        rows: The tables of the audit.
     """
     known = {kind: drives for kind, drives in kinds_of(rows).items() if drives.sum() >= MIN_DRIVES}
     level = LEVEL / (len(y) * len(known)) if known else LEVEL
@@ -127,49 +130,54 @@ def kind_frame(y: FloatArray, names: Sequence[Mapping[str, str]], rows: AuditRow
 
 
 def numbers_of(said: Statement, prefix: str = "") -> dict[str, object]:
-    """Return a statement as columns."""
+    """Return the numbers and the verdict of a statement by column name. Each column name starts with ``prefix``."""
     names = ("ratio", "low", "high", "verdict", "small")
     return {prefix + name: str(said.verdict) if name == "verdict" else getattr(said, name) for name in names}
 
 
 _NOTHING = Statement(np.nan, np.nan, np.nan, Verdict.UNDECIDED, small=False, tuning_sd=np.nan)
-"""The statement without data."""
+"""A statement without data: NaN and undecided."""
 
 
 def method_frame(rows: AuditRows, losses: Losses, said: Statements, kinds: pd.DataFrame) -> pd.DataFrame:
-    """Return one row for each method.
+    """Return a table with the provenance, the error ratios and the failure rate of each method.
 
     Returns:
-        filter, adaptation; is, source (provenance); own_*, best_* (against the plain filter of its model and the best
-        one); untuned; no_fault_* ; better_kinds, worse_kinds; worst_kind, worst_ratio, worst_high; pays_from (fraction
-        of faulty drives); worse_3, worse_100 with _low and _high (fraction of drives on which it is worse by 3 % and by
-        100 %); lost (fraction of failed runs).
+        A table with one row for each method. The columns ``is`` and ``source`` contain the provenance of the
+        adaptation. Columns that start with ``own_`` compare the method with the tuned plain filter of the same model.
+        Columns that start with ``best_`` compare the method with the best plain filter. Columns that start with
+        ``no_fault_`` contain the comparison on drives without a fault. The column ``untuned`` contains the error ratio
+        with the default setting. The column ``tuning_sd`` contains the standard deviation, across tunings, of the log
+        error ratio. The columns ``better_kinds`` and ``worse_kinds`` count the kinds of fault for which the method
+        is better or worse. Columns that start with ``worst_`` describe the kind of fault with the largest upper limit
+        of the error ratio. The column ``pays_from`` contains the fraction of faulty drives above which the method
+        reduces the mean log error. The columns ``worse_3`` and ``worse_100`` contain the fractions of drives on which
+        the error is more than 3 % or 100 % larger. The column ``lost`` contains the fraction of failed runs.
     """
-    methods, own = rows.protocol.methods, comparisons(losses)[2]
+    methods, log_ratios = rows.protocol.methods, comparisons(losses)[2]
     plain = losses.plains[losses.model].mean(axis=1)
     lines = []
-    for method, mine, best in zip(methods, said.own_plain, said.best_plain, strict=True):
+    for method, same_model, best in zip(methods, said.same_model_plain, said.best_plain, strict=True):
         known = provenance_of(plugins.get("adaptation", method.adaptation))
         origin = {"is": known.kind, "source": known.source} if known else {"is": "", "source": ""}
-        lines.append({**method._asdict(), **origin, **numbers_of(mine, "own_"), **numbers_of(best, "best_")})
+        lines.append({**method._asdict(), **origin, **numbers_of(same_model, "own_"), **numbers_of(best, "best_")})
     table = pd.DataFrame(lines)
     table["untuned"] = np.exp((defaults(rows, methods) - plain).mean(axis=1))
-    table["tuning_sd"] = [one.tuning_sd for one in said.own_plain]
+    table["tuning_sd"] = [one.tuning_sd for one in said.same_model_plain]
     of_method = [kinds[(kinds[METHOD_COLUMNS] == list(method)).all(axis=1)] for method in methods]
     table = table.join(pd.DataFrame([_over_kinds(each) for each in of_method]))
-    table["pays_from"] = pays_from(own.mean(axis=1), kinds_of(rows)[NO_FAULT])
+    table["pays_from"] = pays_from(log_ratios.mean(axis=1), kinds_of(rows)[NO_FAULT])
     for name, ratio in WORSE.items():
-        counts = (own.mean(axis=1) > np.log(ratio)).sum(axis=1)
-        table[name] = counts / own.shape[2]
-        ends = [share_interval(int(count), own.shape[2]) for count in counts]
+        counts = (log_ratios.mean(axis=1) > np.log(ratio)).sum(axis=1)
+        table[name] = counts / log_ratios.shape[2]
+        ends = [share_interval(int(count), log_ratios.shape[2]) for count in counts]
         table[f"{name}_low"], table[f"{name}_high"] = zip(*ends, strict=True)
     table["lost"] = failure_rates(rows, methods)
     return table.sort_values("own_ratio", kind="stable", ignore_index=True)
 
 
-def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
-    """The columns of a method that summarise its ratios under the kinds of faults."""
-    faults, without = own[own["kind"] != NO_FAULT], own[own["kind"] == NO_FAULT]
+def _over_kinds(ratios: pd.DataFrame) -> dict[str, object]:
+    faults, without = ratios[ratios["kind"] != NO_FAULT], ratios[ratios["kind"] == NO_FAULT]
     nothing = pd.Series(numbers_of(_NOTHING) | {"kind": ""})
     price = without.iloc[0] if len(without) else nothing
     worst = faults.iloc[int(faults["high"].argmax())] if len(faults) else nothing
@@ -181,20 +189,29 @@ def _over_kinds(own: pd.DataFrame) -> dict[str, object]:
         "worst_kind": worst["kind"],
         "worst_ratio": worst["ratio"],
         "worst_high": worst["high"],
-        "highest_ratio": own["ratio"].max(),
+        "highest_ratio": ratios["ratio"].max(),
     }
 
 
 def pays_from(d: FloatArray, without: BoolArray) -> FloatArray:
-    """Return the fraction of faulty drives above which the mean of the log ratios d (M, D) is negative; NaN: none."""
+    """Return the fraction of faulty drives above which the mean log error ratio of a method is negative, shape (M,).
+
+    The fraction is NaN if the mean log error ratio on faulty drives is not negative. ``d`` (M, D) contains the log
+    ratios of the errors of M methods to the errors of the plain filters. ``without`` (D,) marks the drives without a
+    fault.
+    """
     price, gain = np.maximum(d[:, without].mean(axis=1), 0.0), d[:, ~without].mean(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(gain < 0.0, price / (price - gain), np.nan))
 
 
-def apart_frame(rows: AuditRows) -> pd.DataFrame:
-    """Return one row for each estimator apart: against the best plain filter, and against itself without adaptation."""
-    protocol, methods = rows.protocol, rows.protocol.beside
+def separate_frame(rows: AuditRows) -> pd.DataFrame:
+    """Return a table with one row for each estimator that the audit evaluates separately from the other methods.
+
+    Each estimator is compared with the best plain filter. An estimator with an adaptation is also compared with the
+    same estimator without adaptation.
+    """
+    protocol, methods = rows.protocol, rows.protocol.separate
     if not methods:
         return pd.DataFrame()
     tuned = cubes(rows, methods).tuned
@@ -221,16 +238,18 @@ def apart_frame(rows: AuditRows) -> pd.DataFrame:
 
 
 def counts_of(verdicts: Iterable[object]) -> dict[str, int]:
-    """Return how many verdicts are better, worse, equal and undecided."""
+    """Return the number of verdicts of each kind: better, worse, equal and undecided."""
     known = Counter(map(str, verdicts))
-    return {str(word): known[word] for word in (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Verdict.UNDECIDED)}
+    return {
+        str(verdict): known[verdict] for verdict in (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Verdict.UNDECIDED)
+    }
 
 
 def judged_audit(folder: Path) -> AuditAnswer:
-    """Return the answer of the rows in ``folder``, whatever version computed them; write answer.json and the tables.
+    """Compute the results of an audit from the runs in ``folder``, and write them to answer.json and to CSV tables.
 
     Raises:
-        JerkbenchError: There are no rows.
+        JerkbenchError: The folder contains no audit, or the audit is incomplete or was changed.
     """
     answer = answered(read_rows(folder))
     for name in ("methods", "kinds", "apart"):
@@ -241,7 +260,7 @@ def judged_audit(folder: Path) -> AuditAnswer:
 
 
 def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
-    """Return the answer for programs, to twelve decimals, because more digits differ between processors."""
+    """Return the results of an audit as plain data with twelve decimals, which do not depend on the processor."""
     protocol, said = answer.rows.protocol, answer.said
     summary = {
         "protocol": protocol.digest,
@@ -253,7 +272,7 @@ def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
         "adaptations": len(protocol.compared),
         "filters": list(protocol.filters),
         "sentences": answer.sentences,
-        "against_own_plain": counts_of(one.verdict for one in said.own_plain),
+        "against_own_plain": counts_of(one.verdict for one in said.same_model_plain),
         "against_best_plain": counts_of(one.verdict for one in said.best_plain),
         "average": asdict(said.average) | {"verdict": str(said.average.verdict)},
         "pick": asdict(said.pick) | {"verdict": str(said.pick.verdict)},
@@ -263,35 +282,35 @@ def answer_summary(answer: AuditAnswer, commit: str) -> dict[str, object]:
 
 
 def compare_audits(folder: Path, other: Path) -> str:
-    """Compare two audits of the same methods, and write the differences to the folder of the first one.
+    """Compare two audits of the same methods, and write the differences to the folder of the first audit.
 
     Raises:
-        JerkbenchError: An audit is missing, or they have other methods.
+        JerkbenchError: An audit is missing, or the two audits have different methods.
     """
     rows = [read_rows(each) for each in (folder, other)]
     if rows[0].protocol.methods != rows[1].protocol.methods:
-        raise JerkbenchError(f"{folder} and {other} compare other methods; give two audits of the same.")
+        raise JerkbenchError(f"{folder} and {other} have different methods; give two audits of the same methods.")
     text = compared_text(rows[0].protocol.methods, *(statements(losses_of(each)) for each in rows))
     write_text(folder / SECOND, text)
     return text
 
 
 def compared_text(methods: Sequence[AuditMethod], first: Statements, second: Statements) -> str:
-    """Return how many verdicts of H3 differ between two audits of the same ``methods``, and which are reversed."""
-    families = ("own", first.own_plain, second.own_plain), ("best", first.best_plain, second.best_plain)
+    """Return text that counts the verdicts of H3 that differ between two audits, and that lists reversed verdicts."""
+    families = ("own", first.same_model_plain, second.same_model_plain), ("best", first.best_plain, second.best_plain)
     changed = [
         (method.name, against, one.verdict, other.verdict)
         for against, *pair in families
         for method, one, other in zip(methods, *pair, strict=True)
         if one.verdict is not other.verdict
     ]
-    turned = [own for own in changed if {*own[2:]} == {Verdict.BETTER, Verdict.WORSE}]
-    defect = ", which is a defect" if turned else ""
+    opposite = [change for change in changed if {*change[2:]} == {Verdict.BETTER, Verdict.WORSE}]
+    defect = ", which is a defect" if opposite else ""
     head = (
         f"An audit with other drives and other tunings changes {len(changed)} of {2 * len(methods)} verdicts;"
-        f" {len(turned)} turn from better to worse or back{defect}. The error of the average adaptation relative to the"
+        f" {len(opposite)} change between better and worse{defect}. The error of the average adaptation relative to the"
         f" plain filter is {first.average}, then {second.average}. The error of the method that is best in tuning is"
         f" {first.pick}, then {second.pick}."
     )
-    lines = [f"- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in turned]
+    lines = [f"- {name}, {against} plain filter: {one}, then {other}" for name, against, one, other in opposite]
     return "\n".join([head, *lines])

@@ -1,4 +1,4 @@
-"""The runs of an audit, its rows and their files, and the rows as arrays of log errors."""
+"""Computation of the runs of an audit, storage of their rows in files, and conversion of the rows to arrays."""
 
 import hashlib
 import json
@@ -37,39 +37,39 @@ from jerkbench.notices import notify
 
 METHOD_COLUMNS = ["filter", "adaptation"]
 JUDGED = -1
-"""The number of the tuning of drives that no tuning has used."""
+"""Value of the column ``tuning`` for the judged drives, which no tuning has used."""
 TABLE_COLUMNS = {
     "drives": ("tuning", "seed", "level"),
     "tuned": (*METHOD_COLUMNS, "tuning", "trial", "drives", "lost", "loss"),
     "judged": (*METHOD_COLUMNS, "tuning", "tried", "trial", "seed", "status", "log_error"),
     "settings": (*METHOD_COLUMNS, "tuning", "tried", "knob", "value"),
 }
-"""Columns that each table must have. The last one is a number."""
+"""Columns that each table must have. The last column contains numbers."""
 TABLES = tuple(TABLE_COLUMNS)
 
 _STATED = "protocol.json"
 _FILES = (_STATED, *(f"{name}.parquet" for name in TABLES))
 _TEXTS, _KEYS = (*METHOD_COLUMNS, "status", "knob"), (*METHOD_COLUMNS, "tuning", "tried", "trial", "seed")
-_TYPES: dict[str, Any] = {
-    **dict.fromkeys((*METHOD_COLUMNS, "status"), "category"),
-    "tuning": np.int8,
-    "trial": np.int16,
-}
+_TYPES: Any = {**dict.fromkeys((*METHOD_COLUMNS, "status"), "category"), "tuning": np.int8, "trial": np.int16}
 _ORIGIN = "Run `jerkbench audit` to its end; runs that are stored are not repeated."
 
 
 @dataclass(frozen=True)
 class AuditRows:
-    """The rows of an audit. Each table is a file in its folder.
+    """The results of the runs of an audit, as four tables. Each table is stored in a separate Parquet file.
 
     Attributes:
-        protocol: protocol of the audit.
-        drives: one row for each drive: seed, tuning (-1: judged), level (log error of the first plain filter with its
-            default setting), and the drawn quantities, in columns that start with ``drawn.``.
-        tuned: one row for each setting of a tuning: filter, adaptation, tuning, trial, drives, lost, loss.
-        judged: one row for each run on an unused drive: filter, adaptation, tuning, tried (number of settings of the
-            search; 1: the default setting), trial, seed, status, log_error (NaN if the run failed).
-        settings: one row for each parameter of a chosen setting: filter, adaptation, tuning, tried, knob, value.
+        protocol: The protocol of the audit.
+        drives: Table with one row for each simulated drive. The column ``tuning`` is the number of the tuning that uses
+            the drive, or -1 for an evaluation drive. The column ``level`` is the log error of the first plain filter
+            with its default setting on the drive. Columns that start with ``drawn.`` contain the random quantities of
+            the drive.
+        tuned: Table with one row for each setting that a tuning evaluates. The column ``drives`` is the number of runs,
+            ``lost`` is the number of failed runs, and ``loss`` is the mean log error.
+        judged: Table with one row for each run on an evaluation drive. The column ``tried`` is the number of settings
+            that the search evaluated, or 1 for the default setting. The column ``log_error`` is NaN if the run failed.
+        settings: Table with one row for each parameter of a selected setting. The columns ``knob`` and ``value``
+            contain the name and the value of the parameter.
     """
 
     protocol: AuditProtocol
@@ -80,48 +80,48 @@ class AuditRows:
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables by their names."""
+        """The four tables of the audit by name."""
         return {name: getattr(self, name) for name in TABLES}
 
     def write(self, folder: Path) -> None:
-        """Write each table to a file."""
+        """Write each table to a Parquet file in ``folder``."""
         for name, table in self.tables.items():
             write_rows(table, folder / f"{name}.parquet")
 
 
 def run_audit(protocol: AuditProtocol, folder: Path, cluster: Cluster, workers: int) -> None:
-    """Compute the runs that are not stored in ``folder``, and write the rows and the manifest.
+    """Compute all runs of an audit that are not yet stored in ``folder``, and write the tables and the manifest.
 
     Args:
         protocol: Protocol of the audit.
-        folder: Folder of the audit.
-        cluster: Where the runs are computed.
-        workers: Number of processes, if the cluster starts them.
+        folder: Folder in which the audit is stored.
+        cluster: The cluster that computes the runs.
+        workers: Number of worker processes, for clusters that start local processes.
 
     Raises:
-        JerkbenchError: The folder has the results of another protocol, or a run cannot be made.
-        OSError: Nothing can be written.
+        JerkbenchError: The folder contains the results of another protocol, or a run cannot be computed.
+        OSError: The results cannot be written.
     """
     made = {"protocol": protocol.digest, "code": code_digest(), "git_commit": git_commit(), "versions": versions()}
     if git_commit().endswith("+changes"):
-        notify("the tree has changes that are not committed: nobody else can have this code, and the page says so")
+        notify("the checkout has uncommitted changes, so this audit cannot be reproduced; its manifest states this")
     write_protocol(protocol, folder)
-    with Workers(cluster, workers) as own:
-        collected(protocol, CampaignRuns(folder / "runs", own)).write(folder)
+    with Workers(cluster, workers) as executor:
+        collected(protocol, CampaignRuns(folder / "runs", executor)).write(folder)
     write_audit_manifest(folder, made)
 
 
 def collected(protocol: AuditProtocol, runs: CampaignRuns) -> AuditRows:
-    """Compute the runs that are not stored, and return the rows.
+    """Compute all runs of an audit that are not yet stored, and return the tables with all runs.
 
-    Every setting runs on the drives to tune on. Then the default setting and the best setting of each search run on
-    drives that no tuning has used.
+    First, each method runs with every candidate setting on the tuning drives. Then, each method runs with its default
+    setting and with the best setting of each search on the evaluation drives, which no tuning has used.
 
     Raises:
-        JerkbenchError: A plain filter failed, or a run cannot be made.
-        OSError: Nothing can be stored.
+        JerkbenchError: The first plain filter failed on a drive, or a run cannot be computed.
+        OSError: The results cannot be written.
     """
-    methods = [*protocol.competing, *protocol.beside]
+    methods = [*protocol.competing, *protocol.separate]
     tries = [
         (tuning, method, trial)
         for tuning in range(protocol.tunings)
@@ -138,27 +138,24 @@ def collected(protocol: AuditProtocol, runs: CampaignRuns) -> AuditRows:
     wanted = {(tuning if trial else 0, AuditMethod(*names), trial) for tuning, *names, trial in found}  # default: once
     best = sorted(wanted | {(0, method, 0) for method in methods})
     judged = _run(protocol, runs, best, [protocol.judges(method) for _, method, _ in best], "Audit, judged unseen")
-    levels = pd.concat([own[["seed", "level"]].drop_duplicates("seed") for own in (on_tuning, judged)])
+    levels = pd.concat([rows[["seed", "level"]].drop_duplicates("seed") for rows in (on_tuning, judged)])
     return AuditRows(protocol, _drives(protocol, levels), tuned, _of_picks(judged, picked), _settings(protocol, picked))
 
 
+Try = tuple[int, AuditMethod, int]
+"""The number of a tuning, a method, and the number of a setting."""
+
+
 def _run(
-    protocol: AuditProtocol,
-    runs: CampaignRuns,
-    tries: Sequence[tuple[int, AuditMethod, int]],
-    seeds: Sequence[range],
-    title: str,
+    protocol: AuditProtocol, runs: CampaignRuns, tries: Sequence[Try], seeds: Sequence[range], title: str
 ) -> pd.DataFrame:
-    """Compute settings (tuning, method, trial) that are not stored, each with its seeds.
+    """Compute the runs that are not yet stored, and return one row for each run of each setting.
 
-    The level is the log error of the first plain filter with its default setting on a drive. A failed run costs
-    ``lost_costs`` times the level.
-
-    Returns:
-        `METHOD_COLUMNS`, tuning, trial, seed, status, log_error, lost, level and loss.
+    The level of a drive is the log error of the first plain filter with its default setting. The loss of a failed run
+    is the level of the drive plus log(``lost_costs``).
 
     Raises:
-        JerkbenchError: That filter failed, or has not run.
+        JerkbenchError: With its default setting, the first plain filter failed or did not run on a drive.
     """
 
     def jobs() -> Iterator[Job]:
@@ -168,10 +165,9 @@ def _run(
 
     with Progress(len(tries), doing=title, unit="settings") as bar:
         rows = runs.rows(jobs(), [POSITION_ERROR], bar)
-    names = pd.DataFrame(
-        [(*method, tuning, trial) for tuning, method, trial in tries], columns=[*METHOD_COLUMNS, "tuning", "trial"]
-    )
-    rows = names.iloc[rows.pop("place")].reset_index(drop=True).join(rows)
+    settings = [(*method, tuning, trial) for tuning, method, trial in tries]
+    names = pd.DataFrame(settings, columns=[*METHOD_COLUMNS, "tuning", "trial"])
+    rows = names.iloc[rows.pop("job_index")].reset_index(drop=True).join(rows)
     with np.errstate(divide="ignore"):
         rows["log_error"] = np.log(rows.pop(POSITION_ERROR)).astype(np.float32)
     rows["status"] = rows["status"].mask(rows["status"] == "failed", "failed: " + rows["reason"])
@@ -180,37 +176,39 @@ def _run(
     first = rows[(rows["filter"] == filter_) & (rows["adaptation"] == plain) & (rows["trial"] == 0)]
     levels = first[first["status"] == "ok"].drop_duplicates("seed").set_index("seed")["log_error"].astype(float)
     if missing := sorted(set(rows["seed"]) - set(levels.index)):
-        raise JerkbenchError(
-            f"On drive {missing[0]} {filter_} + {plain} failed with its default setting, or has not run, so that the"
-            " cost of a failed run is unknown; make the faults milder, or run the audit to its end."
-        )
+        run = f"{filter_} + {plain} on drive {missing[0]} with its default setting"
+        raise JerkbenchError(f"The run of {run} failed or is missing. Make the faults milder, or finish the audit.")
     level, error = rows["seed"].map(levels).to_numpy(), rows["log_error"].to_numpy(dtype=float)
-    lost = (rows["status"] != "ok").to_numpy() | ~np.isfinite(error)
-    return rows.assign(lost=lost, level=level, loss=np.where(lost, level + np.log(protocol.lost_costs), error))
+    diverged = (rows["status"] != "ok").to_numpy() | ~np.isfinite(error)
+    return rows.assign(lost=diverged, level=level, loss=np.where(diverged, level + np.log(protocol.lost_costs), error))
 
 
 def picks(protocol: AuditProtocol, tuned: pd.DataFrame) -> pd.DataFrame:
-    """Return the result of each search: the trial with the lowest loss, of equal ones the first.
+    """Return the trial with the lowest loss in each search.
+
+    Of several trials with equal losses, return the first trial.
 
     Returns:
-        filter, adaptation, tuning, tried (number of settings), trial, loss.
+        A table with the columns filter, adaptation, tuning, tried (number of settings that the search evaluated), trial
+        and loss.
     """
     order = tuned.sort_values([*METHOD_COLUMNS, "tuning", "loss", "trial"], kind="stable")
     plain = pd.MultiIndex.from_frame(order[METHOD_COLUMNS].astype(str)).isin(protocol.plains)
     searches = [(protocol.trials, order[order["trial"] < protocol.trials]), (protocol.plain_trials, order[plain])]
-    best = [own.drop_duplicates([*METHOD_COLUMNS, "tuning"]).assign(tried=tried) for tried, own in searches]
+    best = [
+        candidates.drop_duplicates([*METHOD_COLUMNS, "tuning"]).assign(tried=tried) for tried, candidates in searches
+    ]
     return pd.concat(best, ignore_index=True)[[*METHOD_COLUMNS, "tuning", "tried", "trial", "loss"]]
 
 
 def _of_picks(runs: pd.DataFrame, picked: pd.DataFrame) -> pd.DataFrame:
-    """The runs of the chosen settings, and those of the default setting, which is run once for all tunings."""
+    """Return the runs of the selected settings, and the runs of the default settings, which all tunings share."""
     defaults = picked[picked["tuning"] == 0].drop_duplicates(METHOD_COLUMNS).assign(tried=1, trial=0)
     wanted = pd.concat([picked, defaults], ignore_index=True).drop(columns="loss")
     run_of = wanted["tuning"].where(wanted["trial"] > 0, 0)
-    own = runs.rename(columns={"tuning": "run_of"}).drop(columns=["level", "loss"])
-    rows = wanted.assign(run_of=run_of).merge(
-        own.astype(dict.fromkeys(METHOD_COLUMNS, str)), on=[*METHOD_COLUMNS, "run_of", "trial"]
-    )
+    renamed = runs.rename(columns={"tuning": "run_of"}).drop(columns=["level", "loss"])
+    renamed = renamed.astype(dict.fromkeys(METHOD_COLUMNS, str))
+    rows = wanted.assign(run_of=run_of).merge(renamed, on=[*METHOD_COLUMNS, "run_of", "trial"])
     rows["log_error"] = rows["log_error"].where(~rows["lost"])
     return rows.drop(columns=["run_of", "lost"]).astype({"tuning": np.int8, "tried": np.int16, "trial": np.int16})
 
@@ -224,7 +222,6 @@ def _drives(protocol: AuditProtocol, levels: pd.DataFrame) -> pd.DataFrame:
 
 
 def _settings(protocol: AuditProtocol, picked: pd.DataFrame) -> pd.DataFrame:
-    """One row for each parameter of each chosen setting."""
     rows: list[dict[str, object]] = []
     for *names, tuning, tried, trial, _ in picked.itertuples(index=False, name=None):
         method = AuditMethod(*names)
@@ -235,17 +232,15 @@ def _settings(protocol: AuditProtocol, picked: pd.DataFrame) -> pd.DataFrame:
 
 
 def write_protocol(protocol: AuditProtocol, folder: Path) -> None:
-    """Write the protocol and its digest, before anything runs.
+    """Write the protocol of an audit and its digest to ``folder``, before the first run.
 
     Raises:
-        JerkbenchError: The folder has the results of another protocol.
+        JerkbenchError: The folder contains the results of another protocol.
     """
     path = folder / _STATED
     if path.exists() and (there := _stated(path)["digest"]) != protocol.digest:
-        raise JerkbenchError(
-            f"{folder} has an audit of another protocol ({there}; this one is {protocol.digest}); give another folder"
-            " (--results), or delete it."
-        )
+        digests = f"its digest is {there}, and the digest of this protocol is {protocol.digest}"
+        raise JerkbenchError(f"{folder} is an audit of another protocol: {digests}. Delete {folder} or set --results.")
     write_text(path, json.dumps({"digest": protocol.digest, **asdict(protocol)}, indent=1))
 
 
@@ -254,7 +249,7 @@ def _stated(path: Path) -> dict[str, Any]:
 
 
 def write_audit_manifest(folder: Path, made: Mapping[str, object]) -> None:
-    """Write what the rows were made with, the hashes of the other files, and the hash of the manifest itself."""
+    """Write the manifest: the provenance ``made`` of the rows, hashes of other files, and a hash of the manifest."""
     write_text(folder / MANIFEST, _manifest_text({**made, "files": file_hashes(folder, _FILES)}))
 
 
@@ -264,22 +259,18 @@ def _manifest_text(content: Mapping[str, object]) -> str:
 
 
 def read_audit_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest of an audit.
+    """Read the manifest of an audit, and verify the hashes of all files that it lists.
 
     Raises:
-        JerkbenchError: A file is missing, or was changed after it was made.
+        JerkbenchError: A file is missing, or was changed after it was written.
     """
     path = folder / MANIFEST
-    tests = {
-        "files": (is_mapping_of(is_text), "hashes by the names of the files"),
-        "git_commit": (is_text, "a commit"),
-    }
+    tests = {"files": (is_mapping_of(is_text), "hashes by names of files"), "git_commit": (is_text, "a commit")}
     manifest = read_json(path, {}, _ORIGIN)
     unsigned = {key: value for key, value in manifest.items() if key != "digest"}
-    if read_file(path, lambda own: own.read_text(encoding="utf-8"), _ORIGIN) != _manifest_text(unsigned):
-        raise JerkbenchError(
-            f"{path} cannot be read: it was changed after it was made, or an earlier version made it. {_ORIGIN}"
-        )
+    if read_file(path, lambda source: source.read_text(encoding="utf-8"), _ORIGIN) != _manifest_text(unsigned):
+        changed = "the file was changed after the audit, or an earlier version of jerkbench wrote the file"
+        raise JerkbenchError(f"{path} cannot be read: {changed}. {_ORIGIN}")
     manifest = read_json(path, tests, _ORIGIN)
     for name in _FILES:
         changed = read_file(folder / name, lambda file: changed_files(folder, manifest["files"], [file.name]), _ORIGIN)
@@ -289,17 +280,17 @@ def read_audit_manifest(folder: Path) -> dict[str, Any]:
 
 
 def read_rows(folder: Path) -> AuditRows:
-    """Return the rows of the audit in ``folder``.
+    """Read the tables of the audit in ``folder``, and check that they are complete and unchanged.
 
     Raises:
-        JerkbenchError: There is no audit, a file was changed after it was made, or rows are missing.
+        JerkbenchError: The folder contains no audit, a file was changed after it was written, or rows are missing.
     """
     read_audit_manifest(folder)
     stated = _stated(folder / _STATED)
     digest = stated.pop("digest")
     protocol = audit_protocol(stated, folder / _STATED)
     if protocol.digest != digest:
-        raise JerkbenchError(f"{folder / _STATED} says digest {digest}, but has {protocol.digest}; it was changed.")
+        raise JerkbenchError(f"{folder / _STATED} was changed: its digest is {protocol.digest} instead of {digest}.")
     tables = {}
     for name, (*keys, number) in TABLE_COLUMNS.items():
         of_keys = {key: "text" if key in _TEXTS else "whole numbers" for key in keys}
@@ -310,12 +301,8 @@ def read_rows(folder: Path) -> AuditRows:
 
 
 def _require_complete(rows: AuditRows, folder: Path) -> None:
-    """Check that each row is there once, and that its number is finite unless the run failed.
-
-    Raises:
-        JerkbenchError: A row or a number is missing, or there too often.
-    """
-    protocol, methods = rows.protocol, [*rows.protocol.competing, *rows.protocol.beside]
+    """Raise an exception if a row of an audit is missing or superfluous, or if the error of a successful run is NaN."""
+    protocol, methods = rows.protocol, [*rows.protocol.competing, *rows.protocol.separate]
     for name, table in rows.tables.items():
         number, has_value = TABLE_COLUMNS[name][-1], table["status"] == "ok" if name == "judged" else True
         fits = (np.isfinite(table[number]) == has_value).all()
@@ -327,33 +314,31 @@ def _require_complete(rows: AuditRows, folder: Path) -> None:
     _require_once(folder, "drives", rows.drives, "seed", {**seeds, (JUDGED,): protocol.seeds_to_judge_on})
     _require_once(folder, "tuned", rows.tuned, "trial", trials)
     found = picks(protocol, rows.tuned).drop(columns="loss").itertuples(index=False, name=None)
-    judges = {own: protocol.judges(AuditMethod(*own[:2])) for own in found}
+    judges = {group: protocol.judges(AuditMethod(*group[:2])) for group in found}
     judges |= {(*method, 0, 1, 0): protocol.judges(method) for method in methods}
     _require_once(folder, "judged", rows.judged, "seed", judges)
     searches = Counter(method for method, _ in tunings for _ in protocol.searches(method))
-    for key, own in rows.settings.groupby([*METHOD_COLUMNS, "knob"], observed=True):
-        *names, knob = map(str, key)
-        fits = len(own) == len(own.drop_duplicates(["tuning", "tried"])) == searches[AuditMethod(*names)]
-        expected = f"the value of {knob} of {', '.join(names)} must be there once for each search"
+    for key, group in rows.settings.groupby([*METHOD_COLUMNS, "knob"], observed=True):
+        *names, parameter = map(str, key)
+        fits = len(group) == len(group.drop_duplicates(["tuning", "tried"])) == searches[AuditMethod(*names)]
+        expected = f"the value of {parameter} of {', '.join(names)} must be there once for each search"
         require_part(folder / "settings.parquet", fits, expected, _ORIGIN)
 
 
-def _require_once(
-    folder: Path, name: str, table: pd.DataFrame, each: str, wanted: Mapping[tuple[Any, ...], range]
-) -> None:
-    """Check that the column ``each`` has each value once in each wanted group, and that no other group exists."""
+def _require_once(folder: Path, name: str, table: pd.DataFrame, each: str, wanted: Mapping[Any, range]) -> None:
+    """Check that a table has exactly one row for each value of the column ``each`` in each group of ``wanted``."""
     by = [column for column in TABLE_COLUMNS[name] if column in _KEYS and column != each]
     found = table.groupby(by, observed=True)[each].agg(["size", "nunique", "min", "max"]).reset_index()
-    groups = {tuple(own[: len(by)]): own[len(by) :] for own in found.itertuples(index=False, name=None)}
+    groups = {tuple(row[: len(by)]): row[len(by) :] for row in found.itertuples(index=False, name=None)}
     for key in {**wanted, **groups}:
-        own = wanted.get(key, range(0))
-        fits = bool(own) and groups.get(key) == (len(own), len(own), own[0], own[-1])
+        values = wanted.get(key, range(0))
+        fits = bool(values) and groups.get(key) == (len(values), len(values), values[0], values[-1])
         expected = f"the rows of {', '.join(map(str, key))} must be there once for each {each}, and no others"
         require_part(folder / f"{name}.parquet", fits, expected, _ORIGIN)
 
 
 def write_rows(rows: pd.DataFrame, path: Path) -> None:
-    """Write rows as Parquet. Texts are coded, and the bytes of numbers are split, which compresses better."""
+    """Write a table to a Parquet file, with encodings of text and floating point numbers that make the file small."""
     coded = rows.astype({name: "category" for name in (*METHOD_COLUMNS, "status") if name in rows})
     floats = [name for name in rows if pd.api.types.is_float_dtype(rows[name].dtype)]
     options: dict[str, Any] = {
@@ -365,11 +350,11 @@ def write_rows(rows: pd.DataFrame, path: Path) -> None:
 
 
 class Cubes(NamedTuple):
-    """Log errors of some methods.
+    """Log errors of M methods as arrays, for R tunings and D evaluation drives.
 
     Attributes:
-        tuned: (M, R, D) tuned, on the drives to judge on.
-        on_tuning: (M, R) of the chosen settings, on the drives to tune on.
+        tuned: (M, R, D) log errors of the tuned methods on the evaluation drives.
+        on_tuning: (M, R) mean log errors of the selected settings on the tuning drives.
     """
 
     tuned: FloatArray
@@ -377,14 +362,15 @@ class Cubes(NamedTuple):
 
 
 def cubes(rows: AuditRows, methods: Sequence[AuditMethod], tried: int = 0, cost: float = 0.0) -> Cubes:
-    """Return the log errors of ``methods``, all of which have the same number of tunings and drives.
+    """Return the log errors of ``methods``, which must all have the same number of tunings and drives.
 
     Args:
-        rows: Rows of the audit.
-        methods: The methods, in order.
-        tried: Number of settings of a search; default: that of the methods.
-        cost: Cost of a failed run; default: that of the protocol. It changes the losses on the drives to judge on, not
-            the choice of the search.
+        rows: The tables of the audit.
+        methods: The methods, in the order of the first axis of the arrays.
+        tried: Number of settings that each search evaluates (by default, ``trials`` of the protocol).
+        cost: Factor by which the error of the first plain filter is multiplied to obtain the error of a failed run (by
+            default, ``lost_costs`` of the protocol). The cost changes the losses on the evaluation drives, but not the
+            settings that the searches have selected.
     """
     protocol, tried = rows.protocol, tried or rows.protocol.trials
     found = picks(protocol, rows.tuned)
@@ -395,14 +381,19 @@ def cubes(rows: AuditRows, methods: Sequence[AuditMethod], tried: int = 0, cost:
 
 
 def defaults(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
-    """Return the log errors (M, D) of ``methods`` with their default settings."""
+    """Return the (M, D) log errors of M methods with their default settings on D evaluation drives."""
     return _array(_with_losses(rows, 1, rows.protocol.lost_costs), methods, ["seed"])
 
 
 def losses_of(rows: AuditRows, cost: float = 0.0) -> Losses:
-    """Return the log errors of all methods that are compared, with a ``cost`` of a failed run as in `cubes`."""
+    """Return the log errors of all compared methods and of the plain filters.
+
+    Args:
+        rows: The tables of the audit.
+        cost: The cost of a failed run, as in `cubes`.
+    """
     protocol = rows.protocol
-    methods, plains = (cubes(rows, own, 0, cost) for own in (protocol.methods, protocol.plains))
+    methods, plains = (cubes(rows, group, 0, cost) for group in (protocol.methods, protocol.plains))
     wide = cubes(rows, protocol.plains, protocol.plain_trials, cost)
     published = np.array([protocol.adaptations[method.adaptation] in PUBLISHED for method in protocol.methods])
     model = np.array([protocol.filters.index(method.filter) for method in protocol.methods])
@@ -411,26 +402,26 @@ def losses_of(rows: AuditRows, cost: float = 0.0) -> Losses:
 
 
 def failure_rates(rows: AuditRows, methods: Sequence[AuditMethod]) -> FloatArray:
-    """Return the fraction of the runs of each tuned method that failed."""
-    own = rows.judged[rows.judged["tried"] == rows.protocol.trials]
-    rates = own["log_error"].isna().groupby([own[name] for name in METHOD_COLUMNS], observed=True).mean()
+    """Return the fraction of failed runs of each tuned method on the evaluation drives."""
+    runs = rows.judged[rows.judged["tried"] == rows.protocol.trials]
+    rates = runs["log_error"].isna().groupby([runs[name] for name in METHOD_COLUMNS], observed=True).mean()
     return np.asarray(rates.loc[list(methods)], dtype=np.float64)
 
 
 def _with_losses(rows: AuditRows, tried: int, cost: float) -> pd.DataFrame:
-    own = rows.judged[rows.judged["tried"] == tried]
-    level = own["seed"].map(rows.drives.set_index("seed")["level"]).to_numpy()
-    error = own["log_error"].to_numpy(dtype=np.float64)
-    return own.assign(loss=log_losses(np.exp(error), np.isnan(error), np.exp(level), cost))
+    runs = rows.judged[rows.judged["tried"] == tried]
+    level = runs["seed"].map(rows.drives.set_index("seed")["level"]).to_numpy()
+    error = runs["log_error"].to_numpy(dtype=np.float64)
+    return runs.assign(loss=log_losses(np.exp(error), np.isnan(error), np.exp(level), cost))
 
 
 def _array(table: pd.DataFrame, methods: Sequence[AuditMethod], axes: Sequence[str]) -> FloatArray:
-    """The column ``loss`` of a table as an array: the methods, then the ``axes`` in the order of their values."""
-    place = pd.MultiIndex.from_tuples(methods).get_indexer(pd.MultiIndex.from_frame(table[METHOD_COLUMNS]))
-    if lacking := {*range(len(methods))} - {*np.unique(place).tolist()}:
+    """Return the column ``loss`` as an array with one axis for the methods and one axis for each column in ``axes``."""
+    position = pd.MultiIndex.from_tuples(methods).get_indexer(pd.MultiIndex.from_frame(table[METHOD_COLUMNS]))
+    if lacking := {*range(len(methods))} - {*np.unique(position).tolist()}:
         raise KeyError(methods[min(lacking)].name)
-    known = table[place >= 0]
+    known = table[position >= 0]
     codes, values = zip(*(pd.factorize(known[axis], sort=True) for axis in axes), strict=True)
     array = np.full((len(methods), *map(len, values)), np.nan)
-    array[place[place >= 0], *codes] = known["loss"]
+    array[position[position >= 0], *codes] = known["loss"]
     return array

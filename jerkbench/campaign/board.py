@@ -1,4 +1,4 @@
-"""The verification of entries of a suite, and their board, a page with the rank of each entry."""
+"""Verification of the entries of a benchmark suite, and the board (a page that ranks the entries)."""
 
 import math
 import random
@@ -44,17 +44,17 @@ from jerkbench.notices import plain
 from jerkbench.report.writers import environment
 
 ROW_TOLERANCE = 1e-9
-"""Relative tolerance of a number that is computed again."""
+"""Relative tolerance between a stored number and the same number when it is computed again."""
 
 
 @dataclass(frozen=True)
 class CheckedEntry:
-    """The result of a verification.
+    """The result of the verification of an entry of a suite.
 
     Attributes:
-        mistakes: errors of the entry.
-        remarks: parts that could not be verified, or differ without being wrong.
-        rerun: number of rows of the method that were computed again.
+        mistakes: Messages about errors in the entry.
+        remarks: Messages about parts that could not be verified, or that differ without being wrong.
+        rerun: Number of rows of the method that were computed again.
     """
 
     mistakes: tuple[str, ...] = ()
@@ -65,45 +65,38 @@ class CheckedEntry:
 def verify(entry: Entry, count: int = 12, *, run_programs: bool = False) -> CheckedEntry:
     """Verify an entry: its digests, hashes, completeness, score, settings, and a sample of its rows.
 
-    Two thirds of the ``count`` rows that are computed again belong to the method, the others to the plain filter. The
-    sample differs each time. No row is computed again if the files do not fit their hashes.
+    The function computes ``count`` randomly selected rows again. Two thirds of these rows are runs of the method, and
+    one third are runs of the plain filter. If a digest, a hash or the set of rows is wrong, no row is computed again.
 
     Raises:
-        JerkbenchError: The suite is unknown, or the program of the method may not run.
+        JerkbenchError: The suite is unknown, or the method runs a program and ``run_programs`` is False.
     """
     protocol = read_suite(str(entry.manifest.get("suite")))
     missing = missing_mistakes(entry, protocol)
-    mistakes = [
-        *frozen_mistakes(entry, protocol),
-        *changed_files(entry.folder, entry.manifest["files"], HASHED),
-        *missing,
-    ]
+    changed = changed_files(entry.folder, entry.manifest["files"], HASHED)
+    mistakes = [*frozen_mistakes(entry, protocol), *changed, *missing]
     if missing:
         return CheckedEntry(tuple(mistakes))
     count = 0 if mistakes else count
     if entry.program and count and not run_programs:
-        raise JerkbenchError(
-            f"The rows of {entry.folder} come from the program {entry.program}, which does not run unasked; give"
-            " --run-programs if you trust it, or --rows 0 to check the files alone."
-        )
-    own = _checked(entry, ENTRY, entry.method, protocol, count - count // 3)
+        choice = "give --run-programs if you trust the program, or --rows 0 to check only the files"
+        raise JerkbenchError(f"The rows of {entry.folder} need the program {entry.program}; {choice}.")
+    checked = _checked(entry, ENTRY, entry.method, protocol, count - count // 3)
     plain = _checked(entry, PLAIN, protocol.plain_method, protocol, count // 3)
-    mistakes += [*score_mistakes(entry, protocol), *own.mistakes, *plain.mistakes]
-    return CheckedEntry(tuple(mistakes), (*own.remarks, *plain.remarks), own.rerun)
+    mistakes += [*score_mistakes(entry, protocol), *checked.mistakes, *plain.mistakes]
+    return CheckedEntry(tuple(mistakes), (*checked.remarks, *plain.remarks), checked.rerun)
 
 
 def frozen_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
-    """Yield a message for each digest that differs from the frozen one."""
+    """Yield a message for each digest in the manifest that differs from the frozen digest of the suite."""
     for key, frozen in frozen_part(str(entry.manifest["suite"]), protocol).items():
         if entry.manifest.get(key) != frozen:
-            yield (
-                f"The manifest's {key} is {entry.manifest.get(key)}, that of {protocol.name} {frozen}: the entry is of"
-                " another suite."
-            )
+            stated = f"The {key} in the manifest is {entry.manifest.get(key)}, but {protocol.name} has {frozen}"
+            yield f"{stated}: the entry belongs to another suite."
 
 
 def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
-    """Return a message for each method with missing or additional rows."""
+    """Return a message for each of the two methods (entry and plain filter) that has missing or superfluous rows."""
     found = Counter(entry.rows[["method", "scenario", "tuned_on", "seed"]].itertuples(index=False, name=None))
     wanted = Counter(
         (method, 0, tuned_on, seed)
@@ -113,66 +106,65 @@ def missing_mistakes(entry: Entry, protocol: SuiteProtocol) -> list[str]:
     )
     wrong = Counter(method for method, *_ in ((found - wanted) + (wanted - found)).elements())
     return [
-        f"The rows of the {method} are not those that {protocol.name} asks for: {count} are missing or too many."
+        f"The rows of the {method} are not the rows of {protocol.name}: {count} are missing or superfluous."
         for method, count in sorted(wrong.items())
     ]
 
 
 def score_mistakes(entry: Entry, protocol: SuiteProtocol) -> Iterator[str]:
-    """Yield a message for each number of the score, and for the page, that does not follow from the rows."""
+    """Yield a message for each number of the stored score, and for the stored page, that contradicts the rows."""
     stated = entry.manifest["score"]
-    for key, own in score_as_json(entry.rows, protocol).items():
-        if not same(own, stated.get(key)):
-            yield f"The manifest says {key} = {stated.get(key)}, the rows show {own}."
+    for key, computed in score_as_json(entry.rows, protocol).items():
+        if not same(computed, stated.get(key)):
+            yield f"The manifest says {key} = {stated.get(key)}, the rows show {computed}."
     page = (entry.folder / PAGE).read_text(encoding="utf-8", errors="replace")
     if page != entry_page(entry.name, entry.rows, protocol):
-        yield "entry.md does not say what the rows show."
+        yield "entry.md does not follow from the rows."
 
 
 def same(value: object, other: object) -> bool:
-    """Whether two values are equal, numbers to a relative 1e-9; NaN equals NaN."""
+    """Return whether two values are equal. The relative tolerance of numbers is 1e-9, and NaN equals NaN."""
     if isinstance(value, float) and isinstance(other, (int, float)):
         return math.isclose(value, other, rel_tol=ROW_TOLERANCE) or (math.isnan(value) and math.isnan(other))
     return value == other
 
 
 def _checked(entry: Entry, label: str, method: MethodSpec, protocol: SuiteProtocol, count: int) -> CheckedEntry:
-    """Verify the settings and ``count`` rows of one of the two methods, if the method can be made here."""
+    """Verify the settings and ``count`` rows of the entry or of the plain filter, if the method can run here."""
     try:
         digest, job = plugins_digest(method, protocol), protocol.job(method)
         data_fingerprint(job.scenario.dataset, job.scenario.disturbances)
         require_inputs(job, set())
         wrong = tuple(_settings_mistakes(entry, label, method, protocol))
     except JerkbenchError as error:
-        return CheckedEntry(
-            remarks=(f"The rows of {method.name} cannot be computed here, and are not checked: {error}",)
-        )
+        note = f"The rows of {method.name} cannot be computed here, and are not checked: {error}"
+        return CheckedEntry(remarks=(note,))
     if wrong:
         return CheckedEntry(wrong)
     remarks: tuple[str, ...] = ()
     if label == ENTRY and digest != entry.manifest.get("plugins"):
-        remarks = (f"The code of {method.name} here is not that of the entry; its rows are compared all the same.",)
+        remarks = (f"The installed code of {method.name} differs from the code of the entry. The rows were compared.",)
     rows = entry.rows[entry.rows["method"] == label]
     sample = rows.iloc[random.SystemRandom().sample(range(len(rows)), min(count, len(rows)))]
     return CheckedEntry(tuple(_row_mistakes(entry, label, method, sample, protocol)), remarks, len(sample))
 
 
 def _settings_mistakes(entry: Entry, label: str, method: MethodSpec, protocol: SuiteProtocol) -> Iterator[str]:
-    """Yield a message for each setting that the search of the suite does not try."""
+    """Yield a message for each setting of the entry that the search of the suite does not evaluate."""
     space = tunable_space(protocol.job(method))
     tried = tried_settings(protocol.trials, space)
     for tuned_on, values in entry.settings[label].items():
         allowed = tried[:1] if tuned_on == AS_GIVEN else tried
         setting = entry.setting(label, tuned_on)
-        if tuple(values) != space.names or not any(all(map(same, setting, own)) for own in allowed):
+        if tuple(values) != space.names or not any(all(map(same, setting, candidate)) for candidate in allowed):
             where = f"The setting of the {label} ({tuned_on})"
-            yield f"{where} is none that the search of {protocol.name} tries: {values}."
+            yield f"{where} is not among the settings that the search of {protocol.name} tries: {values}."
 
 
 def _row_mistakes(
     entry: Entry, label: str, method: MethodSpec, sample: pd.DataFrame, protocol: SuiteProtocol
 ) -> Iterator[str]:
-    """Compute rows again, and yield a message for each row that differs."""
+    """Compute the rows of ``sample`` again, and yield a message for each row that differs from the stored row."""
     if sample.empty:
         return
     stored = sample.sort_values("tuned_on").to_dict("records")
@@ -180,18 +172,20 @@ def _row_mistakes(
     with TemporaryDirectory(prefix="jerkbench-") as folder:
         runs = CampaignRuns(Path(folder))
         again = runs.rows_of_settings(protocol.job(method), settings, NUMBERS, Progress(0)).to_dict("records")
-    for before, own in zip(stored, again, strict=True):
-        differing = (key for key in ("status", *NUMBERS) if not same(before[key], own[key]))
+    for before, computed in zip(stored, again, strict=True):
+        differing = (key for key in ("status", *NUMBERS) if not same(before[key], computed[key]))
         if (key := next(differing, None)) is not None:
             where = f"on seed {before['seed']}, {before['tuned_on']}"
-            yield f"The {label} {where}: {key} is stored as {before[key]}, and comes out as {own[key]}."
+            yield f"The {label} {where}: the stored {key} is {before[key]}, the computed one is {computed[key]}."
 
 
 def write_board(folder: Path, count: int) -> list[Path]:
-    """Write board.html and board.md of the entries in ``folder``, each verified with ``count`` rows.
+    """Verify the entries in ``folder``, and write the board of these entries to board.html and board.md.
+
+    For each entry, ``count`` rows are computed again. For an entry that runs a program, no row is computed again.
 
     Raises:
-        JerkbenchError: No entry can be verified, or they belong to several suites.
+        JerkbenchError: No entry can be verified, or the entries belong to several suites.
     """
     checked, remarks = [], []
     for path in sorted(folder.glob(f"*/{ENTRY_FILE}")):
@@ -204,10 +198,8 @@ def write_board(folder: Path, count: int) -> list[Path]:
     if len(suites) != 1:
         content = f"entries of {', '.join(sorted(suites))}" if suites else "no entry that can be checked"
         reason = f" {remarks[0]}" if remarks else ""
-        raise JerkbenchError(
-            f"In {folder} there is {content}; a board is of the entries of one suite, a folder each.{reason}"
-        )
-    board = board_of(checked, read_suite(suites.pop()), [plain(remark) for remark in remarks])
+        raise JerkbenchError(f"{folder} contains {content}; a board needs entries of exactly one suite.{reason}")
+    board = board_of(checked, read_suite(suites.pop()), [plain(note) for note in remarks])
     texts = {"board.html": html(board), "board.md": board_markdown(board)}
     for name, text in texts.items():
         write_text(folder / name, text)
@@ -217,14 +209,19 @@ def write_board(folder: Path, count: int) -> list[Path]:
 def board_of(
     checked: Sequence[tuple[Entry, CheckedEntry]], protocol: SuiteProtocol, more: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return name, about, heads, lines and remarks of the board. An entry whose rows cannot be scored has no rank."""
-    remarks = [plain(f"{entry.name}: {text}") for entry, own in checked for text in (*own.mistakes, *own.remarks)]
+    """Return the content of the board as plain data: name, description, column heads, rows and remarks.
+
+    An entry with missing or superfluous rows is not ranked.
+    """
+    remarks = [
+        plain(f"{entry.name}: {text}") for entry, result in checked for text in (*result.mistakes, *result.remarks)
+    ]
     scored = [pair for pair in checked if not missing_mistakes(pair[0], protocol)]
     lines: list[list[str]] = []
     if scored:
         ranks = rank_range(np.stack([ratios(entry.rows) for entry, _ in scored], axis=-1)[:, None])
-        for k in np.lexsort([np.arange(len(scored)), ranks.high, ranks.low, ranks.place]).tolist():
-            rank = f"{ranks.place[k]} ({ranks.low[k]} to {ranks.high[k]})"
+        for k in np.lexsort([np.arange(len(scored)), ranks.high, ranks.low, ranks.rank]).tolist():
+            rank = f"{ranks.rank[k]} ({ranks.low[k]} to {ranks.high[k]})"
             lines.append([rank, *_cells(scored[k][0], scored[k][1], protocol)])
     ratio = f"ratio to tuned plain [95 % for {protocol.entries} entries at once]"
     heads = ["rank (95 %)", "entry", "n", ratio, "verdict", "without a fault", "worse by 3 % on [%]", "worst kind"]
@@ -237,7 +234,7 @@ def board_of(
     }
 
 
-def _cells(entry: Entry, own: CheckedEntry, protocol: SuiteProtocol) -> list[str]:
+def _cells(entry: Entry, result: CheckedEntry, protocol: SuiteProtocol) -> list[str]:
     score = score_of(entry.rows, protocol)
     return [
         entry.name,
@@ -250,12 +247,12 @@ def _cells(entry: Entry, own: CheckedEntry, protocol: SuiteProtocol) -> list[str
         f"{100 * score['lost']:.1f}",
         f"{score['step_ns']:.0f}",
         "yes" if entry.manifest.get("tuned") else "no",
-        "no: see below" if own.mistakes else f"yes, {own.rerun} rows" if own.rerun else "its files only",
+        "no: see below" if result.mistakes else f"yes, {result.rerun} rows" if result.rerun else "its files only",
     ]
 
 
 def board_markdown(board: Mapping[str, Any]) -> str:
-    """Return the board as Markdown."""
+    """Return the board as a Markdown document."""
     heads, lines = board["heads"], board["lines"]
     rows = [heads, ["---"] * len(heads), *([_escaped(cell) for cell in line] for line in lines)]
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
@@ -264,7 +261,7 @@ def board_markdown(board: Mapping[str, Any]) -> str:
 
 
 def html(board: Mapping[str, Any]) -> str:
-    """Return the board as one HTML file. Text of an entry is escaped."""
+    """Return the board as an HTML page. Text from the entries is escaped."""
     from jinja2 import PackageLoader
     from markupsafe import Markup
 
@@ -277,7 +274,7 @@ def html(board: Mapping[str, Any]) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Text without HTML and without separators of columns in Markdown."""
+    """Escape HTML and the column separators of Markdown tables."""
     from markupsafe import escape
 
     return str(escape(" ".join(text.split()))).replace("|", "&#124;")

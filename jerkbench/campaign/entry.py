@@ -1,4 +1,7 @@
-"""An entry of a suite: its tuning and its runs, its score against the equally tuned plain filter, and its files."""
+"""An entry of a suite: the tuning and the runs of a method, its score, and its files.
+
+The score compares the method with a plain filter (without adaptation) that is tuned with the same budget.
+"""
 
 import json
 import math
@@ -40,13 +43,13 @@ from jerkbench.report.writers import passive
 
 ROWS_FILE, SETTINGS, PAGE, ENTRY_FILE = "rows.parquet", "settings.yaml", "entry.md", "manifest.json"
 HASHED = (ROWS_FILE, SETTINGS, PAGE)
-"""Files whose hashes are in the manifest."""
+"""Files whose hashes are stored in the manifest."""
 PLAIN, ENTRY = "plain", "entry"
 """Values of the column ``method``."""
-AS_GIVEN, CHOSEN = "given", "drives"
-"""Values of the column ``tuned_on``: the setting that a method came with, and the setting that the search chose."""
+AS_GIVEN, TUNED_ON_DRIVES = "given", "drives"
+"""Values of the column ``tuned_on``: the setting with which a method was entered, and the best setting found."""
 NUMBERS = (POSITION_ERROR, "anees")
-"""Columns of metrics."""
+"""Columns of metrics in the rows."""
 ROW_COLUMNS = {
     "method": "text",
     "tuned_on": "text",
@@ -56,25 +59,25 @@ ROW_COLUMNS = {
     "reason": "text",
     **dict.fromkeys((*NUMBERS, "seconds"), "numbers"),
 }
-"""Columns of the rows, with their kinds."""
+"""Columns of the rows, with the kind of their values."""
 IMU_HZ = 100.0
-"""Steps per second of the simulated fields."""
+"""Number of filter steps per second of the simulated drives [1/s]."""
 NOTICEABLE = 1.03
-"""A ratio above this counts as worse on a drive."""
+"""Ratio to the plain filter above which an entry counts as worse on a drive."""
 
 Settings = Mapping[str, Mapping[str, Mapping[str, float]]]
-"""Values by method ("entry" or "plain"), setting ("given" or "drives") and parameter."""
+"""Values of parameters by method ("entry" or "plain"), setting ("given" or "drives") and name of the parameter."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry in its folder.
+    """An entry of a suite that was read from its folder.
 
     Attributes:
-        folder: the folder.
-        manifest: the method, the score, and what the entry was made with.
-        rows: runs of the entry and of the plain filter on the drives to score on.
-        settings: settings of both.
+        folder: The folder of the entry.
+        manifest: The method, the score, and the versions of the software that created the entry.
+        rows: The runs of the entry and of the plain filter on the test drives.
+        settings: The parameter values of the entry and of the plain filter, before and after tuning.
     """
 
     folder: Path
@@ -84,77 +87,71 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """Name on the board."""
+        """Name of the entry on the board."""
         return str(self.manifest["entry"])
 
     @property
     def method(self) -> MethodSpec:
-        """The method."""
+        """The filter and the adaptation of the entry."""
         return MethodSpec(**self.manifest["method"])
 
     @property
     def program(self) -> str:
-        """Command of the program that the method runs; empty if it runs none."""
+        """The external program (with arguments) that the method runs, or an empty string."""
         return program_of({"filter": self.method.filter})
 
     def setting(self, method: str, tuned_on: str) -> Setting:
-        """Return the values of the parameters, in order."""
+        """Return the parameter values of the entry or of the plain filter, with the given or the tuned setting."""
         return tuple(float(value) for value in self.settings[method][tuned_on].values())
 
 
 def enter(scale: str, method: MethodSpec, name: str, runs: CampaignRuns, command: str) -> str:
-    """Tune and score a method, write its entry to the folder of ``runs``, and return its page.
+    """Tune and score a method, write its entry to the folder of ``runs``, and return the text of its page.
 
-    Stored runs are not computed again. Those of the plain filter are stored in the cache for all entries.
+    Stored runs are not computed again. The runs of the plain filter are cached and shared by all entries.
 
     Args:
         scale: Name of the suite.
-        method: The method.
-        name: Name on the board.
-        runs: Where the runs are computed.
-        command: The command line.
+        method: The filter and the adaptation to tune and score.
+        name: Name of the method on the board.
+        runs: Object that computes the runs and stores their rows in the folder of the entry.
+        command: The command line that is stored in the manifest.
 
     Raises:
-        JerkbenchError: The method cannot be made or does not fit, or the suite is not the frozen one.
+        JerkbenchError: The method cannot be created or is not compatible, or the suite differs from the frozen suite.
     """
     protocol, folder = read_suite(scale), runs.folder
     tuned = bool(tunable_space(protocol.job(method)).parameters)
     require_recordings(scale, protocol)
     shared = replace(runs, folder=cache_folder("suite") / f"{protocol.name}-rows")
     levels, plain, of_plain = _scored(protocol.plain_method, protocol, shared, "The plain filter")
-    _, own, of_method = _scored(method, protocol, replace(runs, folder=folder / "runs"), name, levels)
+    _, settings, of_method = _scored(method, protocol, replace(runs, folder=folder / "runs"), name, levels)
     rows = pd.concat([of_method.assign(method=ENTRY), of_plain.assign(method=PLAIN)], ignore_index=True)
     page = entry_page(name, rows, protocol)
     write_atomically(folder / ROWS_FILE, lambda path: rows[list(ROW_COLUMNS)].to_parquet(path, index=False))
-    write_text(folder / SETTINGS, yaml.safe_dump({ENTRY: own, PLAIN: plain}, sort_keys=False))
+    write_text(folder / SETTINGS, yaml.safe_dump({ENTRY: settings, PLAIN: plain}, sort_keys=False))
     write_text(folder / PAGE, page)
-    manifest = {
-        "entry": name,
-        **frozen_part(scale, protocol),
-        "method": asdict(method),
-        "tuned": tuned,
-        "command": command,
-        "code": code_digest(),
-        "plugins": plugins_digest(method, protocol),
-        "git_commit": git_commit(),
-        "versions": versions(),
-        "score": score_as_json(rows, protocol),
-        "files": file_hashes(folder, HASHED),
-    }
-    write_text(folder / ENTRY_FILE, json.dumps(manifest, indent=1) + "\n")  # last: without it there is no entry
+    manifest = {"entry": name, **frozen_part(scale, protocol), "method": asdict(method), "tuned": tuned}
+    manifest |= {"command": command, "code": code_digest(), "plugins": plugins_digest(method, protocol)}
+    manifest |= {"git_commit": git_commit(), "versions": versions(), "score": score_as_json(rows, protocol)}
+    manifest["files"] = file_hashes(folder, HASHED)
+    write_text(
+        folder / ENTRY_FILE, json.dumps(manifest, indent=1) + "\n"
+    )  # the manifest is written last, so that an entry with a manifest is complete
     return page
 
 
-def _scored(
-    method: MethodSpec,
-    protocol: SuiteProtocol,
-    runs: CampaignRuns,
-    doing: str,
-    levels: Mapping[int, float] | None = None,
-) -> tuple[Mapping[int, float], dict[str, dict[str, float]], pd.DataFrame]:
-    """Tune a method if it has tunable parameters, and return the levels of the drives, its settings and its rows.
+Levels = Mapping[int, float]
+"""The error of the plain filter with its default setting on each drive [m], by seed."""
 
-    The levels are the errors of the plain filter with its default setting on each drive; default: those of ``method``.
+
+def _scored(
+    method: MethodSpec, protocol: SuiteProtocol, runs: CampaignRuns, doing: str, levels: Levels | None = None
+) -> tuple[Levels, dict[str, dict[str, float]], pd.DataFrame]:
+    """Tune a method if it has tunable parameters, and return the levels of the drives, the settings and the test rows.
+
+    The level of a drive is the error of the plain filter with its default setting [m]. If ``levels`` is None,
+    ``method`` must be the plain filter, and the levels are computed from its runs.
     """
 
     def run(tried: Sequence[Setting], seeds: range, metrics: int | None = None) -> pd.DataFrame:
@@ -167,41 +164,46 @@ def _scored(
     settings = {AS_GIVEN: tried[0]}
     if space.parameters:
         trials = run(tried, protocol.seeds_to_tune_on, metrics=1)
-        levels = levels or levels_of(trials[trials["place"] == 0])
-        means = losses_of_drives(trials, levels).groupby(trials["place"]).mean()
-        settings[CHOSEN] = tried[int(means.sort_values(kind="stable").index[0])]
+        levels = levels or levels_of(trials[trials["job_index"] == 0])
+        means = losses_of_drives(trials, levels).groupby(trials["job_index"]).mean()
+        settings[TUNED_ON_DRIVES] = tried[int(means.sort_values(kind="stable").index[0])]
     rows = run([*settings.values()], protocol.seeds_to_test_on)
-    tuned_on = np.array(list(settings))[rows.pop("place")]
+    tuned_on = np.array(list(settings))[rows.pop("job_index")]
     rows = rows.rename(columns={"run_s": "seconds"}).assign(tuned_on=tuned_on, scenario=0)
     named = {key: dict(zip(space.names, setting, strict=True)) for key, setting in settings.items()}
     return levels or {}, named, rows
 
 
 def levels_of(rows: pd.DataFrame) -> dict[int, float]:
-    """Return the error of the plain filter on each drive [m], from its rows.
+    """Return the position error of the plain filter on each drive [m], by the seed of the drive.
 
     Raises:
         JerkbenchError: The plain filter failed on a drive.
     """
     if (failed := rows.loc[rows["status"] != "ok", "seed"]).size:
-        raise JerkbenchError(f"The plain filter failed on the drive of seed {failed.min()}; make its fault milder.")
+        raise JerkbenchError(f"The plain filter failed on seed {failed.min()}; make the fault of this drive milder.")
     return dict(zip(rows["seed"].astype(int), rows[POSITION_ERROR].astype(float), strict=True))
 
 
-def losses_of_drives(rows: pd.DataFrame, levels: Mapping[int, float]) -> "pd.Series[float]":
-    """Return the loss of each run: log(error/level) with the level of its drive; a failed run counts log 100."""
+def losses_of_drives(rows: pd.DataFrame, levels: Levels) -> "pd.Series[float]":
+    """Return the loss log(error/level) of each run. ``levels`` contains the error of the plain filter on each drive.
+
+    A failed run has the loss log 100, which is also the largest loss.
+    """
     error = rows[POSITION_ERROR].where(rows["status"] == "ok").to_numpy(dtype=np.float64)
     level = np.asarray(rows["seed"].map(dict(levels)), dtype=np.float64)
     return pd.Series(log_losses_to(error, level), index=rows.index)
 
 
 def frozen_part(scale: str, protocol: SuiteProtocol) -> dict[str, object]:
-    """Return the part of the manifest that is the same for each entry of a suite."""
+    """Return the part of the manifest that is the same for all entries of a suite."""
     return {"suite": scale, "protocol": protocol.digest, "data": [FROZEN[scale]["data"]]}
 
 
 def plugins_digest(method: MethodSpec, protocol: SuiteProtocol) -> str:
-    """Return the hash of the code of plugins from other packages and of the program; empty for builtin plugins.
+    """Return a hash of the plugins of a method that belong to other packages, and of the program that the method runs.
+
+    The hash is an empty string if all plugins are built-in and the method runs no program.
 
     Raises:
         RecordingError: The program, or a file that the filter reads, is not on this machine.
@@ -212,44 +214,50 @@ def plugins_digest(method: MethodSpec, protocol: SuiteProtocol) -> str:
 
 
 def ratios(rows: pd.DataFrame, *, as_given: bool = False) -> FloatArray:
-    """Return log(entry/tuned plain filter) of each drive (n,); with ``as_given`` of the setting that it came with.
+    """Return the (n,) log ratios of the errors of the entry to the errors of the tuned plain filter on n drives.
 
-    A failed run counts 100 times the error of the plain filter with its default setting on that drive.
+    If ``as_given`` is set, the entry has the setting before tuning instead of the tuned setting. A failed run counts as
+    100 times the error of the plain filter with its default setting on the same drive.
     """
     levels = levels_of(rows[(rows["method"] == PLAIN) & (rows["tuned_on"] == AS_GIVEN)])
     rows = rows.assign(loss=losses_of_drives(rows, levels))
-    own = _counted(rows, ENTRY, as_given=as_given), _counted(rows, PLAIN)
-    entry, plain = (each.set_index("seed")["loss"].sort_index() for each in own)
+    counted = _counted(rows, ENTRY, as_given=as_given), _counted(rows, PLAIN)
+    entry, plain = (each.set_index("seed")["loss"].sort_index() for each in counted)
     return np.asarray((entry - plain).to_numpy(), dtype=np.float64)
 
 
 def _counted(rows: pd.DataFrame, method: str, *, as_given: bool = False) -> pd.DataFrame:
-    """The rows of a method that count: those of the tuned setting, if there is one."""
-    own = rows[rows["method"] == method]
-    tuned = own[own["tuned_on"] != AS_GIVEN]
-    return own[own["tuned_on"] == AS_GIVEN] if as_given or tuned.empty else tuned
+    """Return the rows of a method with its tuned setting, or with its given setting if the method was not tuned."""
+    runs = rows[rows["method"] == method]
+    tuned = runs[runs["tuned_on"] != AS_GIVEN]
+    return runs[runs["tuned_on"] == AS_GIVEN] if as_given or tuned.empty else tuned
 
 
 def drives_by_faults(protocol: SuiteProtocol) -> dict[str, BoolArray]:
-    """Return which drives (n,) have "0 faults", "1 fault" ..., and which have each kind of fault."""
+    """Return a mask (n,) of the test drives for each number of faults ("0 faults", ...) and for each kind of fault."""
     dataset = plugins.create("dataset", protocol.dataset)
     drawn = [list(dataset.drawn(seed)[2]) for seed in protocol.seeds_to_test_on]
     named = [[f"{len(kinds)} fault{'s' * (len(kinds) != 1)}", *kinds] for kinds in drawn]
-    return {name: np.array([name in own for own in named]) for name in sorted({n for own in named for n in own})}
+    return {
+        name: np.array([name in group for group in named]) for name in sorted({n for group in named for n in group})
+    }
 
 
 def score_of(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[str, Any]:
     """Return the score of an entry.
 
     Returns:
-        ``n`` drives; ``ratio``, the geometric mean of the ratios to the tuned plain filter, with ``low``, ``high`` and
-        ``verdict`` of its interval, which holds for all entries of the suite together; ``given``, the ratio with the
-        setting that the entry came with; ``nominal``, the ratio without a fault; ``worse``, the fraction of drives
-        on which the entry is worse by more than 3 %; ``worst_kind`` and ``worst_ratio`` of the kind of fault with the
-        largest ratio; ``lost``, the fraction of failed runs; ``anees``, the median of its runs (6 is expected; NaN
-        without a covariance); ``step_ns``, the time of a step [ns], which depends on the machine.
+        The numbers of the score by name. ``n`` is the number of test drives. ``ratio`` is the geometric mean of the
+        ratios of the error of the entry to the error of the tuned plain filter. ``low`` and ``high`` are the limits of
+        the confidence interval of ``ratio``, which holds simultaneously for all entries of the suite. ``verdict`` is
+        the verdict that follows from the confidence interval. ``given`` is the error ratio with the setting before
+        tuning. ``nominal`` is the error ratio on drives without a fault. ``worse`` is the fraction of drives on which
+        the error is more than 3 % larger than the error of the plain filter. ``worst_kind`` and ``worst_ratio`` are the
+        kind of fault with the largest error ratio, and this ratio. ``lost`` is the fraction of failed runs. ``anees``
+        is the median ANEES of the runs (expected value: 6), or NaN if the filter estimates no covariance. ``step_ns``
+        is the duration of a filter step [ns], which depends on the machine.
     """
-    d, own = ratios(rows), _counted(rows, ENTRY)
+    d, runs = ratios(rows), _counted(rows, ENTRY)
     low, high = (float(np.exp(end[0])) for end in few_intervals(d[None], 1 - LEVEL / protocol.entries))
     by_faults = {name: float(np.exp(d[drives].mean())) for name, drives in drives_by_faults(protocol).items()}
     kinds = {name: ratio for name, ratio in by_faults.items() if " " not in name}
@@ -260,28 +268,30 @@ def score_of(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[str, Any]:
         "ratio": float(np.exp(d.mean())),
         "low": low,
         "high": high,
-        "verdict": ratio_word(low, high, protocol.margin),
+        "verdict": ratio_verdict(low, high, protocol.margin),
         "given": float(np.exp(ratios(rows, as_given=True).mean())),
         "nominal": by_faults.get("0 faults", float("nan")),
         "worse": float((d > np.log(NOTICEABLE)).mean()),
         "worst_kind": worst,
         "worst_ratio": kinds[worst],
-        "lost": float((own["status"] != "ok").mean()),
-        "anees": float(own["anees"].median()),
+        "lost": float((runs["status"] != "ok").mean()),
+        "anees": float(runs["anees"].median()),
         "step_ns": fastest_s / (protocol.duration_s * IMU_HZ) * 1e9,
     }
 
 
 def score_as_json(rows: pd.DataFrame, protocol: SuiteProtocol) -> dict[str, Any]:
-    """Return the score with None instead of NaN."""
+    """Return the score of an entry, in which None replaces NaN because JSON has no NaN."""
     score = score_of(rows, protocol)
     return {key: None if isinstance(value, float) and np.isnan(value) else value for key, value in score.items()}
 
 
-def ratio_word(low: float, high: float, margin: float) -> str:
-    """Return the verdict of the interval of a ratio: better or worse first, then equal.
+def ratio_verdict(low: float, high: float, margin: float) -> str:
+    """Return the verdict that follows from the confidence interval of an error ratio.
 
-    >>> ratio_word(0.92, 0.98, 0.1), ratio_word(0.95, 1.04, 0.1), ratio_word(0.8, 1.2, 0.1)
+    The verdicts "better" and "worse" have priority over the verdict "equal".
+
+    >>> ratio_verdict(0.92, 0.98, 0.1), ratio_verdict(0.95, 1.04, 0.1), ratio_verdict(0.8, 1.2, 0.1)
     ('better, by less than 10 %', 'equal', 'undecided')
     """
     small = 1 / (1 + margin) <= low and high <= 1 + margin
@@ -292,13 +302,13 @@ def ratio_word(low: float, high: float, margin: float) -> str:
 
 
 def about_suite(protocol: SuiteProtocol, where: str) -> str:
-    """Return the explanation of the numbers on a "page" or a "board"."""
-    template = Path(__file__).with_name("suite.md.jinja")
+    """Return the text that explains the numbers on the page of an entry ("page") or on the board ("board")."""
+    template = Path(__file__).parent / "templates" / "suite.md.jinja"
     return filled_template(template, p=protocol, plain=protocol.plain_method.name, where=where)
 
 
 def entry_page(name: str, rows: pd.DataFrame, protocol: SuiteProtocol) -> str:
-    """Return the page of an entry: its score in one line, and the ratios by number and kind of faults."""
+    """Return the page of an entry: its score in one line, and the error ratios by number and kind of faults."""
     score, d = score_of(rows, protocol), ratios(rows)
     more = f"without a fault {score['nominal']:.3f}; worst kind {score['worst_kind']} {score['worst_ratio']:.2f}"
     tuned = (rows.loc[rows["method"] == ENTRY, "tuned_on"] != AS_GIVEN).any()
@@ -307,24 +317,22 @@ def entry_page(name: str, rows: pd.DataFrame, protocol: SuiteProtocol) -> str:
         f" [{score['low']:.3f}, {score['high']:.3f}], {score['verdict']}; {more}; lost {100 * score['lost']:.1f} %;"
         f" {f'tuned, {protocol.trials} settings' if tuned else 'not tuned'}."
     )
-    lines = "".join(
-        f"| {kind} | {drives.sum()} | {np.exp(d[drives].mean()):.3f} |\n"
-        for kind, drives in drives_by_faults(protocol).items()
-    )
+    groups = drives_by_faults(protocol).items()
+    lines = "".join(f"| {kind} | {drives.sum()} | {np.exp(d[drives].mean()):.3f} |\n" for kind, drives in groups)
     return f"{line}\n\n{about_suite(protocol, 'page')}\n| drives with | n | ratio |\n|---|---|---|\n{lines}"
 
 
 def _is_number(value: object) -> bool:
-    """Whether a value is a finite number that fits into a float."""
+    """Return whether a value is a finite number that fits into a float."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _is_method(value: object) -> bool:
-    """Whether a `MethodSpec` can be made of a value. An interpolation would be filled in on the reader's machine."""
+    """Return whether a value is the plain data of a valid `MethodSpec`. Interpolations of OmegaConf are not allowed."""
     return (
         isinstance(value, dict)
         and set(value) == {"filter", "adaptation", "r_scale"}
-        and all(isinstance(own, dict) for own in value.values())
+        and all(isinstance(part, dict) for part in value.values())
         and all(is_text(value[kind].get("name")) for kind in value if kind != "r_scale")
         and is_mapping_of(_is_number)(value["r_scale"])
         and "${" not in json.dumps(value)
@@ -336,12 +344,12 @@ def _is_of_score(value: object) -> bool:
 
 
 def _are_settings(value: object) -> bool:
-    """Whether both methods have their given setting, and their tuned setting if they were tuned."""
+    """Return whether the entry and the plain filter each have a given setting and at most one tuned setting."""
     return (
         is_mapping_of(is_mapping_of(is_mapping_of(_is_number)))(value)
         and isinstance(value, dict)
         and set(value) == {ENTRY, PLAIN}
-        and all(set(own) in ({AS_GIVEN}, {AS_GIVEN, CHOSEN}) for own in value.values())
+        and all(set(settings) in ({AS_GIVEN}, {AS_GIVEN, TUNED_ON_DRIVES}) for settings in value.values())
     )
 
 
@@ -355,15 +363,13 @@ FACTS: Mapping[str, tuple[Test, str]] = {
     "score": (is_mapping_of(_is_of_score), "numbers and words by their names"),
     "files": (is_mapping_of(is_text), "hashes by the names of the files"),
 }
-"""Values of the manifest that are read, with a test and a description of each."""
-_SHAPE = (
-    f"it must be under 'entry' and 'plain' a number for each parameter of '{AS_GIVEN}'; if tuned, under '{CHOSEN}' too"
-)
-_ORIGIN = "An entry is made by `jerkbench suite run`."
+"""Values of the manifest that are used. Each has a test and a description of the valid values."""
+_SHAPE = f"it must be under 'entry' and 'plain' a number for each parameter of '{AS_GIVEN}' (and '{TUNED_ON_DRIVES}')"
+_ORIGIN = "Create the entry with `jerkbench suite run`."
 
 
 def read_entry(folder: Path) -> Entry:
-    """Read an entry.
+    """Read an entry of a suite, and check that its files are complete and have valid values.
 
     Raises:
         JerkbenchError: A file is missing or damaged.

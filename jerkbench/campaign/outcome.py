@@ -1,9 +1,9 @@
-"""The files of a tuning: its page, table and figure, presets, and settings for other programs."""
+"""The output files of a tuning: page, table, figure, presets, and settings for other navigation programs."""
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,23 +22,23 @@ from jerkbench.files import filled_template, write_text
 from jerkbench.report.review import TUNED
 from jerkbench.report.writers import passive
 
-HERE = Path(__file__).parent
+TEMPLATES = Path(__file__).parent / "templates"
 CURVE = (1, 4, 16, 64, 256, 1024)
-"""Numbers of trials at which the budget curve is evaluated."""
+"""Numbers of trials at which the budget curve (lowest loss against number of trials) is evaluated."""
 BINS = 8
-"""Parts of the range of a parameter in its profile, and on each side of a map of two parameters."""
+"""Number of intervals into which the range of a parameter is divided in profiles and in maps of two parameters."""
 
 
 def write_tuning(tuning: Tuning, folder: Path, command: str) -> str:
-    """Write the page, the record, the trials, the presets and the files for other programs; return the page.
+    """Write all output files of a tuning except the figure, and return the text of the page.
 
     Args:
         tuning: The tuned method.
-        folder: Folder of the method.
+        folder: Folder to which the files are written.
         command: The command that runs the tuned method.
     """
     write_presets(tuning, folder / "conf")
-    page = f"{passive(tuning_page(tuning))}\nTake it with: {command}\n"
+    page = f"{passive(tuning_page(tuning))}\nRun the tuned method with: {command}\n"
     write_text(folder / "tuning.md", page)
     write_text(folder / "tuning.json", json.dumps(record(tuning), indent=1) + "\n")
     write_text(folder / "trials.csv", trial_table(tuning).to_csv(index=False, lineterminator="\n"))
@@ -49,9 +49,9 @@ def write_tuning(tuning: Tuning, folder: Path, command: str) -> str:
 
 
 def record(tuning: Tuning) -> dict[str, Any]:
-    """Return the tuning as plain data."""
+    """Return the results of a tuning as plain data for a JSON file."""
     score, names = tuning.score, tuning.space.names
-    cases = zip(tuning.cases.test, score.before.tolist(), score.chosen.tolist(), strict=True)
+    cases = zip(tuning.cases.test, score.before.tolist(), score.tuned.tolist(), strict=True)
     return {
         "method": tuning.name,
         "objective": tuning.objective.name,
@@ -66,28 +66,29 @@ def record(tuning: Tuning) -> dict[str, Any]:
         "lost_before": score.failed_before,
         "runs": score.runs,
         "budget_curve": budget_curve(tuning.outcome.trials),
-        "restarts": [float(own.chosen.mean()) for own in tuning.scores],
+        "restarts": [float(restart.tuned.mean()) for restart in tuning.scores],
         "edges": tuning.space.at_edge(tuning.setting),
     }
 
 
 def tuning_page(tuning: Tuning) -> str:
-    """Return the page of one tuned method, as Markdown."""
+    """Return the page about one tuned method as Markdown text."""
     return filled_template(
-        HERE / "tuning.md.jinja",
+        TEMPLATES / "tuning.md.jinja",
         {"shown": partial(_shown, tuning)},
         **record(tuning),
         parameters=tuning.space.parameters,
         meaning=tuning.objective.meaning,
-        found=tuning.outcome.place > 0,
-        improved=tuning.score.chosen.mean() < tuning.score.before.mean(),
+        found=tuning.outcome.best > 0,
+        improved=tuning.score.tuned.mean() < tuning.score.before.mean(),
+        correlation=tuning.score.correlation,
     )
 
 
 def tunings_table(tunings: Sequence[Tuning]) -> str:
-    """Return the tuned methods as a table, compared with the first one and each with its setting before the search."""
+    """Return text with a table of the tuned methods, and with comparisons of the methods and of untuned settings."""
     lines = [
-        f"{tuning.name:<32} {_shown(tuning, tuning.score.before):>10} {_shown(tuning, tuning.score.chosen):>10}"
+        f"{tuning.name:<32} {_shown(tuning, tuning.score.before):>10} {_shown(tuning, tuning.score.tuned):>10}"
         f" {tuning.score.failed:>4} of {tuning.score.runs}"
         for tuning in tunings
     ]
@@ -100,7 +101,7 @@ def tunings_table(tunings: Sequence[Tuning]) -> str:
 
 
 def _against_first(tunings: Sequence[Tuning]) -> list[str]:
-    """Compare each tuned method with the first one, seed by seed over all scenarios, as one family of comparisons."""
+    """Return lines that compare the error of each tuned method with the error of the first method on the same seeds."""
     first, *others = tunings
     if not others:
         return []
@@ -111,18 +112,19 @@ def _against_first(tunings: Sequence[Tuning]) -> list[str]:
         f"Error as a ratio to the error of {first.name}, both tuned, on the same seeds, with simultaneous 95 %"
         " intervals (a seed counts as lost if a run of any scenario is lost):"
     )
-    return [heading, *(_judged_line(other.name, own) for other, own in zip(others, said, strict=True)), ""]
+    return [heading, *(_judged_line(other.name, judgement) for other, judgement in zip(others, said, strict=True)), ""]
 
 
 def against_default(tunings: Sequence[Tuning]) -> list[str]:
-    """Compare each tuned setting with the setting before the search, and name the methods that tuning made worse."""
-    changed = [tuning for tuning in tunings if tuning.outcome.place and len(tuning.score.errors)]
+    """Return lines that compare the error of each tuned setting with the error of the setting before the search."""
+    changed = [tuning for tuning in tunings if tuning.outcome.best and len(tuning.score.errors)]
     if not changed:
         return []
     said = judged([log_ratios(tuning.score.errors, tuning.score.errors_before) for tuning in changed])
+    pairs = list(zip(changed, said, strict=True))
     lines = ["Error of the tuned setting as a ratio to the error of the setting before the search:"]
-    lines += [_judged_line(f"tuning of {tuning.name}", own) for tuning, own in zip(changed, said, strict=True)]
-    worse = [tuning.name for tuning, own in zip(changed, said, strict=True) if own.verdict in DEFEATS]
+    lines += [_judged_line(f"tuning of {tuning.name}", judgement) for tuning, judgement in pairs]
+    worse = [tuning.name for tuning, judgement in pairs if judgement.verdict in DEFEATS]
     if worse:
         lines.append(
             f"Tuning made {', '.join(worse)} worse on runs that were not used for tuning. Publish the tuned row all the"
@@ -131,21 +133,21 @@ def against_default(tunings: Sequence[Tuning]) -> list[str]:
     return [*lines, ""]
 
 
-def _judged_line(name: str, own: Judgement) -> str:
-    interval = f" [{own.low:.3f}, {own.high:.3f}]" if own.low == own.low else ""
-    verdict = f"differ by less than {100 * MARGIN:g} %" if own.verdict is Verdict.SMALL else str(own.verdict)
-    reason = f", as {own.reason}" if own.reason else ""
-    return f"{name:<32} {own.ratio:>10.3f}{interval} {verdict}{reason}; {own.failure_rates}"
+def _judged_line(name: str, judgement: Judgement) -> str:
+    interval = f" [{judgement.low:.3f}, {judgement.high:.3f}]" if judgement.low == judgement.low else ""
+    verdict = f"differ by less than {100 * MARGIN:g} %" if judgement.verdict is Verdict.SMALL else judgement.verdict
+    reason = f", as {judgement.reason}" if judgement.reason else ""
+    return f"{name:<32} {judgement.ratio:>10.3f}{interval} {verdict}{reason}; {judgement.failure_rates}"
 
 
 def _shown(tuning: Tuning, losses: Any) -> str:  # noqa: ANN401 - a number or an array
-    """The mean loss: as a ratio to the plain filter, or as a difference to it."""
+    """Return the mean loss as text: an error ratio to the plain filter, or a difference from the plain filter."""
     mean = float(np.mean(losses))
     return f"{math.exp(mean):.3f}" if tuning.objective.relative else f"{mean:+.3f}"
 
 
 def trial_table(tuning: Tuning) -> pd.DataFrame:
-    """Return one row for each trial: its number, its values, the loss of each scenario and their mean."""
+    """Return a table with one row for each trial: parameter values, losses of the scenarios, and failed runs."""
     trials, scenarios = tuning.outcome.trials, [case.labels.scenario for case in tuning.cases.tune]
     values = pd.DataFrame(np.array(trials.settings, dtype=np.float64), columns=tuning.space.names)
     losses = pd.DataFrame(trials.losses, columns=[f"loss: {scenario}" for scenario in scenarios])
@@ -154,21 +156,23 @@ def trial_table(tuning: Tuning) -> pd.DataFrame:
 
 
 def budget_curve(trials: Trials) -> list[tuple[int, float]]:
-    """Return (trials, lowest loss) after 1, 4, 16, ... and all trials; the first trial is the default setting."""
+    """Return pairs of n and the lowest loss of the first n trials, for n = 1, 4, 16, ... and for all trials."""
     best = np.minimum.accumulate(trials.means)
     sizes = [*(size for size in CURVE if size < len(best)), len(best)]
     return [(size, float(best[size - 1])) for size in sizes]
 
 
 def indistinct_intervals(space: Space, outcome: SearchOutcome) -> list[tuple[float, float]]:
-    """Return for each parameter the range of values that cannot be distinguished from the chosen one.
+    """Return the range of each parameter in which the loss is not significantly larger than at the selected value.
 
-    A trial cannot be distinguished if its mean loss over the runs (with the same seeds: paired) exceeds that of the
-    chosen one by at most 1.96 standard errors. The range is extended by half of the distance at which n trials lie in
-    d dimensions, n^(-1/d) of the range, because nothing was tried between two trials.
+    A trial is indistinguishable from the selected trial if its mean loss is larger by at most 1.96 standard errors of
+    the paired difference. The losses are paired, because all trials have runs with the same seeds. The range of a
+    parameter contains its values in all indistinguishable trials. At both ends, the range is extended by half of the
+    typical distance between trials, because no value between two trials was evaluated. For n trials in d dimensions,
+    the typical distance is n^(-1/d) of the full range of the parameter.
     """
     trials, fractions = outcome.trials, space.fractions(outcome.trials.settings)
-    difference = trials.runs - trials.runs[outcome.place]
+    difference = trials.runs - trials.runs[outcome.best]
     error = difference.std(axis=1, ddof=1) / np.sqrt(difference.shape[1]) if difference.shape[1] > 1 else np.zeros(1)
     near = fractions[difference.mean(axis=1) <= 1.96 * error]
     half = 0.5 * len(trials) ** (-1.0 / len(space.parameters))
@@ -177,9 +181,9 @@ def indistinct_intervals(space: Space, outcome: SearchOutcome) -> list[tuple[flo
 
 
 def write_figure(tuning: Tuning, folder: Path) -> Path:
-    """Draw the profile of each parameter, the map of the two that matter most, and the budget curve."""
+    """Draw the loss profile of each parameter, a loss map of the two main parameters, and the budget curve."""
+    from jerkbench.report.plots.studies import Map, Profile, search_figure
     from jerkbench.report.plots.style import save_figure
-    from jerkbench.report.plots.sweeps import Map, Profile, search_figure
 
     space, trials = tuning.space, tuning.outcome.trials
     fractions, drawn = space.fractions(trials.settings), None
@@ -207,7 +211,7 @@ def write_figure(tuning: Tuning, folder: Path) -> Path:
 
 
 def _lowest_losses(fractions: FloatArray, losses: FloatArray) -> FloatArray:
-    """The lowest loss in each part of the ranges of the parameters (n, d); NaN: no trial is in this part."""
+    """Return the lowest loss in each bin of the parameter space, or NaN for a bin without trials."""
     from scipy.stats import binned_statistic_dd
 
     ranges = [(0.0, 1.0)] * fractions.shape[1]
@@ -217,63 +221,67 @@ def _lowest_losses(fractions: FloatArray, losses: FloatArray) -> FloatArray:
 TUNED_PARTS = ("filter", "adaptation", "attitude")
 
 
-def preset_words(tuning: Tuning, *, typed: bool) -> list[str]:
-    """Return the words that choose what was tuned.
+def preset_overrides(tuning: Tuning, *, typed: bool) -> list[str]:
+    """Return the command-line overrides that select the presets of the tuned method.
 
     Args:
-        tuning: the tuned method.
-        typed: whether the words of the tuning choose an experiment themselves; a run takes one only.
+        tuning: The tuned method.
+        typed: Whether the command line of the tuning selects an experiment. A run can have only one experiment, so the
+            presets of the filter, the adaptation and the attitude filter are then selected separately.
     """
     if not typed:
         return [f"experiment={_name(tuning)}"]
-    setting = tuning.setting
-    parts = [f"{part}={_name(tuning)}" for part in TUNED_PARTS if tuning.space.of_part(part, setting)]
-    return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", setting).items()]
+    parts = [f"{part}={_name(tuning)}" for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)]
+    return parts + [f"r_scale.{key}={value}" for key, value in tuning.space.of_part("r_scale", tuning.setting).items()]
 
 
 def notes_of_tuning(tuning: Tuning) -> list[str]:
-    """Return the notes that the presets give to their runs: effort, split, baseline and hash; then the ranges.
+    """Return the two notes that describe the tuning in the presets of a tuned method.
 
-    The first note is the same for all methods that were tuned with the same effort on the same cases.
+    The first note contains the budget, the split of the runs, the baseline and a hash of the search. The first note is
+    equal for all methods that were tuned with the same budget on the same cases. The second note contains the search
+    ranges of the parameters.
     """
     budget, cases = tuning.budget, tuning.cases
-    alone = is_attitude_only(tuning.job.method.filter)
+    attitude_only = is_attitude_only(tuning.job.method.filter)
     search = {
         "objective": tuning.objective.name,
         "budget": asdict(budget),
         "split": cases.split,
-        "scenarios": [case.labels.scenario for case in cases.tune] if not alone else [],
+        "scenarios": [case.labels.scenario for case in cases.tune] if not attitude_only else [],
     }
-    plain = "mekf" if alone else "the plain filter of the same model"
+    plain = "mekf" if attitude_only else "the plain filter of the same model"
     effort = f"{TUNED}objective={tuning.objective.name}, trials={budget.trials}, finalists={budget.finalists}"
     effort = f"{effort}, sampler={budget.sampler}"
-    ranges = ", ".join(f"{own.name} {own.bounds}" for own in tuning.space.parameters)
+    ranges = ", ".join(f"{parameter.name} {parameter.bounds}" for parameter in tuning.space.parameters)
+    parts = {"filter", "adaptation"} - {parameter.part for parameter in tuning.space.parameters}
+    untuned = [f"{part} {tuning.job.spec[part]['name']}" for part in sorted(parts) if fields(tuning.job.part(part))]
+    defaults = f". Without a range, with its defaults: {', '.join(untuned)}" if untuned else ""
     return [
         f"{effort}; {cases.split}; compared with {plain} with default parameters; search {digest_of(search)}.",
-        f"Search ranges of {tuning.name}: {ranges}.",
+        f"Search ranges of {tuning.name}: {ranges}{defaults}.",
     ]
 
 
 def write_presets(tuning: Tuning, folder: Path) -> None:
-    """Write a preset of each part that was tuned to the groups in ``folder``, and an experiment that chooses them."""
-    spec, chosen, notes = tuning.job.spec, {}, notes_of_tuning(tuning)
+    """Write a preset for each tuned plugin to a subfolder of ``folder``, and an experiment that selects the presets."""
+    spec, choices, notes = tuning.job.spec, {}, notes_of_tuning(tuning)
     for part in TUNED_PARTS:
         plugin, values = str(spec[part]["name"]), tuning.space.of_part(part, tuning.setting)
         if values or part != "attitude":
-            chosen[part] = _name(tuning) if values else plugin
+            choices[part] = _name(tuning) if values else plugin
         if values:
-            plain = {key: list(own) if isinstance(own, tuple) else own for key, own in spec[part].items()}
-            del plain["name"]
+            given = {key: value for key, value in spec[part].items() if key != "name"}
+            plain = {key: list(value) if isinstance(value, tuple) else value for key, value in given.items()}
             text = _text(notes[0], {"defaults": [plugin, "_self_"], **plain, **values})
             write_text(folder / part / f"{_name(tuning)}.yaml", text)
-    told = tuning.space.of_part("r_scale", tuning.setting)
-    defaults = [{f"override /{part}": preset} for part, preset in chosen.items()]
-    whole = {"defaults": [*defaults, "_self_"], **({"r_scale": told} if told else {}), "notes": notes}
-    write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(notes[0], whole)}")
+    factors = tuning.space.of_part("r_scale", tuning.setting)
+    defaults = [{f"override /{part}": preset} for part, preset in choices.items()]
+    experiment = {"defaults": [*defaults, "_self_"], **({"r_scale": factors} if factors else {}), "notes": notes}
+    write_text(folder / "experiment" / f"{_name(tuning)}.yaml", f"# @package _global_\n{_text(notes[0], experiment)}")
 
 
 def _name(tuning: Tuning) -> str:
-    """The name of the experiment."""
     return f"{tuning.name}_tuned".replace("-", "_")
 
 
@@ -284,14 +292,17 @@ def _text(first_line: str, content: dict[str, Any]) -> str:
 MGAL_PER_MG = 980.665
 HOUR_S = 3600.0
 UNDECIDED = (0.05, 0.05, 0.06, 0.03, 0.03, 0.06, 0.025, 0.025, 0.04, 0.01, 0.01, 0.02, 0.01, 0.01, 0.015)
-"""robot_localization's own process noise, of x y z, roll pitch yaw, their rates, and ax ay az."""
+"""Default process noise variances of robot_localization: x y z, roll pitch yaw, their rates, and ax ay az."""
 
 CORRELATION_H = 1.0
-"""Correlation time of KF-GINS' biases where our filter has a random walk."""
+"""Correlation time of the biases that is written for KF-GINS if the tuned filter has a random walk bias [h]."""
 
 
 def other_programs(tuning: Tuning) -> dict[str, str]:
-    """Return the settings for other programs, by the name of the file: what maps to them, and what does not."""
+    """Return configuration files for other navigation programs, with the tuned parameters, by file name.
+
+    Comments in the configuration files list the parameters that cannot be converted.
+    """
     spec = tuning.space.applied(tuning.job, tuning.setting).spec
     values = {
         f"{part}.{key}": float(value)
@@ -306,11 +317,11 @@ def other_programs(tuning: Tuning) -> dict[str, str]:
     if walk is not None:
         variances[12:15] = [walk**2] * 3
     noise, gate, name = _imu_noise(values, density), _gate(values), str(spec["adaptation"]["name"])
-    own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith("filter.")}
-    adaptation = f"Does not map: the adaptation {name}; without it the tuned noises need not be the best."
+    filter_values = {key.partition(".")[2]: value for key, value in values.items() if key.startswith("filter.")}
+    adaptation = f"Does not map: the adaptation {name}. Without it, the tuned noises need not be the best."
     if name == "chi2" and gate:
         distance = f"sqrt(chi2(p, 3)) = {gate:.4g}"
-        adaptation = f"The adaptation chi2 is a gate, {distance}, in robot_localization; it maps nowhere else."
+        adaptation = f"The adaptation chi2 is a gate in robot_localization, {distance}. Other programs do not have it."
     content = {
         "values": values,
         "density": density,
@@ -318,16 +329,16 @@ def other_programs(tuning: Tuning) -> dict[str, str]:
         "diagonal": np.diag(variances).ravel().tolist() if (density, walk) != (None, None) else [],
         "noise": noise,
         "vrw": noise["vrw"],
-        "own": own if spec["filter"]["name"] == "eskf15" else None,
+        "own": filter_values if spec["filter"]["name"] == "eskf15" else None,
         "gate": gate,
         "adaptation": adaptation if name != "none" else "",
     }
     names = ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
-    return {name: filled_template(HERE / f"{name}.jinja", {"g": "{:.6g}".format}, **content) for name in names}
+    return {name: filled_template(TEMPLATES / f"{name}.jinja", {"g": "{:.6g}".format}, **content) for name in names}
 
 
 def _velocity_density(values: Mapping[str, float], interval_s: float | None) -> float | None:
-    """Density of the random walk of the velocity [m2/s3]: sigma_a^2 dt, or the equivalent parameter of the filter."""
+    """Return the power spectral density of the velocity random walk [m2/s3], or None if no parameter defines it."""
     if (sigma := values.get("filter.accel_mps2")) is not None and interval_s is not None:
         return sigma**2 * interval_s
     if (walk := values.get("filter.velocity_walk_mps_per_sqrt_s")) is not None:
@@ -338,7 +349,7 @@ def _velocity_density(values: Mapping[str, float], interval_s: float | None) -> 
 
 
 def _imu_noise(values: Mapping[str, float], density: float | None) -> dict[str, float | None]:
-    """The values of ``imunoise``; None: the filter has no such parameter."""
+    """Return the parameters of the section ``imunoise`` of KF-GINS. A parameter that the filter lacks is None."""
     noise: dict[str, float | None] = dict.fromkeys(("arw", "vrw", "gbstd", "abstd", "corrtime"))
     noise["vrw"] = None if density is None else math.sqrt(density * HOUR_S)
     instability, walk = (values.get(f"filter.{n}") for n in ("accel_instability_mg", "bias_mps2_per_sqrt_s"))
@@ -346,13 +357,13 @@ def _imu_noise(values: Mapping[str, float], density: float | None) -> dict[str, 
         noise["arw"] = values.get("filter.angle_random_walk_deg_per_sqrt_h")
         noise["gbstd"] = values.get("filter.gyro_instability_deg_per_h")
         noise |= {"abstd": instability * MGAL_PER_MG, "corrtime": values["filter.accel_correlation_s"] / HOUR_S}
-    elif walk is not None:  # of a Gauss-Markov process with that walk: 2 sigma^2/tau
+    elif walk is not None:  # the driving noise of a Gauss-Markov process has the density 2 sigma^2/tau = walk^2
         noise |= {"abstd": 1e5 * (walk * math.sqrt(CORRELATION_H * HOUR_S / 2.0)), "corrtime": CORRELATION_H}
     return noise
 
 
 def _gate(values: Mapping[str, float]) -> float | None:
-    """The Mahalanobis distance beyond which a gate rejects a block; None: the adaptation is not a gate."""
+    """Return the Mahalanobis distance above which an adaptation rejects measurements, or None if it is not a gate."""
     if (probability := values.get("adaptation.probability")) is None:
         return None
     from scipy.stats import chi2

@@ -1,4 +1,4 @@
-"""The protocols of the suite and the audit: methods, random drives and budgets, read from conf/suite and conf/audit."""
+"""The protocols of suites and audits, which define the methods, the random drives and the tuning budgets."""
 
 import dataclasses
 import hashlib
@@ -25,39 +25,43 @@ NO_DISTURBANCE = {"name": "none"}
 
 
 def digest_of(stated: Mapping[str, Any]) -> str:
-    """Return the first 12 digits of the SHA-256 of plain data."""
+    """Return the first 12 hexadecimal digits of the SHA-256 hash of plain data."""
     return hashlib.sha256(json.dumps(stated, sort_keys=True, default=list).encode()).hexdigest()[:12]
 
 
 def _fields(cls: type, stated: Mapping[str, Any], where: str | Path, optional: str = "") -> dict[str, Any]:
-    """Return the values of a protocol. Each has to be there, except ``optional``."""
+    """Return the values of the fields of a protocol. Unknown keys, and missing keys except ``optional``, are errors."""
     known = {field.name for field in dataclasses.fields(cls)}
     if wrong := sorted(known ^ {*stated, *filter(None, [optional])}):
-        raise PluginError(f"{where} lacks {wrong[0]}, or has it and may not; give all of {', '.join(sorted(known))}.")
+        problem = f"does not have the key {wrong[0]}" if wrong[0] in known else f"has the unknown key {wrong[0]}"
+        raise PluginError(f"{where} {problem}. The keys are {', '.join(sorted(known))}.")
     return {key: tuple(value) if isinstance(value, list) else value for key, value in stated.items()}
 
 
 TEST_FROM = 1_000_000
-"""The seeds to test on start here, plus a number that follows from the digest: no one has tuned on them."""
+"""Offset of the seeds of the test drives. A number that depends on the digest is added, so that no one can know the
+test drives before the protocol is fixed, and tune on them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteProtocol:
-    """The protocol of a suite of random drives. Settings are tuned on some drives and scored on others.
+    """The protocol of a suite of random drives. Methods are tuned on some drives and scored on other drives.
 
     Attributes:
-        name: name of the suite.
-        dataset: data set that draws a drive from its seed, with all its distributions.
-        plain: names of the filter and the adaptation that every entry is compared with.
-        metrics: metrics of each run; the first one is tuned for.
-        burn_in_s: errors count from this time on [s].
-        divergence_limit_m: a run with a larger position error failed [m].
-        duration_s: duration of each simulated drive [s].
-        trials: settings that each method may try, the given one among them.
-        tune_seeds: number of drives to tune on.
-        test_seeds: number of drives to score on.
-        margin: a ratio within 1 + margin is equal.
-        entries: number of entries for which the verdicts hold together: each interval is at 5 % divided by it.
+        name: Name of the suite.
+        dataset: Configuration of the data set that simulates a random drive for each seed.
+        plain: Names of the filter and the adaptation with which every entry is compared (the plain filter).
+        metrics: Names of the metrics of each run. The tuning minimises the first metric.
+        burn_in_s: Time after the start before which errors are not counted [s].
+        divergence_limit_m: Position error above which a run counts as diverged [m].
+        duration_s: Duration of each simulated drive [s].
+        trials: Number of settings that the tuning of each method evaluates, including the setting before tuning.
+        tune_seeds: Number of drives for tuning.
+        test_seeds: Number of drives for the test.
+        margin: Two methods count as equal if the interval of their error ratio is between 1/(1 + margin) and 1 +
+            margin.
+        entries: Number of entries for which the verdicts hold simultaneously. The significance level of each interval
+            is 5 % divided by the number of entries.
     """
 
     name: str
@@ -75,19 +79,19 @@ class SuiteProtocol:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the protocol, with two empty parts that the first suites had."""
+        """Hash of the protocol. Two empty fields are included, so that hashes of the first suites remain valid."""
         return digest_of({**dataclasses.asdict(self), "fields": {}, "families": []})
 
     @property
     def plain_method(self) -> MethodSpec:
-        """The plain filter that every entry is compared with."""
+        """The filter without adaptation with which every entry is compared."""
         return MethodSpec.named(**self.plain)
 
     def job(self, method: MethodSpec, metrics: int | None = None) -> Job:
-        """Return the job of a method on the drives, with the first ``metrics`` metrics.
+        """Return the job that runs a method on the random drives. ``metrics`` limits the number of computed metrics.
 
         Raises:
-            PluginError: The method cannot be made.
+            PluginError: The method cannot be created.
         """
         limits = Protocol(burn_in_s=self.burn_in_s, divergence_limit_m=self.divergence_limit_m)
         scenario = FaultScenario("mixture", dict(self.dataset), "any", NO_DISTURBANCE)
@@ -95,27 +99,25 @@ class SuiteProtocol:
 
     @property
     def seeds_to_tune_on(self) -> range:
-        """The drives on which every setting is tried."""
+        """The seeds of the tuning drives, on which every candidate setting is evaluated."""
         return range(self.tune_seeds)
 
     @property
     def seeds_to_test_on(self) -> range:
-        """The drives on which the chosen settings are scored."""
+        """The seeds of the test drives, on which the selected settings are scored."""
         first = TEST_FROM + int(self.digest[:6], 16)
         return range(first, first + self.test_seeds)
 
 
-FROZEN: Mapping[str, Mapping[str, str]] = json.loads(
-    Path(__file__).with_name("frozen.json").read_text(encoding="utf-8")
-)
-"""The digests of the protocol and the recordings of each suite. A change is a new suite with a new name."""
+FROZEN: Mapping[str, Mapping[str, str]] = json.loads(Path(__file__).with_name("frozen.json").read_bytes())
+"""Digests of the protocol and of the recordings of each suite. A changed suite needs a new name."""
 
 
 def read_suite(scale: str) -> SuiteProtocol:
-    """Return the suite conf/suite/``scale``.yaml.
+    """Read the protocol of a suite from conf/suite/``scale``.yaml.
 
     Raises:
-        PluginError: There is none, or it was changed after it was frozen.
+        PluginError: The suite is unknown, or it was changed after it was frozen.
     """
     require_known("suite", scale, FROZEN)
     stated = preset("suite", scale)
@@ -124,18 +126,18 @@ def read_suite(scale: str) -> SuiteProtocol:
     protocol = SuiteProtocol(**_fields(SuiteProtocol, stated, where))
     if protocol.digest != FROZEN[scale]["protocol"]:
         raise PluginError(
-            f"{where} is not {protocol.name} any more: its digest is {protocol.digest}, the frozen one"
-            f" {FROZEN[scale]['protocol']}. Take the change back; a changed suite needs a new file with a new name."
+            f"{where} differs from the frozen protocol of {protocol.name}: its digest is {protocol.digest}, and the"
+            f" frozen digest is {FROZEN[scale]['protocol']}. Give a changed suite a new name."
         )
     return protocol
 
 
 FROZEN_DRIVES = 40
-"""Number of frozen recordings. All kinds of faults occur in them."""
+"""Number of recordings whose digest is frozen. All kinds of fault occur in them."""
 PARTS = 16
-"""Parts of an array. The mean and the mean square of each part are hashed."""
+"""Number of parts into which an array is divided. The mean and the mean square of each part are hashed."""
 ROUNDED_TO = 1e-4
-"""They are rounded to this step, in SI units, so that rounding errors of another processor do not count."""
+"""Resolution of the hashed means, in SI units. It is coarse, so that rounding errors do not change the digest."""
 HASHED_ARRAYS = {
     "imu": ("t_s", "accel_mps2", "gyro_radps"),
     "position": ("t_s", "enu_m", "covariance_m2"),
@@ -147,20 +149,20 @@ HASHED_ARRAYS = {
 
 
 def require_recordings(scale: str, protocol: SuiteProtocol) -> None:
-    """Check that the recordings are the frozen ones.
+    """Raise an exception if the simulated recordings differ from the frozen recordings of the suite.
 
     Raises:
-        RecordingError: A recording differs.
+        RecordingError: The digest of the simulated recordings differs from the frozen digest.
     """
-    if (own := data_digest(protocol)) != FROZEN[scale]["data"]:
+    if (digest := data_digest(protocol)) != FROZEN[scale]["data"]:
         raise RecordingError(
-            f"The recordings are not those of {protocol.name}: their digest is {own}, the frozen one"
-            f" {FROZEN[scale]['data']}. Other data are another suite; use a version of jerkbench that makes these."
+            f"The recordings differ from the frozen recordings of {protocol.name}: their digest is {digest}, and"
+            f" the frozen digest is {FROZEN[scale]['data']}. Use the version of jerkbench that froze {protocol.name}."
         )
 
 
 def data_digest(protocol: SuiteProtocol) -> str:
-    """Return the first 8 digits of the SHA-256 of rounded means of the arrays of the frozen recordings."""
+    """Return a hash of the recordings of the first `FROZEN_DRIVES` test drives, from rounded means of the arrays."""
     scenario, inputs, sha = protocol.job(protocol.plain_method).scenario, Inputs(), hashlib.sha256()
     for seed in protocol.seeds_to_test_on[:FROZEN_DRIVES]:
         for array in _hashed_arrays(inputs.recording(scenario, seed)):
@@ -177,34 +179,34 @@ def _hashed_arrays(recording: Recording) -> Iterator[FloatArray]:
 
 
 PUBLISHED = ("published", "simplified")
-"""Kinds of adaptations that H1 averages and H2 picks from."""
+"""Kinds of provenance of the adaptations that hypothesis H1 averages and H2 selects from."""
 MAX_DRIVES = 10_000
-"""Number of seeds that are reserved for an audit."""
+"""Number of seeds that are reserved for an audit, and so the maximum number of its drives."""
 MIN_JUDGED = 64
-"""Drives to judge on: with fewer, hardly any kind of fault has enough drives for an interval."""
+"""Minimum number of judged drives. With fewer drives, most kinds of fault occur too rarely for an interval."""
 MIN_TUNINGS = 3
-"""Independent tunings: with fewer there is no third moment, which the intervals need."""
+"""Minimum number of independent tunings. The intervals need an estimate of the third moment."""
 
 
 class AuditMethod(NamedTuple):
-    """Names of a filter and an adaptation."""
+    """A method of an audit: the names of its filter and its adaptation."""
 
     filter: str
     adaptation: str
 
     @property
     def name(self) -> str:
-        """Name in tables."""
+        """Name of the method in tables."""
         return f"{self.filter} + {self.adaptation}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class AuditProtocol:
-    """The methods, drives and budgets of an audit. conf/audit/full.yaml explains the other attributes.
+    """The protocol of an audit. Comments in conf/audit/full.yaml describe the attributes that are not listed here.
 
     Attributes:
-        laws: the preset of the drives.
-        only: names of the adaptations to take; empty: all.
+        laws: Configuration of the data set, which defines the distributions of the random drives.
+        only: Names of the adaptations to compare. An empty tuple selects all adaptations.
     """
 
     version: int
@@ -231,91 +233,91 @@ class AuditProtocol:
     only: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that every name exists, and the numbers."""
         for name in (*self.adaptations, *self.only, self.plain, *self.references):
             plugins.get("adaptation", name)
         for name in (*self.filters, *self.apart, *self.apart_with_adaptations):
             plugins.get("filter", name)
         if (drives := self.tunings * self.tune_drives + self.judged_drives) > MAX_DRIVES:
-            raise PluginError(
-                f"An audit of {drives} drives is too large; {MAX_DRIVES} of all tunings together are allowed."
-            )
+            raise PluginError(f"The audit has {drives} drives for tuning and judging; the maximum is {MAX_DRIVES}.")
         for name, least, reason in (
-            ("judged_drives", MIN_JUDGED, "so that kinds of faults have intervals"),
-            ("tunings", MIN_TUNINGS, "so that their spread can be estimated"),
+            ("judged_drives", MIN_JUDGED, "so that an interval can be computed for each kind of fault"),
+            ("tunings", MIN_TUNINGS, "so that the spread between tunings can be estimated"),
         ):
             if getattr(self, name) < least:
                 raise PluginError(f"{name} is {getattr(self, name)}; give {least} or more, {reason}.")
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the protocol with the distributions of the drives."""
+        """Hash of the protocol and of the distributions of the drives."""
         return digest_of(dataclasses.asdict(self))
 
     def job(self, method: AuditMethod) -> Job:
-        """Return the job of a method with its default parameters."""
+        """Return the job that runs a method with its default parameters on the random drives."""
         scenario = FaultScenario(self.dataset, dict(self.laws), "any", NO_DISTURBANCE)
         return MethodSpec.named(*method).job(scenario)
 
     @cached_property
     def jobs(self) -> dict[AuditMethod, tuple[Job, Space]]:
-        """The job and the search space of each method."""
-        jobs = {method: self.job(method) for method in (*self.competing, *self.beside)}
+        """The job and the search space of each method of the audit."""
+        jobs = {method: self.job(method) for method in (*self.competing, *self.separate)}
         return {method: (job, tunable_space(job)) for method, job in jobs.items()}
 
     def seeds_to_tune_on(self, tuning: int) -> range:
-        """The drives of a tuning. The first one is the seed of its scramble, too."""
+        """Return the seeds of the drives of a tuning. The first seed also scrambles the Sobol sequence of settings."""
         first = int(self.digest[:8], 16) * MAX_DRIVES + tuning * self.tune_drives
         return range(first, first + self.tune_drives)
 
     @property
     def seeds_to_judge_on(self) -> range:
-        """The drives that no tuning has used."""
+        """The seeds of the evaluation drives, which no tuning uses."""
         first = self.seeds_to_tune_on(self.tunings)[0]
         return range(first, first + self.judged_drives)
 
     @property
     def compared(self) -> tuple[str, ...]:
-        """The adaptations that are compared with the plain filter."""
+        """The names of the adaptations that are compared with the plain filter."""
         return tuple(name for name in self.adaptations if not self.only or name in self.only)
 
     @property
     def plains(self) -> list[AuditMethod]:
-        """The plain filters."""
+        """The plain filters: each filter of the protocol without adaptation."""
         return [AuditMethod(model, self.plain) for model in self.filters]
 
     @property
     def methods(self) -> list[AuditMethod]:
-        """The methods that are compared."""
+        """The compared methods: each filter of the protocol with each compared adaptation."""
         return [AuditMethod(model, name) for model in self.filters for name in self.compared]
 
     @property
     def competing(self) -> list[AuditMethod]:
-        """The plain filters, the methods that are compared with them, and the references."""
+        """The plain filters, the methods that are compared with the plain filters, and the reference methods."""
         references = [AuditMethod(model, name) for model in self.filters for name in self.references]
         return [*self.plains, *self.methods, *references]
 
     @property
-    def beside(self) -> list[AuditMethod]:
-        """The estimators in a table of their own, with the adaptations that they support."""
-        own = [AuditMethod(name, self.plain) for name in self.apart]
+    def separate(self) -> list[AuditMethod]:
+        """The estimators that the audit evaluates separately, some of them with each adaptation that they support."""
+        without_adaptation = [AuditMethod(name, self.plain) for name in self.apart]
         taken = {name: plugins.create("filter", {"name": name}).adaptations for name in self.apart_with_adaptations}
-        return [*own, *(AuditMethod(name, rule) for name in taken for rule in self.compared if rule in taken[name])]
+        return [
+            *without_adaptation,
+            *(AuditMethod(name, rule) for name in taken for rule in self.compared if rule in taken[name]),
+        ]
 
     def searches(self, method: AuditMethod) -> tuple[int, ...]:
-        """The number of settings of each search of a method. The shorter search is the start of the longer one."""
+        """Return the number of settings of each search of a method. A plain filter has a short and a long search."""
         return (self.trials, self.plain_trials) if method in self.plains else (self.trials,)
 
     def tunings_of(self, method: AuditMethod) -> range:
-        """The tunings of a method."""
+        """Return the indices of the tunings of a method. Separately evaluated estimators may have fewer tunings."""
         return range(self.tunings if method.filter in self.filters else min(self.apart_tunings, self.tunings))
 
     def settings_of(self, method: AuditMethod, tuning: int) -> tuple[Setting, ...]:
-        """The settings that a tuning of a method tries, its default setting first."""
+        """Return the candidate settings of a method in a tuning. The first candidate is the default setting."""
         return _settings(max(self.searches(method)), self.jobs[method][1], self.seeds_to_tune_on(tuning)[0])
 
     def judges(self, method: AuditMethod) -> range:
-        """The drives that a method is judged on."""
+        """Return the seeds of the drives on which a tuned method is evaluated."""
         return self.seeds_to_judge_on[: None if method.filter in self.filters else self.apart_drives]
 
 
@@ -323,17 +325,17 @@ _settings = lru_cache(maxsize=8192)(tried_settings)
 
 
 def read_protocol(scale: str) -> AuditProtocol:
-    """Return the protocol conf/audit/``scale``.yaml.
+    """Read the protocol of an audit from conf/audit/``scale``.yaml.
 
     Raises:
-        PluginError: There is none, or it is inconsistent.
+        PluginError: The protocol is unknown or inconsistent.
     """
     stated = preset("audit", scale)
     return audit_protocol({**stated, "laws": preset("dataset", str(stated.get("dataset")))}, f"conf/audit/{scale}.yaml")
 
 
 def audit_protocol(stated: Mapping[str, Any], where: str | Path) -> AuditProtocol:
-    """Return the protocol that the file ``where`` states.
+    """Create an audit protocol from the values ``stated``. Error messages contain the file name ``where``.
 
     Raises:
         PluginError: A parameter is missing or unknown, or the protocol is inconsistent.

@@ -1,4 +1,4 @@
-"""Methods on scenarios, the settings that a search tries, and their runs: a stored run is not computed again."""
+"""Methods and scenarios of tunings, suites and audits, candidate settings of a search, and the computation of runs."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,23 +24,24 @@ from jerkbench.jobs.store import Store
 from jerkbench.parameters import ranges_of
 
 POSITION_ERROR = "position_rmse_m"
-"""The column that a campaign minimises."""
+"""The column whose mean a campaign minimises."""
+METRICS = ("position_rmse",)
 LIMITS = Protocol()
 MAX_JOBS = 20_000
-"""Number of jobs that are in memory at the same time."""
+"""Maximum number of jobs that are in memory at the same time."""
 MAX_FILES = 16
-"""Number of small files of rows after which they are joined into one."""
+"""Number of small files of rows that triggers joining them into one file."""
 
 
 @dataclass(frozen=True)
 class FaultScenario:
-    """A data set with a disturbance.
+    """A data set with one disturbance.
 
     Attributes:
-        noise: label of the data set.
-        dataset: name and parameters of the data set.
-        fault: label of the disturbance.
-        disturbance: name and parameters of the disturbance.
+        noise: Label of the data set in tables.
+        dataset: Name and parameters of the data set.
+        fault: Label of the disturbance in tables.
+        disturbance: Name and parameters of the disturbance.
     """
 
     noise: str
@@ -54,9 +55,9 @@ class MethodSpec:
     """A filter with an adaptation, as plain data.
 
     Attributes:
-        filter: name and parameters of the filter.
-        adaptation: name and parameters of the adaptation.
-        r_scale: factors on the reported R.
+        filter: Name and parameters of the filter.
+        adaptation: Name and parameters of the adaptation.
+        r_scale: Factors on the reported measurement covariance R, by the name of the stream.
     """
 
     filter: Mapping[str, Any]
@@ -65,100 +66,89 @@ class MethodSpec:
 
     @classmethod
     def named(cls, filter: str, adaptation: str) -> "MethodSpec":  # noqa: A002 - name of the group
-        """Return plugins with their default parameters."""
+        """Return the specification of a filter and an adaptation with their default parameters."""
         return cls({"name": filter}, {"name": adaptation}, {})
 
     @property
     def name(self) -> str:
-        """Names of the filter and the adaptation."""
+        """The names of the filter and the adaptation."""
         return f"{self.filter['name']} + {self.adaptation['name']}"
 
-    def job(
-        self, scenario: FaultScenario, limits: Protocol = LIMITS, metrics: Sequence[str] = ("position_rmse",)
-    ) -> Job:
-        """Return the job of the method on a scenario, with the attitude filter of the data set.
+    def job(self, scenario: FaultScenario, limits: Protocol = LIMITS, metrics: Sequence[str] = METRICS) -> Job:
+        """Return the job that runs the method on a scenario, with the attitude filter that the data set prefers.
 
         Raises:
-            PluginError: The method cannot be made, or its parts do not fit together.
+            PluginError: The method cannot be created, or its filter does not support the adaptation or the data set.
         """
-        single = {
-            "dataset": scenario.dataset,
-            "attitude": None,
-            "filter": self.filter,
-            "adaptation": self.adaptation,
-            "engine": "compiled",
-        }
+        single = {"dataset": scenario.dataset, "attitude": None, "engine": "compiled"}
+        single |= {"filter": self.filter, "adaptation": self.adaptation}
         job = job_of_parts(single, [scenario.disturbance], None, limits, metrics, self.r_scale or None)
         if reason := refusal(job):
-            raise PluginError(f"This method cannot enter: {reason}.")
+            raise PluginError(f"This method cannot run on the drives of a suite or an audit: {reason}.")
         return dataclasses.replace(job, labels=job.labels._replace(dataset=scenario.noise, disturbance=scenario.fault))
 
 
 def tunable_space(job: Job) -> Space:
-    """Return the search space of a method. It is empty if no part has a parameter with a range, as for a program."""
+    """Return the search space of the method of a job. The search space is empty if no parameter is tunable."""
     scenario, method = job.scenario, job.method
     parts = (scenario.attitude,) if is_attitude_only(method.filter) else (method.filter, method.adaptation)
     return space_of(job) if any(ranges_of(type(part)) for part in parts) else Space(())
 
 
 def tried_settings(trials: int, space: Space, scramble: int = 0) -> tuple[Setting, ...]:
-    """Return the settings that one search tries: the default setting, then points of a Sobol sequence.
+    """Return the candidate settings of a search: the default setting, followed by points of a Sobol sequence.
 
-    Two methods with the same number of parameters try the same fractions of their ranges.
+    For methods with the same number of parameters, the points are at the same fractions of the parameter ranges.
     """
     if not space.parameters or trials < 2:
         return (space.start,)
     return (space.start, *map(space.setting, _points(len(space.parameters), scramble, trials - 1)))
 
 
-_points: Callable[[int, int, int], FloatArray] = lru_cache(256)(lambda k, seed, n: sampler_of("sobol", k, seed).ask(n))
-"""Cached, because scrambling a sequence takes as long as several runs."""
+_points: Callable[[int, int, int], FloatArray] = lru_cache(256)(
+    lambda k, seed, n: sampler_of("sobol", k, seed).suggest(n)
+)
+"""Cached, because scrambling a Sobol sequence takes as long as several runs."""
 
 
 @dataclass(frozen=True)
 class CampaignRuns:
-    """The place where the runs of a campaign are computed and stored.
+    """Computes the runs of a tuning, a suite or an audit, and stores their rows.
 
     Attributes:
-        folder: folder of the stored rows.
-        workers: processes that compute; None: this process.
+        folder: Folder of the stored rows.
+        workers: Processes that compute the runs. If ``workers`` is None, the current process computes the runs.
     """
 
     folder: Path
     workers: Workers | None = None
 
     def rows(
-        self,
-        jobs: Iterable[Job],
-        numbers: Sequence[str],
-        progress: Progress,
-        *,
-        strict: bool = False,
-        threads: int = 1,
+        self, jobs: Iterable[Job], numbers: Sequence[str], progress: Progress, *, strict: bool = False, threads: int = 1
     ) -> pd.DataFrame:
-        """Compute the runs of ``jobs`` that are not stored, and return all their rows in order.
+        """Compute the runs of ``jobs`` that are not stored, and return the rows of all runs in order.
 
         Args:
-            jobs: The jobs, with the seeds that are wanted. Those of one scenario should be consecutive.
-            numbers: Columns of metrics to return.
-            progress: Advanced for each finished job.
-            strict: Raise an error of the input or of a plugin instead of storing a failed row.
+            jobs: The jobs, with the requested seeds. Jobs of the same scenario should be consecutive.
+            numbers: Names of the metric columns to return.
+            progress: A progress bar that is advanced for each finished job.
+            strict: Whether to raise errors of inputs and plugins instead of storing failed rows.
             threads: Number of threads of the engine in each process.
 
         Returns:
-            Position of the job (``place``), seed, status, reason, run_s and the numbers.
+            A table with the columns ``job_index`` (index of the job in ``jobs``), ``seed``, ``status``, ``reason``,
+            ``run_s`` (duration of the run [s]) and the columns ``numbers``.
 
         Raises:
-            JerkbenchError: Nothing can be stored, or the cluster cannot continue.
+            JerkbenchError: The rows cannot be stored, or the cluster cannot continue.
         """
         store, parts, start, rest = Store(self.folder), [], 0, iter(jobs)
         while several := sharing_scenarios(islice(rest, MAX_JOBS)):
-            run_missing(
-                Plan(joined_jobs(several)), store, self.workers, strict=strict, progress=progress, threads=threads
-            )
-            progress.advance(count=len(several) - len({job.key for job in several}))  # several settings are one run
+            plan = Plan(joined_jobs(several))
+            run_missing(plan, store, self.workers, strict=strict, progress=progress, threads=threads)
+            progress.advance(count=len(several) - len({job.key for job in several}))  # equal jobs run only once
             rows = store.rows(several, numbers).astype(dict.fromkeys(numbers, float))
-            parts.append(rows.assign(place=rows["place"] + start))
+            parts.append(rows.assign(job_index=rows["job_index"] + start))
             start += len(several)
         store.compact(MAX_FILES)
         return pd.concat(parts, ignore_index=True)
@@ -166,7 +156,10 @@ class CampaignRuns:
     def rows_of_settings(
         self, job: Job, settings: Iterable[tuple[Setting, Sequence[int]]], numbers: Sequence[str], progress: Progress
     ) -> pd.DataFrame:
-        """Return the rows of one job with several settings, each with its seeds."""
+        """Run one job with several settings, and return the rows.
+
+        Each element of ``settings`` is a setting with its seeds.
+        """
         space = tunable_space(job)
         jobs = (dataclasses.replace(space.applied(job, setting), draws=seeds) for setting, seeds in settings)
         return self.rows(jobs, numbers, progress)

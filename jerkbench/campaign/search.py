@@ -1,4 +1,4 @@
-"""The search: settings are tried, one is chosen, and it is tested on runs that no search has used."""
+"""The search for the best parameter setting of a method, and the score of the selected setting on unused runs."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -22,50 +22,54 @@ from jerkbench.r_scale import RScale
 from jerkbench.recording import Recording
 
 FAILED_RUN = math.log(100.0)
-"""The loss of a failed run, and the largest loss of a run: the error is 100 times that of the plain filter."""
+"""The loss of a failed run, and the largest loss of a run. It means 100 times the error of the plain filter."""
 SETTINGS_AT_ONCE = 16
-"""Settings that are tried together. A learning sampler learns after each block."""
+"""Number of settings in a block. An adaptive sampler receives the losses after each block."""
 
 
 def log_losses_to(values: FloatArray, level: FloatArray | float) -> FloatArray:
-    """Return log(values/level), at most log 100; NaN, the value of a failed run, counts log 100."""
+    """Return log(values/level), limited to log 100. A failed run, whose value is NaN, also has the loss log 100."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.fmin(np.log(values / level), FAILED_RUN))
 
 
 @dataclass(frozen=True)
 class Objective:
-    """A column of the rows, compared with the plain filter.
+    """The objective of a tuning: the metric from which the loss of a run is computed, relative to the plain filter.
 
     Attributes:
-        name: name of the objective.
-        metric: metric that computes the column.
-        column: column of a row.
-        relative: whether the loss is the logarithm of the ratio to the plain filter, or the difference.
-        reference: part of the reference that a recording needs; empty: none.
-        lacking: message for a recording without that part.
-        meaning: description of the loss.
+        name: Name of the objective.
+        metric: Name of the metric.
+        column: Name of the column of the rows that contains the metric.
+        meaning: Description of the loss.
+        reference: Name of the array that the reference of a recording must have (empty if no array is required).
+        lacking: End of the error message for a recording whose reference does not have the array.
+        relative: Whether the loss is the log ratio to the value of the plain filter. If ``relative`` is False, the loss
+            is the difference from the value of the plain filter.
     """
 
     name: str
     metric: str
     column: str
-    relative: bool
-    reference: str
-    lacking: str
     meaning: str
+    reference: str = ""
+    lacking: str = ""
+    relative: bool = True
 
     def values(self, rows: pd.DataFrame) -> FloatArray:
-        """Return the column (n,) of each run; NaN if the run failed."""
+        """Return the (n,) values of the metric in n runs. The value of a failed run is NaN."""
         values = rows[self.column].where(rows["status"] == "ok").to_numpy(dtype=np.float64)
         return np.where(np.isfinite(values) & ((values > 0) | (not self.relative)), values, np.nan)
 
     def losses(self, values: FloatArray, level: float) -> FloatArray:
-        """Return the loss of each run, compared with the ``level`` of the plain filter."""
+        """Return the losses of runs with the given metric values. ``level`` is the mean value of the plain filter."""
         return log_losses_to(values, level) if self.relative else np.asarray(np.fmin(values - level, FAILED_RUN))
 
     def level(self, values: FloatArray, limit_m: float) -> float:
-        """Return the mean of the successful runs, geometric for errors; ``limit_m`` or 0 if all failed."""
+        """Return the mean value of the successful runs of the plain filter (geometric mean if the loss is a log ratio).
+
+        If all runs of the plain filter failed, return ``limit_m``, or 0 if the loss is a difference.
+        """
         values = values[np.isfinite(values)]
         if not len(values):
             return limit_m if self.relative else 0.0
@@ -75,54 +79,32 @@ class Objective:
         """Check that a recording has the reference that the objective needs.
 
         Raises:
-            RecordingError: It does not.
+            RecordingError: The recording does not have the reference that the objective needs.
         """
         if self.reference and getattr(recording.reference, self.reference, None) is None:
             raise RecordingError(f"{case.labels.dataset} has no reference {self.lacking}.")
 
 
+_RMSE = "position RMSE as a ratio to the plain filter of the same model, geometric mean; a failed run counts 100"
+_INCLINATION = "inclination RMSE as a ratio to mekf at its defaults, geometric mean; a failed run counts 100"
+_LIKELIHOOD = "nats an update by which the measurements are less likely than under the plain filter of the same model"
+_NO_POSITION = "position; use objective=likelihood, withhold fixes (disturbance=withhold), or objective=inclination"
+_NO_ATTITUDE = "attitude, so objective=inclination has nothing to compare with; use objective=rmse"
 OBJECTIVES = {
     objective.name: objective
     for objective in (
-        Objective(
-            name="rmse",
-            metric="position_rmse",
-            column="position_rmse_m",
-            relative=True,
-            reference="enu_m",
-            lacking="position, so objective=rmse has nothing to compare with; use objective=likelihood, or withhold"
-            " fixes: disturbance=withhold; of an attitude alone objective=inclination",
-            meaning="position RMSE as a ratio to the plain filter of the same model, geometric mean; a lost run counts"
-            " 100",
-        ),
-        Objective(
-            name="inclination",
-            metric="inclination",
-            column="inclination_rmse_deg",
-            relative=True,
-            reference="euler_rad",
-            lacking="attitude, so objective=inclination has nothing to compare with; use objective=rmse",
-            meaning="inclination RMSE as a ratio to mekf at its defaults, geometric mean; a lost run counts 100",
-        ),
-        Objective(
-            name="likelihood",
-            metric="innovation_likelihood",
-            column="innovation_log_loss",
-            relative=False,
-            reference="",
-            lacking="",
-            meaning="nats an update by which the measurements are less likely than under the plain filter of the same"
-            " model",
-        ),
+        Objective("rmse", "position_rmse", "position_rmse_m", _RMSE, "enu_m", _NO_POSITION),
+        Objective("inclination", "inclination", "inclination_rmse_deg", _INCLINATION, "euler_rad", _NO_ATTITUDE),
+        Objective("likelihood", "innovation_likelihood", "innovation_log_loss", _LIKELIHOOD, relative=False),
     )
 }
 
 
 def objective_of(name: str) -> Objective:
-    """Return the objective ``name``.
+    """Return the objective with the name ``name``.
 
     Raises:
-        PluginError: There is none of that name.
+        PluginError: The name of the objective is unknown.
     """
     require_known("objective", name, OBJECTIVES)
     return OBJECTIVES[name]
@@ -130,14 +112,14 @@ def objective_of(name: str) -> Objective:
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Settings in the order in which they were tried.
+    """The settings that a search has evaluated, in order, and the results of their runs.
 
     Attributes:
-        settings: n settings.
-        runs: (n, r) loss of each run.
-        case: (r,) index of the case of each run.
-        failed: (n, r) whether the run failed.
-        values: (n, r) column of the objective; NaN if the run failed.
+        settings: The n evaluated settings.
+        runs: (n, r) loss of each setting in each run.
+        case: (r,) index of the case to which each run belongs.
+        failed: (n, r) whether the run of each setting failed.
+        values: (n, r) metric value of each setting in each run, or NaN if the run failed.
     """
 
     settings: tuple[Setting, ...]
@@ -148,33 +130,35 @@ class Trials:
 
     @property
     def losses(self) -> FloatArray:
-        """(n, cases) mean loss over the seeds of each case."""
+        """Mean loss of each setting over the seeds of each case, shape (n, number of cases)."""
         cases = range(int(self.case.max(initial=-1)) + 1)
         return np.column_stack([self.runs[:, self.case == k].mean(axis=1) for k in cases])
 
     @property
     def means(self) -> FloatArray:
-        """(n,) mean loss over the cases. The search minimises it."""
+        """Mean loss of each setting over all cases, shape (n,). The search minimises this mean loss."""
         return np.asarray(self.losses.mean(axis=1))
 
     def best(self, count: int) -> list[int]:
-        """Return the indices of the ``count`` best settings, the best first; of equal ones the earlier."""
+        """Return the indices of the ``count`` settings with the lowest mean losses, in the order of the mean loss.
+
+        Settings with equal mean losses are returned in the order of the trials.
+        """
         return [int(k) for k in np.argsort(self.means, kind="stable")[:count]]
 
     def __len__(self) -> int:
-        """Return the number of settings."""
         return len(self.settings)
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Runs settings on cases.
+    """Runs a method with different settings on cases, and computes the losses.
 
     Attributes:
-        space: search space of the method.
-        objective: loss of a run.
-        runs: where runs are computed and stored.
-        threads: number of threads of the engine in each process.
+        space: Search space of the method.
+        objective: The objective, which defines the loss of a run.
+        runs: Object that computes and stores the runs.
+        threads: Number of threads of the engine in each process.
     """
 
     space: Space
@@ -183,26 +167,24 @@ class Evaluator:
     threads: int = 1
 
     def trials(self, settings: Sequence[Setting], cases: Sequence[Job]) -> Trials:
-        """Try each setting on each case.
+        """Run each setting on each case, and return the losses.
 
         Raises:
-            JerkbenchError: A run failed, and not because the filter diverged.
+            JerkbenchError: A run failed for a reason other than divergence.
         """
         objective = self.objective
         jobs = [job for case in cases for job in self._jobs(settings, case)]
         rows = self.runs.rows(jobs, [objective.column], Progress(0), strict=True, threads=self.threads)
         size = [len(case.draws) * (len(settings) + 1) for case in cases]
         losses, failed, values = [], [], []
-        for case, own in zip(cases, np.split(np.arange(len(rows)), np.cumsum(size)[:-1]), strict=True):
-            of_case = rows.iloc[own]
+        for case, positions in zip(cases, np.split(np.arange(len(rows)), np.cumsum(size)[:-1]), strict=True):
+            of_case = rows.iloc[positions]
             *tried, plain = objective.values(of_case).reshape(len(settings) + 1, -1)
             *ok, plain_ok = (of_case["status"] == "ok").to_numpy().reshape(len(settings) + 1, -1)
             if (plain_ok & of_case[objective.column].isna().to_numpy()[-len(plain) :]).any():
-                raise PluginError(
-                    f"The filter {case.method.plain['filter']['name']} has no {objective.column} over"
-                    f" {case.labels.scenario}, so objective={objective.name} cannot be used; take another objective."
-                )
-            level = objective.level(plain, case.evaluation.divergence_limit_m)
+                lacking = f"has no {objective.column} in {case.labels.scenario}; use another objective"
+                raise PluginError(f"The filter {case.method.plain['filter']['name']} {lacking}.")
+            level = objective.level(plain, case.protocol.divergence_limit_m)
             losses.append(objective.losses(np.array(tried), level))
             failed.append(~np.array(ok))
             values.append(np.array(tried))
@@ -210,17 +192,20 @@ class Evaluator:
         return Trials(tuple(settings), np.hstack(losses), of_run, np.hstack(failed), np.hstack(values))
 
     def _jobs(self, settings: Sequence[Setting], case: Job) -> Iterator[Job]:
-        """The job of each setting and of the plain filter, with the objective as the only metric."""
+        """Yield a job for each setting and a job for the plain filter.
+
+        Each job computes only the metric of the objective.
+        """
         name = self.objective.metric
-        evaluation = replace(case.evaluation, metrics=(plugins.create("metric", {"name": name}),), names=(name,))
+        metrics = {name: plugins.create("metric", {"name": name})}
         for job in (*(self.space.applied(case, setting) for setting in settings), plain_job(case)):
-            yield replace(job, evaluation=evaluation)
+            yield replace(job, metrics=metrics)
 
 
 def plain_job(job: Job) -> Job:
-    """Return the job with the default parameters of its filter, without adaptation, with R as reported.
+    """Return the job of the plain filter, which has default parameters, no adaptation, and an unscaled R.
 
-    For `attitude_only` the plain filter is `mekf` with its default parameters.
+    For the filter `attitude_only`, the plain filter is the attitude filter `mekf` with its default parameters.
     """
     scenario, method = job.scenario, job.method
     if is_attitude_only(method.filter):
@@ -228,30 +213,23 @@ def plain_job(job: Job) -> Job:
         plain = {**scenario.plain, "attitude": {"name": "mekf", **asdict(mekf)}}
         return replace(job, scenario=replace(scenario, attitude=mekf, plain=plain))
     name = method.plain["filter"]["name"]
-    model, none, r_scale = (
-        plugins.create("filter", {"name": name}),
-        plugins.create("adaptation", {"name": "none"}),
-        RScale(),
-    )
-    plain = {
-        **method.plain,
-        "filter": {"name": name, **asdict(model)},
-        "adaptation": {"name": "none"},
-        "r_scale": asdict(r_scale),
-    }
-    return replace(job, method=replace(method, filter=model, adaptation=none, r_scale=r_scale, plain=plain))
+    model, none = plugins.create("filter", {"name": name}), plugins.create("adaptation", {"name": "none"})
+    plain = {"filter": {"name": name, **asdict(model)}, "adaptation": {"name": "none"}, "r_scale": asdict(RScale())}
+    plain = {**method.plain, **plain}
+    return replace(job, method=replace(method, filter=model, adaptation=none, r_scale=RScale(), plain=plain))
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The effort of a tuning, the same for every method of a comparison.
+    """The budget of a tuning. All methods of a comparison have the same budget.
 
     Attributes:
-        trials: settings that are tried on the cases to tune on, the one before the search among them.
-        sampler: sobol, tpe or cma_es.
-        finalists: number of the best settings that are tried again on the cases to choose on.
-        seed: seed of the sampler.
-        restarts: number of searches; the setting of the first one is taken, and the others show the luck of a search.
+        trials: Number of settings that a search evaluates, including the setting before the search.
+        sampler: Name of the sampler: sobol, tpe or cma_es.
+        finalists: Number of the best settings that are evaluated again on the validation cases.
+        seed: Seed of the sampler.
+        restarts: Number of searches with different seeds. The tuning uses the setting of the first search. The other
+            searches show how much the result of a search depends on chance.
     """
 
     trials: int = 64
@@ -261,38 +239,39 @@ class Budget:
     restarts: int = 1
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         if self.trials < 1 or self.finalists < 1 or self.seed < 0:
-            raise PluginError(
-                f"trials is {self.trials}, finalists {self.finalists} and sampler_seed {self.seed}; at least one trial"
-                " and one finalist are needed, and a seed is not negative."
-            )
+            given = f"trials is {self.trials}, finalists is {self.finalists} and sampler_seed is {self.seed}"
+            raise PluginError(f"{given}; trials and finalists must be at least 1, and sampler_seed at least 0.")
         if self.restarts < 1:
-            raise PluginError(f"restarts is {self.restarts}; at least one search is needed.")
+            raise PluginError(f"restarts is {self.restarts}; give 1 or more.")
+
+
+Advance = Callable[[int], object]
+"""A callback that is called with the number of settings that were tried."""
 
 
 class SearchOutcome(NamedTuple):
     """The result of a search.
 
     Attributes:
-        setting: the chosen setting.
-        place: its index among the trials.
-        trials: all settings, on the cases to tune on.
+        setting: The selected setting.
+        best: Index of the selected setting in ``trials``.
+        trials: All evaluated settings with their results on the tuning cases.
     """
 
     setting: Setting
-    place: int
+    best: int
     trials: Trials
 
 
-def search(evaluator: Evaluator, cases: Cases, budget: Budget, advance: Callable[[int], object] = int) -> SearchOutcome:
-    """Try ``budget.trials`` settings and choose one. The cases to test on are not used.
+def search(evaluator: Evaluator, cases: Cases, budget: Budget, advance: Advance = int) -> SearchOutcome:
+    """Evaluate ``budget.trials`` settings and select one of them. The search does not use the test cases.
 
     Args:
-        evaluator: Runs the settings.
-        cases: Cases to tune and to choose on.
-        budget: Effort of the search.
-        advance: Called with the number of settings of each block.
+        evaluator: Object that runs the settings and computes their losses.
+        cases: The tuning cases and the validation cases.
+        budget: The budget of the search.
+        advance: Function that is called after each block of settings with the number of settings in the block.
 
     Raises:
         JerkbenchError: The sampler is unknown, or a run failed.
@@ -302,70 +281,84 @@ def search(evaluator: Evaluator, cases: Cases, budget: Budget, advance: Callable
     for start in range(0, budget.trials, SETTINGS_AT_ONCE):
         first = [] if start else [space.start]
         count = min(SETTINGS_AT_ONCE, budget.trials - start) - len(first)
-        blocks.append(evaluator.trials([*first, *map(space.setting, sampler.ask(count) if count else ())], cases.tune))
+        blocks.append(
+            evaluator.trials([*first, *map(space.setting, sampler.suggest(count) if count else ())], cases.tune)
+        )
         if count:
-            sampler.tell(blocks[-1].means[len(first) :].tolist())
+            sampler.observe(blocks[-1].means[len(first) :].tolist())
         advance(len(blocks[-1]))
     settings = tuple(setting for block in blocks for setting in block.settings)
     runs, failed, values = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("runs", "failed", "values"))
     trials = Trials(settings, runs, blocks[0].case, failed, values)
     best = trials.best(budget.finalists if cases.choose else 1)
     if cases.choose:
-        best = [best[k] for k in evaluator.trials([settings[place] for place in best], cases.choose).best(1)]
+        best = [best[k] for k in evaluator.trials([settings[index] for index in best], cases.choose).best(1)]
     return SearchOutcome(settings[best[0]], best[0], trials)
 
 
 class TuningScore(NamedTuple):
-    """Losses on runs that the search has not used, mean over the seeds of each case.
+    """Losses on the test cases, which the search has not used. Each loss is the mean over the seeds of a case.
 
     Attributes:
-        before: (cases,) loss of the setting before the search.
-        chosen: (cases,) loss of the chosen setting.
-        failed_before: number of failed runs of the setting before the search.
-        failed: number of failed runs of the chosen setting.
-        runs: number of runs of each.
-        errors_before: (n,) geometric mean over the cases of the errors of the setting before the search, for each seed
-            that all cases share; infinite if a run failed; empty without common seeds, or if the objective is no error.
-        errors: (n,) the same of the chosen setting.
+        before: Losses of the setting before the search, shape (number of cases,).
+        tuned: Losses of the selected setting, shape (number of cases,).
+        failed_before: Number of failed runs of the setting before the search.
+        failed: Number of failed runs of the selected setting.
+        runs: Number of runs of each of the two settings.
+        errors_before: (n,) errors of the setting before the search for the n common seeds of all cases, as geometric
+            means over the cases. An error is infinite if a run with this seed failed. The array is empty if the cases
+            have no common seeds, or if the loss is a difference.
+        errors: Errors of the selected setting, in the same form as ``errors_before``.
+        correlation: Mean correlation of successive innovations of the selected setting if the objective is the
+            likelihood, which assumes 0, otherwise NaN.
     """
 
     before: FloatArray
-    chosen: FloatArray
+    tuned: FloatArray
     failed_before: int
     failed: int
     runs: int
     errors_before: FloatArray
     errors: FloatArray
+    correlation: float = math.nan
 
 
 def score(evaluator: Evaluator, setting: Setting, cases: Sequence[Job]) -> TuningScore:
-    """Return the losses of the setting before the search and of ``setting`` on cases that the search has not used."""
+    """Return the losses of the setting before the search and of ``setting`` on the test cases."""
     both = evaluator.trials([evaluator.space.start, setting], cases)
     errors = np.empty((2, 0))
     shared = all(case.scenario.seeded and case.draws == cases[0].draws for case in cases)
     if shared and evaluator.objective.relative:
         errors = np.exp(np.log(both.values).reshape(2, len(cases), -1).mean(axis=1))
         errors[np.isnan(errors)] = np.inf
-    (before, chosen), (failed_before, failed) = both.losses, both.failed.sum(axis=1).tolist()
-    return TuningScore(before, chosen, failed_before, failed, both.failed.shape[1], errors[0], errors[1])
+    (before, tuned), (failed_before, failed) = both.losses, both.failed.sum(axis=1).tolist()
+    correlation = math.nan
+    if evaluator.objective.name == "likelihood":
+        innovation = {"innovation": plugins.create("metric", {"name": "innovation"})}
+        jobs = [replace(evaluator.space.applied(case, setting), metrics=innovation) for case in cases]
+        rows = evaluator.runs.rows(jobs, ["innovation_correlation"], Progress(0), threads=evaluator.threads)
+        correlation = float(rows["innovation_correlation"].mean())
+    return TuningScore(before, tuned, failed_before, failed, both.failed.shape[1], errors[0], errors[1], correlation)
 
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """A tuned method.
+    """A tuned method with the results of its searches.
 
     Attributes:
-        name: name of the method, fit for a file.
-        evaluator: search space and objective.
-        cases: cases to tune, to choose and to test on.
-        budget: effort.
-        outcomes: result of each search, the first search first.
-        scores: score of each search on the cases to test on.
-        interval_s: nominal interval of the IMU [s]; None: there is no IMU.
+        name: Name of the method, suitable as a file name.
+        space: The search space of the method.
+        objective: The objective, which defines the loss of a run.
+        cases: The cases for tuning, validation and test.
+        budget: The budget of the tuning.
+        outcomes: Result of each search. The result of the first search defines the tuned setting.
+        scores: Score of each search on the test cases.
+        interval_s: Nominal sampling interval of the IMU [s], or None if the recording has no IMU.
     """
 
     name: str
-    evaluator: Evaluator
+    space: Space
+    objective: Objective
     cases: Cases
     budget: Budget
     outcomes: tuple[SearchOutcome, ...]
@@ -373,40 +366,28 @@ class Tuning:
     interval_s: float | None
 
     @property
-    def space(self) -> Space:
-        """Search space of the method."""
-        return self.evaluator.space
-
-    @property
-    def objective(self) -> Objective:
-        """The loss of a run."""
-        return self.evaluator.objective
-
-    @property
     def job(self) -> Job:
-        """The first scenario with the method before the search."""
+        """The job of the first tuning case, with the parameter values before the search."""
         return self.cases.tune[0]
 
     @property
     def outcome(self) -> SearchOutcome:
-        """Result of the first search, so that all methods have the same effort."""
+        """The result of the first search. Other searches are not used, so that all methods have the same budget."""
         return self.outcomes[0]
 
     @property
     def setting(self) -> Setting:
-        """The chosen setting."""
+        """The setting that the first search has selected."""
         return self.outcome.setting
 
     @property
     def score(self) -> TuningScore:
-        """Score of the chosen setting on the cases to test on."""
+        """The score of the selected setting on the test cases."""
         return self.scores[0]
 
 
-def tune(
-    name: str, cases: Cases, evaluator: Evaluator, budget: Budget, advance: Callable[[int], object] = int
-) -> Tuning:
-    """Tune one method. Stored runs are not computed again.
+def tune(name: str, cases: Cases, evaluator: Evaluator, budget: Budget, advance: Advance = int) -> Tuning:
+    """Tune one method, and score the selected setting on the test cases. Stored runs are not computed again.
 
     Raises:
         JerkbenchError: A recording lacks the reference of the objective, or a run failed.
@@ -415,7 +396,7 @@ def tune(
     recording = shared_inputs().recording(first.scenario, first.draws[0])
     evaluator.objective.require_reference(first, recording)
     budgets = [replace(budget, seed=budget.seed + k) for k in range(budget.restarts)]
-    outcomes = tuple(search(evaluator, cases, own, advance) for own in budgets)
+    outcomes = tuple(search(evaluator, cases, of_restart, advance) for of_restart in budgets)
     scores = tuple(score(evaluator, outcome.setting, cases.test) for outcome in outcomes)
     interval_s = recording.imu.nominal_interval_s if recording.imu is not None else None
-    return Tuning(name, evaluator, cases, budget, outcomes, scores, interval_s)
+    return Tuning(name, evaluator.space, evaluator.objective, cases, budget, outcomes, scores, interval_s)

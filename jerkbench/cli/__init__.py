@@ -1,4 +1,4 @@
-"""The command line: one verb after the other, each answering at once; heavy libraries load where they are used."""
+"""The command line. Each command imports only the libraries that it needs, so that commands start quickly."""
 
 import argparse
 import atexit
@@ -19,21 +19,20 @@ from jerkbench.cli.arguments import group
 from jerkbench.errors import INTERRUPTED, JerkbenchError, exit_with, let_interrupt_through
 from jerkbench.notices import plain_output
 from jerkbench.presets import take_folders
-from jerkbench.renamed import refuse_removed
 
 RUN_HELP = """\
 jerkbench run [-m] [GROUP=NAME ...] [KEY=VALUE ...]
 
 Runs one combination, or with -m all combinations of the values between commas.
 
-  jerkbench run                                             the defaults: the baseline on the simulated field
+  jerkbench run                                             the defaults: the baseline on simulated data
   jerkbench run filter=jerk adaptation=mtf seeds=20
   jerkbench run -m filter=baseline,jerk adaptation=none,mtf disturbance=none,gnss_outage
   jerkbench run -m noise.accel_mps2=0.1,0.2,0.5             a sweep of the process noise
-  jerkbench run -m experiment=paper                         the paper's whole comparison
+  jerkbench run -m experiment=paper                         the complete comparison of the paper
 
 GROUPs: dataset, disturbance, attitude, filter, adaptation, noise, engine, experiment. `jerkbench list` names the
-plugins and presets, `jerkbench show KIND NAME` the parameters. Several disturbances act in order:
+plugins and presets, `jerkbench show KIND NAME` the parameters. Several disturbances are applied in the given order:
 disturbance=[imu_bias,gnss_outage].
 
 Set a parameter as GROUP.PARAMETER=VALUE. For disturbances use disturbance.NAME.PARAMETER=VALUE, because a run can have
@@ -42,122 +41,136 @@ several:
   jerkbench run adaptation=mtf adaptation.window=3
   jerkbench run disturbance=gnss_outage disturbance.gnss_outage.windows_s=[[50,60]]
 
-r_scale.position=2 r_scale.velocity=0.5 scale the reported R that the filter gets; the data stay as they are.
+r_scale.position=2 r_scale.velocity=0.5 scale the reported covariance R that the filter receives. The measurements do
+not change.
 
 Other KEYs: study, results, seeds, first_seed, burn_in_s, divergence_limit_m, metrics, workers, cluster, figures,
-figures_pdf, report, notes. --dry prints what would run, what is left out and how long it takes, and runs nothing.
---config-dir DIR, with any verb, adds a folder with presets of your own (DIR/dataset/mine.yaml); several may be given.
-Results are in results/STUDY. A combination that is done is not run again. If you stop a sweep, the same command
-continues it.
+figures_pdf, report, notes. --dry prints the planned runs, the combinations that are left out and the expected time,
+and runs nothing. --config-dir DIR adds a folder with your presets (DIR/dataset/mine.yaml) to any command. It can be
+given several times. --config-name NAME uses DIR/NAME.yaml as the experiment. Results are in results/STUDY. A stored
+run is not computed again, so the same command continues a sweep that was stopped.
 
-A configuration reads an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... names it, because its
+A configuration can read an environment variable (${oc.env:NAME}) only if JERKBENCH_ENV=NAME,... lists it, because its
 value appears in names and tables.
 
-Exit codes: 0 all runs are done (a run that diverged is a result); 1 a run failed, or something cannot be stored;
-2 the input is wrong; 130 interrupted.
+Exit codes: 0 all runs are complete (a diverged run is a result); 1 a run failed, or a result cannot be stored;
+2 the input is invalid; 130 interrupted.
 
-An error of a plugin is one sentence. JERKBENCH_TRACEBACK=1 in the environment shows the traceback of a single run.
+An error of a plugin is reported in one line. Set JERKBENCH_TRACEBACK=1 to see the traceback of a single run.
 
-It is a Hydra 1.3 app: --cfg job, --info, hydra/launcher=... and the rest work as Hydra documents them.
+The command is a Hydra 1.3 application: --cfg job, --info and its other options work as Hydra documents them.
 """
 
 SUITE = group(
     "suite",
     "compare your method with published ones on a fixed test set: run, verify, board",
-    *(campaigns.suite_run_verb, campaigns.suite_verify_verb, campaigns.suite_board_verb),
+    *(campaigns.suite_run_command, campaigns.suite_verify_command, campaigns.suite_board_command),
 )
 
 DATA = group(
     "data",
     "work with recordings: inspect, receiver, convert, export, fetch, trace, cache",
     *(
-        inspecting.inspect_verb,
-        inspecting.receiver_verb,
-        recordings.convert_verb,
-        recordings.data_export_verb,
+        inspecting.inspect_command,
+        inspecting.receiver_command,
+        recordings.convert_command,
+        recordings.data_export_command,
     ),
-    *(recordings.fetch_verb, recordings.trace_verb, recordings.cache_verb),
+    *(recordings.fetch_command, recordings.trace_command, recordings.cache_command),
 )
 
-VERBS = (
-    *(plugins.list_verb, plugins.show_verb, DATA),
-    *(results.table_verb, results.figures_verb, results.report_verb, results.compare_verb, single_runs.score_verb),
-    *(inspecting.smooth_verb, campaigns.tune_verb, campaigns.audit_verb, SUITE),
-    *(single_runs.rerun_verb, single_runs.export_verb),
-    *(plugins.new_verb, plugins.check_verb, results.cite_verb),
+COMMANDS = (
+    *(plugins.list_command, plugins.show_command, DATA),
+    *(
+        results.table_command,
+        results.figures_command,
+        results.report_command,
+        results.compare_command,
+        single_runs.score_command,
+    ),
+    *(inspecting.smooth_command, campaigns.tune_command, campaigns.audit_command, SUITE),
+    *(single_runs.rerun_command, single_runs.export_command),
+    *(plugins.new_command, plugins.check_command, results.cite_command),
 )
-"""In the order in which `jerkbench --help` names them."""
+"""The commands in the order in which `jerkbench --help` lists them."""
 
 
 @cache
 def parser() -> argparse.ArgumentParser:
-    """Return the parser of every command; of `run`, which Hydra parses, it has what a shell completes."""
-    whole = argparse.ArgumentParser(
+    """Return the parser of all commands.
+
+    The parser of `run` is used only for help and shell completion, not for runs.
+    """
+    root = argparse.ArgumentParser(
         prog="jerkbench", description="Which navigation filter is better, by how much, on which recordings, and why?"
     )
-    whole.add_argument("--version", action="version", version=f"jerkbench {version('jerkbench')}")
-    presets = "a folder with presets of your own (DIR/dataset/mine.yaml), for every verb; it may be given several times"
-    whole.add_argument("--config-dir", metavar="DIR", help=presets)
-    verbs = whole.add_subparsers(dest="verb", required=True, metavar="VERB")
-    run = verbs.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
+    root.add_argument("--version", action="version", version=f"jerkbench {version('jerkbench')}")
+    presets = "a folder with your presets (DIR/dataset/mine.yaml), for every command; can be given several times"
+    root.add_argument("--config-dir", metavar="DIR", help=presets)
+    root.add_argument("--config-name", metavar="NAME", help="use DIR/NAME.yaml as the experiment")
+    commands = root.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    run = commands.add_parser("run", help="run one combination, or with -m a sweep (jerkbench run --help)")
     for option in ("-m", "--dry", "--cfg"):
         run.add_argument(option)
-    run.add_argument("words", nargs="*")
-    for declare in VERBS:
-        declare(verbs)
-    return whole
+    run.add_argument("overrides", nargs="*")
+    for declare in COMMANDS:
+        declare(commands)
+    return root
 
 
-ROOM_BYTES = 3 * 2**29
-"""Address space in which all libraries load."""
+REQUIRED_BYTES = 3 * 2**29
+"""Address space that is needed to load all libraries."""
 
-SMALLER = "take fewer seeds or workers, shorter data, or a larger machine."
+SMALLER = "use fewer seeds or workers, shorter recordings, or a machine with more memory."
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run ``arguments`` (default: the process's own); exits with 2 and a sentence where the input is at fault."""
+    """Run a command. If the input of the command is invalid, an error message is printed and the exit code is 2.
+
+    Args:
+        arguments: The arguments of the command line (by default, the arguments of this process).
+    """
     if "_ARGCOMPLETE" in os.environ:
         from argcomplete import autocomplete
 
         autocomplete(parser(), default_completer=cast("Any", _overrides))
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
     if arguments is None:
-        gc.set_threshold(50_000, 20, 100)  # imported libraries leave 200 000 objects that are never garbage
+        gc.set_threshold(50_000, 20, 100)  # importing libraries creates 200 000 objects that are never freed
         atexit.register(gc.freeze)
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
-    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # what the caller has closed
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM has the same effect as Ctrl-C
+    sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")  # stdout is None if it is closed
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
-    with plain_output(), _errors_in_words(), _interrupt_first():
+    with plain_output(), _error_messages(), _interrupt_first():
         _require_installed()
         _require_date()
-        refuse_removed(words)
-        words = take_folders(words)
-        _require_room()
-        if words[:2] == ["help", "run"] or (words[:1] == ["run"] and {"-h", "--help"} & set(words)):
+        given = take_folders(given)
+        _require_memory()
+        if given[:2] == ["help", "run"] or (given[:1] == ["run"] and {"-h", "--help"} & set(given)):
             print(RUN_HELP, end="")
-        elif words[:1] == ["run"]:
-            with _hydra_in_words(words[1:]):
+        elif given[:1] == ["run"]:
+            with _hydra_errors(given[1:]):
                 from jerkbench.hydra_app.app import prepared_app
 
-                prepared_app(words[1:])()
+                prepared_app(given[1:])()
         else:
-            with _files_in_words("{path} cannot be read or written: {reason}; correct the path."):
-                chosen = _chosen(words)
-                chosen.answer(chosen)
+            with _file_errors("{path} cannot be read or written: {reason}; correct the path."):
+                parsed = _parsed(given)
+                parsed.function(parsed)
 
 
 def _overrides(prefix: str, **_: object) -> list[str]:
-    """Return the overrides that begin with ``prefix``, for the completion of a shell: GROUP= and GROUP=NAME."""
+    """Return the overrides that start with ``prefix`` (GROUP= or GROUP=NAME), for the shell completion."""
     from jerkbench.hydra_app.overrides import NAMED_GROUPS, names_in
 
     group, equals, _names = prefix.partition("=")
-    words = [f"{group}={name}" for name in names_in(group)] if equals else [f"{group}=" for group in NAMED_GROUPS]
-    return [word for word in words if word.startswith(prefix)]
+    overrides = [f"{group}={name}" for name in names_in(group)] if equals else [f"{group}=" for group in NAMED_GROUPS]
+    return [override for override in overrides if override.startswith(prefix)]
 
 
 @contextmanager
-def _errors_in_words() -> Iterator[None]:
-    """Turn what ends a command into a sentence and an exit code, and warnings into a line each."""
+def _error_messages() -> Iterator[None]:
+    """Convert exceptions to an error message in one line and an exit code, and print each warning in one line."""
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _one_line
@@ -169,15 +182,15 @@ def _errors_in_words() -> Iterator[None]:
     except KeyboardInterrupt:
         print("jerkbench: interrupted.", file=sys.stderr)
         raise SystemExit(INTERRUPTED) from None
-    except BrokenPipeError:  # the reader, `head` for example, has had enough
+    except BrokenPipeError:  # the program that reads the output has ended, for example `head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except OSError as error:  # of standard output; those of files have their own sentences
-        exit_with(JerkbenchError(f"What it says cannot be written: {error.strerror or error}."))
+    except OSError as error:  # `_file_errors` has already converted errors of input and result files
+        exit_with(JerkbenchError(f"The output cannot be written: {error.strerror or error}."))
 
 
 @contextmanager
 def _interrupt_first() -> Iterator[None]:
-    """Let an interrupt through as one, whatever a library made of it."""
+    """Raise `KeyboardInterrupt` for an interrupt, even if a library has converted it to another exception."""
     try:
         yield
     except Exception as error:
@@ -186,91 +199,83 @@ def _interrupt_first() -> Iterator[None]:
 
 
 def _require_installed() -> None:
-    """Refuse to run from a folder alone.
-
-    Raises:
-        JerkbenchError: this Python has no such distribution, by which Hydra finds our parts and a result its version.
-    """
+    """Check that the package is installed, because its metadata are needed to find plugins and to store its version."""
     try:
         distribution("jerkbench")
     except PackageNotFoundError:
         tree = Path(__file__).parents[2]
-        raise JerkbenchError(
-            f"It runs from {tree}, but is not installed for this Python; do so once: {sys.executable} -m pip install -e"
-            f" {tree}"
-        ) from None
+        installing = f"{sys.executable} -m pip install -e {tree}"
+        raise JerkbenchError(f"jerkbench runs from {tree} but is not installed. Run `{installing}`.") from None
 
 
 def _require_date() -> None:
-    """Refuse a date of files that is none, on which matplotlib fails after everything has run.
-
-    Raises:
-        JerkbenchError: SOURCE_DATE_EPOCH is no number.
-    """
+    """Check SOURCE_DATE_EPOCH before the runs start, because matplotlib would fail after the runs if it is invalid."""
     given = os.environ.get("SOURCE_DATE_EPOCH", "")
     if given and not given.isdecimal():
-        raise JerkbenchError(f"SOURCE_DATE_EPOCH is '{given}'; give whole seconds since 1970, or unset it.")
-
-
-def _require_room() -> None:
-    """Refuse a limit on memory in which libraries do not load: OpenBLAS waits for ever in it, and LLVM aborts.
-
-    Raises:
-        JerkbenchError: the limit is below `ROOM_BYTES`.
-    """
-    try:
-        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
-    except ImportError:  # Windows has no such limit
-        return
-    limit = getrlimit(RLIMIT_AS)[0]
-    if limit != RLIM_INFINITY and limit < ROOM_BYTES:
         raise JerkbenchError(
-            f"A process may have {limit // 2**20} MiB of memory here (ulimit -v); the libraries need"
-            f" {ROOM_BYTES // 2**20} MiB: raise the limit."
+            f"SOURCE_DATE_EPOCH is '{given}'; give an integer number of seconds since 1970, or unset the variable."
         )
 
 
+def _require_memory() -> None:
+    """Check the memory limit of the process, because OpenBLAS hangs and LLVM aborts if the limit is too low."""
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:  # Windows has no memory limit
+        return
+    limit = getrlimit(RLIMIT_AS)[0]
+    if limit != RLIM_INFINITY and limit < REQUIRED_BYTES:
+        needed = f"the libraries need {REQUIRED_BYTES // 2**20} MiB"
+        raise JerkbenchError(f"The memory limit (ulimit -v) is {limit // 2**20} MiB, but {needed}; raise the limit.")
+
+
 @contextmanager
-def _hydra_in_words(words: list[str]) -> Iterator[None]:
-    """Turn what Hydra has to say about the configuration into one sentence."""
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # let errors through, instead of printing them and exiting
+def _hydra_errors(overrides: list[str]) -> Iterator[None]:
+    """Convert exceptions of Hydra and OmegaConf to `JerkbenchError`."""
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # without this variable, Hydra prints the error and exits
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from jerkbench.hydra_app.overrides import hydra_sentence
+    from jerkbench.hydra_app.overrides import hydra_message
 
-    with _files_in_words("Results cannot be written: {error}."):
+    with _file_errors("Results cannot be written: {error}."):
         try:
             yield
-        except (HydraException, OmegaConfBaseException) as error:  # some are an OSError, too
-            sweeping = bool({"-m", "--multirun"} & set(words))
-            raise JerkbenchError(hydra_sentence(error, sweeping=sweeping)) from error
+        except (HydraException, OmegaConfBaseException) as error:  # some of these exceptions are also OSErrors
+            sweeping = bool({"-m", "--multirun"} & set(overrides))
+            raise JerkbenchError(hydra_message(error, sweeping=sweeping)) from error
 
 
 @contextmanager
-def _files_in_words(sentence: str) -> Iterator[None]:
-    """Turn what is wrong with a file, or a worker, into a sentence about ``path``, ``reason`` or ``error``."""
+def _file_errors(message: str) -> Iterator[None]:
+    """Convert exceptions about files and worker processes to `JerkbenchError`.
+
+    Args:
+        message: Format of the message about a file, with the fields ``path``, ``reason`` and ``error``.
+    """
     try:
         yield
     except BrokenPipeError:
         raise
     except ChildProcessError as error:
-        raise JerkbenchError(f"A worker ended before its work was done: {error}. Start the command again.") from error
+        raise JerkbenchError(f"A worker process ended early: {error}. Start the command again.") from error
     except OSError as error:
         path, reason = error.filename or "A file", error.strerror or error
-        raise JerkbenchError(sentence.format(path=path, reason=reason, error=error)) from error
+        raise JerkbenchError(message.format(path=path, reason=reason, error=error)) from error
 
 
-def _chosen(words: list[str]) -> argparse.Namespace:
-    """Read the words of a verb; help where there are none."""
-    chosen, behind = parser().parse_known_args(words if words[:1] not in ([], ["help"]) else [*words[1:], "--help"])
-    if behind and (not hasattr(chosen, "words") or any(word.startswith("-") for word in behind)):
-        parser().error(f"unrecognized arguments: {' '.join(behind)}")
-    if behind:  # KEY=VALUE behind an option, which argparse does not put to those before it
-        chosen.words = [*chosen.words, *behind]
-    return chosen
+def _parsed(given: list[str]) -> argparse.Namespace:
+    """Parse the arguments of a command. If ``given`` is empty, print the help."""
+    if given and "=" in given[0] and not given[0].startswith("-"):
+        raise JerkbenchError(f"{given[0]} is not a command; to run this combination: jerkbench run {' '.join(given)}")
+    parsed, rest = parser().parse_known_args(given if given[:1] not in ([], ["help"]) else [*given[1:], "--help"])
+    if rest and (not hasattr(parsed, "overrides") or any(argument.startswith("-") for argument in rest)):
+        parser().error(f"unrecognized arguments: {' '.join(rest)}")
+    if rest:  # argparse separates KEY=VALUE arguments before and after an option
+        parsed.overrides = [*parsed.overrides, *rest]
+    return parsed
 
 
 def _one_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    if not issubclass(category, RuntimeWarning):  # NumPy's, about a number; a result that is not finite has a status
+    if not issubclass(category, RuntimeWarning):  # the status of a run already reports overflows
         print(f"jerkbench: {message}", file=sys.stderr)

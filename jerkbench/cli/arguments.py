@@ -1,4 +1,4 @@
-"""The declaration of a verb, and the words that several verbs take."""
+"""Functions that declare commands, and the arguments that several commands share."""
 
 import argparse
 import inspect
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     Parsers = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 Argument = tuple[tuple[str, ...], dict[str, Any]]
-"""What `argparse.ArgumentParser.add_argument` takes."""
+"""The parameters for a call of `argparse.ArgumentParser.add_argument`."""
 
-Answering = Callable[[argparse.Namespace], None]
+CommandFunction = Callable[[argparse.Namespace], None]
 
 Declaration = Callable[["Parsers"], None]
 
 
-def verb(*arguments: Argument) -> Callable[[Answering], Declaration]:
-    """Declare the command that a function runs. Its name is the name of the function, and its docstring is the help."""
+def command(*arguments: Argument) -> Callable[[CommandFunction], Declaration]:
+    """Return a decorator that declares a command with the name and the docstring of the decorated function."""
 
-    def declaration(answer: Answering) -> Declaration:
-        name = answer.__name__.removesuffix("_verb").rpartition("_")[2]
-        title, _, text = inspect.cleandoc(str(answer.__doc__)).partition("\n")
+    def declaration(function: CommandFunction) -> Declaration:
+        name = function.__name__.removesuffix("_command").rpartition("_")[2]
+        title, _, text = inspect.cleandoc(str(function.__doc__)).partition("\n")
 
         def declare(parsers: "Parsers") -> None:
             parser = parsers.add_parser(name, help=f"{title[0].lower()}{title[1:-1]}", description=title)
@@ -36,60 +36,67 @@ def verb(*arguments: Argument) -> Callable[[Answering], Declaration]:
             parser.formatter_class = argparse.RawDescriptionHelpFormatter
             for names, options in arguments:
                 parser.add_argument(*names, **options)
-            parser.set_defaults(answer=answer)
+            parser.set_defaults(function=function)
 
         return declare
 
     return declaration
 
 
-def group(name: str, title: str, *verbs: Declaration) -> Declaration:
-    """Put verbs behind a common first word."""
+def group(name: str, title: str, *commands: Declaration) -> Declaration:
+    """Declare a command that has subcommands, such as `jerkbench suite run`."""
 
     def declare(parsers: "Parsers") -> None:
-        inner = parsers.add_parser(name, help=title).add_subparsers(dest=f"{name}_verb", required=True, metavar="VERB")
-        for declared in verbs:
+        inner = parsers.add_parser(name, help=title).add_subparsers(
+            dest=f"{name}_command", required=True, metavar="COMMAND"
+        )
+        for declared in commands:
             declared(inner)
 
     return declare
 
 
-def argument(*names: str, **options: Any) -> Argument:  # noqa: ANN401 - as argparse has them
-    """Return a word of a verb, given as `argparse.ArgumentParser.add_argument` takes it."""
+def argument(*names: str, **options: Any) -> Argument:  # noqa: ANN401 - argparse declares the types
+    """Declare an argument of a command, with the parameters of `argparse.ArgumentParser.add_argument`."""
     return names, options
 
 
+def flag(*names: str, help: str) -> Argument:  # noqa: A002 - the name that argparse uses
+    """Declare an option without a value."""
+    return argument(*names, action="store_true", help=help)
+
+
 def print_json(content: object) -> None:
-    """Print plain values as JSON."""
+    """Print plain data in the JSON format."""
     print(json.dumps(content, indent=2, allow_nan=False))
 
 
 def require_new(path: Path) -> None:
-    """Refuse to write over a file or folder.
+    """Raise an exception if a path already exists, so that nothing is overwritten.
 
     Raises:
-        JerkbenchError: it is there.
+        JerkbenchError: The path exists.
     """
     if path.exists():
-        raise JerkbenchError(f"{path} is there already; delete it or give another name.")
+        raise JerkbenchError(f"{path} already exists; delete {path}, or give another name.")
 
 
 def count(text: str) -> int:
-    """Read a number of things.
+    """Parse a number of runs, rows or scenarios.
 
     Raises:
-        ArgumentTypeError: it is none.
+        ArgumentTypeError: The text is not a non-negative integer.
     """
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number; give 0 or more")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a valid number; give an integer, 0 or more")
     return int(text)
 
 
 def output(text: str) -> Path:
-    """Read the path of a file or folder to write.
+    """Parse the path of a file or folder to write.
 
     Raises:
-        ArgumentTypeError: it is empty.
+        ArgumentTypeError: The path is empty.
     """
     if not text.strip():
         raise argparse.ArgumentTypeError("the path is empty; give the name of a file or folder")
@@ -97,63 +104,47 @@ def output(text: str) -> Path:
 
 
 def percentage(text: str) -> float:
-    """Read a limit in percent.
+    """Parse a limit in percent.
 
     Raises:
-        ArgumentTypeError: it is no number that a change could exceed.
+        ArgumentTypeError: The text is not a finite number above -100.
     """
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > -100.0):
-        raise argparse.ArgumentTypeError(f"'{text}' is no percentage; give a number, for example 5")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a valid percentage; give a number above -100, for example 5")
     return value
 
 
 STUDY = argument("folder", type=Path, help="the study's folder, for example results/paper, or a folder of cells")
 
-ANSWER_FORMAT = argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
-"""Lets a verb answer a program too."""
+OUTPUT_FORMAT = argument("--format", choices=("terminal", "json"), default="terminal", help="default: terminal")
 
-RUN_PROGRAMS = argument(
-    "--run-programs",
-    action="store_true",
-    help="let programs that stored results name (filter=command) run here: only of results that you trust",
-)
-"""Lets programs of stored results run."""
+RUN_PROGRAMS = flag("--run-programs", help="run programs of stored results (filter=command); only if you trust them")
+"""Option to run programs that stored results name. The default is safe, because others may have made the results."""
 
-WHERE = (
-    argument("--cluster", default="local", help="what runs it: local, dask, slurm, ... (default: local)"),
-    argument("--workers", type=int, default=0, help="number of processes (default: one a processor)"),
+EXECUTION = (
+    argument("--cluster", default="local", help="cluster that runs it: local, dask, slurm, ... (default: local)"),
+    argument("--workers", type=int, default=0, help="number of processes (default: one for each processor)"),
 )
-"""Where something is run."""
+"""The options of commands that can run on a cluster."""
 
 JUDGING = (
-    argument(
-        "--method",
-        metavar="FACTORS",
-        help="what a method is made of (default: filter,adaptation,noise; the attitude where it alone varies); "
-        "the rest makes a scenario",
-    ),
-    argument(
-        "--margin",
-        type=percentage,
-        default=3.0,
-        metavar="PCT",
-        help="methods within PCT percent are equal (default: 3)",
-    ),
+    argument("--method", metavar="FACTORS", help="factors of a method (default: filter,adaptation,noise, or attitude)"),
+    argument("--margin", type=percentage, default=3.0, metavar="PCT", help="equal within PCT percent (default: 3)"),
 )
-"""How a study's methods are judged."""
+"""The options of commands that compare methods."""
 
 
-def judging(chosen: argparse.Namespace) -> "tuple[tuple[str, ...] | None, VerdictRule]":
-    """Return the factors of a method (None: the default ones) and the rule that was asked for.
+def judging(arguments: argparse.Namespace) -> "tuple[tuple[str, ...] | None, VerdictRule]":
+    """Return the factors that define a method (None for the default factors), and the rule of the comparison.
 
     Raises:
-        JerkbenchError: there is no such factor, or none.
+        JerkbenchError: A factor is unknown, or no factor is given.
     """
     from jerkbench.report.columns import parse_method
     from jerkbench.report.comparisons import VerdictRule
 
-    return None if chosen.method is None else parse_method(chosen.method), VerdictRule(chosen.margin / 100)
+    return None if arguments.method is None else parse_method(arguments.method), VerdictRule(arguments.margin / 100)

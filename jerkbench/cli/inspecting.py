@@ -1,11 +1,11 @@
-"""The verbs that judge a recording: inspect, receiver and smooth."""
+"""The commands that analyse a recording: `data inspect`, `data receiver` and `smooth`."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jerkbench.cli.arguments import argument, output, require_new, verb
-from jerkbench.cli.recordings import SOURCE_WORDS, dataset_of
+from jerkbench.cli.arguments import argument, command, output, require_new
+from jerkbench.cli.recordings import SOURCE_ARGUMENTS, dataset_of
 from jerkbench.errors import JerkbenchError, RecordingError, require_known, unknown
 
 if TYPE_CHECKING:
@@ -20,47 +20,41 @@ if TYPE_CHECKING:
 TABULAR = (".csv", ".pos")
 
 
-def _guesses_columns(chosen: argparse.Namespace) -> bool:
-    """Whether the sources are tables whose columns nobody named.
+def _tables(arguments: argparse.Namespace) -> list[Path]:
+    """Return the paths of the sources if all sources are tables whose columns must be guessed, or an empty list.
 
     Raises:
-        JerkbenchError: several sources or a preset were asked for, of something else.
+        JerkbenchError: Several sources or a preset are given, but not all sources are tables.
     """
     from jerkbench.io.tracks import track_reader
 
-    paths = [Path(source).expanduser() for source in chosen.source]
+    paths = [Path(source).expanduser() for source in arguments.source]
     tables = [path for path in paths if path.is_file() and (path.suffix.lower() in TABULAR or track_reader(path))]
-    guesses = chosen.dataset is None and tables == paths
-    if not guesses and (getattr(chosen, "preset", None) is not None or len(paths) > 1):
-        which = next((path for path in paths if path not in tables), paths[0])
-        raise JerkbenchError(
-            "--preset, and several files, are for tables (.csv, .pos, NMEA, GPX, gpsd's JSON) whose columns are"
-            f" guessed, and {which} is none."
-        )
-    return guesses
+    if arguments.dataset is None and tables == paths:
+        return paths
+    if getattr(arguments, "preset", None) is not None or len(paths) > 1:
+        other = next((path for path in paths if path not in tables), paths[0])
+        needed = "tables (.csv, .pos, NMEA, GPX, JSON of gpsd) without --dataset"
+        raise JerkbenchError(f"--preset and several files need {needed}; {other} is not such a table.")
+    return []
 
 
-def _print_guesses(chosen: argparse.Namespace) -> None:
-    """Print the guesses, write the preset, and describe the recording that they make.
+def _print_guesses(arguments: argparse.Namespace, tables: list[Path]) -> None:
 
-    Raises:
-        RecordingError: the columns cannot be told by their names.
-        JerkbenchError: the preset is there already.
-    """
     from jerkbench.datasets.table import Tables
     from jerkbench.inspection.guessing import guess_tables
 
-    draft = guess_tables(*(Path(source).expanduser() for source in chosen.source))
+    draft = guess_tables(*tables)
     for guess in draft.guesses.values():
         print(guess)
     if draft.unused:
-        print(f"not used: {', '.join(draft.unused)}; columns of an attitude or of the truth go to reference_...")
+        print(f"Unused columns: {', '.join(draft.unused)}. Set reference_... for columns with attitudes or references.")
     unsure = [guess.parameter for guess in draft.guesses.values() if guess.grade == "unsure"]
-    print(f"Say yourself: {', '.join(unsure)}." if unsure else "Nothing is unsure.")
+    print(f"Uncertain, please check: {', '.join(unsure)}." if unsure else "No parameter is uncertain.")
     print()
-    _describe_if_whole(draft.load, Tables(**draft.settings), chosen.figure)
-    if chosen.preset is not None:
-        _write_preset(draft, chosen.preset)
+    _describe_if_readable(draft.load, Tables(**draft.settings), arguments.figure)
+    if arguments.preset is not None:
+        _write_preset(draft, arguments.preset)
 
 
 def _write_preset(draft: "Draft", preset: Path) -> None:
@@ -70,64 +64,57 @@ def _write_preset(draft: "Draft", preset: Path) -> None:
     path = preset_path(preset)
     require_new(path)
     write_text(path, preset_text(draft, path.stem))
-    print(f"Preset: {path}. Correct it, then: jerkbench run --config-dir {path.parents[1]} dataset={path.stem}")
+    print(f"Preset: {path}. Check the file, then run: jerkbench run --config-dir {path.parents[1]} dataset={path.stem}")
 
 
 _SHIFT_PARAMETERS = ("imu_shift_s", "position_latency_s", "velocity_latency_s", "position_shift_s", "velocity_shift_s")
-"""Parameters of data sets that move stamps to the time when the values were true."""
+"""Parameters of data sets that shift stamps to the times of validity of the values."""
 
 _FIGURES = (".pdf", ".png", ".svg")
 
 
-SEVERAL_SOURCES = (
-    argument(
-        "source",
-        nargs="+",
-        metavar="SOURCE",
-        help="a file or folder, a data set or its preset; or the tables of one log: IMU, fixes, reference",
-    ),
-    *SOURCE_WORDS[1:],
+_SOURCES = argument(
+    "source", nargs="+", metavar="SOURCE", help="a file, a folder, a data set, or the tables of one log"
 )
+SEVERAL_SOURCES = (_SOURCES, *SOURCE_ARGUMENTS[1:])
 
 
-@verb(
+@command(
     *SEVERAL_SOURCES,
-    argument("--figure", type=Path, metavar="FILE", help="draw an overview of the recording too (.png, .pdf)"),
-    argument(
-        "--preset", type=output, metavar="NAME.yaml", help="of tables: write the guesses to dataset/NAME.yaml, to edit"
-    ),
+    argument("--figure", type=Path, metavar="FILE", help="draw an overview of the recording (.png, .pdf)"),
+    argument("--preset", type=output, metavar="NAME.yaml", help="for tables: write the guesses to dataset/NAME.yaml"),
 )
-def inspect_verb(chosen: argparse.Namespace) -> None:
-    """Print what a recording is made of, and what is wrong with it.
+def inspect_command(arguments: argparse.Namespace) -> None:
+    """Print the contents of a recording, and the mistakes found in it.
 
-    Of a bag it also lists the topics; of tables it guesses the columns.
+    For a bag, the command lists the topics. For tables, the command guesses the meanings of the columns.
 
       jerkbench data inspect drive.bag --figure overview.png
       jerkbench data inspect field --set duration_s=30 --seed 1
     """
     from jerkbench.io.bag_dataset import BagOptions
 
-    _require_figure(chosen.figure)
-    if _guesses_columns(chosen):
-        _print_guesses(chosen)
+    _require_figure(arguments.figure)
+    if tables := _tables(arguments):
+        _print_guesses(arguments, tables)
         return
-    dataset = dataset_of(chosen.source[0], chosen.dataset, chosen.set)
+    dataset = dataset_of(arguments.source[0], arguments.dataset, arguments.set)
     if not isinstance(dataset, BagOptions):
-        _describe(dataset.load(chosen.seed), dataset, chosen.figure)
+        _describe(dataset.load(arguments.seed), dataset, arguments.figure)
         return
     from jerkbench.io.bag import open_bag
     from jerkbench.io.bag_survey import survey
 
     with open_bag(dataset.path) as bag:
         print(*survey(bag), "", sep="\n")
-    _describe_if_whole(lambda: dataset.load(chosen.seed), dataset, chosen.figure)
+    _describe_if_readable(lambda: dataset.load(arguments.seed), dataset, arguments.figure)
 
 
-def _describe_if_whole(load: "Callable[[], Recording]", dataset: "Dataset", figure: Path | None) -> None:
+def _describe_if_readable(load: "Callable[[], Recording]", dataset: "Dataset", figure: Path | None) -> None:
     try:
         recording = load()
-    except RecordingError as error:  # the source can be read: what it lacks is an answer
-        print(f"No recording can be made of it as it is: {error}")
+    except RecordingError as error:  # the source was readable, so a missing stream is a finding and not an error
+        print(f"The source cannot be used as a recording: {error}")
     else:
         _describe(recording, dataset, figure)
 
@@ -140,7 +127,7 @@ def _describe(recording: "Recording", dataset: "Dataset", figure: Path | None) -
     print(facts_text(recording))
     shifts = {name: getattr(dataset, name, None) for name in _SHIFT_PARAMETERS}
     if shifted := [f"{name}={value}" for name, value in shifts.items() if np.any(value)]:
-        print(f"Times are shifted already by {', '.join(shifted)}: what is left of the lags is above.")
+        print(f"The times are already shifted by {', '.join(shifted)}; the lags above are the remaining lags.")
     if figure is not None:
         _save(overview_figure(recording), figure)
 
@@ -152,31 +139,29 @@ def _save(figure: "Figure", path: Path) -> None:
     print(f"Figure: {path}")
 
 
-@verb(
-    *SOURCE_WORDS, argument("--figure", type=Path, metavar="FILE", help="draw the errors and their memory (.png, .pdf)")
-)
-def receiver_verb(chosen: argparse.Namespace) -> None:
-    """Measure how far off a receiver's covariance is, and say what to put into a filter.
+@command(*SOURCE_ARGUMENTS, argument("--figure", type=Path, metavar="FILE", help="draw the errors (.png, .pdf)"))
+def receiver_command(arguments: argparse.Namespace) -> None:
+    """Compare the reported covariance of a receiver with its errors, and recommend filter settings.
 
       jerkbench data receiver drive.bag --figure receiver.png
       jerkbench data receiver field --set duration_s=60 --seed 1
 
     Raises:
-        JerkbenchError: there are too few fixes, or no such kind of figure.
+        JerkbenchError: There are too few fixes, or the format of the figure is unknown.
     """
     from jerkbench.inspection.receiver import HEADER, advice, receiver_errors, receiver_figure, table_rows
     from jerkbench.report.terminal import print_grid
 
-    _require_figure(chosen.figure)
-    recording = dataset_of(chosen.source, chosen.dataset, chosen.set).load(chosen.seed)
+    _require_figure(arguments.figure)
+    recording = dataset_of(arguments.source, arguments.dataset, arguments.set).load(arguments.seed)
     errors = receiver_errors(recording)
     if errors is None:
-        raise JerkbenchError(f"{recording.name} has too few fixes to say anything about their covariance.")
+        raise JerkbenchError(f"{recording.name} has too few fixes to estimate their covariance.")
     compared = f"compared with {errors.source}" if errors.source else "compared with each other"
-    title = f"{recording.name}: fixes each {errors.step_s:.3g} s, {compared}"
+    title = f"{recording.name}: a fix every {errors.step_s:.3g} s, {compared}"
     print_grid(title, HEADER, list(table_rows(errors)), list(advice(errors)))
-    if chosen.figure is not None:
-        _save(receiver_figure(recording, errors), chosen.figure)
+    if arguments.figure is not None:
+        _save(receiver_figure(recording, errors), arguments.figure)
 
 
 def _require_figure(path: Path | None) -> None:
@@ -184,39 +169,37 @@ def _require_figure(path: Path | None) -> None:
         raise JerkbenchError(unknown("suffix of a figure", path.suffix, _FIGURES))
 
 
-@verb(
+@command(
     *SEVERAL_SOURCES,
-    argument(
-        "--to", default="gpx", metavar="FILE", help="the track: a file that ends in .gpx, .kml, .tum, or an ending"
-    ),
+    argument("--to", default="gpx", metavar="FILE", help="the track: a file (.gpx, .kml, .tum), or its suffix"),
     argument("--figure", type=Path, metavar="FILE", help="draw the fixes and the track (.png, .pdf)"),
 )
-def smooth_verb(chosen: argparse.Namespace) -> None:
-    """Write a better track from fixes alone: a smoother, tuned on the log itself.
+def smooth_command(arguments: argparse.Namespace) -> None:
+    """Smooth the fixes of a log, without an IMU. The smoother is tuned on the same log.
 
       jerkbench smooth ride.gpx --to smooth.gpx --figure smooth.png
       jerkbench smooth field --set duration_s=60 --to kml
 
     Raises:
-        JerkbenchError: there are too few fixes, the file is there, or its ending is unknown.
+        JerkbenchError: There are too few fixes, the file already exists, or its suffix is unknown.
     """
     from jerkbench.inspection.guessing import guess_tables
     from jerkbench.inspection.smoothing import smooth_fixes, track_figure, track_lines
     from jerkbench.io.writing import TRAJECTORIES
 
-    _require_figure(chosen.figure)
-    suffix = f".{chosen.to.rpartition('.')[2]}"
-    require_known("ending of a track", suffix, TRAJECTORIES, JerkbenchError)
-    if _guesses_columns(chosen):
-        recording = guess_tables(*(Path(source).expanduser() for source in chosen.source)).load()
+    _require_figure(arguments.figure)
+    suffix = f".{arguments.to.rpartition('.')[2]}"
+    require_known("suffix of a track", suffix, TRAJECTORIES, JerkbenchError)
+    if tables := _tables(arguments):
+        recording = guess_tables(*tables).load()
     else:
-        recording = dataset_of(chosen.source[0], chosen.dataset, chosen.set).load(chosen.seed)
-    target = Path(chosen.to if "." in chosen.to else f"{Path(chosen.source[0]).stem}_smooth{suffix}")
+        recording = dataset_of(arguments.source[0], arguments.dataset, arguments.set).load(arguments.seed)
+    target = Path(arguments.to if "." in arguments.to else f"{Path(arguments.source[0]).stem}_smooth{suffix}")
     require_new(target)
     track = smooth_fixes(recording)
     TRAJECTORIES[suffix](track.recording, target, "reference")
     for line in track_lines(track):
         print(line)
     print(f"Track: {target}")
-    if chosen.figure is not None:
-        _save(track_figure(track), chosen.figure)
+    if arguments.figure is not None:
+        _save(track_figure(track), arguments.figure)

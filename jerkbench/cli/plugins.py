@@ -1,112 +1,116 @@
-"""The verbs of plugins: `list`, `show`, `new`, `check`."""
+"""The commands for plugins: `list`, `show`, `new`, `check`."""
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from jerkbench.cli.arguments import ANSWER_FORMAT, argument, output, print_json, verb
+from jerkbench.cli.arguments import OUTPUT_FORMAT, argument, command, output, print_json
+
+if TYPE_CHECKING:
+    from jerkbench.files import JunitCase
 
 
-@verb(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), ANSWER_FORMAT)
-def list_verb(chosen: argparse.Namespace) -> None:
-    """List all plugins and presets, or those of one kind.
+@command(argument("kind", nargs="?", help="dataset, disturbance, attitude, filter, adaptation, ..."), OUTPUT_FORMAT)
+def list_command(arguments: argparse.Namespace) -> None:
+    """List all plugins and presets, or the plugins and presets of one kind.
 
       jerkbench list adaptation
       jerkbench list metric --format json
 
     Raises:
-        PluginError: no such kind.
+        PluginError: The kind is unknown.
     """
     from jerkbench.plugins.catalogue import list_text, listed_json
 
-    if chosen.format == "json":
-        print_json(listed_json(chosen.kind))
+    if arguments.format == "json":
+        print_json(listed_json(arguments.kind))
     else:
-        print(list_text(chosen.kind))
+        print(list_text(arguments.kind))
 
 
-@verb(
-    argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ...; may be left out"),
+@command(
+    argument("kind", help="dataset, disturbance, attitude, filter, adaptation, ...; optional"),
     argument("name", nargs="?"),
-    ANSWER_FORMAT,
+    OUTPUT_FORMAT,
 )
-def show_verb(chosen: argparse.Namespace) -> None:
-    """Print equations, parameters, defaults and source of one plugin or preset.
+def show_command(arguments: argparse.Namespace) -> None:
+    """Print the equations, parameters, defaults and source of a plugin or preset.
 
       jerkbench show adaptation mtf
       jerkbench show filter jerk --format json
 
     Raises:
-        PluginError: there is none of that name.
+        PluginError: The name is unknown.
     """
     from jerkbench.plugins.catalogue import kind_of, show_text, shown_json
 
-    if chosen.name is None and "=" in chosen.kind:  # as `run` takes it
-        chosen.kind, _, chosen.name = chosen.kind.partition("=")
-    if chosen.name is None:
-        chosen.kind, chosen.name = kind_of(chosen.kind), chosen.kind
-    if chosen.format == "json":
-        print_json(shown_json(chosen.kind, chosen.name))
+    if arguments.name is None and "=" in arguments.kind:  # KIND=NAME is accepted, because `run` uses this form
+        arguments.kind, _, arguments.name = arguments.kind.partition("=")
+    if arguments.name is None:
+        arguments.kind, arguments.name = kind_of(arguments.kind), arguments.kind
+    if arguments.format == "json":
+        print_json(shown_json(arguments.kind, arguments.name))
     else:
-        print(show_text(chosen.kind, chosen.name))
+        print(show_text(arguments.kind, arguments.name))
 
 
-@verb(
+@command(
     argument("kind", help="dataset, disturbance, attitude, filter, estimator, adaptation or metric"),
-    argument("name", help="of the plugin and its module, for example my_rule"),
-    argument("--out", type=output, metavar="FOLDER", help="where it goes (default: a folder of its name, here)"),
+    argument("name", help="name of the plugin and its module, for example my_rule"),
+    argument("--out", type=output, metavar="FOLDER", help="folder of the package (default: ./NAME)"),
 )
-def new_verb(chosen: argparse.Namespace) -> None:
-    """Write a package with a plugin of your own: class, entry point, test, README.
+def new_command(arguments: argparse.Namespace) -> None:
+    """Write a package for a new plugin: class, entry point, test, README.
 
       jerkbench new adaptation my_rule
       jerkbench new filter my_model --out packages/my_model
 
     Raises:
-        PluginError: no such kind, no possible name, one that is taken, or there is something in the folder.
+        PluginError: The kind is unknown, the name is invalid or in use, or the folder is not empty.
     """
     from jerkbench.plugins.new import write_package
 
-    for path in write_package(chosen.kind, chosen.name, chosen.out or Path(chosen.name)):
+    for path in write_package(arguments.kind, arguments.name, arguments.out or Path(arguments.name)):
         print(path)
 
 
 BROKEN = 1
-"""Exit code where a plugin does not keep its contract."""
+"""Exit code if a plugin does not satisfy its contract."""
 
 
-@verb(
+@command(
     argument("package", help="a folder with a pyproject.toml, an installed distribution, or a module"),
     argument("--format", choices=("text", "json", "junit"), default="text", help="default: text"),
 )
-def check_verb(chosen: argparse.Namespace) -> None:
-    """Check whether the plugins of a package keep their contracts.
+def check_command(arguments: argparse.Namespace) -> None:
+    """Check whether the plugins of a package satisfy their contracts.
 
       jerkbench check my_rule
       jerkbench check packages/my_model --format junit
 
     Raises:
-        PluginError: there is no such package, or it has no plugin.
-        SystemExit: 1, where a plugin does not keep its contract.
+        PluginError: The package does not exist, or it has no plugins.
+        SystemExit: 1 if a plugin does not satisfy its contract.
     """
     from jerkbench.files import junit
     from jerkbench.plugins.new import check_package
 
-    checked = check_package(chosen.package)
-    found = [[("error", e) for e in case.failures] + [("notice", n) for n in case.notes] for case in checked]
-    ok = not any(case.failures for case in checked)
-    if chosen.format == "junit":
-        print(junit(f"jerkbench check {chosen.package}", checked).rstrip())
-    elif chosen.format == "json":
-        findings = [[{"severity": severity, "sentence": message} for severity, message in of] for of in found]
-        plugins = [
-            {"kind": case.group, "name": case.name, "ok": not case.failures, "findings": of}
-            for case, of in zip(checked, findings, strict=True)
-        ]
-        print_json({"package": chosen.package, "ok": ok, "plugins": plugins})
+    checked = check_package(arguments.package)
+    plugins, ok = [_as_json(case) for case in checked], not any(case.failures for case in checked)
+    if arguments.format == "junit":
+        print(junit(f"jerkbench check {arguments.package}", checked).rstrip())
+    elif arguments.format == "json":
+        print_json({"package": arguments.package, "ok": ok, "plugins": plugins})
     else:
-        for case, of in zip(checked, found, strict=True):
-            lines = [f"{severity}: {message}" for severity, message in of]
-            for line in [*lines, *["keeps its contract."] * (not case.failures)]:
-                print(f"{case.group} {case.name}: {line}")
+        for plugin in plugins:
+            lines = [f"{found['severity']}: {found['sentence']}" for found in plugin["findings"]]
+            for line in [*lines, *["satisfies its contract."] * plugin["ok"]]:
+                print(f"{plugin['kind']} {plugin['name']}: {line}")
     if not ok:
         raise SystemExit(BROKEN)
+
+
+def _as_json(case: "JunitCase") -> dict[str, Any]:
+    found = [("error", message) for message in case.failures] + [("notice", message) for message in case.notes]
+    findings = [{"severity": severity, "sentence": message} for severity, message in found]
+    return {"kind": case.group, "name": case.name, "ok": not case.failures, "findings": findings}

@@ -1,4 +1,4 @@
-"""The verbs that show a study, or compare two: `table`, `figures`, `report`, `compare`; those that keep and cite it."""
+"""The commands that show, compare and cite the results of studies: table, figures, report, compare, cite."""
 
 import argparse
 import sys
@@ -12,11 +12,12 @@ from jerkbench.cli.arguments import (
     RUN_PROGRAMS,
     STUDY,
     argument,
+    command,
     count,
+    flag,
     judging,
     output,
     percentage,
-    verb,
 )
 from jerkbench.errors import NOT_COMPARABLE, JerkbenchError
 from jerkbench.report import Choice
@@ -28,86 +29,82 @@ if TYPE_CHECKING:
     from jerkbench.report.table_model import Table
 
 NOTHING_COMPARED = (
-    "Nothing can be compared: there is only one method in each scenario, or the lowest value of the metric is not the "
-    "best."
+    "No comparison is possible: each scenario has one method, or lower values of the metric are not better."
 )
 
-FIRST_TOLD = 10
-"""So many comparisons are printed without ``--all``."""
+MAX_PRINTED = 10
+"""Number of comparisons that are printed without ``--all``."""
 
 TABLE_FORMATS = ("terminal", "md", "csv", "tex", "html", "json")
 
 FACTOR_NAMES = "dataset, disturbance, attitude, filter, adaptation, noise; separated by commas"
 
 
-@verb(
+@command(
     STUDY,
-    argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)"),
-    argument("--rows", help=f"factors that make the rows: {FACTOR_NAMES}"),
-    argument("--columns", help="factors that make the columns (default: adaptation)"),
-    argument("--baseline", metavar="FACTOR=NAME", help="add ratios to it, with tests: adaptation=none"),
+    argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first metric)"),
+    argument("--rows", help=f"factors of the rows: {FACTOR_NAMES}"),
+    argument("--columns", help="factors of the columns (default: adaptation)"),
+    argument("--baseline", metavar="FACTOR=NAME", help="add ratios to this method, with tests: adaptation=none"),
     *JUDGING,
-    argument(
-        "--findings",
-        action="store_true",
-        help=f"say in sentences what differs, the {FIRST_TOLD} largest differences first; with --baseline, from that",
-    ),
-    argument("--all", action="store_true", help="with --findings: every comparison"),
-    argument("--costs", action="store_true", help="put the time a step beside it: each method runs again, here"),
+    flag("--findings", help=f"describe the {MAX_PRINTED} largest differences (with --baseline: from the baseline)"),
+    flag("--all", help="with --findings: describe every comparison"),
+    flag("--costs", help="measure the time of a filter step; runs each method again on this machine"),
     RUN_PROGRAMS,
     argument("--format", choices=TABLE_FORMATS, default="terminal"),
 )
-def table_verb(chosen: argparse.Namespace) -> None:
-    """Print the table of a study, with rows, columns and metric of your choice.
+def table_command(arguments: argparse.Namespace) -> None:
+    """Print a table of a study for a metric, with selected rows and columns.
 
       jerkbench table results/first --baseline adaptation=none
       jerkbench table results/first --metric velocity_rmse_mps --rows disturbance --columns filter --format md
       jerkbench table results/first --findings --all
 
     Raises:
-        JerkbenchError: there are no results, or no such metric, factor or baseline.
+        JerkbenchError: The folder has no results, or the metric, a factor or the baseline is unknown.
     """
     from jerkbench.jobs.study import load_study
     from jerkbench.report.comparisons import parse_baseline
     from jerkbench.report.study_verdicts import study_verdicts
     from jerkbench.report.summary import main_metric, summarise
 
-    study = load_study(chosen.folder)
-    metric = chosen.metric or main_metric(study.rows)
-    baseline = parse_baseline(chosen.baseline) if chosen.baseline else None
-    rows, columns = _factors(chosen.rows), _factors(chosen.columns)
-    verdicts = study_verdicts(study.rows, metric, *judging(chosen))
+    study = load_study(arguments.folder)
+    metric = arguments.metric or main_metric(study.rows)
+    baseline = parse_baseline(arguments.baseline) if arguments.baseline else None
+    rows, columns = _factors(arguments.rows), _factors(arguments.columns)
+    verdicts = study_verdicts(study.rows, metric, *judging(arguments))
     table = summarise(study.rows, metric, rows, columns, study.notes, baseline, verdicts)
-    if chosen.findings:
-        print("\n".join(_sentences(study, verdicts, metric, baseline, every=chosen.all) or [NOTHING_COMPARED]))
+    if arguments.findings:
+        print(_findings(study, verdicts, baseline, every=arguments.all) or NOTHING_COMPARED)
         return
-    _write(table, chosen.format)
-    if chosen.costs:
-        from jerkbench.jobs.replay import COLUMN, step_costs, tell_left_out
+    _write(table, arguments.format)
+    if arguments.costs:
+        from jerkbench.jobs.replay import COLUMN, report_excluded_programs, step_costs
 
-        tell_left_out(study, run_programs=chosen.run_programs)
-        if len(costs := step_costs(study, run_programs=chosen.run_programs)):
-            _write(summarise(costs, COLUMN, rows, columns), chosen.format)
+        report_excluded_programs(study, run_programs=arguments.run_programs)
+        if len(costs := step_costs(study, run_programs=arguments.run_programs)):
+            _write(summarise(costs, COLUMN, rows, columns), arguments.format)
 
 
-def _sentences(
-    study: "Study", verdicts: "StudyVerdicts", metric: str, baseline: "Mapping[str, str] | None", *, every: bool
-) -> list[str]:
-    """Return the comparisons with the baseline that was asked for.
+def _findings(study: "Study", verdicts: "StudyVerdicts", baseline: "Mapping[str, str] | None", *, every: bool) -> str:
+    """Return the text about the comparisons with a baseline.
 
-    Without one: who leads, what holds over all scenarios, and the comparisons with the usual ones.
+    If no baseline is given, the text contains the main result of the study, the comparisons over all scenarios, and the
+    comparisons with the default baselines.
     """
-    from jerkbench.report.comparisons import verdict_sentences
-    from jerkbench.report.findings import findings
+    from jerkbench.report.comparisons import counts_of_verdicts
+    from jerkbench.report.findings import answer, findings
     from jerkbench.report.study_verdicts import across
 
     compared = findings(study.rows, verdicts, baseline)
-    left = 0 if every else max(0, len(compared) - FIRST_TOLD)
-    if left:
-        compared = [*compared[:FIRST_TOLD], f"{left} more comparisons: --findings --all prints them."]
-    if baseline:
-        return compared
-    return [*verdict_sentences(verdicts.standings), *across(study.rows, verdicts, metric), *compared]
+    if (left := len(compared) - MAX_PRINTED) > 0 and not every:
+        compared = [*compared[:MAX_PRINTED], f"{left} more comparisons: --findings --all prints them."]
+    standings = verdicts.standings
+    if baseline or not any(len(standing.rivals) > 1 for standing in standings):
+        return "\n".join(compared)
+    title, details = answer(standings)
+    several = *details, *counts_of_verdicts(standings), *across(verdicts), *compared
+    return "\n".join([f"{title.rstrip('.')}.", *several])
 
 
 def _write(table: "Table", name: str) -> None:
@@ -120,231 +117,224 @@ def _write(table: "Table", name: str) -> None:
         print(WRITERS[name](table), end="")
 
 
-def _factors(words: str | None) -> list[str] | None:
-    return [word.strip() for word in words.split(",") if word.strip()] if words is not None else None
+def _factors(names: str | None) -> list[str] | None:
+    return [name.strip() for name in names.split(",") if name.strip()] if names is not None else None
 
 
-@verb(
+@command(
     STUDY,
-    argument("--out", type=output, help="where they go (default: figures/ in the study's folder)"),
+    argument("--out", type=output, help="folder of the figures (default: figures/ in the study's folder)"),
     argument(
-        "--scenarios",
-        default="20",
-        metavar="NAMES",
-        help="these alone, for example none,imu_bias+gnss_outage; or the runs of so many (default: 20)",
+        "--scenarios", default="20", metavar="NAMES", help="number or names: none,imu_bias+gnss_outage (default: 20)"
     ),
-    argument("--methods", metavar="NAMES", help="these alone, for example baseline,jerk+mtf"),
-    argument("--seed", type=int, help="the run of each scenario that is drawn (default: the first)"),
-    argument("--few", action="store_true", help="only of scenarios and methods that carry a finding"),
+    argument("--methods", metavar="NAMES", help="draw only these methods, for example baseline,jerk+mtf"),
+    argument("--seed", type=int, help="seed of the run that is drawn (default: the first seed)"),
+    flag("--few", help="draw only scenarios and methods with a finding"),
     RUN_PROGRAMS,
-    argument("--pdf", action="store_true", help="each as PDF, too"),
+    flag("--pdf", help="write each figure as a PDF, too"),
 )
-def figures_verb(chosen: argparse.Namespace) -> None:
-    """Draw a study's figures: those of its rows, and of each scenario's runs.
+def figures_command(arguments: argparse.Namespace) -> None:
+    """Draw the figures of a study: its metrics, and the runs of each scenario.
 
       jerkbench figures results/first --scenarios none --methods baseline,jerk+mtf
       jerkbench figures results/first --scenarios 0 --pdf --out paper
 
     Raises:
-        JerkbenchError: there are no results, or no such method, scenario or seed.
+        JerkbenchError: The folder has no results, or a method, a scenario or the seed is unknown.
     """
     from jerkbench.jobs.executors import processors
-    from jerkbench.jobs.replay import tell_left_out
+    from jerkbench.jobs.replay import report_excluded_programs
     from jerkbench.jobs.study import load_study
     from jerkbench.report.plots.style import BETWEEN
     from jerkbench.report.study_figures import FIGURES, LIMIT, Request, draw_study
 
-    out = chosen.out or chosen.folder / FIGURES
-    counted = chosen.scenarios.isdecimal()
+    out = arguments.out or arguments.folder / FIGURES
+    counted = arguments.scenarios.isdecimal()
     request = Request(
-        Choice.FEW if chosen.few else Choice.ALL,
-        int(chosen.scenarios) if counted else LIMIT,
+        Choice.FEW if arguments.few else Choice.ALL,
+        int(arguments.scenarios) if counted else LIMIT,
         out,
-        pdf=chosen.pdf,
+        pdf=arguments.pdf,
         traces=False,
-        run_programs=chosen.run_programs,
-        methods=BETWEEN.split(chosen.methods) if chosen.methods else (),
-        scenarios=() if counted else BETWEEN.split(chosen.scenarios),
-        seed=chosen.seed,
+        run_programs=arguments.run_programs,
+        methods=BETWEEN.split(arguments.methods) if arguments.methods else (),
+        scenarios=() if counted else BETWEEN.split(arguments.scenarios),
+        seed=arguments.seed,
     )
-    study = load_study(chosen.folder)
-    tell_left_out(study, run_programs=chosen.run_programs)
+    study = load_study(arguments.folder)
+    report_excluded_programs(study, run_programs=arguments.run_programs)
     for picture in draw_study(study, request, processors())[0]:
-        for ending in ("png", "pdf") if chosen.pdf else ("png",):
+        for ending in ("png", "pdf") if arguments.pdf else ("png",):
             print(out / f"{picture.name}.{ending}")
 
 
-@verb(
+@command(
     STUDY,
     argument("--out", type=output, help="the file (default: report.html in the study's folder)"),
-    argument("--scenarios", type=count, default=20, help="show the runs of so many scenarios (default: 20)"),
-    argument(
-        "--figures",
-        choices=[choice.value for choice in Choice],
-        default=Choice.FEW.value,
-        help="of scenarios and methods that carry a finding (few, the default), of all, or none",
-    ),
+    argument("--scenarios", type=count, default=20, help="number of scenarios whose runs are shown (default: 20)"),
+    argument("--figures", choices=[*Choice], default=Choice.FEW, help="few: only with findings (default); all; none"),
     RUN_PROGRAMS,
     *JUDGING,
 )
-def report_verb(chosen: argparse.Namespace) -> None:
-    """Write a study as one HTML file, with findings, table, figures and a review.
+def report_command(arguments: argparse.Namespace) -> None:
+    """Write an HTML report of a study, with findings, a table, figures and a review.
 
       jerkbench report results/first --figures none
       jerkbench report results/first --scenarios 1 --out first.html
 
     Raises:
-        JerkbenchError: there are no results, or the file cannot be one.
+        JerkbenchError: The folder has no results, or the path of the file is a folder.
     """
     from jerkbench.jobs.executors import processors
-    from jerkbench.jobs.replay import tell_left_out
+    from jerkbench.jobs.replay import report_excluded_programs
     from jerkbench.jobs.study import load_study
     from jerkbench.report.study_figures import REPORT, Request, write_report
 
-    study = load_study(chosen.folder)
-    path = chosen.out or chosen.folder / REPORT
+    study = load_study(arguments.folder)
+    path = arguments.out or arguments.folder / REPORT
     if path.is_dir():
         raise JerkbenchError(f"{path} is a folder; give the name of a file: --out {path / REPORT}.")
-    request = Request(Choice(chosen.figures), chosen.scenarios, run_programs=chosen.run_programs)
-    tell_left_out(study, run_programs=chosen.run_programs)
-    write_report(study, path, request, processors(), *judging(chosen))
+    request = Request(Choice(arguments.figures), arguments.scenarios, run_programs=arguments.run_programs)
+    report_excluded_programs(study, run_programs=arguments.run_programs)
+    write_report(study, path, request, processors(), *judging(arguments))
     print(path)
 
 
-@verb(argument("folder", nargs="?", type=Path, help="the study's folder (default: jerkbench alone)"))
-def cite_verb(chosen: argparse.Namespace) -> None:
-    """Print BibTeX of every method and data set of a study, and of jerkbench.
+@command(argument("folder", nargs="?", type=Path, help="the study's folder (default: cite only jerkbench)"))
+def cite_command(arguments: argparse.Namespace) -> None:
+    """Print BibTeX entries of the methods and data sets of a study, and of jerkbench.
 
       jerkbench cite
       jerkbench cite results/first
 
     Raises:
-        JerkbenchError: the folder cannot be read.
+        JerkbenchError: The folder cannot be read.
     """
     from jerkbench.jobs.study import load_study
     from jerkbench.report.bibliography import entries_of
 
-    jobs = load_study(chosen.folder).metadata.values() if chosen.folder else ()
+    jobs = load_study(arguments.folder).metadata.values() if arguments.folder else ()
     print("\n\n".join(entries_of(job["spec"] for job in jobs)))
 
 
-# `jerkbench compare`: two sets of results, combination by combination; its exit code tells a machine.
+# The exit code of `jerkbench compare` can be used as a regression test in continuous integration.
 
 COMPARISON_FORMATS = ("terminal", "md", "json", "junit")
 
 WORSE_CODE = 3
-"""Exit code if a combination fails the gate."""
+"""Exit code if a combination fails the regression test (``--fail-above``)."""
 
 
 READING_NOTE = (
-    "A, B: geometric means over the runs that went well (arithmetic where a value is 0); B/A: geometric mean with "
-    "Student's 95 % interval, over the seeds of both where they match; with lost runs the median."
+    "A, B: geometric means over the successful runs (arithmetic if a value is 0). B/A: geometric mean and its 95 % "
+    "interval (Student's t), paired if the seeds match; the median if runs diverged or failed."
 )
-"""The explanation below the numbers."""
+"""The explanation that is printed below the numbers."""
 
 
-@verb(
-    argument(
-        "first", metavar="A", help="a study's folder, or a folder of cells: before; FOLDER:METHOD takes one method"
-    ),
-    argument("second", metavar="B", help="another: after"),
-    argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first there is)"),
-    argument(
-        "--fail-above",
-        type=percentage,
-        metavar="PCT",
-        help="compare the same seeds, and exit with 3 if B is worse than A; see below",
-    ),
+@command(
+    argument("first", metavar="A", help="folder of the first study (before); FOLDER:METHOD selects a method"),
+    argument("second", metavar="B", help="folder of the second study (after)"),
+    argument("--metric", help="a column of rows.csv (default: position_rmse_m, or the first metric)"),
+    argument("--fail-above", type=percentage, metavar="PCT", help="exit with code 3 if B is worse than A; see below"),
     argument("--format", choices=COMPARISON_FORMATS, default="terminal", help="default: terminal"),
-    *JUDGING,
+    JUDGING[1],
 )
-def compare_verb(chosen: argparse.Namespace) -> None:
-    """Compare two sets of results, over the same seeds where they match.
+def compare_command(arguments: argparse.Namespace) -> None:
+    """Compare two sets of results, with paired runs if the seeds match.
 
-    A and B are folders. FOLDER:METHOD is one method of a folder: filter, adaptation and noise, joined by +, or
+    A and B are folders. FOLDER:METHOD selects a method of a folder: filter, adaptation and noise, joined by +, or
     FACTOR=VALUE.
 
       jerkbench compare results/first results/second --fail-above 3
       jerkbench compare results/first:jerk+none results/second:jerk+mtf --format md
 
-    --fail-above PCT makes it a gate for two versions of the same methods. A combination fails if
+    --fail-above PCT is a regression test of two versions of the same methods. A combination fails if
 
-      - its geometric mean over the runs of both is larger by more than PCT percent,
+      - its geometric mean over the paired runs is larger by more than PCT percent,
       - more runs diverge or fail, or fewer runs have a value, or
-      - any single run increased by more than 10 times, or from 0.
+      - the value of a run increases by a factor of more than 10, or from 0.
 
     Exit codes:
 
-      0  done; with --fail-above: no combination fails
+      0  success; with --fail-above: no combination fails
       1  an internal error of jerkbench
-      2  the input is wrong: a folder, a name, an option
+      2  the input is invalid: a folder, a name, an option
       3  with --fail-above: a combination fails
       4  A and B cannot be compared; with --fail-above also: B lacks results of A, A and B have no seed in common, or a
          file is damaged
 
     Raises:
-        JerkbenchError: there are no results, nothing is in both, or they were not measured in the same way.
-        SystemExit: 3 if a combination fails, otherwise 4 if something cannot be judged.
+        JerkbenchError: A folder has no results, or the studies have no common combinations or other conditions.
+        SystemExit: 3 if a combination fails, otherwise 4 if a combination cannot be compared.
     """
     from jerkbench.jobs.study import load_study
-    from jerkbench.report.changes import COMPARISON_WRITERS, StudyComparison, changes, print_comparison
+    from jerkbench.report.changes import (
+        COMPARISON_WRITERS,
+        StudyComparison,
+        changes,
+        named_study,
+        print_comparison,
+        require_alike,
+        selected,
+        with_names_of,
+    )
+    from jerkbench.report.comparisons import VerdictRule
     from jerkbench.report.findings import varying_factors
-    from jerkbench.report.selection import in_the_place_of, named_study, require_alike, selected
     from jerkbench.report.summary import main_metric
 
-    (a, of_a), (b, of_b) = named_study(chosen.first), named_study(chosen.second)
+    (a, of_a), (b, of_b) = named_study(arguments.first), named_study(arguments.second)
     first, second = selected(load_study(a), of_a), selected(load_study(b), of_b)
-    second, chosen_of = in_the_place_of(first, second, {**of_a, **of_b})
+    second, replaced = with_names_of(first, second, {**of_a, **of_b})
     require_alike(first, second)
-    metric, varying = chosen.metric or main_metric(first.rows), varying_factors(first.rows)
-    changed = changes(first.rows, second.rows, metric, judging(chosen)[1])
-    comparison = StudyComparison(metric, changed, varying, (), chosen.fail_above, failed=False)
-    sentences, code = ([], 0) if chosen.fail_above is None else _failures(comparison, first, second)
-    notes = [*chosen_of, *_notes(chosen, first, second, comparison)]
+    metric, varying = arguments.metric or main_metric(first.rows), varying_factors(first.rows)
+    changed = changes(first.rows, second.rows, metric, VerdictRule(arguments.margin / 100))
+    comparison = StudyComparison(metric, changed, varying, (), arguments.fail_above, failed=False)
+    messages, code = ([], 0) if arguments.fail_above is None else _failures(comparison, first, second)
+    notes = [*replaced, *_notes(arguments, first, second, comparison)]
     comparison = comparison._replace(notes=notes, failed=bool(code))
-    if chosen.format in COMPARISON_WRITERS:
-        print(COMPARISON_WRITERS[chosen.format](comparison), end="")
+    if arguments.format in COMPARISON_WRITERS:
+        print(COMPARISON_WRITERS[arguments.format](comparison), end="")
     else:
         print_comparison(comparison)
-    for sentence in sentences:
-        print(sentence, file=sys.stdout if chosen.format == "terminal" else sys.stderr)
+    for message in messages:
+        print(message, file=sys.stdout if arguments.format == "terminal" else sys.stderr)
     if code:
         raise SystemExit(code)
 
 
-def _notes(chosen: argparse.Namespace, first: "Study", second: "Study", comparison: "StudyComparison") -> list[str]:
-    from jerkbench.report.changes import notes_of_tests, other_leaders
-    from jerkbench.report.selection import other_methods
-    from jerkbench.report.study_verdicts import study_verdicts
+def _notes(arguments: argparse.Namespace, first: "Study", second: "Study", comparison: "StudyComparison") -> list[str]:
+    from jerkbench.report.changes import notes_of_tests, other_methods
 
     changed = comparison.changes
-    notes = [f"A: {chosen.first}, {first.code}", f"B: {chosen.second}, {second.code}", *other_methods(first, second)]
-    notes += [f"{name}: {words}" for name, study in (("A", first), ("B", second)) for words in study.unlike]
+    notes = [
+        f"A: {arguments.first}, {first.code}",
+        f"B: {arguments.second}, {second.code}",
+        *other_methods(first, second),
+    ]
+    notes += [f"{name}: {note}" for name, study in (("A", first), ("B", second)) for note in study.unlike]
     notes += [READING_NOTE, *notes_of_tests(changed)]
     counts = (("A", first.combinations - len(changed)), ("B", second.combinations - len(changed)))
-    notes += [f"{count} combinations of {name} alone are left out." for name, count in counts if count]
+    notes += [f"{count} combinations that exist only in {name} are left out." for name, count in counts if count]
     damaged = (("A", first.damaged), ("B", second.damaged))
-    notes += [f"Damaged in {name}, and left out: {', '.join(files)}." for name, files in damaged if files]
+    notes += [f"Damaged files in {name}, which are left out: {', '.join(files)}." for name, files in damaged if files]
     if absent := sum(change.absent for change in changed):
-        notes.append(f"{absent} runs of A have no run of the same seed in B.")
+        notes.append(f"{absent} runs of A have no run with the same seed in B.")
     found = zip(comparison.names, comparison.failures, strict=True)
-    notes += [f"{name} fails: {failure}." for name, failures in found for failure in failures]
-    verdicts = (study_verdicts(study.rows, comparison.metric, *judging(chosen)) for study in (first, second))
-    return [*notes, *other_leaders(*(of.standings for of in verdicts))]
+    return [*notes, *(f"{name} fails: {failure}." for name, failures in found for failure in failures)]
 
 
 def _failures(comparison: "StudyComparison", first: "Study", second: "Study") -> tuple[list[str], int]:
-    """Return how many combinations fail or cannot be judged, in sentences, and the exit code."""
+    """Return messages about the combinations that fail or that cannot be compared, and the exit code."""
     changed, worse = comparison.changes, sum(map(bool, comparison.failures))
-    sentences = [f"{worse} of {len(changed)} combinations fail (allowed: {comparison.allowed:g} %)."]
+    messages = [f"{worse} of {len(changed)} combinations fail (allowed: {comparison.allowed:g} %)."]
     reasons = Counter(change.unjudged for change in changed if change.unjudged)
     if missing := first.combinations - len(changed):
         reasons["they are missing in B"] = missing
     if reasons:
         because = "; ".join(f"{count} because {reason}" for reason, count in reasons.items())
-        sentences.append(
-            f"{reasons.total()} of the {first.combinations} combinations of A cannot be judged: {because}."
-        )
+        total = f"{reasons.total()} of the {first.combinations} combinations of A"
+        messages.append(f"{total} cannot be compared: {because}.")
     if damaged := len(first.damaged) + len(second.damaged):
-        sentences.append(f"{damaged} damaged file{'s' * (damaged > 1)} cannot be judged.")
-    return sentences, WORSE_CODE if worse else NOT_COMPARABLE if reasons or damaged else 0
+        messages.append(f"{damaged} damaged file{'s' * (damaged > 1)} cannot be compared.")
+    return messages, WORSE_CODE if worse else NOT_COMPARABLE if reasons or damaged else 0

@@ -1,1 +1,1 @@
-"""Plain Python functions, compiled by numba and kept on disk, so that the next process compiles nothing."""
+"""Compilation of plain Python functions with numba, and the cache of the compiled code on disk."""

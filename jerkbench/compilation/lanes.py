@@ -1,11 +1,12 @@
-"""Choices that a method of a plugin makes for one run; compiled for several side by side it makes one in each.
+"""Functions that replace branches in methods of plugins that are compiled for a batch of eight runs.
 
-A method that says ``lanes = True`` may not branch on data: what it is given are vectors then, one number of each run
-(`jerkbench.compilation.vectors`). These four stand for the branches that it needs; by name they are replaced. A whole
-number among its parameters is the same in all runs that are asked at once, and may say how often a loop goes round; one
-that `varying` names is a vector like the others.
-Besides them it may use ``+ - * /``, abs, min, max, math.sqrt and math.exp, and make arrays of the type of those that it
-is given: ``np.empty(shape, P.dtype)``.
+In a class with ``lanes = True``, the arguments of a method are vectors with one number for each run
+(`jerkbench.compilation.vectors`). A method with vector arguments must not branch on data. The four functions of this
+module replace branches. For a single run, these functions have the same results as a branch.
+
+An integer parameter is equal in all runs of a call, so a method may use it as the number of iterations of a loop. An
+integer parameter whose name is in ``varying`` is a vector instead. A method may also use ``+ - * /``, abs, min, max,
+math.sqrt and math.exp. A method may create arrays with the type of its arguments: ``np.empty(shape, P.dtype)``.
 """
 
 from collections.abc import Callable
@@ -14,30 +15,35 @@ from typing import Any
 import numpy as np
 
 
-def chosen(left: float, right: float, yes: float, no: float) -> float:
-    """Return ``yes`` where left > right, else ``no`` (also where one of them is NaN)."""
+def select(left: float, right: float, yes: float, no: float) -> float:
+    """Return ``yes`` if left > right, otherwise ``no``. If left or right is NaN, the result is ``no``."""
     return yes if left > right else no
 
 
-def each_run(function: Callable[..., float], *given: Any) -> float:  # noqa: ANN401 - what the function takes
-    """Return ``function(*given)``, a number, which may branch: it is asked for each run by itself.
+chosen = select  # alias, because version 0.3 used this name
 
-    It gets the numbers of one run, and of an array (its memory) those that are of this run. The last that is given must
-    be a number of the run (innovation, memory), no size or row. Runs that do not ask, or are lost, are asked about too.
+
+def each_run(function: Callable[..., float], *given: Any) -> float:  # noqa: ANN401 - any arguments
+    """Return the result of ``function``, which is called separately for each run with the arguments ``given``.
+
+    The function may branch on data. In each call, the function receives the numbers of one run. If an
+    argument is an array, such as the memory of the adaptation, the function receives only the elements of this run. The
+    last argument must be a number that can differ between runs, such as an innovation, and not a size or a row index.
+    The function is also called for runs that do not take part in the update.
     """
     return function(*given)
 
 
 def anywhere(flag: float) -> bool:
-    """Return whether a number is above zero in any of the runs."""
+    """Return whether ``flag`` is above zero in at least one run."""
     return flag > 0.0
 
 
 def above(pivot: float, least: float) -> float:
-    """Return ``pivot``, which must lie above ``least``; side by side it is NaN in the runs where it does not.
+    """Return ``pivot`` if ``pivot`` is above ``least``. In a batch, the result is NaN for all other runs.
 
     Raises:
-        LinAlgError: it does not, in a run by itself.
+        LinAlgError: ``pivot`` is not above ``least``, and the function is called for a single run.
     """
     if not pivot > least:
         raise np.linalg.LinAlgError("Matrix is not positive definite")
@@ -45,5 +51,5 @@ def above(pivot: float, least: float) -> float:
 
 
 def above_in_lanes(pivot: float, least: float) -> float:
-    """The same side by side: NaN in the runs where it does not."""
-    return chosen(pivot, least, pivot, float("nan"))
+    """Return ``pivot`` for each run of a batch, or NaN for runs in which ``pivot`` is not above ``least``."""
+    return select(pivot, least, pivot, float("nan"))

@@ -1,320 +1,331 @@
-"""Vectors of numbers for compiled code: one number of each of several runs, which the processor works on at once.
+"""SIMD vectors of eight numbers for compiled code. A vector contains one number for each of eight runs.
 
-Kernels are written for numbers. Given a `jerkbench.compilation.views.Lanes` of several runs they work on all of them
-side by side, because numba compiles a function anew for each type of its arguments. Two things have to be said
-differently: a choice between two values, and the largest (`chosen`). A vector of one number is that number.
+The kernels are written for numbers. numba compiles a function separately for each combination of argument types.
+Therefore a kernel that receives arrays of vectors (`in_lanes`) processes eight runs at the same time. Only branches
+have to be replaced. The function `select` selects one of two values in each run, and `anywhere` returns whether a
+number is positive in any run.
 """
 
 import math
 import operator
-from functools import cache
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
-from numba.np.arrayobj import populate_array
+from numba.np.arrayobj import getitem_array_tuple, getitem_arraynd_intp, populate_array
 
 from jerkbench.arrays import WIDE, FloatArray
+from jerkbench.compilation import lanes
 
-NUMBER, INDEX, LONG = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
-"""As LLVM knows them."""
+NUMBER, INDEX = ir.DoubleType(), ir.IntType(32)
+WIDE_NUMBER = ir.VectorType(NUMBER, WIDE)
+"""Vector type of LLVM. The line above defines the number types."""
+
+Untyped = Any
+"""Annotation of objects of numba and llvmlite, because these packages have no type annotations."""
 
 
 class Vector(types.Type):
-    """A vector of ``width`` numbers; a number turns into one by repetition."""
+    """The numba type of a vector of eight numbers. A number is converted to a vector by repetition."""
 
-    def __init__(self, width: int) -> None:
-        """Name the type after its width."""
-        self.width = width
-        super().__init__(name=f"vector{width}")
+    def __init__(self) -> None:
+        super().__init__(name=f"vector{WIDE}")
+        self.bitwidth = 64 * WIDE
 
-    def unify(self, _: Any, other: Any) -> Any:  # noqa: ANN401 - numba has no types
-        """Return what both are."""
+    def unify(self, _: Untyped, other: Untyped) -> Untyped:
+        """Return the common type of a vector and a number, which is the vector type."""
         return self if isinstance(other, types.Float | types.Integer) else None
 
-    def can_convert_from(self, _: Any, other: Any) -> Any:  # noqa: ANN401 - numba has no types
-        """Take a number where a vector belongs."""
-        from numba.core.typeconv import Conversion
-
+    def can_convert_from(self, _: Untyped, other: Untyped) -> Untyped:
+        """Allow the implicit conversion of a number to a vector."""
         return Conversion.promote if isinstance(other, types.Float | types.Integer) else None
 
 
-@cache
-def vector_of(width: int) -> Any:  # noqa: ANN401 - numba has no types
-    """Return numba's type of a vector of ``width`` numbers."""
-    return types.float64 if width == 1 else Vector(width)
-
-
-def llvm_vector(width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
-    """Return LLVM's type of a vector of ``width`` numbers."""
-    return NUMBER if width == 1 else ir.VectorType(NUMBER, width)
+LANES = Vector()
 
 
 @register_model(Vector)
 class _VectorModel(models.PrimitiveModel):
-    """In memory it is packed: numba's arrays begin anywhere, and LLVM takes a plain vector to begin at 64 bytes."""
+    """The memory layout of a vector. The layout is packed, because numba arrays are not always aligned to 64 bytes."""
 
-    def __init__(self, manager: Any, of: Any) -> None:  # noqa: ANN401 - numba has no types
-        super().__init__(manager, of, llvm_vector(of.width))
+    def __init__(self, manager: Untyped, of: Untyped) -> None:
+        super().__init__(manager, of, WIDE_NUMBER)
 
-    def get_data_type(self) -> Any:  # noqa: ANN401 - llvmlite has no types
+    def get_data_type(self) -> Untyped:
         return ir.LiteralStructType([self.get_value_type()], packed=True)
 
-    def as_data(self, builder: Any, value: Any) -> Any:  # noqa: ANN401 - as above
+    def as_data(self, builder: Untyped, value: Untyped) -> Untyped:
         return builder.insert_value(ir.Constant(self.get_data_type(), ir.Undefined), value, 0)
 
-    def from_data(self, builder: Any, value: Any) -> Any:  # noqa: ANN401 - as above
+    def from_data(self, builder: Untyped, value: Untyped) -> Untyped:
         return builder.extract_value(value, 0)
 
 
-def repeated(builder: Any, number: Any, width: int) -> Any:  # noqa: ANN401 - llvmlite has no types
-    """Return a vector that holds ``number`` ``width`` times."""
-    nothing = ir.Constant(llvm_vector(width), ir.Undefined)
-    first = builder.insert_element(nothing, number, ir.Constant(INDEX, 0))
-    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INDEX, width), [0] * width))
-
-
 @lower_cast(types.Float, Vector)
-def _cast(_context: Any, builder: Any, _from: Any, to: Any, number: Any) -> Any:  # noqa: ANN401 - as above
-    return repeated(builder, number, to.width)
-
-
 @lower_cast(types.Integer, Vector)
-def _cast_integer(context: Any, builder: Any, of: Any, to: Any, number: Any) -> Any:  # noqa: ANN401 - as above
-    return repeated(builder, context.cast(builder, number, of, types.float64), to.width)
+def _repeated(context: Untyped, builder: Untyped, of: Untyped, _to: Untyped, number: Untyped) -> Untyped:
+    nothing = ir.Constant(WIDE_NUMBER, ir.Undefined)
+    first = builder.insert_element(nothing, context.cast(builder, number, of, types.float64), INDEX(0))
+    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INDEX, WIDE), [0] * WIDE))
 
 
-def _common(kinds: Any) -> Any:  # noqa: ANN401 - as above
-    """The type of a result of ``kinds``: a vector if one of them is, or None if they are of several widths."""
-    wide = {kind for kind in kinds if isinstance(kind, Vector)}
-    return wide.pop() if len(wide) == 1 else None if wide else types.float64
+class _Record(types.Record):
+    """A record type whose fields are arrays of vectors. The record type of numba supports only numbers."""
+
+    @property
+    def dtype(self) -> Untyped:
+        """A NumPy type of the same size as the record."""
+        return np.dtype((np.void, self.size))
+
+
+register_model(_Record)(models.RecordModel)
+
+
+def _in_lanes(kind: Untyped) -> Untyped:
+    """Return the type of a view in which the last axis of a record or of an array is replaced by vectors."""
+    if isinstance(kind, types.Record):
+        fields = {name: (types.NestedArray(LANES, of.type.shape[:-1]), of.offset) for name, of in kind.fields.items()}
+        placed = [(name, {"type": array, "offset": offset}) for name, (array, offset) in fields.items()]
+        return _Record(placed, kind.size, kind.aligned)
+    return types.Array(LANES, kind.ndim - 1, "C")
+
+
+@intrinsic
+def in_lanes(_typing: Untyped, numbers: Untyped) -> Untyped:
+    """Return a view of an array (..., 8) of numbers as an array (...) of vectors, or of all arrays of a record."""
+    kind = _in_lanes(numbers)
+
+    def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        if isinstance(kind, types.Record):
+            return builder.bitcast(args[0], context.get_value_type(kind))
+        given = context.make_array(sig.args[0])(context, builder, args[0])
+        shape, strides = (cgutils.unpack_tuple(builder, of)[:-1] for of in (given.shape, given.strides))
+        return _view(context, builder, given, kind, shape, strides)
+
+    return kind(numbers), generate
+
+
+@intrinsic
+def as_numbers(_typing: Untyped, vectors: Untyped) -> Untyped:
+    """Return a view of an array (...) of vectors as an array (..., 8) of numbers."""
+    kind = types.Array(types.float64, vectors.ndim + 1, "C")
+
+    def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        given = context.make_array(sig.args[0])(context, builder, args[0])
+        shape, strides = (cgutils.unpack_tuple(builder, of) for of in (given.shape, given.strides))
+        last = context.get_constant(types.intp, WIDE)
+        return _view(context, builder, given, kind, [*shape, last], [*strides, last])
+
+    return kind(vectors), generate
+
+
+def _view(
+    context: Untyped, builder: Untyped, given: Untyped, kind: Untyped, shape: Untyped, strides: Untyped
+) -> Untyped:
+    element = context.get_data_type(kind.dtype)
+    data, view = builder.bitcast(given.data, element.as_pointer()), context.make_array(kind)(context, builder)
+    size = context.get_constant(types.intp, context.get_abi_sizeof(element))
+    populate_array(view, data, shape, strides, size, given.meminfo)
+    return impl_ret_borrowed(context, builder, kind, view._getvalue())  # noqa: SLF001 - as in numba
+
+
+@lower_builtin(operator.getitem, types.NestedArray, types.Integer)
+@lower_builtin(operator.getitem, types.NestedArray, types.UniTuple)
+def _get_item(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+    """Read an element of an array in a record, with a fifth of the code that numba generates for unknown shapes."""
+    kind, index = sig.args
+    if sig.return_type != LANES:
+        generic = getitem_arraynd_intp if isinstance(index, types.Integer) else getitem_array_tuple
+        return generic(context, builder, sig, args)
+    return context.unpack_value(builder, LANES, _element(context, builder, kind, index, args), 8)
+
+
+@lower_builtin(operator.setitem, types.NestedArray, types.Integer, types.Any)
+@lower_builtin(operator.setitem, types.NestedArray, types.UniTuple, types.Any)
+def _set_item(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> None:
+    kind, index, value = sig.args
+    vector = context.cast(builder, args[2], value, LANES)
+    context.pack_value(builder, LANES, vector, _element(context, builder, kind, index, args), 8)
+
+
+@lower_builtin(len, types.NestedArray)
+def _length(context: Untyped, _builder: Untyped, sig: Untyped, _args: Untyped) -> Untyped:
+    """Return the length of an array in a record as a constant, so that loops over the array can be unrolled."""
+    return context.get_constant(types.intp, sig.args[0].shape[0])
+
+
+def _element(context: Untyped, builder: Untyped, kind: Untyped, index: Untyped, args: Untyped) -> Untyped:
+    """Return the pointer to an element of an array in a record. The indices must not be negative."""
+    several = isinstance(index, types.UniTuple)
+    indices = cgutils.unpack_tuple(builder, args[1]) if several else [args[1]]
+    integer, offset = index.dtype if several else index, context.get_constant(types.intp, 0)
+    for size, value in zip(kind.shape, indices, strict=True):
+        offset = builder.mul(offset, context.get_constant(types.intp, size))
+        offset = builder.add(offset, context.cast(builder, value, integer, types.intp))
+    data = context.data_model_manager[kind].get_field_position("data")
+    return builder.gep(builder.extract_value(args[0], data), [offset])
+
+
+# Operators and mathematical functions for vectors.
+
+
+def _is_vector_call(args: Untyped, count: int) -> bool:
+    known = len(args) == count and all(isinstance(arg, Vector | types.Float | types.Integer) for arg in args)
+    return known and any(isinstance(arg, Vector) for arg in args)
 
 
 _PAIRS = (
     *((Vector, kind) for kind in (Vector, types.Float, types.Integer)),
     *((kind, Vector) for kind in (types.Float, types.Integer)),
 )
-"""Kinds of two values of which one is a vector."""
 
 
-def _define(symbols: tuple[Any, ...], instruction: str) -> None:
-    """Teach numba an operator between vectors, and between a vector and a number."""
-    flags = ("contract",)
+def _define(function: Untyped, count: int, write: Untyped) -> None:
+    """Define ``function`` for ``count`` vectors or numbers, where ``write(builder, *vectors)`` generates the code."""
 
-    def generic(_self: Any, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        """Return the types of the operator, or None where it is not between vectors."""
-        known = len(args) == 2 and all(isinstance(arg, Vector | types.Float | types.Integer) for arg in args)
-        result = _common(args) if known else None
-        return signature(result, *args) if isinstance(result, Vector) else None
+    def generic(_self: Untyped, args: Untyped, _kws: Untyped) -> Untyped:
+        return signature(LANES, *args) if _is_vector_call(args, count) else None
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Return the LLVM instruction; a number is repeated over the width."""
-        both = [context.cast(builder, x, kind, sig.return_type) for kind, x in zip(sig.args, args, strict=True)]
-        return getattr(builder, instruction)(*both, flags=flags)
-
-    for symbol in symbols:
-        infer_global(symbol)(type("_Operator", (AbstractTemplate,), {"key": symbol, "generic": generic}))
-        for pair in _PAIRS:
-            lower_builtin(symbol, *pair)(lower)
-
-
-_define((operator.add, operator.iadd), "fadd")
-_define((operator.sub, operator.isub), "fsub")
-_define((operator.mul, operator.imul), "fmul")
-_define((operator.truediv, operator.itruediv), "fdiv")
-
-
-@intrinsic
-def chosen(_typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:  # noqa: ANN401 - as above
-    """``yes`` where left > right, else ``no`` (also where one of them is NaN): of numbers, or in each run."""
-    result = _common((left, right, yes, no))
-
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        given = [context.cast(builder, arg, t, result) for t, arg in zip(sig.args, args, strict=True)]
-        return builder.select(builder.fcmp_ordered(">", given[0], given[1]), given[2], given[3])
-
-    return (result(left, right, yes, no), generate) if result else None
-
-
-# What plain functions of a number may call (`jerkbench.compilation.lanes`).
-
-
-def _teach(function: Any, takes: int, write: Any) -> None:  # noqa: ANN401 - as above
-    """Teach numba a function of ``takes`` vectors or numbers; ``write`` gets the builder and the vectors."""
-
-    def generic(_self: Any, args: Any, _kws: Any) -> Any:  # noqa: ANN401 - as above
-        """Return the types of the function, or None where it gets no vector."""
-        known = len(args) == takes and all(isinstance(arg, Vector | types.Float | types.Integer) for arg in args)
-        result = _common(args) if known else None
-        return signature(result, *args) if isinstance(result, Vector) else None
-
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        of = sig.return_type
-        return write(builder, *(context.cast(builder, x, t, of) for x, t in zip(args, sig.args, strict=True)))
+    def lower(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        return write(builder, *(context.cast(builder, x, t, LANES) for x, t in zip(args, sig.args, strict=True)))
 
     infer_global(function)(type("_Function", (AbstractTemplate,), {"key": function, "generic": generic}))
-    for kinds in _PAIRS if takes == 2 else ((Vector,),):
+    for kinds in _PAIRS if count == 2 else ((Vector,),):
         lower_builtin(function, *kinds)(lower)
 
 
-def _intrinsic(name: str) -> Any:  # noqa: ANN401 - as above
-    def write(builder: Any, x: Any) -> Any:  # noqa: ANN401 - as above
-        """Call the intrinsic of LLVM for vectors."""
+def _instruction(name: str) -> Untyped:
+    return lambda builder, *given: getattr(builder, name)(*given)
+
+
+def _intrinsic(name: str) -> Untyped:
+    def write(builder: Untyped, x: Untyped) -> Untyped:
         of = ir.FunctionType(x.type, [x.type])
-        return builder.call(cgutils.get_or_insert_function(builder.module, of, f"llvm.{name}.v{x.type.count}f64"), [x])
+        return builder.call(cgutils.get_or_insert_function(builder.module, of, f"llvm.{name}.v{WIDE}f64"), [x])
 
     return write
 
 
-def _larger(builder: Any, a: Any, b: Any) -> Any:  # noqa: ANN401 - as above
-    return builder.select(builder.fcmp_ordered(">", b, a), b, a)
-
-
-def _smaller(builder: Any, a: Any, b: Any) -> Any:  # noqa: ANN401 - as above
-    return builder.select(builder.fcmp_ordered("<", b, a), b, a)
-
-
-LN2_HIGH, LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
-"""ln 2 in two parts, the first with so many zeros at its end that up to 1024 times it is exact."""
-
-WHOLE_ABOVE = 1.5 * 2.0**52
-"""Added to a number it leaves its nearest whole number in the last bits."""
-
-MIN_EXPONENT, MAX_EXPONENT = -708.0, 709.79
-"""Below the one the exponential is less than any normal number, above the other it is infinite."""
-
-
-def _exp(builder: Any, x: Any) -> Any:  # noqa: ANN401 - as above
-    """2^n e^r with x = n ln 2 + r, |r| <= ln 2 / 2: e^r by its series. LLVM would call a library for each number.
-
-    Below `MIN_EXPONENT` it is 0. The 14th term is less than 1e-17.
-    """
-
-    def number(value: float) -> Any:  # noqa: ANN401 - as above
-        return ir.Constant(x.type, [value] * x.type.count)
-
-    def plus(a: Any, b: Any, c: Any) -> Any:  # noqa: ANN401 - as above
-        """Return the product of the first two, and the third."""
-        return builder.fadd(builder.fmul(a, b, flags=("contract",)), c, flags=("contract",))
-
-    bits = ir.VectorType(LONG, x.type.count)
-    shifted = plus(x, number(1.0 / math.log(2.0)), number(WHOLE_ABOVE))
-    n = builder.fsub(shifted, number(WHOLE_ABOVE))
-    r = plus(n, number(-LN2_LOW), plus(n, number(-LN2_HIGH), x))
-    series = number(1.0 / math.factorial(13))
-    for k in range(12, -1, -1):
-        series = plus(series, r, number(1.0 / math.factorial(k)))
-    power = builder.shl(builder.bitcast(shifted, bits), ir.Constant(bits, [52] * x.type.count))
-    result = builder.bitcast(builder.add(builder.bitcast(series, bits), power), x.type)
-    result = builder.select(builder.fcmp_ordered("<", x, number(MIN_EXPONENT)), number(0.0), result)
-    result = builder.select(builder.fcmp_ordered(">", x, number(MAX_EXPONENT)), number(math.inf), result)
-    return builder.select(builder.fcmp_ordered("==", x, x), result, x)
-
-
-_teach(abs, 1, _intrinsic("fabs"))
-_teach(math.sqrt, 1, _intrinsic("sqrt"))
-_teach(math.exp, 1, _exp)
-_teach(max, 2, _larger)
-_teach(min, 2, _smaller)
-_teach(operator.neg, 1, lambda builder, x: builder.fneg(x))
+for _symbols, _name in {
+    (operator.add, operator.iadd): "fadd",
+    (operator.sub, operator.isub): "fsub",
+    (operator.mul, operator.imul): "fmul",
+    (operator.truediv, operator.itruediv): "fdiv",
+}.items():
+    for _symbol in _symbols:
+        _define(_symbol, 2, _instruction(_name))
+_define(operator.neg, 1, lambda builder, x: builder.fneg(x))
+_define(abs, 1, _intrinsic("fabs"))
+_define(math.sqrt, 1, _intrinsic("sqrt"))
+_define(math.exp, 1, _intrinsic("exp"))
+_define(max, 2, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
+_define(min, 2, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
 
 
 @intrinsic
-def anywhere(_typing: Any, flag: Any) -> Any:  # noqa: ANN401 - as above
-    """Whether a number is above zero in any of the runs."""
+def select(_typing: Untyped, left: Untyped, right: Untyped, yes: Untyped, no: Untyped) -> Untyped:
+    """Return ``yes`` where left > right, otherwise ``no``, for numbers or vectors. For NaN, the result is ``no``."""
+    given = (left, right, yes, no)
+    result = LANES if _is_vector_call(given, 4) else types.float64
 
-    def generate(_context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
+    def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        a, b, c, d = (context.cast(builder, arg, t, result) for t, arg in zip(sig.args, args, strict=True))
+        return builder.select(builder.fcmp_ordered(">", a, b), c, d)
+
+    return result(*given), generate
+
+
+@intrinsic
+def anywhere(_typing: Untyped, flag: Untyped) -> Untyped:
+    """Return whether ``flag`` is above zero in at least one run."""
+
+    def generate(_context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
         above = builder.fcmp_ordered(">", args[0], ir.Constant(args[0].type, None))
-        if sig.args[0] == types.float64:
+        if sig.args[0] != LANES:
             return above
-        bits = ir.IntType(sig.args[0].width)
+        bits = ir.IntType(WIDE)
         return builder.icmp_unsigned("!=", builder.bitcast(above, bits), bits(0))
 
     return (types.boolean(flag), generate) if isinstance(flag, Vector | types.Float) else None
 
 
-# What is asked of each run by itself (`jerkbench.compilation.lanes.each_run`).
+# Calls of a function for each run separately (`jerkbench.compilation.lanes.each_run`).
 
 
 @intrinsic
-def of_run(_typing: Any, values: Any, k: Any) -> Any:  # noqa: ANN401 - as above
-    """What run ``k`` has of a tuple: a number of a vector, a column of an array of vectors; all else is shared."""
+def of_run(_typing: Untyped, values: Untyped, k: Untyped) -> Untyped:
+    """Return the values of run ``k`` from a tuple: a number for each vector, and a column for each array of vectors."""
     kinds = types.Tuple([_of_one(kind) for kind in values])
 
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        place = context.cast(builder, args[1], sig.args[1], types.intp)
+    def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        offset = context.cast(builder, args[1], sig.args[1], types.intp)
         parts = zip(cgutils.unpack_tuple(builder, args[0]), sig.args[0], sig.return_type, strict=True)
-        return context.make_tuple(builder, kinds, [_part(context, builder, place, *part) for part in parts])
+        return context.make_tuple(builder, kinds, [_part(context, builder, offset, *part) for part in parts])
 
     return kinds(values, k), generate
 
 
-def _of_one(kind: Any) -> Any:  # noqa: ANN401 - as above
+def _of_one(kind: Untyped) -> Untyped:
     if isinstance(kind, types.Array) and isinstance(kind.dtype, Vector):
         return types.Array(types.float64, kind.ndim, "A")
     return types.float64 if isinstance(kind, Vector) else kind
 
 
-def _part(context: Any, builder: Any, place: Any, value: Any, kind: Any, of_one: Any) -> Any:  # noqa: ANN401 - as above
+def _part(
+    context: Untyped, builder: Untyped, offset: Untyped, value: Untyped, kind: Untyped, of_one: Untyped
+) -> Untyped:
     if kind is of_one:
         return value
     if isinstance(kind, Vector):
-        return builder.extract_element(value, place)
-    whole, column = context.make_array(kind)(context, builder, value), context.make_array(of_one)(context, builder)
-    first = builder.gep(builder.bitcast(whole.data, NUMBER.as_pointer()), [place])
-    populate_array(column, first, whole.shape, whole.strides, context.get_constant(types.intp, 8), None)
-    return column._getvalue()  # noqa: SLF001 - numba's own way
+        return builder.extract_element(value, offset)
+    array, column = context.make_array(kind)(context, builder, value), context.make_array(of_one)(context, builder)
+    first = builder.gep(builder.bitcast(array.data, NUMBER.as_pointer()), [offset])
+    populate_array(column, first, array.shape, array.strides, context.get_constant(types.intp, 8), None)
+    return column._getvalue()  # noqa: SLF001 - as in numba
 
 
 @intrinsic
-def with_number(_typing: Any, vector: Any, k: Any, number: Any) -> Any:  # noqa: ANN401 - as above
-    """``vector`` with the ``number`` of run ``k``."""
+def with_number(_typing: Untyped, vector: Untyped, k: Untyped, number: Untyped) -> Untyped:
+    """Return a copy of ``vector`` in which the element of run ``k`` is ``number``."""
 
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:  # noqa: ANN401 - as above
-        """Write it in LLVM."""
-        place = context.cast(builder, args[1], sig.args[1], types.intp)
-        return builder.insert_element(args[0], context.cast(builder, args[2], sig.args[2], types.float64), place)
+    def generate(context: Untyped, builder: Untyped, sig: Untyped, args: Untyped) -> Untyped:
+        values = [
+            context.cast(builder, arg, t, of)
+            for arg, t, of in zip(args, sig.args, (LANES, types.intp, types.float64), strict=True)
+        ]
+        return builder.insert_element(values[0], values[2], values[1])
 
-    return vector(vector, k, number), generate
+    return LANES(vector, k, number), generate
 
 
-def each_run(function: Any, *given: Any) -> Any:  # noqa: ANN401 - as above
-    """``function(*given)``, a number, of each run by itself; the last that is given is a number too."""
+def each_run(function: Untyped, *given: Untyped) -> Untyped:
+    """Return a vector with the result of ``function`` for each run. The last argument in ``given`` must be a vector."""
     answer = given[-1]
     for k in range(WIDE):
         answer = with_number(answer, k, function(*of_run(given, k)))
     return answer
 
 
-def turned(builder: Any, rows: Any) -> Any:  # noqa: ANN401 - as above
-    """Return eight vectors of eight numbers each, the number of a row exchanged with that of a column, bit by bit."""
-    for bit in (1, 2, 4):
-        low = [k if not k & bit else WIDE + (k ^ bit) for k in range(WIDE)]
-        high = [k | bit if not k & bit else WIDE + k for k in range(WIDE)]
-        masks = [ir.Constant(ir.VectorType(INDEX, WIDE), mask) for mask in (low, high)]
-        pairs = [(rows[k & ~bit], rows[k | bit], masks[bool(k & bit)]) for k in range(WIDE)]
-        rows = [builder.shuffle_vector(*pair) for pair in pairs]
-    return rows
+IN_LANES = {
+    lanes.select: select,
+    lanes.anywhere: anywhere,
+    lanes.above: lanes.above_in_lanes,
+    lanes.each_run: each_run,
+}
+"""Replacements of the functions of `jerkbench.compilation.lanes` in a batch."""
+
+
+# Arrays of vectors are fastest if they are aligned to cache lines.
 
 
 def aligned_zeros(*shape: int) -> FloatArray:
-    """Return zeros that begin with a line of the cache; vectors that lie across two are slow."""
-    return _from_a_line(np.zeros(math.prod(shape) + WIDE), shape)
-
-
-def aligned_room(*shape: int) -> FloatArray:
-    """Return room that begins with a line of the cache; what is in it means nothing."""
-    return _from_a_line(np.empty(math.prod(shape) + WIDE), shape)
-
-
-def _from_a_line(whole: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    first = -(whole.__array_interface__["data"][0] // whole.itemsize) % WIDE
-    return whole[first : first + math.prod(shape)].reshape(shape)  # NumPy takes ten times as long for a product
+    """Return an array of zeros that is aligned to the cache lines of the processor."""
+    numbers = np.zeros(math.prod(shape) + WIDE)
+    first = -(numbers.__array_interface__["data"][0] // numbers.itemsize) % WIDE
+    return numbers[first : first + math.prod(shape)].reshape(shape)

@@ -1,1 +1,1 @@
-"""A source -> Recording; one file a source."""
+"""Data sets, which read or simulate recordings. Each module contains the data sets of one source."""

@@ -1,4 +1,4 @@
-"""A car in a suburb of Beijing: 10 Hz fixes with slow errors beside an RTK receiver in the same car."""
+"""A car in a suburb of Beijing: 10 Hz fixes with slow errors, and an RTK receiver in the same car."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,21 +17,21 @@ from jerkbench.recording import Position, Recording, Reference, Velocity
 TABLE, _LOG = "Data.txt", "GPSRaw.dat"
 _GPS, RTK, RTK_VELOCITY = ("GPS_X", "GPS_Y"), ("RTK_X", "RTK_Y"), ("RTK_Vx", "RTK_Vy")
 
-# The sentences `$PSAT,FVI` and `$..GST` of a receiver's log: velocities and standard deviations,
-# epoch by epoch.
+# The sentences `$PSAT,FVI` and `$..GST` in the log of a receiver: velocities and standard deviations of each epoch.
 
 FVI, GST = "$PSAT,FVI,", "GST,"
 FVI_FIELDS, GST_FIELDS = (15, 16, 17), (6, 7, 8)
-"""Where east, north and up of the velocity [m/s], and the sigmas of latitude, longitude and height [m], stand."""
+"""Indices of the velocity east, north and up [m/s], and of the sigmas of latitude, longitude and height [m]."""
 
 
 def read_epochs(path: Path) -> tuple[FloatArray, FloatArray]:
-    """Return the velocities (n, 3) and the standard deviations of the places (n, 3), ENU, at each epoch.
+    """Return velocities (n, 3) [m/s] and standard deviations of positions (n, 3) [m], in ENU, at each epoch.
 
-    Sentences of other kinds are left alone.
+    Only the sentences `$PSAT,FVI` and `$..GST` are read.
 
     Raises:
-        RecordingError: no such file, a sentence is damaged, or the two kinds are not of the same epochs.
+        RecordingError: the file does not exist, a sentence is damaged, or the two kinds of sentences have different
+            epochs.
     """
     lines = read_lines(path)
     fvi = [(number, text) for number, text in lines if text.startswith(FVI)]
@@ -39,30 +39,32 @@ def read_epochs(path: Path) -> tuple[FloatArray, FloatArray]:
     stamps = [[_field(path, line, k) for line in kind] for kind, k in ((fvi, 2), (gst, 1))]
     if stamps[0] != stamps[1]:
         raise RecordingError(
-            f"{path} has {len(fvi)} sentences {FVI[:-1]} and {len(gst)} GST, which are not of the same epochs; copy it"
-            " again."
+            f"{path} has {len(fvi)} {FVI[:-1]} sentences and {len(gst)} GST sentences, and their epochs differ; copy"
+            " the file again."
         )
     return _numbers(path, fvi, FVI_FIELDS), _numbers(path, gst, GST_FIELDS)[:, [1, 0, 2]]
 
 
 def _numbers(path: Path, lines: list[tuple[int, str]], fields: tuple[int, ...]) -> FloatArray:
-    chosen = [(line[0], " ".join(_field(path, line, k) for k in fields)) for line in lines]
-    return parse_numbers(path, chosen, len(fields))
+    selected = [(line[0], " ".join(_field(path, line, k) for k in fields)) for line in lines]
+    return parse_numbers(path, selected, len(fields))
 
 
 def _field(path: Path, line: tuple[int, str], k: int) -> str:
     number, text = line
     fields = text.partition("*")[0].split(",")
     if len(fields) <= k:
-        raise RecordingError(f"{path}, line {number} has {len(fields)} fields, and {k + 1} are needed; it is damaged.")
+        raise RecordingError(
+            f"{path}, line {number} has {len(fields)} fields, but at least {k + 1} are needed; the line is damaged."
+        )
     return fields[k].strip()
 
 
 _SOURCE = "RTK of a receiver in the same car"
 _NOTES = (
     "There is no IMU: attitude, tilt and yaw do not apply.",
-    "It is of the plane: up is 0 in fixes and reference alike, an axis without an error in RMSE and NEES.",
-    "The errors of the fixes are slow (they follow themselves over ten seconds), which no filter here models.",
+    "The data are horizontal: up is 0 in fixes and reference, so this axis has no error in RMSE and NEES.",
+    "The errors of the fixes are correlated over ten seconds, which no filter in jerkbench models.",
 )
 
 
@@ -71,15 +73,16 @@ _NOTES = (
 class BeijingCar(FromFiles):
     """A car, 1156 s, 8.8 km: fixes, velocities and sigmas of a receiver, 10 Hz, and RTK as the reference; no IMU.
 
-    ``Data.txt`` holds places in the plane (ENU, m) of both receivers, row by row. Row i belongs to the i-th `$PSAT,FVI`
-    (velocity) and `$..GST` (sigmas) of ``GPSRaw.dat``. Up is 0 in both, with the stated sigma.
+    ``Data.txt`` has horizontal positions (ENU, m) of both receivers in each row. Row i belongs to the i-th `$PSAT,FVI`
+    (velocity) and `$..GST` (sigmas) of ``GPSRaw.dat``. The up coordinate of both receivers is set to 0.
 
     Source: S. Wang, "Distributionally robust state estimation for jump linear systems", IEEE Trans. Signal Processing,
     2023, doi:10.1109/TSP.2023.3322802, its supplementary material ("[2] Real - Car"); for academic use and teaching.
 
     Attributes:
-        folder: where Data.txt and GPSRaw.dat are.
-        velocity_sigma_mps: one standard deviation of the velocity, of which the receiver states none.
+        folder: folder of Data.txt and GPSRaw.dat.
+        velocity_sigma_mps: standard deviation of each axis of the velocity [m/s]. The default is an assumption, because
+            the receiver does not state the accuracy of velocities.
     """
 
     without_imu: ClassVar[bool] = True
@@ -88,19 +91,20 @@ class BeijingCar(FromFiles):
     velocity_sigma_mps: float = 0.1
 
     def __post_init__(self) -> None:
-        """Check the sigma."""
         require_positive("dataset beijing_car", self, ("velocity_sigma_mps",))
 
     def load(self, seed: int = 0) -> Recording:
-        """Return the drive; ``seed`` changes nothing.
+        """Return the recording of the drive. ``seed`` has no effect.
 
         Raises:
-            RecordingError: a file is missing or damaged, or the two are not of the same rows.
+            RecordingError: a file is missing or damaged, or the two files have different numbers of rows.
         """
         table, log = self.paths()
         columns, (velocity_mps, sigma_m) = read_columns((table,), TextFormat(separator="")), read_epochs(log)
         if len(columns) != len(sigma_m):
-            raise RecordingError(f"{table} has {len(columns)} rows, {log} {len(sigma_m)} epochs; copy them again.")
+            raise RecordingError(
+                f"{table} has {len(columns)} rows, but {log} has {len(sigma_m)} epochs; copy both files again."
+            )
         t_s, level = columns.numbers(("Time",))[:, 0], np.zeros(len(columns))
         sigmas = sigma_m[:, :, None] * np.eye(3)
         spread = np.tile(self.velocity_sigma_mps**2 * np.eye(3), (len(columns), 1, 1))
@@ -115,6 +119,6 @@ class BeijingCar(FromFiles):
         )
 
     def paths(self) -> tuple[Path, Path]:
-        """Return the files that are read."""
+        """Return the paths of Data.txt and GPSRaw.dat."""
         folder = Path(self.folder).expanduser()
         return find_file(folder, TABLE, ".txt", "folder"), find_file(folder, _LOG, ".dat", "folder")

@@ -1,4 +1,4 @@
-"""Hand-held IMUs beside optical motion capture, where the attitude is all there is to estimate: BROAD, RepoIMU."""
+"""Hand-held IMUs with optical motion capture as the reference of the attitude: BROAD and RepoIMU."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,33 +12,33 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import best_rotation, dcm_from_euler, euler_from_quaternion, roll_pitch
 from jerkbench.io.columns import hdf5_arrays, load_matlab_5, read_columns
-from jerkbench.io.files import FromFiles, named_folder, recording_folder
-from jerkbench.io.frames import without_gyro_bias
+from jerkbench.io.files import FromFiles, named_folder
+from jerkbench.io.frames import calibrated_at_rest
 from jerkbench.io.sanitiser import unit_quaternions
 from jerkbench.io.text import TextFormat, require_content, require_possible
 from jerkbench.plugins import register
 from jerkbench.recording import GRAVITY_MPS2, Imu, Recording, Reference
 
-# A trial of BROAD: a hand-held IMU beside optical motion capture, as HDF5 or as a MATLAB file.
+# A trial of BROAD: a hand-held IMU with optical motion capture, as HDF5 or as a MATLAB file.
 
 _COLUMNS = {"imu_acc": 3, "imu_gyr": 3, "opt_quat": 4, "movement": 1}
-"""Fields that are read, and how many columns each has; magnetometer and optical position are left alone."""
+"""Fields that are read, and the number of columns of each field. Magnetometer and optical position are not read."""
 
 _MAX_VALUES = {"imu_acc": 1e3, "imu_gyr": 1e2, "opt_quat": 2.0, "movement": 1.0}
-"""The largest possible values [m/s2, rad/s]; larger ones are damage."""
+"""Maximum plausible values [m/s2, rad/s]."""
 
 MIN_SAMPLES = 2
 
 
 class BroadTrial(NamedTuple):
-    """A trial in the sensor's own axes.
+    """The measurements of a trial, in the axes of the sensor.
 
     Attributes:
-        rate_hz: samples a second.
-        accel_mps2: (n, 3) specific force.
-        gyro_radps: (n, 3) angular rate.
-        quaternion_wxyz: (n, 4) ENU <- sensor; NaN where markers were lost.
-        movement: (n,) whether the sample belongs to the movement, which is what counts.
+        rate_hz: sampling rate of the IMU [Hz].
+        accel_mps2: (n, 3) specific force [m/s2].
+        gyro_radps: (n, 3) angular rate [rad/s].
+        quaternion_wxyz: (n, 4) rotation from the sensor to ENU, or NaN if the markers were not visible.
+        movement: (n,) True if the sample belongs to the movement, so that errors at this sample are scored.
     """
 
     rate_hz: float
@@ -49,10 +49,11 @@ class BroadTrial(NamedTuple):
 
 
 def read_broad_trial(path: Path) -> BroadTrial:
-    """Read ``path``, which ends in .hdf5 or .mat.
+    """Read the file of a trial, which ends in .hdf5 or .mat.
 
     Raises:
-        RecordingError: no such file, it is damaged, or a field is missing or has another shape; names file and field.
+        RecordingError: the file does not exist or is damaged, or a field is missing or has a wrong shape. The message
+            names the file and the field.
     """
     require_content(path)
     kind = "a MATLAB file (version 5)" if path.suffix == ".mat" else "an HDF5 file"
@@ -60,9 +61,9 @@ def read_broad_trial(path: Path) -> BroadTrial:
         fields = _fields(path)
     except RecordingError:
         raise
-    except Exception as error:  # scipy and h5py document none of what a damaged file makes them raise
+    except Exception as error:  # scipy and h5py raise undocumented errors for damaged files
         reason = f"{type(error).__name__}: {error}"
-        raise RecordingError(f"{path} cannot be read as {kind} ({reason}); copy it again.") from error
+        raise RecordingError(f"{path} cannot be read as {kind} ({reason}); copy the file again.") from error
     samples = len(np.atleast_1d(fields.get("imu_acc", ())))
     accel, gyro, attitude, movement = (_array(path, fields, name, samples) for name in _COLUMNS)
     return BroadTrial(_rate(path, fields), accel, gyro, attitude, movement[:, 0] > 0)
@@ -80,14 +81,17 @@ def _fields(path: Path) -> dict[str, Any]:
 def _array(path: Path, fields: Mapping[str, Any], name: str, samples: int) -> FloatArray:
     columns = _COLUMNS[name]
     if name not in fields:
-        raise RecordingError(f"{path} has no field {name}; a trial of BROAD has {', '.join(_COLUMNS)}.")
+        raise RecordingError(f"{path} has no field {name}; a trial of BROAD has the fields {', '.join(_COLUMNS)}.")
     try:
         array = np.asarray(fields[name], dtype=np.float64)
     except (TypeError, ValueError):
         array = np.empty(0)
     wanted = (samples, columns)
     if array.size != samples * columns or len(array) != samples or samples < MIN_SAMPLES:
-        raise RecordingError(f"{path}: {name} has shape {array.shape}; it must be {wanted}, numbers, and not empty.")
+        raise RecordingError(
+            f"{path}: {name} has shape {array.shape}; it must be numeric, with the shape {wanted} and at"
+            f" least {MIN_SAMPLES} rows."
+        )
     require_possible(f"{path}, {name}", array, _MAX_VALUES[name])
     return array.reshape(wanted)
 
@@ -104,34 +108,35 @@ def _rate(path: Path, fields: Mapping[str, Any]) -> float:
 
 ENDINGS = (".hdf5", ".mat")
 STILL_MARGIN_S = 1.0
-"""How long before the marked movement the first rest is taken to end: the hand is at the sensor already."""
+"""Margin between the end of the first rest and the marked movement [s], because the hand touches the sensor earlier."""
 
 _NOTES = (
-    "There is no position and no heading: the tilt alone is estimated, and yaw is not scored.",
-    "Rows count where the trial is marked as movement and the optical attitude is known.",
+    "The recording has neither position nor heading: only the tilt is estimated, and yaw is not scored.",
+    "Rows are scored if the trial is marked as movement and the optical attitude is known.",
 )
 
 
 @register("dataset", "broad")
 @dataclass(frozen=True)
 class Broad(FromFiles):
-    """A trial of BROAD: tilt alone, a hand-held IMU against optical motion capture.
+    """A trial of BROAD: tilt of a hand-held IMU, with optical motion capture as the reference.
 
-    The IMU lies still for half a minute, is then moved by hand, and lies still again; 285.7 Hz. The filter
-    ``attitude_only`` evaluates an attitude filter on it, `inclination` measures its error::
+    The IMU is at rest for half a minute, is then moved by hand, and is at rest again. The sampling rate is 285.7 Hz.
+    The filter ``attitude_only`` runs an attitude filter on the trial, and the metric `inclination` computes the tilt
+    error::
 
         jerkbench run -m dataset=broad dataset.trial=7,16 attitude=real,gyro_only filter=attitude_only
 
-    The sensor's axes are taken as the body's. The reference's yaw is left out (NaN): the recording holds no heading
-    (the magnetometer is not read), so no filter could know it.
+    The axes of the sensor are used as body axes. The yaw of the reference is NaN, because the magnetometer is not read
+    and no filter can estimate the yaw without a heading.
 
     Source: D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust Inertial Orientation
     Estimation", Data 6(7), 2021, doi:10.3390/data6070072; github.com/dlaidig/broad (CC BY 4.0).
 
     Attributes:
-        folder: where the files of the trials are; empty: where `jerkbench data fetch broad` has put them.
-        trial: number of the trial: the file whose name begins with it is read (.hdf5 or .mat).
-        remove_gyro_bias: subtract the gyro's mean over the first rest.
+        folder: folder of the trials, or empty for the folder of `jerkbench data fetch broad`.
+        trial: number of the trial, with which the name of its file (.hdf5 or .mat) starts.
+        remove_gyro_bias: whether to subtract the gyro's mean over the first rest.
     """
 
     attitude_only: ClassVar[bool] = True
@@ -141,11 +146,11 @@ class Broad(FromFiles):
     remove_gyro_bias: bool = True
 
     def load(self, seed: int = 0) -> Recording:
-        """Return the trial; ``seed`` changes nothing.
+        """Return the recording of the trial. ``seed`` has no effect.
 
         Raises:
-            RecordingError: the file is missing or damaged, or it does not begin with a rest and the gyro's bias is
-                asked for.
+            RecordingError: the file is missing or damaged, or ``remove_gyro_bias`` is True and the trial does not start
+                with a rest.
         """
         (path,) = self.paths()
         trial = read_broad_trial(path)
@@ -153,29 +158,29 @@ class Broad(FromFiles):
         return recording_of(path.stem, t_s, trial, remove_gyro_bias=self.remove_gyro_bias)
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the file of the trial."""
-        folder = recording_folder(self.folder, "broad")
+        """Return the path of the file of the trial."""
+        folder = named_folder(self.folder or "fetched:broad")
         if not folder.is_dir():
-            raise RecordingError(f"There is no folder {folder}; give the one that the trials were copied to.")
+            raise RecordingError(f"There is no folder {folder}; give the folder that the trials were copied to.")
         trials = sorted(path for path in folder.iterdir() if path.suffix in ENDINGS and path.is_file())
         named = [path for path in trials if path.name.startswith(f"{self.trial:02d}_")]
         if len(named) == 1:
             return (named[0],)
         names = ", ".join(path.name for path in (named or trials)) or "no .hdf5 or .mat file"
         raise RecordingError(
-            f"{folder} has {len(named)} files of trial {self.trial} (a name that begins with '{self.trial:02d}_');"
-            f" there: {names}."
+            f"{folder} has {len(named)} files whose names start with '{self.trial:02d}_' (trial {self.trial}), but"
+            f" exactly one is needed. Available: {names}."
         )
 
 
 def recording_of(name: str, t_s: FloatArray, trial: BroadTrial, *, remove_gyro_bias: bool) -> Recording:
-    """Return the recording of a trial: a hand-held IMU beside motion capture, with stamps ``t_s`` (n,)."""
+    """Return the recording of a trial with stamps ``t_s`` (n,)."""
     first = int(np.argmax(trial.movement)) if trial.movement.any() else len(trial.movement)
     rest_s = max(first / trial.rate_hz - STILL_MARGIN_S, 0.0)
     imu = Imu(t_s, trial.accel_mps2, trial.gyro_radps)
     return Recording(
         name=name,
-        imu=without_gyro_bias(imu, rest_s) if remove_gyro_bias else imu,
+        imu=calibrated_at_rest(imu, rest_s, gyro=remove_gyro_bias, accel=False),
         reference=_reference(name, t_s, trial),
         static_start_s=rest_s,
         notes=_NOTES,
@@ -185,21 +190,21 @@ def recording_of(name: str, t_s: FloatArray, trial: BroadTrial, *, remove_gyro_b
 def _reference(name: str, t_s: FloatArray, trial: BroadTrial) -> Reference:
     known = unit_quaternions(trial.quaternion_wxyz)
     if not known.any():
-        raise RecordingError(f"{name} has no optical attitude: no quaternion has the length 1; copy it again.")
+        raise RecordingError(f"{name} has no optical attitude, because no quaternion has norm 1; copy the file again.")
     euler_rad = np.full((len(t_s), 3), np.nan)
     euler_rad[known, :2] = euler_from_quaternion(trial.quaternion_wxyz[known])[:, :2]
     scored, source = trial.movement & known, "optical motion capture"
     return Reference(t_s, source, independent=True, euler_rad=euler_rad, scored=scored)
 
 
-# RepoIMU's TStick: a hand-held stick with an IMU beside optical motion capture, as Parquet.
+# The TStick of RepoIMU: a hand-held stick with an IMU and optical motion capture, as Parquet files.
 
 RATE_HZ = 100.0
 SATURATED_RADPS = 7.3
-"""The gyro shows no more."""
+"""Angular rate at which the gyro saturates."""
 
 WINDOW_S, SOUND = 10.0, 0.05
-"""Over so long the mean specific force is gravity, but for such a share."""
+"""Length [s] over which the specific force is averaged, and maximum relative difference of the average from gravity."""
 
 _ACCEL, _GYRO, _ATTITUDE = ["ax", "ay", "az"], ["gx", "gy", "gz"], ["qw", "qx", "qy", "qz"]
 
@@ -207,32 +212,35 @@ _ACCEL, _GYRO, _ATTITUDE = ["ax", "ay", "az"], ["gx", "gy", "gz"], ["qw", "qx", 
 @register("dataset", "repoimu")
 @dataclass(frozen=True)
 class RepoImu(FromFiles):
-    """A trial of RepoIMU's TStick: tilt alone, a stick in a hand against optical motion capture, 100 Hz.
+    """A trial of RepoIMU's TStick: tilt of a hand-held stick at 100 Hz, with optical motion capture as the reference.
 
-    The stick lies still for two to four seconds and is then swung by hand for a minute and a half. As published, the
-    reference shows a body that is turned by 2.8 degrees to the IMU, in a frame that is tilted by 1.7 degrees: every
-    filter then has the same error. Both are constant, and need no filter to be found::
+    The stick is at rest for two to four seconds and is then swung by hand for a minute and a half. In the published
+    data, the body axes of the reference are rotated by 2.8 degrees relative to the IMU, and the frame of the reference
+    is tilted by 1.7 degrees. Without a correction, these rotations would cause the same error in every filter. Both
+    rotations are constant and are estimated without a filter, from the gyro samples y_G,k, the accelerometer samples
+    y_A,k, and the attitudes q_k of the reference::
 
-        B = the rotation with the least sum of |w_k - B y_G,k|^2,  w_k the rate that the reference shows
+        B = the rotation with the least sum of |w_k - B y_G,k|^2,  w_k the angular rate of the reference
         T u = e3,  u = mean of q_k B y_A,k, normalised;   reference = T q_k B
 
-    After marks were lost (Test05) the reference is wrong for up to a minute. A sample counts where the mean of q_k y_A
-    over ten seconds around it has the length of gravity, within 5 %: no hand accelerates for that long. In Test05 the
-    gyro saturates as well, at 7.36 rad/s.
+    After an occlusion of markers (Test05), the reference is wrong for up to a minute. A sample is scored only if the
+    norm of the mean of q_k y_A,k over ten seconds around the sample is equal to gravity within 5 %, because a hand does
+    not accelerate for ten seconds. In Test05, the gyro also saturates at 7.36 rad/s.
 
-    Each trial is a Parquet file ``TStick_Test02_Trial1.parquet`` with the columns t_s; ax, ay, az [m/s2]; gx, gy, gz
-    [rad/s], in the sensor's axes; qw, qx, qy, qz, sensor to a frame whose z is up; movement (1: scored). No licence of
-    the original is stated, so that it cannot be fetched: export the published CSV to these columns.
+    Each trial is a Parquet file ``TStick_Test02_Trial1.parquet`` with the columns t_s; ax, ay, az [m/s2] and gx, gy, gz
+    [rad/s] in the axes of the sensor; qw, qx, qy, qz, the rotation from the sensor to a frame whose z axis is up; and
+    movement (1: scored). The original data have no stated licence, so they cannot be fetched. Export the published CSV
+    files to these columns.
 
     Source: A. Szczesna and others, Annals of Computer Science and Information Systems 8, 2016;
     github.com/agnieszkaszczesna/RepoIMU.
 
     Attributes:
-        folder: where the files of the trials are.
+        folder: folder of the trials.
         test: number of the test.
-        trial: number of the trial within it.
-        remove_gyro_bias: subtract the gyro's mean over the first rest.
-        align_reference: turn the reference by T and B, and score it where it is sound; otherwise as published.
+        trial: number of the trial within the test.
+        remove_gyro_bias: whether to subtract the gyro's mean over the first rest.
+        align_reference: whether to rotate the reference by T and B, and to score only samples with a valid reference.
     """
 
     attitude_only: ClassVar[bool] = True
@@ -244,7 +252,7 @@ class RepoImu(FromFiles):
     align_reference: bool = True
 
     def load(self, seed: int = 0) -> Recording:
-        """Return the trial; ``seed`` changes nothing.
+        """Return the recording of the trial. ``seed`` has no effect.
 
         Raises:
             RecordingError: the file is missing or damaged, or lacks a column.
@@ -252,7 +260,7 @@ class RepoImu(FromFiles):
         (path,) = self.paths()
         columns = read_columns((path,), TextFormat())
         if len(columns) < MIN_SAMPLES:
-            raise RecordingError(f"{path} has {len(columns)} rows; a trial has at least {MIN_SAMPLES}.")
+            raise RecordingError(f"{path} has {len(columns)} rows; a trial needs at least {MIN_SAMPLES} rows.")
         accel, gyro, attitude = map(columns.numbers, (_ACCEL, _GYRO, _ATTITUDE))
         t_s, movement = columns.numbers(["t_s", "movement"]).T
         t_s, trial = t_s - t_s[0], BroadTrial(RATE_HZ, accel, gyro, attitude, movement > 0)
@@ -262,12 +270,12 @@ class RepoImu(FromFiles):
         return recording_of(path.stem, t_s, trial, remove_gyro_bias=self.remove_gyro_bias)
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the file of the trial."""
+        """Return the path of the file of the trial."""
         return (named_folder(self.folder) / f"TStick_Test{self.test:02d}_Trial{self.trial}.parquet",)
 
 
 def aligned(trial: BroadTrial, imu: Imu) -> BroadTrial:
-    """Return the trial with its reference in the axes of the IMU, upright, scored where it agrees with gravity."""
+    """Align the reference of a trial with the IMU and with gravity, and score only samples with a valid reference."""
     from scipy.ndimage import uniform_filter1d
 
     known = unit_quaternions(trial.quaternion_wxyz)
@@ -278,9 +286,12 @@ def aligned(trial: BroadTrial, imu: Imu) -> BroadTrial:
     rate: FloatArray = (q[:-1].inv() * q[1:]).as_rotvec() * RATE_HZ
     use = sound[1:] & sound[:-1] & (np.abs(gyro).max(axis=1) < SATURATED_RADPS)
     if not use.any():
-        raise RecordingError("The reference nowhere agrees with gravity: it cannot be aligned; align_reference=false.")
-    turned = q * Rotation.from_matrix(best_rotation(rate[use], gyro[use]))
-    up = turned.apply(accel)[sound].mean(axis=0)
+        raise RecordingError(
+            "The reference cannot be aligned: the mean specific force, rotated by the attitude of the reference, never"
+            " has the magnitude of gravity. Set align_reference=false."
+        )
+    rotated = q * Rotation.from_matrix(best_rotation(rate[use], gyro[use]))
+    up = rotated.apply(accel)[sound].mean(axis=0)
     upright = Rotation.from_matrix(dcm_from_euler(np.array([*roll_pitch(up), 0.0])))
-    reference = np.where(known[:, None], (upright * turned).as_quat(scalar_first=True), np.nan)
+    reference = np.where(known[:, None], (upright * rotated).as_quat(scalar_first=True), np.nan)
     return trial._replace(quaternion_wxyz=reference, movement=trial.movement & sound)

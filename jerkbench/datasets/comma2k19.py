@@ -1,4 +1,4 @@
-"""A minute of comma2k19: a car with the IMU and the receiver of a phone-like device, and the car's own wheel speed."""
+"""A minute of comma2k19: a car with the IMU and the receiver of a phone-like device, and the car's wheel speed."""
 
 from dataclasses import dataclass
 from datetime import timedelta
@@ -11,14 +11,14 @@ from jerkbench.arrays import FloatArray, require_positive
 from jerkbench.errors import RecordingError
 from jerkbench.geometry import ecef_to_enu, enu_axes, euler_from_dcm, wrap_angle
 from jerkbench.io.clocks import UNIX_EPOCH
-from jerkbench.io.files import NO_ARRAY, FromFiles, recording_folder
-from jerkbench.io.frames import axes_to_judge, body_from_sensor, in_enu
+from jerkbench.io.files import NO_ARRAY, FromFiles, named_folder
+from jerkbench.io.frames import body_from_sensor, in_enu
 from jerkbench.io.sanitiser import possible_rows, steady_rows
 from jerkbench.io.text import MAX_NUMBER, require_content, require_possible
 from jerkbench.plugins import register
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
-# A minute of comma2k19: NumPy arrays without ending, in a fixed tree of folders.
+# The files of a segment (one minute) of comma2k19, which contain NumPy arrays and have no suffix.
 
 _POSE, _LOG = "global_pose", "processed_log"
 _GROUPS: dict[str, dict[str, tuple[int, float]]] = {
@@ -32,25 +32,25 @@ _GROUPS: dict[str, dict[str, tuple[int, float]]] = {
     f"{_LOG}/GNSS/live_gnss_ublox": {"t": (1, MAX_NUMBER), "value": (6, MAX_NUMBER)},
     f"{_LOG}/CAN/speed": {"t": (1, MAX_NUMBER), "value": (1, 2e2)},
 }
-"""Arrays that are read, in groups of as many rows: how many columns each has, and its largest possible value [m/s2,
-rad/s, m/s, m]; larger ones are damage."""
+"""Arrays that are read: the number of columns of each array, and its maximum plausible value [m/s2, rad/s, m/s, m]. The
+arrays of a group have the same number of rows."""
 
 
 class CommaSegment(NamedTuple):
-    """The arrays, at the stamps of the log [s since the device started].
+    """The arrays of a segment. The stamps of the log are seconds since the device started.
 
     Attributes:
-        frame_log_s: (k,) stamps of the camera's frames.
-        frame_ecef_m: (k, 3) reference position, ECEF.
-        frame_ecef_mps: (k, 3) reference velocity, ECEF.
-        frame_wxyz: (k, 4) ECEF <- device (forward, right, down).
-        imu_log_s: (n,).
-        accel_mps2: (n, 3) specific force, forward, right, down.
-        gyro_radps: (n, 3) the same axes, less the bias that the device had found.
-        gnss_log_s: (m,) when the fix was logged.
-        gnss: (m, 6) latitude, longitude [deg], speed [m/s], UTC [ms], height [m, ellipsoid], bearing [deg].
-        wheel_log_s: (w,).
-        wheel_mps: (w,) speed on the car's bus.
+        frame_log_s: (k,) stamps of the camera frames, which are the stamps of the reference [s].
+        frame_ecef_m: (k, 3) position of the reference in ECEF [m].
+        frame_ecef_mps: (k, 3) velocity of the reference in ECEF [m/s].
+        frame_wxyz: (k, 4) quaternion of the rotation from the device (forward, right, down) to ECEF.
+        imu_log_s: (n,) stamps of the IMU [s].
+        accel_mps2: (n, 3) specific force (forward, right, down) [m/s2].
+        gyro_radps: (n, 3) angular rate (forward, right, down), minus the bias estimated by the device [rad/s].
+        gnss_log_s: (m,) times at which the fixes were logged [s].
+        gnss: (m, 6) latitude, longitude [deg], speed [m/s], UTC [ms], ellipsoidal height [m], bearing [deg].
+        wheel_log_s: (w,) stamps of the wheel speed [s].
+        wheel_mps: (w,) wheel speed on the CAN bus of the car [m/s].
     """
 
     frame_log_s: FloatArray
@@ -67,32 +67,37 @@ class CommaSegment(NamedTuple):
 
 
 def read_comma_segment(folder: Path) -> CommaSegment:
-    """Read the folder that holds global_pose and processed_log.
+    """Read a segment from the folder that contains global_pose and processed_log.
 
     Raises:
-        RecordingError: a file is missing, is no NumPy array, or has another shape than the others ask for.
+        RecordingError: a file is missing or is not a NumPy array, or the shapes of the arrays do not match.
     """
     arrays: list[FloatArray] = []
     for group, files in _GROUPS.items():
         read = {f"{group}/{name}": _read(folder / group / name, *limits) for name, limits in files.items()}
         lengths = set(map(len, read.values()))
         if len(lengths) > 1 or min(lengths) < 2:
-            counts = ", ".join(f"{name} {len(array)}" for name, array in read.items())
-            raise RecordingError(f"{folder}: rows of {counts}; they must be the same, 2 or more: copy the files again.")
+            counts = ", ".join(f"{len(array)} ({name})" for name, array in read.items())
+            raise RecordingError(
+                f"{folder}: the arrays must have the same number of rows, at least 2, but the numbers of rows are"
+                f" {counts}; copy the segment again."
+            )
         arrays += read.values()
     return CommaSegment(*arrays)
 
 
 def segment_files(folder: Path) -> tuple[Path, ...]:
-    """Return the files that are read.
+    """Return the paths of all files of a segment.
 
     Raises:
-        RecordingError: one is missing.
+        RecordingError: a file is missing.
     """
     paths = tuple(folder / group / name for group, files in _GROUPS.items() for name in files)
     for path in paths:
         if not path.is_file():
-            raise RecordingError(f"There is no file {path}; give the folder with {_POSE} and {_LOG} of a segment.")
+            raise RecordingError(
+                f"There is no file {path}; set folder to the folder of a segment, which contains {_POSE} and {_LOG}."
+            )
     return paths
 
 
@@ -101,12 +106,12 @@ def _read(path: Path, columns: int, most: float) -> FloatArray:
     try:
         array = np.asarray(np.load(path, mmap_mode="r", allow_pickle=False), dtype=np.float64)
     except NO_ARRAY as error:
-        raise RecordingError(f"{path} cannot be read as a NumPy array ({error}); copy it again.") from error
+        raise RecordingError(f"{path} cannot be read as a NumPy array ({error}); copy the file again.") from error
     table = array.reshape(len(array), -1) if array.ndim in (1, 2) and array.size else np.empty((0, 0))
     if table.shape[1] != columns:
         raise RecordingError(f"{path} has shape {array.shape}; it must have {columns} columns.")
     if not np.isfinite(table).all():
-        raise RecordingError(f"{path} holds NaN or infinity; copy it again.")
+        raise RecordingError(f"{path} contains NaN or infinity; copy the file again.")
     require_possible(str(path), table, most)
     return table[:, 0] if columns == 1 else table
 
@@ -118,49 +123,50 @@ FLU_SIGNS = (1.0, 1.0, 1.0)
 
 _SOURCE = "the vendor's optimiser over INS, GNSS and vision (decimetres), which shares the receiver"
 _FITTED = (
-    "Mounting, wheel scale and age of the fixes, where they are the defaults, were fitted on the reference of the"
-    " public minute Example_1."
+    "The defaults of mounting, wheel scale and age of the fixes were fitted on the reference of the public minute"
+    " Example_1."
 )
 _NOTES = (
-    "The fixes carry no covariance: position_sigma_m stands for all of them; their errors are correlated over seconds.",
+    "The fixes have no covariance: position_sigma_m is used for all of them; their errors are correlated over seconds.",
 )
 
 
 @register("dataset", "comma2k19")
 @dataclass(frozen=True)
 class Comma2k19(FromFiles):
-    """A minute of comma2k19: a car at 8 to 20 m/s, its reference apart from the fixes; with its wheel speed.
+    """A minute of comma2k19: a car at 8 to 20 m/s, with its wheel speed and a reference other than the fixes.
 
-    The defaults are those of ``Example_1`` of github.com/commaai/comma2k19 (MIT). Time 0 is the first IMU sample. The
-    log's stamps of the fixes jitter by -20 to +39 ms, so they are taken from a straight line of the log's time on the
-    receiver's UTC (least squares)::
+    The defaults are for ``Example_1`` of github.com/commaai/comma2k19 (MIT). Time 0 is the first IMU sample. The log
+    stamps of the fixes jitter by -20 to +39 ms, so they are replaced by a linear least-squares fit of the log time as
+    a function of the receiver's UTC::
 
         t_fix = a UTC + b - position_age;    t_course = a UTC + b - course_age
 
-    Body: x along the direction of travel, which the device sees at Rz(yaw) Ry(pitch) x::
+    The x axis of the body is the direction of travel, which is Rz(yaw) Ry(pitch) x in the axes of the device::
 
         f_body = (Rz(yaw) Ry(pitch))' diag(1, -1, -1) f_device                  and the same for the gyro
 
-    The wheel's speed times its scale is a `Velocity` along the course; the receiver's
-    bearing is a heading of the source "course" where it is fast enough. The car moves from the start: the tilt starts
-    level. Fixes that leap are dropped; the first of the others is the origin.
+    The wheel speed, multiplied by its scale, is a `Velocity` along the course. Above a minimum speed, the bearing of
+    the receiver is a heading with the source "course". The car moves from the start, so the tilt estimate starts with a
+    level body. Fixes that leap are dropped. The first remaining fix is the origin.
 
     Source: H. Schafer, E. Santana, A. Haden, R. Biasini, "A Commute in Data: The comma2k19 Dataset", arXiv:1812.05752.
 
     Attributes:
-        folder: the one with global_pose and processed_log; empty: where `jerkbench data fetch comma2k19` has put it.
-        mounting_yaw_deg: of the direction of travel, seen from the device; positive is to its left.
-        mounting_pitch_deg: of the direction of travel, seen from the device; negative is upwards.
-        position_age_s: how old a fix is at its time on the line.
-        position_sigma_m: one standard deviation of a fix on each axis.
-        course_age_s: how old the bearing is.
-        course_sigma_deg: one standard deviation of the bearing.
-        course_min_speed_mps: speed of the receiver below which the bearing is dropped.
-        wheel: whether the wheel's speed is given to the filters.
-        wheel_scale: true speed over the wheel's.
-        wheel_sigma_mps: one standard deviation of the wheel's speed; larger than its noise, which is coloured.
-        across_sigma_mps: of the velocity across the course, taken as zero (non-holonomic); null: nothing is known of
-            it.
+        folder: folder with global_pose and processed_log, or empty for the folder of `jerkbench data fetch comma2k19`.
+        mounting_yaw_deg: yaw of the direction of travel in the axes of the device, positive to the left [deg].
+        mounting_pitch_deg: pitch of the direction of travel in the axes of the device, negative upwards [deg].
+        position_age_s: age of a fix at its fitted time [s].
+        position_sigma_m: standard deviation of a fix on each axis [m].
+        course_age_s: age of the bearing at its fitted time [s].
+        course_sigma_deg: standard deviation of the bearing [deg].
+        course_min_speed_mps: speed of the receiver below which the bearing is dropped [m/s].
+        wheel: whether the recording contains the wheel speed.
+        wheel_scale: ratio of the true speed to the wheel speed [-].
+        wheel_sigma_mps: standard deviation of the wheel speed, larger than its noise because the noise is coloured
+            [m/s].
+        across_sigma_mps: standard deviation of the velocity across the course, which is assumed to be zero
+            (non-holonomic constraint) [m/s], or null without this constraint.
     """
 
     folder: str = ""
@@ -177,18 +183,17 @@ class Comma2k19(FromFiles):
     across_sigma_mps: float | None = None
 
     def __post_init__(self) -> None:
-        """Check that every sigma and the scale are positive."""
         names = ("position_sigma_m", "course_sigma_deg", "wheel_scale", "wheel_sigma_mps")
         across = () if self.across_sigma_mps is None else ("across_sigma_mps",)
         require_positive("dataset comma2k19", self, (*names, *across))
 
     def load(self, seed: int = 0) -> Recording:
-        """Return the minute; ``seed`` changes nothing.
+        """Return the recording of the segment. ``seed`` has no effect.
 
         Raises:
             RecordingError: a file is missing or damaged.
         """
-        segment = read_comma_segment(recording_folder(self.folder, "comma2k19"))
+        segment = read_comma_segment(named_folder(self.folder or "fetched:comma2k19"))
         fixes, notes = possible_rows("GNSS", places=segment.gnss[:, [0, 1, 4]], utc_ns=segment.gnss[:, 3] * 1e6)
         frames, off = possible_rows(_POSE, places=segment.frame_ecef_m, frame="ecef")
         of_frames = {name: getattr(segment, name)[frames] for name in segment._fields if name.startswith("frame")}
@@ -197,7 +202,7 @@ class Comma2k19(FromFiles):
         position, origin, leaps = self._fixes(segment, line)
         of_segment = ("mounting_yaw_deg", "mounting_pitch_deg", "wheel_scale", "position_age_s")
         fitted = any(getattr(self, name) == getattr(type(self), name) for name in of_segment)
-        begin_s = float((segment.imu_log_s[0] - line[1]) / line[0])  # of the first sample, after the first fix's UTC
+        begin_s = float((segment.imu_log_s[0] - line[1]) / line[0])  # time from the first fix to the first IMU sample
         return Recording(
             name="comma2k19",
             imu=self._imu(segment),
@@ -211,8 +216,8 @@ class Comma2k19(FromFiles):
         )
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the files that are read."""
-        return segment_files(recording_folder(self.folder, "comma2k19"))
+        """Return the paths of all files of the segment."""
+        return segment_files(named_folder(self.folder or "fetched:comma2k19"))
 
     def _imu(self, segment: CommaSegment) -> Imu:
         turn = body_from_sensor(DEVICE_SIGNS, self.mounting_yaw_deg, self.mounting_pitch_deg)
@@ -220,10 +225,10 @@ class Comma2k19(FromFiles):
         return Imu(t_s, segment.accel_mps2 @ turn.T, segment.gyro_radps @ turn.T)
 
     def _fixes(self, segment: CommaSegment, line: FloatArray) -> tuple[Position, Origin, tuple[str, ...]]:
-        """The fixes that do not leap, about the first of them, and a note that counts the others."""
+        """Return the fixes that do not leap, the first of these fixes as the origin, and notes about dropped fixes."""
         t_s = _utc_s(segment) @ line - segment.imu_log_s[0] - self.position_age_s
         places = segment.gnss[:, [0, 1, 4]]
-        steady, notes = steady_rows(t_s, axes_to_judge(places, "geodetic"))
+        steady, notes = steady_rows("GNSS", t_s, places)
         origin = Origin(*places[steady][0].tolist())
         enu_m = in_enu(places[steady], "geodetic", origin)
         covariance = np.tile(self.position_sigma_m**2 * np.eye(3), (len(enu_m), 1, 1))
@@ -252,18 +257,20 @@ class Comma2k19(FromFiles):
 
 
 def _utc_s(segment: CommaSegment) -> FloatArray:
-    """(m, 2): UTC since the first fix [s], and ones."""
+    """Return the design matrix (m, 2) of the linear fit: UTC since the first fix [s], and ones."""
     return np.column_stack([(segment.gnss[:, 3] - segment.gnss[0, 3]) * 1e-3, np.ones(len(segment.gnss))])
 
 
 def _clock(segment: CommaSegment) -> FloatArray:
-    """Return (2,) a, b of log time = a UTC + b.
+    """Return the coefficients a and b (2,) of the linear fit log time = a UTC + b.
 
     Raises:
         RecordingError: the UTC of the fixes does not increase.
     """
     back = np.flatnonzero(np.diff(segment.gnss[:, 3]) <= 0)
     if back.size:
-        raise RecordingError(f"The UTC of fix {back[0] + 1} is not later than that of the fix before; copy it again.")
+        raise RecordingError(
+            f"The UTC of fix {back[0] + 1} is not later than the UTC of the previous fix; copy the segment again."
+        )
     line, *_ = np.linalg.lstsq(_utc_s(segment), segment.gnss_log_s, rcond=None)
     return np.asarray(line)

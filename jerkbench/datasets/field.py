@@ -1,4 +1,4 @@
-"""The simulated farm robot: with sensors whose noise is white, as it is by default, and on other kinds of field."""
+"""The simulated farm robot, with white sensor noise, with correlated errors (the default), and on rougher terrain."""
 
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar
@@ -30,64 +30,69 @@ _NOT_NEGATIVE = ("stand_s", "roughness", "roll_ratio_radpm", "vibration_mps2", "
 
 
 SENSOR_SAMPLES = 10
-"""Samples within the accelerometer to one of the IMU, at the default rates: these are held for a short time only."""
+"""Number of internal samples of the accelerometer per IMU sample, at the default rates. They are in memory only for a
+short time."""
 
 
 @register("dataset", "field_white")
 @dataclass(frozen=True)
 class FieldWhite(Sensors):
-    """A simulated farm robot that drives to and fro over rough ground, with RTK-fixed GNSS whose noise is white.
+    """A simulated farm robot that drives to and fro over rough ground, with RTK-fixed GNSS and white noise.
 
-    The robot of the numbers published up to version 0.2; it stays what it was, to the bit.
+    Results published up to version 0.2 are based on this data set, so its data never change.
 
-    It stands, ramps up, then drives straight passes with headland turns of 180 degrees to alternating sides. Speed is
-    a sum of quintic smoothsteps; the yaw rate in a turn of length T is +-(pi/T) (1 - cos(2 pi t/T)).
+    The robot is stationary, accelerates, then drives straight passes with headland turns of 180 degrees to alternating
+    sides. The speed is a sum of quintic smoothsteps. The yaw rate in a turn of duration T is
+    +-(pi/T) (1 - cos(2 pi t/T)).
 
-    Height over the distance s and absolute x (east)::
+    The height z depends on the travelled distance s and on the coordinate x (east)::
 
         z = h(s) + A sin(2 pi x/L),  h = sum_i c sqrt(2 G_i dn_i)/(1 + (n_i/.6)^2) sin(2 pi n_i s + phi_i)
         G_i = 1024e-6 m3 (n_i/.1)^-2,  36 waves, n from .03 to 1.2 cycles/m in geometric steps
         pitch = -atan(forward slope) (nose down is positive),  roll = atan(left slope) + r(s)
 
-    with r like h, .6 c for c. Vibration is true motion: 14 sines between 8 and 35 Hz; it grows with the first ramp,
-    so that the robot stands still at the start. A rut at t_r, with u = (t - t_r)/tau, H = (1 + tanh u)/2 and
-    B = 1 - tanh^2 u, lowers the height by drop H and the speed by dip B and adds pitch and roll times B.
+    The roll profile r has the form of h, with 0.6 c instead of c. Vibration is part of the true motion. The vibration
+    consists of 14 sines between 8 and 35 Hz, whose amplitude grows during the first ramp, so that the robot is
+    stationary at the start. A rut at the time t_r, with u = (t - t_r)/tau, H = (1 + tanh u)/2 and B = 1 - tanh^2 u,
+    lowers the height by drop H and the speed by dip B, and adds a pitch and a roll that are proportional to B.
 
-    The accelerometer also feels false forces, with which the robot does not move: ruts, and impacts of 20 ms, a half
-    sine upwards. The sensors are those of every simulated vehicle, below.
+    The accelerometer also measures false forces, which do not move the robot. False forces are the forces of ruts, and
+    impacts, which are upward half sines of 20 ms. The equations and parameters of the sensors below are common to all
+    simulated vehicles.
 
-    Source: ISO 8608:2016 for G (c = 1.5 gives 2304e-6 m3 at .1 cycles/m, in its class E); the robot itself is
-    an invention, with the sensors of a small field robot.
+    Source: ISO 8608:2016 for G (c = 1.5 gives 2304e-6 m3 at .1 cycles/m, in its class E); the robot is fictitious, with
+    the sensors of a small field robot.
 
     Attributes:
-        duration_s: length of the drive.
-        sensor_rate_hz: rate at which false forces and the range act within the accelerometer, before it averages.
-        stand_s: how long it stands at the start.
-        ramp_s: how long it takes to reach its speed, and the vibration its strength.
-        pass_s: length of a pass, speed changes included.
-        turn_s: length of a turn of 180 degrees.
-        speed_mps: speed on a pass.
-        turn_speed_mps: speed in a turn.
-        speed_change_s: how long a change between these two takes, at the end of a pass and at the start of the next.
-        heading_rad: first heading, from east towards north.
-        roughness: c of the terrain.
-        roll_ratio_radpm: c of the roll profile over c [rad/m].
-        hill_height_m: A.
-        hill_length_m: L.
-        vibration_mps2: rms of the vertical vibration; east and north have .7 of it.
-        vibration_rad: rms of the vibration of roll, of pitch and of yaw.
-        ruts: whether there are ruts.
-        rut_times_s: when they come.
-        rut_drop_m: drop.
-        rut_tau_s: tau.
-        rut_speed_dip_mps: dip.
-        rut_pitch_rad: pitch at its peak.
-        rut_roll_rad: roll at its peak.
-        rut_force_mps2: false specific force (forward, left, up) at the moment of a rut.
-        rut_force_decay_s: time in which it falls to 1/e.
-        impacts_per_s: rate of the impacts (Poisson), from the end of the ramp on.
-        impact_mps2: peak of an impact.
-        false_forces: whether ruts and impacts act on the accelerometer.
+        duration_s: duration of the drive [s].
+        sensor_rate_hz: internal rate of the accelerometer [Hz], at which false forces are added and the range limits
+            the specific force, before samples are averaged.
+        stand_s: duration for which the robot is stationary at the start [s].
+        ramp_s: time in which the robot reaches its speed, and in which the vibration reaches its amplitude [s].
+        pass_s: duration of a pass, including speed changes [s].
+        turn_s: duration of a turn of 180 degrees [s].
+        speed_mps: speed on a pass [m/s].
+        turn_speed_mps: speed in a turn [m/s].
+        speed_change_s: duration of each speed change between a pass and a turn [s].
+        heading_rad: initial heading, from east towards north [rad].
+        roughness: c, factor on the amplitudes of the terrain [-].
+        roll_ratio_radpm: ratio of the factor of the roll profile r(s) to c [rad/m].
+        hill_height_m: A, amplitude of the hill [m].
+        hill_length_m: L, wavelength of the hill [m].
+        vibration_mps2: rms of the vertical vibration [m/s2]. The vibration east and north is 0.7 times as large.
+        vibration_rad: rms of the vibration of roll, of pitch and of yaw [rad].
+        ruts: whether the ground has ruts.
+        rut_times_s: times of the ruts [s].
+        rut_drop_m: drop, depth of a rut [m].
+        rut_tau_s: tau, time constant of a rut [s].
+        rut_speed_dip_mps: dip, decrease of the speed in a rut [m/s].
+        rut_pitch_rad: maximum pitch in a rut [rad].
+        rut_roll_rad: maximum roll in a rut [rad].
+        rut_force_mps2: false specific force (forward, left, up) at the time of a rut [m/s2].
+        rut_force_decay_s: time in which the false force of a rut falls to 1/e [s].
+        impacts_per_s: rate of the impacts, which are a Poisson process from the end of the ramp on [1/s].
+        impact_mps2: peak specific force of an impact [m/s2].
+        false_forces: whether the accelerometer measures the false forces of ruts and impacts.
     """
 
     seeded: ClassVar[bool] = True
@@ -123,7 +128,6 @@ class FieldWhite(Sensors):
     false_forces: bool = True
 
     def __post_init__(self) -> None:
-        """Check that every choice exists, the rates fit and every number makes sense."""
         self.check_sensors(self._what)
         require_positive(self._what, self, POSITIVE)
         require_not_negative(self._what, self, _NOT_NEGATIVE)
@@ -134,20 +138,20 @@ class FieldWhite(Sensors):
         self._check_times()
 
     def load(self, seed: int) -> Recording:
-        """Return the drive that belongs to ``seed``."""
+        """Return the recording of the simulated drive with ``seed``."""
         truth = self.truth(seed)
         return self.record(self.recording_name, truth, seed, self.stand_s, self._false_force(truth.t_s, seed))
 
     def fingerprint(self) -> str:
-        """Return the empty string: it reads no data."""
+        """Return an empty string, because the data set does not read files."""
         return ""
 
     def truth(self, seed: int) -> Truth:
-        """Return the true motion from t = 0 on, at the IMU's rate."""
+        """Return the true motion from t = 0 on, sampled at the rate of the IMU."""
         t_s = np.arange(round(self.duration_s * self.imu_rate_hz) + 1) / self.imu_rate_hz
         hill = self.roll_ratio_radpm, self.hill_height_m, self.hill_length_m
-        terrain = draw_terrain(stream(seed, "dataset", "terrain"), self.heard("terrain", self.roughness), *hill)
-        sizes = (self.heard("vibration", size) for size in (self.vibration_mps2, self.vibration_rad))
+        terrain = draw_terrain(stream(seed, "dataset", "terrain"), self.unless_silent("terrain", self.roughness), *hill)
+        sizes = (self.unless_silent("vibration", size) for size in (self.vibration_mps2, self.vibration_rad))
         vibration = draw_vibration(stream(seed, "dataset", "vibration"), *sizes)
         return simulate_truth(t_s, self._path(), terrain, vibration, self._ruts())
 
@@ -159,8 +163,8 @@ class FieldWhite(Sensors):
         return ruts if self.ruts else replace(ruts, times_s=())
 
     def _false_force(self, t_s: FloatArray, seed: int) -> FloatArray | None:
-        """Return (n, m, 3) within each of the n intervals between ``t_s``, or None where there is none."""
-        impacts_per_s = self.heard("impacts", self.impacts_per_s)
+        """Return the false forces (n, m, 3) at m times in each of n IMU intervals, or None if they are disabled."""
+        impacts_per_s = self.unless_silent("impacts", self.impacts_per_s)
         if not self.false_forces or not (self.ruts or impacts_per_s):
             return None
         inner = inner_times(t_s, round(self.sensor_rate_hz / self.imu_rate_hz))
@@ -174,7 +178,7 @@ class FieldWhite(Sensors):
         return f"dataset {self.recording_name}"
 
     def _check_counts(self) -> None:
-        """Check that what happens within a sample, and how often, can be held in memory."""
+        """Check that the impacts, the passes and the internal samples of the accelerometer fit into memory."""
         counts = {
             "sensor_rate_hz": self.duration_s * self.sensor_rate_hz / SENSOR_SAMPLES,
             "impacts_per_s": self.duration_s * self.impacts_per_s,
@@ -182,40 +186,48 @@ class FieldWhite(Sensors):
         }
         for name in (name for name, count in counts.items() if count > MAX_SAMPLES):
             raise PluginError(
-                f"{self._what}: {name} is {getattr(self, name)}; over {self.duration_s:g} s it is more than memory"
-                " should hold: shorten the drive, or correct it."
+                f"{self._what}: {name} is {getattr(self, name)}, which needs too much memory for a duration of"
+                f" {self.duration_s:g} s; decrease duration_s, or correct {name}."
             )
 
     def _check_times(self) -> None:
-        """Check that a pass has room for its speed changes, and that nothing happens before the robot moves."""
+        """Check that the speed changes fit into a pass, and that no rut is before the robot moves."""
         if self.pass_s < 2.0 * self.speed_change_s:
-            given = f"pass_s is {self.pass_s} and speed_change_s is {self.speed_change_s}"
-            raise PluginError(f"{self._what}: {given}; a pass needs room for two speed changes.")
-        earliest = self.stand_s + 10.0 * self.rut_tau_s  # there 1 - tanh^2 is below 1e-8
+            raise PluginError(
+                f"{self._what}: pass_s is {self.pass_s} and speed_change_s is {self.speed_change_s}; pass_s must be at"
+                " least twice speed_change_s, because a pass contains two speed changes."
+            )
+        earliest = self.stand_s + 10.0 * self.rut_tau_s  # 10 tau before a rut, 1 - tanh^2 is below 1e-8
         if any(t < earliest for t in self._ruts().times_s):
-            given = f"rut_times_s is {self.rut_times_s}"
-            raise PluginError(f"{self._what}: {given}; the first rut can come at {earliest:g} s, when the robot moves.")
+            raise PluginError(
+                f"{self._what}: rut_times_s is {self.rut_times_s}; each rut must be at {earliest:g} s or later, so that"
+                " the robot moves before the rut."
+            )
         if self.duration_s * self.gnss_rate_hz < 1:
-            least = f"at {self.gnss_rate_hz} Hz of GNSS it must be at least {1.0 / self.gnss_rate_hz:g} s."
-            raise PluginError(f"{self._what}: duration_s is {self.duration_s}; {least}")
+            raise PluginError(
+                f"{self._what}: duration_s is {self.duration_s}; with gnss_rate_hz={self.gnss_rate_hz}, duration_s must"
+                f" be at least {1.0 / self.gnss_rate_hz:g} s."
+            )
 
 
 @register("dataset", "field")
 @dataclass(frozen=True)
 class Field(FieldWhite):
-    """The simulated farm robot with sensors whose errors last: coloured noise, a latency, a lever arm. Version 2.
+    """The simulated farm robot with correlated sensor errors: coloured noise, a latency, a lever arm. Version 2.
 
-    A filter that takes each measurement's noise for new is too sure of itself here, as it is on real fixes. Where the
-    defaults come from:
+    A filter that assumes white noise is overconfident on this data set, as it is on real fixes. The defaults have the
+    following sources:
 
-    - position, share .7 and 5 s: the receiver of rtklib_drive_0708 at rest (33 s, 145 fixed solutions), whose
-      autocorrelation from .25 to 3 s fits .72 exp(-t/4.7 s) east, .58 exp(-t/1.8 s) north, .82 exp(-t/6.7 s) up. The
-      one of comma2k19, under way, lasts longer: shares of 1 and 5.8, 12.7 and 17.9 s.
-    - velocity, share .5 and 2 s: the wheel speed of comma2k19 against its reference (60 s), .53 exp(-t/1.9 s).
-    - heading, share .5 and 30 s; latency .01 s and arm (1, 1, 2) cm: assumed, as what is left when lags were estimated
-      and the arm was measured with a tape; no recording here shows them.
+    - Position (fraction 0.7, time 5 s): the receiver of rtklib_drive_0708 at rest (33 s, 145 fixed solutions). The
+      autocorrelation of these fixes at lags of 0.25 to 3 s fits .72 exp(-t/4.7 s) east, .58 exp(-t/1.8 s) north and
+      .82 exp(-t/6.7 s) up. The position errors of comma2k19 in motion have longer correlation times: 5.8, 12.7 and
+      17.9 s with fractions of 1.
+    - Velocity (fraction 0.5, time 2 s): the difference between the wheel speed of comma2k19 and its reference over
+      60 s, whose autocorrelation fits .53 exp(-t/1.9 s).
+    - Heading (fraction 0.5, time 30 s), latency (0.01 s) and lever arm (1, 1, 2 cm): assumptions about the remaining
+      errors after lags were estimated and the arm was measured with a tape, which no recording confirms.
 
-    The robot's way, the ground and the parameters are those of `field_white`.
+    The path of the robot, the ground and the parameters are the same as in `field_white`.
     """
 
     recording_name: ClassVar[str] = "field"
@@ -235,7 +247,7 @@ class Field(FieldWhite):
 class FieldRuts(Field):
     """The simulated farm robot (`field`) that falls into two ruts, at 45 and 90 s.
 
-    Everything else, equations and parameters too, as in `field`.
+    All other equations and parameters are the same as in `field`.
     """
 
     recording_name: ClassVar[str] = "field_ruts"
@@ -246,10 +258,10 @@ class FieldRuts(Field):
 @register("dataset", "field_vibration")
 @dataclass(frozen=True)
 class FieldVibration(Field):
-    """The simulated farm robot (`field`) on rougher ground, shaken at 2 m/s2 rms, with an impact every 3 s.
+    """The simulated farm robot (`field`) on rougher ground, with vibration of 2 m/s2 rms and 0.3 impacts/s.
 
-    The terrain's c is 2.5 (c^2 G = 6400e-6 m3 at .1 cycles/m, still class E of ISO 8608). Everything else, equations
-    and parameters too, as in `field`.
+    The factor c of the terrain is 2.5 (c^2 G = 6400e-6 m3 at .1 cycles/m, still class E of ISO 8608). All other
+    equations and parameters are the same as in `field`.
     """
 
     recording_name: ClassVar[str] = "field_vibration"
@@ -262,9 +274,9 @@ class FieldVibration(Field):
 @register("dataset", "field_headland")
 @dataclass(frozen=True)
 class FieldHeadland(Field):
-    """The simulated farm robot (`field`) in a hurry: 2 m/s, short passes, turns of 3.5 s at 1.6 m/s.
+    """The simulated farm robot (`field`) at higher speed: 2 m/s, short passes, turns of 3.5 s at 1.6 m/s.
 
-    Everything else, equations and parameters too, as in `field`.
+    All other equations and parameters are the same as in `field`.
     """
 
     recording_name: ClassVar[str] = "field_headland"

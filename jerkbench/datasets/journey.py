@@ -1,4 +1,4 @@
-"""A real journey as a folder: fixes that are wrong as real ones are, and a better reference, as Parquet."""
+"""The data set `journey`: recorded fixes with real errors and a better reference, as Parquet files in a folder."""
 
 import json
 from dataclasses import dataclass
@@ -18,35 +18,36 @@ from jerkbench.plugins import register
 from jerkbench.recording import Origin, Position, Recording, Reference, Velocity
 
 FIXES, _REFERENCE, META = "fixes.parquet", "reference.parquet", "meta.json"
-_PLACE, _SIGMA, _VELOCITY = ["e_m", "n_m", "u_m"], ["sd_e_m", "sd_n_m", "sd_u_m"], ["ve_mps", "vn_mps", "vu_mps"]
+_POSITION, _SIGMA, _VELOCITY = ["e_m", "n_m", "u_m"], ["sd_e_m", "sd_n_m", "sd_u_m"], ["ve_mps", "vn_mps", "vu_mps"]
 
 UNSTATED_M = {"UWB": 0.3, "Pixel": 5.0, "xiaomi": 5.0, "": 3.0}
-"""One sigma of an axis by a word of the receiver's name: of UWB, of phones, of single-point fixes."""
+"""Default standard deviation [m] of an axis, by a part of the receiver's name: UWB, phones, other receivers."""
 
 
 @register("dataset", "journey")
 @dataclass(frozen=True)
-class RealJourney(FromFiles):
-    """A real journey: fixes, where known with velocities and sigmas, and a better reference; no IMU.
+class RecordedFixes(FromFiles):
+    """A recorded drive, walk or flight: fixes, optionally with velocities and sigmas, and a reference, without an IMU.
 
     The folder has three files:
 
-    - ``fixes.parquet``: t_s [s]; e_m, n_m, u_m [m], ENU; where known sd_e_m, sd_n_m, sd_u_m [m] and ve_mps, vn_mps,
+    - ``fixes.parquet``: t_s [s]; e_m, n_m, u_m [m], ENU; optionally sd_e_m, sd_n_m, sd_u_m [m] and ve_mps, vn_mps,
       vu_mps;
     - ``reference.parquet``: t_s, e_m, n_m, u_m on the same clock;
-    - ``meta.json``: all optional: group and name (what tables call it), receiver, reference (where it comes from),
-      independent (whether it shares nothing with the fixes), origin (latitude [deg], longitude [deg], height [m]),
-      clock_shift_s.
+    - ``meta.json``, in which all entries are optional: group and name (the name in tables), receiver, reference (the
+      source of the reference), independent (whether the reference is independent of the fixes), origin (latitude [deg],
+      longitude [deg], height [m]), clock_shift_s.
 
-    A row whose stamp repeats is left out. Where no sigma is stated, one is taken by the name of the receiver: 0.3 m for
-    UWB, 5 m for a phone (Pixel, xiaomi), 3 m for any other. The recording's notes say which. Give the disturbance
-    `score_moving` to count errors once a second, and only while the vehicle moves.
+    A row whose stamp is not later than all previous stamps is dropped. For fixes without sigmas, the sigma depends on
+    the name of the receiver: 0.3 m for UWB, 5 m for a phone (Pixel, xiaomi), 3 m otherwise. The notes of the recording
+    state this sigma. With the disturbance `score_moving`, errors are scored once per second, and only in motion.
 
     Attributes:
-        folder: where the three files are.
-        position_sigma_m: one standard deviation of an axis, where the fixes state none; 0: as above.
-        velocity_sigma_mps: one standard deviation of an axis of the velocity.
-        clock_shift_s: added to the stamps of fixes and velocities; null: that of meta.json, or 0.
+        folder: folder of the three files.
+        position_sigma_m: standard deviation of each axis of fixes without sigmas [m], or 0 for the values above.
+        velocity_sigma_mps: standard deviation of each axis of the velocity [m/s].
+        clock_shift_s: time shift that is added to the stamps of fixes and velocities [s], or null for the value in
+            meta.json (0 by default).
     """
 
     without_imu: ClassVar[bool] = True
@@ -57,21 +58,20 @@ class RealJourney(FromFiles):
     clock_shift_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the sigmas and the shift."""
         require_positive("dataset journey", self, ("velocity_sigma_mps",))
         require_not_negative("dataset journey", self, ("position_sigma_m",))
         if self.clock_shift_s is not None and not np.isfinite(self.clock_shift_s):
             raise PluginError(f"dataset journey: clock_shift_s is {self.clock_shift_s}; give a number of seconds.")
 
     def load(self, seed: int = 0) -> Recording:
-        """Return the journey; ``seed`` changes nothing.
+        """Return the recording in the folder. ``seed`` has no effect.
 
         Raises:
             RecordingError: a file is missing or damaged, or lacks a column.
         """
         fixes, reference, meta = self.paths()
         about, rows, truth = _meta(meta), _rows(fixes), _rows(reference)
-        require_origin("meta.json of a journey", tuple(about.get("origin") or ()))
+        require_origin(str(meta), tuple(about.get("origin") or ()))
         shift_s = float(about.get("clock_shift_s", 0.0)) if self.clock_shift_s is None else self.clock_shift_s
         zero_s = rows["t_s"].iloc[0]
         t_s = (rows["t_s"] - zero_s).to_numpy() + shift_s
@@ -83,24 +83,24 @@ class RealJourney(FromFiles):
         return Recording(
             name="/".join(str(about[key]) for key in ("group", "name") if key in about) or fixes.parent.name,
             imu=None,
-            reference=Reference(true_s, source, independent, enu_m=truth[_PLACE].to_numpy()),
-            position=Position(t_s, rows[_PLACE].to_numpy(), _diagonal(sigma_m**2)),
+            reference=Reference(true_s, source, independent, enu_m=truth[_POSITION].to_numpy()),
+            position=Position(t_s, rows[_POSITION].to_numpy(), _diagonal(sigma_m**2)),
             velocity=self._velocity(rows, t_s),
             origin=Origin(*about["origin"]) if about.get("origin") else None,
             notes=("There is no IMU: attitude, tilt and yaw do not apply.", *notes),
         )
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the files that are read."""
+        """Return the paths of the three files in the folder."""
         folder = named_folder(self.folder)
         return tuple(find_file(folder, name, Path(name).suffix, "folder") for name in (FIXES, _REFERENCE, META))
 
     def _sigmas(self, rows: pd.DataFrame, receiver: str) -> tuple[FloatArray, tuple[str, ...]]:
-        """Return one sigma of each axis of each fix (m, 3), and what has to be known of it."""
+        """Return the standard deviations of the fixes (m, 3), and a note if they are assumed."""
         if set(_SIGMA) <= set(rows):
             return rows[_SIGMA].to_numpy(), ()
-        sigma_m = self.position_sigma_m or next(own for word, own in UNSTATED_M.items() if word in receiver)
-        return np.full((len(rows), 3), sigma_m), (f"The fixes state no sigma; {sigma_m:g} m an axis are taken.",)
+        sigma_m = self.position_sigma_m or next(default_m for part, default_m in UNSTATED_M.items() if part in receiver)
+        return np.full((len(rows), 3), sigma_m), (f"The fixes have no sigma; {sigma_m:g} m per axis are used.",)
 
     def _velocity(self, rows: pd.DataFrame, t_s: FloatArray) -> Velocity | None:
         if not set(_VELOCITY) <= set(rows):
@@ -110,16 +110,16 @@ class RealJourney(FromFiles):
 
 
 def _diagonal(variance: FloatArray) -> FloatArray:
-    """Return covariances (m, 3, 3) of variances (m, 3)."""
+    """Return diagonal covariances (m, 3, 3) with the variances (m, 3)."""
     return np.asarray(variance[:, :, None] * np.eye(3))
 
 
 def _rows(path: Path) -> pd.DataFrame:
-    """Return the rows of a file whose stamps increase."""
+    """Return the rows of a file, without rows whose stamp is not later than all previous stamps."""
     columns = read_columns((path,), TextFormat())
     if not len(columns):
-        raise RecordingError(f"{path} has no rows; a journey has one for each fix.")
-    names = ["t_s", *_PLACE, *(name for name in (*_SIGMA, *_VELOCITY) if columns.has([name]))]
+        raise RecordingError(f"{path} has no rows; write one row for each fix.")
+    names = ["t_s", *_POSITION, *(name for name in (*_SIGMA, *_VELOCITY) if columns.has([name]))]
     rows = pd.DataFrame(columns.numbers(names), columns=names)
     return rows[rows["t_s"] > rows["t_s"].cummax().shift(fill_value=-np.inf)]
 
@@ -128,7 +128,7 @@ def _meta(path: Path) -> dict[str, Any]:
     try:
         about = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise RecordingError(f"{path} is no JSON ({error}).") from error
+        raise RecordingError(f"{path} is not valid JSON ({error}); correct the file.") from error
     if not isinstance(about, dict):
-        raise RecordingError(f"{path} holds no JSON object; write {{}} where nothing is known.")
+        raise RecordingError(f"{path} does not contain a JSON object; write {{}} for a recording without metadata.")
     return about

@@ -1,4 +1,4 @@
-"""ROS bags: any, by a map from topics to what they measure or a guess, and those of a Fixposition Vision-RTK 2."""
+"""Data sets that read ROS bags: any bag, with specified or guessed topics, and bags of a Fixposition Vision-RTK 2."""
 
 from dataclasses import dataclass, replace
 
@@ -10,7 +10,6 @@ from jerkbench.io.bag import FIX, IMU, ODOMETRY, Bag, Topic
 from jerkbench.io.bag_dataset import POSE_FRAMES, VELOCITY_FRAMES, BagDataset
 from jerkbench.io.bag_topics import ROLES, Role, TopicPlan, guessed_topics, is_ecef
 from jerkbench.plugins import register
-from jerkbench.recording import Heading, Position, Recording
 
 
 @register("dataset", "rosbag")
@@ -18,31 +17,26 @@ from jerkbench.recording import Heading, Position, Recording
 class RosBag(BagDataset):
     """Any ROS 1 or ROS 2 bag with an IMU and positions, by a map from topics to their roles.
 
-    A topic that is not given is guessed: the IMU that feels gravity and has the most messages; the NavSatFix that has
-    fixes; the twist with covariance or the odometry with the most messages. What was chosen is a note of the recording.
-    Heading and reference are never guessed. Types: Imu, NavSatFix, Odometry, Pose(WithCovariance)Stamped,
-    Twist(WithCovariance)Stamped, Vector3Stamped.
-
-    With a velocity along the body alone nothing says where the vehicle heads. ``course_over_s`` takes the direction
-    from fix to fix, that long apart, as a heading in the middle between them (it looks half of that ahead):
-
-        yaw = atan2(dn, de), sigma = sqrt(2 c)/|d|, c the larger horizontal variance, where |d| > 4 sqrt(2 c)
+    Topics that are not specified are guessed. The guessed IMU measures gravity and has the most messages. The guessed
+    NavSatFix has fixes. The guessed velocity is the twist with covariance or the odometry with the most messages. The
+    notes of the recording list the guessed topics. The topics of heading and reference are never guessed. The supported
+    types are Imu, NavSatFix, Odometry, Pose(WithCovariance)Stamped, Twist(WithCovariance)Stamped and Vector3Stamped.
 
     Attributes:
-        imu_topic: angular rate and specific force; empty: guessed.
-        position_topic: fixes, or poses in ``position_frame``; empty: guessed; none: without.
-        velocity_topic: velocities in ``velocity_frame``; empty: guessed; none: without.
-        heading_topic: orientations, of which the yaw is used: an IMU's in ENU, an odometry's in its own frame; empty:
-            none.
-        reference_topic: what is compared with; empty: none.
-        position_frame: of poses: auto (ECEF by its size, else ENU), ecef, enu or ned (local or UTM; its body is FRD).
-        velocity_frame: body (forward, left, up), frd, enu, ned, speed (a wheel's: the x axis alone,
-            along the course), or course (all that was measured along and across it).
-        reference_frame: of the reference's poses.
-        heading_source: what measured the headings: odometry or dual_antenna.
-        reference_source: where the reference comes from, in words; empty: its topic.
-        reference_independent: whether it shares nothing with the measurements.
-        course_over_s: time between the fixes of a course; 0: no courses.
+        imu_topic: topic of angular rate and specific force, or empty to guess the topic.
+        position_topic: topic of fixes, or of poses in ``position_frame``, or empty to guess the topic, or "none".
+        velocity_topic: topic of velocities in ``velocity_frame``, or empty to guess the topic, or "none".
+        heading_topic: topic of orientations, of which only the yaw is used, or empty for no heading. The orientations
+            of an IMU must be in ENU, and the orientations of an odometry must be in the frame of its poses.
+        reference_topic: topic of the reference, or empty for no reference.
+        position_frame: frame of positions that are poses: auto (ECEF for positions on the Earth, otherwise ENU), ecef,
+            enu or ned (local or UTM, with FRD body axes).
+        velocity_frame: frame of the velocities: body (forward, left, up), frd, enu, ned, speed (of a wheel: only the x
+            axis, along the course) or course (all axes, along and across the course).
+        reference_frame: frame of reference positions that are poses: auto, ecef, enu or ned.
+        heading_source: sensor that measured the headings: odometry or dual_antenna.
+        reference_source: source of the reference as a phrase, or empty to use the name of the topic.
+        reference_independent: whether the reference is independent of the measurements.
     """
 
     imu_topic: str = ""
@@ -56,10 +50,8 @@ class RosBag(BagDataset):
     heading_source: str = "odometry"
     reference_source: str = ""
     reference_independent: bool = False
-    course_over_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that every choice exists."""
         self.check_options()
         choices = {
             "position_frame": POSE_FRAMES,
@@ -69,17 +61,8 @@ class RosBag(BagDataset):
         }
         require_choices(self, choices)
 
-    def load(self, seed: int = 0) -> Recording:
-        """Return the drive; ``seed`` changes nothing.
-
-        Raises:
-            RecordingError: the bag is damaged, a topic is missing, nothing usable is left, or ``sanitise`` refuses.
-        """
-        recording = super().load(seed)
-        return with_courses(recording, self.course_over_s) if self.course_over_s else recording
-
     def plan(self, bag: Bag) -> TopicPlan:
-        """Return the topics that are given, the others guessed, and their frames."""
+        """Return the specified and the guessed topics, and their frames."""
         topics, notes = guessed_topics(bag, {role: getattr(self, f"{role}_topic") for role in ROLES})
         return TopicPlan(
             topics,
@@ -94,90 +77,51 @@ class RosBag(BagDataset):
         )
 
 
-MIN_STEP_SIGMAS = 4.0
-"""A step between fixes of so many sigmas has a course whose error is Gaussian and not reversed."""
-
-
-def with_courses(recording: Recording, over_s: float) -> Recording:
-    """Return the recording with a heading every ``over_s`` seconds, and a note that says so.
-
-    Raises:
-        RecordingError: it has no positions, has headings already, or never moves far enough.
-    """
-    if recording.heading is not None or recording.position is None:
-        obstacle = "has headings already" if recording.heading is not None else "has no positions"
-        raise RecordingError(f"{recording.name} {obstacle}; leave course_over_s at 0.")
-    heading = courses(recording.position, over_s)
-    if not len(heading.t_s):
-        raise RecordingError(
-            f"{recording.name}: within {over_s:g} s no two fixes are further apart than {MIN_STEP_SIGMAS:g} of their"
-            " sigmas; make course_over_s longer."
-        )
-    ahead = f"they look {over_s / 2:g} s ahead, and share the fixes' errors."
-    note = f"Headings are courses between fixes {over_s:g} s apart, placed in the middle: {ahead}"
-    return replace(recording, heading=heading, notes=(*recording.notes, note))
-
-
-def courses(position: Position, over_s: float) -> Heading:
-    """Return the direction between fixes that are ``over_s`` apart, one after the other without overlap."""
-    usual_s = float(np.median(np.diff(position.t_s)))
-    rows = np.arange(0, len(position.t_s), max(round(over_s / usual_s), 1))
-    t_s = position.t_s[rows]
-    step_m, duration_s = np.diff(position.enu_m[rows, :2], axis=0), np.diff(t_s)
-    variance = np.diagonal(position.covariance_m2[rows], axis1=1, axis2=2)[:, :2].max(axis=1)
-    sigma_m = np.sqrt(variance[1:] + variance[:-1])
-    distance_m = np.linalg.norm(step_m, axis=1)
-    with np.errstate(invalid="ignore"):  # a step with NaN or over a gap has no course
-        sure = (distance_m > MIN_STEP_SIGMAS * sigma_m) & (duration_s < 1.5 * over_s + usual_s)
-    yaw_rad = np.arctan2(step_m[sure, 1], step_m[sure, 0])
-    return Heading(0.5 * (t_s[1:] + t_s[:-1])[sure], yaw_rad, sigma_m[sure] / distance_m[sure], "course")
-
-
-# The topics of the Fixposition Vision-RTK 2 driver, versions 4 to 8.
+# The topics of the driver of a Fixposition Vision-RTK 2, versions 4 to 8.
 
 ODOMETRIES = ("odometry_ecef", "odometry")
-"""Last part of the topic with the fusion in ECEF: of drivers from 6.2 on, and before."""
+"""Last part of the name of the topic with the fusion in ECEF, for drivers from 6.2 on and for older drivers."""
 
 _IMUS = ("poiimu", "corrimu", "rawimu")
 FUSED_FIX = "navsatfix"
-"""Drivers before 6.1 publish no antenna, only the fusion's own position."""
+"""Last part of the name of the topic with positions for drivers before 6.1, which publish only the fused position."""
 
 
 def find_odometry(bag: Bag, namespace: str) -> Topic:
-    """Return the topic with the fusion's solution in ECEF.
+    """Return the topic with the solution of the sensor fusion in ECEF.
 
     Raises:
-        RecordingError: there is none; says which topics there are.
+        RecordingError: the topic does not exist. The error message lists all topics.
     """
     inside = f"/{namespace.strip('/')}/" if namespace else ""
     found = [t for t in bag.topics if t.msgtype == ODOMETRY and t.count and t.name.startswith(inside)]
     odometries = [topic for last in ODOMETRIES for topic in found if topic.name.rsplit("/", 1)[-1] == last]
     for topic in odometries:
         position = bag.read({topic.name: ("position",)})[topic.name]["position"]
-        if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # before the fusion starts it may write zeros
+        if is_ecef(position[np.abs(position).max(axis=1) > 0]):  # the fusion starts with zeros
             return topic
     listing = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in bag.topics)
     reason = f"no nav_msgs/Odometry ends in {' or '.join(ODOMETRIES)}"
     if odometries:
         reason = f"{odometries[0].name} is not in ECEF"
     raise RecordingError(
-        f"{bag.path} is no Fixposition recording: {reason}. There are: {listing}. Give namespace, or read it with"
-        " dataset=rosbag."
+        f"{bag.path} is not a Fixposition recording: {reason}. Topics: {listing}. Set namespace, or read the"
+        " bag with dataset=rosbag."
     )
 
 
 def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool, heading: bool) -> TopicPlan:
-    """Return which topic has which role, with notes about the generation of the driver.
+    """Return the topic of each role, with notes about the version of the driver.
 
     Raises:
-        RecordingError: odometry, IMU or positions are missing.
+        RecordingError: the topic of the odometry, of the IMU or of the positions is missing.
     """
     odometry = find_odometry(bag, namespace).name
     space = odometry.rsplit("/", 1)[0]
     topics: dict[Role, str] = {"imu": _require_topic(bag, space, imu, IMU, "imu")}
     notes: tuple[str, ...] = ()
     if not _has(bag, f"{space}/{gnss}") and _has(bag, f"{space}/{FUSED_FIX}"):
-        fused = f"positions are {space}/{FUSED_FIX}, the sensor's own fusion, the same as the reference."
+        fused = f"positions are {space}/{FUSED_FIX}, the sensor's fusion, the same as the reference."
         notes, gnss = (f"The driver published no {space}/{gnss} (older than 6.1): {fused}",), FUSED_FIX
     topics["position"] = _require_topic(bag, space, gnss, FIX, "gnss")
     fused_roles: dict[Role, bool] = {"velocity": velocity, "heading": heading, "reference": True}
@@ -186,13 +130,17 @@ def plan_topics(bag: Bag, namespace: str, imu: str, gnss: str, *, velocity: bool
 
 
 def _require_topic(bag: Bag, space: str, name: str, msgtype: str, parameter: str) -> str:
-    """Return the topic ``space/name``; without one, raise an error that lists the topics of that type."""
+    """Return the name ``space/name`` of a topic that has messages.
+
+    Raises:
+        RecordingError: the topic has no messages. The error message lists the topics of the type ``msgtype``.
+    """
     if _has(bag, f"{space}/{name}"):
         return f"{space}/{name}"
     suitable = [t.name for t in bag.topics if t.msgtype == msgtype and t.count]
     raise RecordingError(
-        f"{bag.path} has no messages in {space}/{name}; of its type it has {', '.join(suitable) or 'no topic'}: give"
-        f" {parameter}, the last part of the topic's name."
+        f"{bag.path} has no messages in the topic {space}/{name}. Topics of the type {msgtype}:"
+        f" {', '.join(suitable) or 'none'}. Set {parameter} to the last part of a topic's name."
     )
 
 
@@ -209,27 +157,28 @@ HEADINGS = ("none", "odometry")
 class Fixposition(BagDataset):
     """A recording of a Fixposition Vision-RTK 2 (ROS driver versions 4 to 8).
 
-    The topics are found by their last parts, in whatever namespace::
+    The topics are found by the last parts of their names, in any namespace::
 
-        odometry_ecef or odometry   the sensor's own fusion, ECEF: the reference, and velocities in the body
+        odometry_ecef or odometry   the sensor's fusion, ECEF: the reference, and velocities in the body
         poiimu                      bias-corrected specific force and angular rate at the point of interest
-        gnss1                       fixes of antenna 1; drivers before 6.1 have navsatfix instead, which is the fusion's
+        gnss1                       fixes of antenna 1; drivers before 6.1 have navsatfix of the fusion instead
 
-    The fusion uses the same antennas and the same IMU, and cameras: it is **not an independent reference**, and the
-    velocities come from it too. Fixes state their covariance in the order north, east, up. Stamps of drivers 6.1.0 and
-    6.1.1, which never fill in the fixes' stamps, are replaced by the time of recording less its usual delay.
+    The fusion uses the same antennas and the same IMU, and also cameras. The fusion is **not an independent
+    reference**, and the velocities are also from the fusion. Fixes state their covariance in the order north, east, up.
+    Drivers 6.1.0 and 6.1.1 never set the stamps of fixes. These stamps are replaced by the recording time minus a
+    median delay.
 
     Source: the driver's public code and documentation (github.com/fixposition/fixposition_driver).
 
     Attributes:
-        namespace: of the topics, if there are several; empty: found.
-        imu: last part of the IMU's topic: poiimu, corrimu or rawimu.
-        gnss: last part of the fixes' topic: gnss1 or gnss2.
-        velocity: odometry, or none.
-        heading: odometry, or none.
+        namespace: namespace of the topics, or empty to find the namespace automatically, which requires that only one
+            namespace has such topics.
+        imu: last part of the name of the IMU's topic: poiimu, corrimu or rawimu.
+        gnss: last part of the name of the topic of fixes: gnss1 or gnss2.
+        velocity: source of the velocities: odometry or none.
+        heading: source of the headings: odometry or none.
     """
 
-    earliest_utc: str = "2017-01-01"
     covariance_order: str = "neu"
     namespace: str = ""
     imu: str = "poiimu"
@@ -238,13 +187,12 @@ class Fixposition(BagDataset):
     heading: str = "none"
 
     def __post_init__(self) -> None:
-        """Check that every choice exists."""
         self.check_options()
         for name, available in (("velocity", _VELOCITIES), ("heading", HEADINGS)):
             require_known(f"{name} of fixposition", getattr(self, name), available)
 
     def plan(self, bag: Bag) -> TopicPlan:
-        """Return the topics of the driver, and their frames."""
+        """Return the topics of the Fixposition driver, and their frames."""
         velocity, heading = self.velocity == "odometry", self.heading == "odometry"
         plan = plan_topics(bag, self.namespace, self.imu, self.gnss, velocity=velocity, heading=heading)
         source = f"the sensor's own fusion ({plan.topics['reference']})"

@@ -1,4 +1,4 @@
-"""A quadrotor in the streets of Zurich: 1 Hz fixes and a 10 Hz IMU, with photogrammetry as the reference."""
+"""A quadrotor in the streets of Zurich, with 1 Hz fixes, a 10 Hz IMU, and photogrammetry as the reference."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,8 @@ from jerkbench.arrays import FloatArray, nearest_rows, require_positive
 from jerkbench.errors import PluginError
 from jerkbench.io.columns import Columns, read_columns
 from jerkbench.io.files import FromFiles, find_file
-from jerkbench.io.frames import axes_matrix, imu_in_body
+from jerkbench.io.frames import axes_matrix
+from jerkbench.io.sanitiser import imu_in_body
 from jerkbench.io.text import TextFormat
 from jerkbench.plugins import register
 from jerkbench.recording import Imu, Position, Recording, Reference
@@ -17,17 +18,17 @@ from jerkbench.recording import Imu, Position, Recording, Reference
 TRUTH, _ACCEL, _GYRO = "GroundTruthAGL.csv", "RawAccel.csv", "RawGyro.csv"
 FIRST_FIX_S, FIX_S = 7.009129, 0.03343357
 FIRST_TRUTH_S, TRUTH_S = 13.80, 0.0333667
-"""When the fix and the truth of image 1 and of image 0 were true, on the IMU's clock, and the time from image to image.
+"""Times of the fix of image 1 and of the truth of image 0 on the IMU's clock, and the interval between images.
 
-Found by comparing the fixes with the IMU and the truth with the fixes: the published pairing of an image with its fix
-is off by seconds.
+They were found by comparing the fixes with the IMU and the truth with the fixes, because the published pairing of
+images and fixes is wrong by seconds.
 """
 
 FRD = ("x", "-y", "-z")
 _NOTES = (
-    "The times of fixes and truth were fitted to the IMU's clock: the truth's are known to .15 s.",
-    "East and north are those of UTM 32, .4 degrees off.",
-    "The IMU is sampled at 10 Hz under vibration, which is aliased: its forces say little.",
+    "The times of fixes and truth were fitted to the IMU's clock; the uncertainty of the truth's times is 0.15 s.",
+    "East and north are the axes of UTM 32, which are rotated by 0.4 degrees.",
+    "The IMU is sampled at 10 Hz under vibration, which is aliased, so its specific forces are inaccurate.",
 )
 
 
@@ -36,22 +37,23 @@ _NOTES = (
 class ZurichMav(FromFiles):
     """A quadrotor between houses, 720 s: fixes 1 Hz, IMU 10 Hz with gaps up to 1.1 s; truth from photogrammetry.
 
-    Row k of the truth is of image k (1, 31, 61, ...); the fix in the same row is not of the same time. On the clock of
-    the IMU::
+    Each row of the truth belongs to an image with the number k (1, 31, 61, ...). The fix in the same row has another
+    time. On the clock of the IMU, the times are::
 
         fix     7.009129 + (k - 1) 0.03343357 s
-        truth   13.80 + k 0.0333667 s, give or take .15 s
+        truth   13.80 + k 0.0333667 s, +- 0.15 s
 
-    The IMU's axes are forward, right, down. The truth's angles are those of a camera that looks sideways; they are not
-    read. Time 0 is the first IMU sample.
+    The axes of the IMU are forward, right, down. The angles of the truth are not read, because they belong to a camera
+    that looks sideways. Time 0 is the first IMU sample.
 
     Source: A. L. Majdik, C. Till, D. Scaramuzza, "The Zurich urban micro aerial vehicle dataset", Int. J. Robotics
     Research 36(3), 2017, doi:10.1177/0278364917702237.
 
     Attributes:
-        folder: where GroundTruthAGL.csv, RawAccel.csv and RawGyro.csv are.
-        position_sigma_m: one standard deviation of an axis; the receiver claims 10 m.
-        gyro_bias_radps: subtracted from the gyro, in its own axes.
+        folder: folder of GroundTruthAGL.csv, RawAccel.csv and RawGyro.csv.
+        position_sigma_m: standard deviation of each axis of the fixes [m]. The default is the value that the receiver
+            states.
+        gyro_bias_radps: bias that is subtracted from the gyro, in the axes of the gyro [rad/s].
     """
 
     folder: str = ""
@@ -59,19 +61,20 @@ class ZurichMav(FromFiles):
     gyro_bias_radps: tuple[float, ...] = (-0.015, -0.027, 0.029)
 
     def __post_init__(self) -> None:
-        """Check the sigma and the three biases."""
         require_positive("dataset zurich_mav", self, ("position_sigma_m",))
         if len(self.gyro_bias_radps) != 3:
-            raise PluginError(f"dataset zurich_mav: gyro_bias_radps is {self.gyro_bias_radps}; give x, y, z.")
+            raise PluginError(
+                f"dataset zurich_mav: gyro_bias_radps is {self.gyro_bias_radps}; give three numbers (x, y, z)."
+            )
 
     def load(self, seed: int = 0) -> Recording:
-        """Return the flight; ``seed`` changes nothing.
+        """Return the recording of the flight. ``seed`` has no effect.
 
         Raises:
             RecordingError: a file is missing or damaged.
         """
         truth, *sensors = (read_columns((path,), TextFormat()) for path in self.paths())
-        imu, start_s = self._imu(*sensors)
+        imu, start_s, of_imu = self._imu(*sensors)
         image = truth.numbers(("imgid",))[:, 0]
         places, fixes = truth.numbers(("x_gt", "y_gt", "z_gt")), truth.numbers(("x_gps", "y_gps", "z_gps"))
         origin = fixes[0]
@@ -85,24 +88,25 @@ class ZurichMav(FromFiles):
                 truth_s, "photogrammetry of the flight's images", independent=True, enu_m=places - origin
             ),
             position=Position(fix_s, fixes - origin, covariance),
-            notes=(*truth.notes, *_NOTES),
+            notes=(*truth.notes, *of_imu, *_NOTES),
         )
 
-    def _imu(self, accel: Columns, gyro: Columns) -> tuple[Imu, float]:
-        """The samples at the accelerometer's stamps, and the first of these on the IMU's clock [s]."""
+    def _imu(self, accel: Columns, gyro: Columns) -> tuple[Imu, float, tuple[str, ...]]:
+        """Return the samples at the stamps of the accelerometer, the first stamp [s], and notes about the samples."""
         t_s, force = _sensor(accel)
         gyro_s, rate = _sensor(gyro)
         rate = rate[nearest_rows(gyro_s, t_s)] - self.gyro_bias_radps
-        return imu_in_body(t_s - t_s[0], force, rate, ("m/s2", "rad/s"), axes_matrix(FRD)), float(t_s[0])
+        imu, notes = imu_in_body(accel.where, t_s - t_s[0], force, rate, ("m/s2", "rad/s"), axes_matrix(FRD))
+        return imu, float(t_s[0]), notes
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the files that are read."""
+        """Return the paths of the three files in the folder."""
         folder = Path(self.folder).expanduser()
         return tuple(find_file(folder, name, ".csv", "folder") for name in (TRUTH, _ACCEL, _GYRO))
 
 
 def _sensor(columns: Columns) -> tuple[FloatArray, FloatArray]:
-    """Times (n,) [s] on the IMU's clock and values (n, 3); a stamp that repeats is left out."""
+    """Return the times (n,) on the clock of the IMU [s] and the values (n, 3) of a sensor, without repeated stamps."""
     t_s, values = columns.numbers(("1",))[:, 0] * 1e-6, columns.numbers(("x", "y", "z"))
     new = np.diff(t_s, prepend=-np.inf) > 0
     return t_s[new], values[new]

@@ -1,1 +1,1 @@
-"""Recording -> Recording; small, composable, for simulated and real recordings alike."""
+"""Disturbances, which change a simulated or real recording and can be combined."""

@@ -1,4 +1,4 @@
-"""What several disturbances share: checks, draws, rows, windows, added errors; and `none`."""
+"""Base classes and functions of the disturbances, and the disturbance `none`."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -18,69 +18,76 @@ DEVIATION = Limit(lambda sigma: 0 <= sigma < np.inf, "a standard deviation must 
 CORRELATION_TIME = Limit(lambda time: 0 < time < np.inf, "a correlation time must be positive.")
 
 
-class Once(Limited):
-    """A disturbance without phases: its seeds differ by what is drawn, or not at all."""
+class Unphased(Limited):
+    """Base class of disturbances without phases. The seed changes only the random numbers of a disturbance."""
 
     seeded: ClassVar[bool] = False
 
     def replicates(self) -> int:
-        """Return 1."""
+        """Return 1, because the disturbance has only one phase."""
         return 1
 
     def require_range(self, low: str, high: str, unit: str, *, above: bool = False) -> None:
-        """Raise a PluginError unless 0 <= ``low`` <= ``high``, and finite; ``above``: above 0."""
-        least, most = getattr(self, low), getattr(self, high)
-        if not (0 <= least <= most < np.inf and (least or not above)):
-            rule = f"give 0 {'<' if above else '<='} {low.partition('_')[0]} <= {high.partition('_')[0]}."
-            raise PluginError(f"{least} to {most} {unit} is no range; {rule}")
+        """Check that the parameters named ``low`` and ``high`` are finite, at least 0 and in this order.
+
+        If ``above`` is true, the parameter ``low`` must be above 0.
+
+        Raises:
+            PluginError: the values of the two parameters do not meet these conditions.
+        """
+        minimum, maximum = getattr(self, low), getattr(self, high)
+        if not (0 <= minimum <= maximum < np.inf and (minimum or not above)):
+            raise PluginError(
+                f"Invalid range {minimum} to {maximum} {unit}; {low} and {high} must satisfy"
+                f" 0 {'<' if above else '<='} {low} <= {high}."
+            )
 
 
-class DrawnFault(Once):
-    """A disturbance that draws: each seed is another one."""
+class DrawnFault(Unphased):
+    """Base class of random disturbances, which are different for each seed."""
 
     seeded: ClassVar[bool] = True
 
 
 class Phased(Limited):
-    """A disturbance whose replicates are phases of one recording: seed s has the phase s mod n, unless one is fixed."""
+    """Base class of disturbances with n phases. Seed s uses the phase s mod n, unless ``phase`` is set."""
 
     seeded: ClassVar[bool] = False
     cycle: ClassVar[str] = "every"
-    """The parameter that is n."""
+    """Name of the parameter that contains n."""
 
     phase: int | None
 
     def __post_init__(self) -> None:
-        """Check that the fixed phase is one of them."""
         super().__post_init__()
         count = getattr(self, self.cycle)
         if self.phase is not None and not 0 <= self.phase < count:
             raise PluginError(f"phase is {self.phase}; it must lie between 0 and {self.cycle} - 1 = {count - 1}.")
 
     def phase_of(self, seed: int) -> int:
-        """Return the phase of a seed."""
+        """Return the phase that the disturbance uses for a seed."""
         return int(seed % getattr(self, self.cycle)) if self.phase is None else self.phase
 
     def replicates(self) -> int:
-        """Return how many phases there are."""
+        """Return the number of different phases, which is 1 if ``phase`` is set."""
         return int(getattr(self, self.cycle)) if self.phase is None else 1
 
 
 @register("disturbance", "none")
 @dataclass(frozen=True)
-class NoDisturbance(Once):
-    """The recording as it is.
+class NoDisturbance(Unphased):
+    """Does not change the recording.
 
-    The row that every disturbance is compared with.
+    The unchanged recording is the nominal case, with which all disturbances are compared.
     """
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return ``recording`` itself."""
+        """Return ``recording`` without a change."""
         return recording
 
 
-def own_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.random.Generator:
-    """Return the stream of a disturbance; another ``label`` gives another one, for a second of the name in a list."""
+def fault_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.random.Generator:
+    """Return the random number generator of a disturbance. Different labels give independent random numbers."""
     named = (label,) if label else ()
     return stream(seed, "disturbance", disturbance, *named, *parts)
 
@@ -88,10 +95,10 @@ def own_stream(seed: int, disturbance: str, label: str, *parts: str) -> np.rando
 AnyStream = TypeVar("AnyStream", Position, Velocity, Heading, Reference)
 
 
-def rows_of(stream: AnyStream, keep: BoolArray, **changes: Any) -> AnyStream:  # noqa: ANN401 - fields of the stream
-    """Return ``stream`` with the rows where ``keep`` is True, and with the fields ``changes`` replaced."""
+def rows_of(stream: AnyStream, selected: BoolArray, **changes: Any) -> AnyStream:  # noqa: ANN401 - fields of the stream
+    """Return ``stream`` with only the rows where ``selected`` is true. The ``changes`` replace complete fields."""
     values = {f.name: getattr(stream, f.name) for f in fields(stream)}
-    arrays = {name: value[keep] for name, value in values.items() if isinstance(value, np.ndarray)}
+    arrays = {name: value[selected] for name, value in values.items() if isinstance(value, np.ndarray)}
     return replace(stream, **(arrays | changes))
 
 
@@ -99,39 +106,40 @@ WindowTimes = tuple[tuple[float, ...], ...]
 
 
 def in_each(t_s: FloatArray, windows_s: FloatArray) -> BoolArray:
-    """Return (m, k) whether a time lies in each of the windows (k, 2): begin <= t < end."""
-    begin, end = windows_s.T
-    return np.asarray((t_s[:, None] >= begin) & (t_s[:, None] < end))
+    """Return a mask (m, k) that is true where one of the m times lies in one of the k windows, start <= t < end."""
+    start, end = windows_s.T
+    return np.asarray((t_s[:, None] >= start) & (t_s[:, None] < end))
 
 
 def in_any(t_s: FloatArray, windows_s: FloatArray) -> BoolArray:
-    """Return (m,) whether a time lies in any of the windows (k, 2)."""
+    """Return a mask (m,) that is true where one of the m times lies in any of the windows (k, 2)."""
     return np.asarray(in_each(t_s, windows_s).any(axis=1))
 
 
 def without(measured: AnyStream | None, windows_s: FloatArray) -> AnyStream | None:
-    """Return the stream without the rows inside the windows (k, 2)."""
+    """Return the measurements outside the windows (k, 2), or None if ``measured`` is None."""
     return None if measured is None else rows_of(measured, ~in_any(measured.t_s, windows_s))
 
 
 @dataclass(frozen=True)
-class RegularWindows(Once):
-    """When a fault is, and for how long.
+class RegularWindows(Unphased):
+    """Base class of disturbances that act in time windows.
 
-    It acts where begin <= t < end. With ``count`` above 0 the windows are, for k = 0 ... count - 1::
+    The disturbance affects the times start <= t < end of each window. If ``count`` is above 0, the disturbance uses
+    regular windows with the numbers k = 0 ... count - 1::
 
         [first_s + k every_s, first_s + k every_s + length_s)
 
     Attributes:
-        windows_s: begin and end of each [s].
-        count: how many regular windows to use in place of ``windows_s``; 0: those as given.
-        length_s: of each regular window.
-        first_s: begin of the first.
-        every_s: from one begin to the next.
+        windows_s: start and end time of each window [s].
+        count: number of regular windows, which replace ``windows_s``; with 0, ``windows_s`` is used [-].
+        length_s: length of each regular window [s].
+        first_s: start of the first regular window [s].
+        every_s: time between the starts of two regular windows [s].
     """
 
     fault: ClassVar[str] = "fault"
-    """What the windows are windows of."""
+    """Name of the fault in error messages."""
 
     windows_s: WindowTimes = ((40.0, 50.0), (102.0, 112.0))
     count: Annotated[int, Limit(lambda count: count >= 0, "give 0 (windows_s as given) or more.")] = 0
@@ -140,22 +148,21 @@ class RegularWindows(Once):
     every_s: float = 40.0
 
     def __post_init__(self) -> None:
-        """Check that each window ends after it begins, and that regular ones do not overlap."""
         super().__post_init__()
         if self.count > 1 and not self.every_s >= self.length_s:
             raise PluginError(f"every_s is {self.every_s}; it must not be below length_s = {self.length_s}.")
         for window in (window for window in self._windows() if len(window) != 2 or not window[0] < window[1]):
-            raise PluginError(f"The window {window} is no {self.fault}; give a begin and a later end, in seconds.")
+            raise PluginError(f"Invalid window {window} of a {self.fault}; give a start and a later end, in seconds.")
 
     def _windows(self) -> WindowTimes:
         if self.count == 0:
             return self.windows_s
-        begins = [self.first_s + k * self.every_s for k in range(self.count)]
-        return tuple((begin, begin + self.length_s) for begin in begins)
+        starts = [self.first_s + k * self.every_s for k in range(self.count)]
+        return tuple((start, start + self.length_s) for start in starts)
 
     @property
     def windows(self) -> FloatArray:
-        """(k, 2) begins and ends."""
+        """Start and end times (k, 2) of the windows [s]."""
         return np.array(self._windows(), dtype=np.float64).reshape(-1, 2)
 
 
@@ -163,10 +170,10 @@ FixesOrVelocity = TypeVar("FixesOrVelocity", Position, Velocity)
 
 
 def fixes_of(recording: Recording, consequence: str) -> Position:
-    """Return the fixes of a recording.
+    """Return the position fixes of a recording.
 
     Raises:
-        RecordingError: it has none; ``consequence`` ends the sentence.
+        RecordingError: the recording has no position fixes; the error message ends with ``consequence``.
     """
     if recording.position is None:
         raise RecordingError(f"{recording.name} has no position fixes, {consequence}")
@@ -174,13 +181,13 @@ def fixes_of(recording: Recording, consequence: str) -> Position:
 
 
 def in_space(random: np.random.Generator, rows: int, length_m: float = 1.0) -> FloatArray:
-    """Return vectors (rows, 3) of one length in random directions."""
+    """Return vectors (rows, 3) of the length ``length_m`` with random directions in space."""
     direction = random.standard_normal((rows, 3))
     return np.asarray(length_m * direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
 
 def in_plane(random: np.random.Generator, rows: int) -> FloatArray:
-    """Return horizontal vectors (rows, 3) of length 1 in random directions."""
+    """Return horizontal unit vectors (rows, 3) with random directions."""
     angle = random.uniform(0, 2 * np.pi, rows)
     return np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
 
@@ -188,17 +195,17 @@ def in_plane(random: np.random.Generator, rows: int) -> FloatArray:
 def with_errors(
     measured: FixesOrVelocity, errors: FloatArray, growth: FloatArray, *, reported_growth: FloatArray | float = 0.0
 ) -> FixesOrVelocity:
-    """Return the measurements with errors added.
+    """Return the measurements with added errors and increased covariances.
 
     Args:
-        measured: m rows.
-        errors: (m, 3) what is added to the values.
-        growth: (m, 3, 3) what is added to the true covariance.
-        reported_growth: (m, 3, 3) what is added to the reported one; 0: it does not know.
+        measured: position fixes or velocities with m rows.
+        errors: (m, 3) errors that are added to the measured values.
+        growth: (m, 3, 3) increase of the true covariance.
+        reported_growth: (m, 3, 3) increase of the reported covariance; 0 if the errors are not reported.
     """
     return measured.changed(measured.values + errors, measured.reported + reported_growth, measured.true + growth)
 
 
 def displaced(measured: FixesOrVelocity, offsets: FloatArray) -> FixesOrVelocity:
-    """Return the measurements with offsets o (m, 3) added that nobody reports: their true covariance grows by o o'."""
+    """Return the measurements with added offsets o (m, 3). Only the true covariance increases, by o o'."""
     return with_errors(measured, offsets, offsets[:, :, None] * offsets[:, None, :])

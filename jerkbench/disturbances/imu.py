@@ -1,4 +1,4 @@
-"""Faults of the vehicle's own sensors: bias, vibration and missing samples of the IMU, wheels that slip."""
+"""Disturbances of the IMU (bias, vibration, missing samples) and of a wheel (slip)."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
@@ -13,8 +13,8 @@ from jerkbench.disturbances.common import (
     RegularWindows,
     WindowTimes,
     displaced,
+    fault_stream,
     in_any,
-    own_stream,
 )
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.parameters import Limit
@@ -26,20 +26,21 @@ from jerkbench.simulation.motion import harmonics
 @register("disturbance", "imu_bias")
 @dataclass(frozen=True)
 class ImuBias(DrawnFault):
-    """A constant bias on each axis of accelerometer and gyro, drawn once a run.
+    """Adds a random constant bias to each axis of accelerometer and gyro.
 
-    For each axis of the body::
+    Each axis of the body frame has a constant accelerometer bias b_a and a constant gyro bias b_g, which are random for
+    each run::
 
         f' = f + b_a,  b_a ~ N(0, sigma_a^2)
         w' = w + b_g,  b_g ~ N(0, sigma_g^2)
 
-    Source: the turn-on bias of the usual IMU error model (P. D. Groves, "Principles of GNSS, Inertial, and
+    Source: the turn-on bias of the common IMU error model (P. D. Groves, "Principles of GNSS, Inertial, and
     Multisensor Integrated Navigation Systems", 2nd ed., section 4.4).
 
     Attributes:
-        accel_mps2: sigma_a, one sigma of an axis [m/s2].
-        gyro_radps: sigma_g, one sigma of an axis [rad/s].
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        accel_mps2: sigma_a, standard deviation of the accelerometer bias on each axis [m/s2].
+        gyro_radps: sigma_g, standard deviation of the gyro bias on each axis [rad/s].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     accel_mps2: Annotated[float, DEVIATION] = 0.08
@@ -47,36 +48,38 @@ class ImuBias(DrawnFault):
     stream: str = ""
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the biases of ``seed`` added to its IMU."""
-        accel, gyro = own_stream(seed, "bias", self.stream).normal(size=(2, 3))
+        """Return the recording with random IMU biases, generated with ``seed``."""
+        accel, gyro = fault_stream(seed, "bias", self.stream).normal(size=(2, 3))
         imu = recording.inertial
         biased = Imu(imu.t_s, imu.accel_mps2 + self.accel_mps2 * accel, imu.gyro_radps + self.gyro_radps * gyro)
         return replace(recording, imu=biased)
 
 
 _SINES = 64
-"""Enough for noise that does not repeat within some minutes, in a band of some ten hertz."""
+"""Number of sines. With a bandwidth of some ten hertz, the noise does not repeat within minutes."""
 
 
 @register("disturbance", "imu_vibration")
 @dataclass(frozen=True)
 class ImuVibration(DrawnFault):
-    """Band-limited noise on accelerometer and gyro: a vibration of the IMU's mounting that the vehicle does not make.
+    """Adds band-limited noise to accelerometer and gyro, as caused by a vibration of the IMU mounting.
 
-    On each axis of the body::
+    The noise n on each axis of the body frame is a sum of 64 sines with random phases::
 
         n(t) = sum_i a_i sin(2 pi f_i t) + b_i cos(2 pi f_i t),  a_i, b_i ~ N(0, sigma^2/64),  i = 1 ... 64
 
-    with one f_i at random in each 64th of the band: Gaussian noise whose spectrum is flat in the band. It is a
-    function of time, so that samples that are missing do not move the others. Above half the IMU's rate it
-    aliases, as in a sensor without a filter before its sampling. Vibration as true motion is a parameter of `field`.
+    Each frequency f_i is random within one of 64 equal parts of the band. The sum is Gaussian noise with a flat
+    spectrum in the band. The noise is a function of time, so missing samples do not change the noise of other samples.
+    Frequencies above half the rate of the IMU are aliased, as in a sensor without an anti-aliasing filter. The true
+    motion of the vehicle does not contain this vibration. The data set `field` has parameters for a vibration of the
+    true motion.
 
     Attributes:
-        accel_mps2: sigma of the accelerometer.
-        gyro_radps: sigma of the gyro.
-        lowest_hz: begin of the band.
-        highest_hz: end of the band.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        accel_mps2: sigma, standard deviation of the noise of the accelerometer [m/s2].
+        gyro_radps: sigma, standard deviation of the noise of the gyro [rad/s].
+        lowest_hz: lower end of the frequency band [Hz].
+        highest_hz: upper end of the frequency band [Hz].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     accel_mps2: Annotated[float, DEVIATION] = 1.0
@@ -86,15 +89,17 @@ class ImuVibration(DrawnFault):
     stream: str = ""
 
     def __post_init__(self) -> None:
-        """Check sigmas and band."""
         super().__post_init__()
         if not 0 <= self.lowest_hz < self.highest_hz < np.inf:
-            raise PluginError(f"{self.lowest_hz} to {self.highest_hz} Hz is no band; give 0 <= lowest < highest.")
+            raise PluginError(
+                f"Invalid band {self.lowest_hz} to {self.highest_hz} Hz; lowest_hz and highest_hz must satisfy"
+                " 0 <= lowest_hz < highest_hz."
+            )
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the vibration of ``seed`` on its IMU."""
+        """Return the recording with random vibration noise of the IMU, generated with ``seed``."""
         imu = recording.inertial
-        random = own_stream(seed, "imu_vibration", self.stream)
+        random = fault_stream(seed, "imu_vibration", self.stream)
         part = (self.highest_hz - self.lowest_hz) / _SINES
         frequency_hz = self.lowest_hz + part * (np.arange(_SINES) + random.uniform(size=_SINES))
         sine, cosine = random.standard_normal((2, 6, _SINES)) / np.sqrt(_SINES)
@@ -106,54 +111,54 @@ class ImuVibration(DrawnFault):
 @register("disturbance", "dropout")
 @dataclass(frozen=True)
 class Dropout(DrawnFault):
-    """IMU samples are missing, one or a few in a row.
+    """Removes single IMU samples or a few consecutive IMU samples.
 
-    From each sample on, with the given probability, N ~ U{1 ... longest} samples are missing. The first and the last
-    sample are always there. The next sample that is there then stands for the whole gap: its interval begins at the
-    last one before the gap.
+    At each sample, a gap starts with the given probability. The length of a gap is uniformly distributed from 1 to
+    ``longest`` samples. The first and the last sample of a recording are never removed. The interval of the first
+    sample after a gap starts at the last sample before the gap.
 
     Attributes:
-        probability: that a gap begins at a sample, from 0 to 1.
-        longest: most samples that one gap takes.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        probability: probability that a gap starts at a sample, from 0 to 1 [-].
+        longest: maximum length of a gap [samples].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     probability: Annotated[float, FROM_0_TO_1] = 0.01
-    longest: Annotated[int, Limit(lambda count: count >= 1, "a gap takes 1 sample or more.")] = 5
+    longest: Annotated[int, Limit(lambda count: count >= 1, "it must be at least 1 sample.")] = 5
     stream: str = ""
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording without the samples that ``seed`` drops."""
+        """Return the recording without randomly selected IMU samples; ``seed`` determines the selection."""
         imu = recording.inertial
-        keep = ~self._missing(len(imu.t_s), seed)
-        keep[[0, -1]] = True
-        return replace(recording, imu=Imu(imu.t_s[keep], imu.accel_mps2[keep], imu.gyro_radps[keep]))
+        present = ~self._missing(len(imu.t_s), seed)
+        present[[0, -1]] = True
+        return replace(recording, imu=Imu(imu.t_s[present], imu.accel_mps2[present], imu.gyro_radps[present]))
 
     def _missing(self, n: int, seed: int) -> BoolArray:
-        random = own_stream(seed, "dropout", self.stream)
-        begins = np.flatnonzero(random.uniform(size=n) < self.probability)
-        lengths = random.integers(1, self.longest + 1, size=n)[begins]
-        depth = np.zeros(n + self.longest, dtype=np.int64)  # how many gaps open, less how many close, at each sample
-        np.add.at(depth, begins, 1)
-        np.add.at(depth, begins + lengths, -1)
+        random = fault_stream(seed, "dropout", self.stream)
+        starts = np.flatnonzero(random.uniform(size=n) < self.probability)
+        lengths = random.integers(1, self.longest + 1, size=n)[starts]
+        depth = np.zeros(n + self.longest, dtype=np.int64)  # number of gaps that start minus number of gaps that end
+        np.add.at(depth, starts, 1)
+        np.add.at(depth, starts + lengths, -1)
         return np.asarray(np.cumsum(depth)[:n] > 0)
 
 
 @register("disturbance", "wheel_slip")
 @dataclass(frozen=True)
 class WheelSlip(RegularWindows):
-    """Velocity that is too large along the heading in the given windows; the reported covariance does not change.
+    """Increases the velocity along the heading in the given windows, without a change of the reported covariance.
 
-    With the horizontal unit vector h of the heading, and the slip s::
+    The slip s is relative to the speed along the heading, whose horizontal unit vector is h::
 
         v' = v + o,  o = s (h'v) h;  R_true' = R_true + o o'
 
-    A velocity in the body frame, and a wheel's speed, has h = (1, 0, 0). One in ENU takes the yaw of the reference at
-    the stamp nearest to it; where the reference knows none, h is the velocity's own course, forwards. A row of a
-    body's velocity or of one in ENU without both horizontal axes stays as it is.
+    For a velocity in the body frame and for a wheel speed, h is (1, 0, 0). For a velocity in ENU, h is computed from
+    the yaw of the reference at the nearest stamp. If the reference has no yaw, h is the course of the velocity. A row
+    in ENU without both horizontal components and a row in the body frame without the forward component do not change.
 
     Attributes:
-        slip: s; 0.3 is 30 % too fast, -1 is wheels that lock.
+        slip: s, relative error of the speed; 0.3 means 30 % too fast, and -1 means a locked wheel [-].
     """
 
     fault: ClassVar[str] = "wheel slip"
@@ -162,19 +167,21 @@ class WheelSlip(RegularWindows):
     slip: Annotated[float, Limit(np.isfinite, "give a finite number, 0.3 for 30 % too fast.")] = 0.3
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with slip in the windows.
+        """Return the recording with wheel slip in the windows.
 
         Raises:
-            RecordingError: it has no velocity, or none with east and north in one row.
+            RecordingError: the recording has no velocity, or no velocity row with both horizontal components.
         """
         velocity = recording.velocity
         if velocity is None:
-            raise RecordingError(f"{recording.name} has no velocity, so no wheel can slip; leave wheel_slip out.")
+            raise RecordingError(
+                f"{recording.name} has no velocity, so wheel_slip cannot be applied; remove wheel_slip."
+            )
         together = velocity.mps[:, :1] if velocity.frame == "speed" else velocity.mps[:, :2]
         if len(velocity.t_s) and not np.isfinite(together).all(axis=1).any():
             raise RecordingError(
-                f"{recording.name} has no velocity with east and north at one time, so nothing along a heading can"
-                " slip; leave wheel_slip out, or give both the same latency."
+                f"{recording.name} has no velocity with both east and north at the same time, so wheel_slip cannot be"
+                " applied; remove wheel_slip, or use the same latency for east and north."
             )
         offset = self.slip * _along(velocity, recording.reference)
         offset[~in_any(velocity.t_s, self.windows)] = 0.0
@@ -182,7 +189,7 @@ class WheelSlip(RegularWindows):
 
 
 def _along(velocity: Velocity, reference: Reference) -> FloatArray:
-    """Return (h'v) h (m, 3), zero where it is not known."""
+    """Return the velocity along the heading, (h'v) h (m, 3). A row without the needed components is zero."""
     if velocity.frame in ("body", "speed"):
         return np.asarray(np.nan_to_num(velocity.mps * [1.0, 0.0, 0.0]))
     level, yaw = velocity.mps[:, :2], np.full(len(velocity.t_s), np.nan)
@@ -190,6 +197,6 @@ def _along(velocity: Velocity, reference: Reference) -> FloatArray:
         yaw = reference.euler_rad[nearest_rows(reference.t_s, velocity.t_s), 2]
     h = np.column_stack([np.cos(yaw), np.sin(yaw)])
     along = np.einsum("mi,mi->m", h, level)[:, None] * h
-    offset = np.where(np.isfinite(h[:, :1]), along, level)  # with h = v/|v| it is v itself
+    offset = np.where(np.isfinite(h[:, :1]), along, level)  # without a yaw, h is v/|v| and (h'v) h is v
     offset[~np.isfinite(level).all(axis=1)] = 0.0
     return np.column_stack([offset, np.zeros(len(offset))])

@@ -1,4 +1,4 @@
-"""Fixes that are off for some seconds or a minute: multipath, on one axis or on all, and RTK that is float."""
+"""Disturbances with position errors that last for seconds or minutes: multipath and RTK float solutions."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
@@ -14,10 +14,10 @@ from jerkbench.disturbances.common import (
     RegularWindows,
     WindowTimes,
     displaced,
+    fault_stream,
     fixes_of,
     in_any,
     in_each,
-    own_stream,
     with_errors,
 )
 from jerkbench.errors import PluginError, RecordingError
@@ -26,28 +26,29 @@ from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.simulation.imu import gauss_markov
 
-LASTING = Limit(lambda time: 0 < time < np.inf, "a burst must be longer than 0 s, or null.")
+LASTING = Limit(lambda time: 0 < time < np.inf, "it must be above 0 s, or null.")
 
 
 @dataclass(frozen=True)
 class Bursts(DrawnFault):
-    """When the bursts are, and how large.
+    """Base class of disturbances with bursts of position offsets.
 
-    A burst begins at random and lasts T ~ U(shortest, longest); an offset is d ~ U(smallest, largest) with a random
-    sign. Bursts do not overlap. With o the offset (east, north, up) of a burst, the true covariance of its fixes is::
+    A burst starts at a random time. The duration of a burst and the size of an offset are uniformly distributed between
+    their limits, and the sign of an offset is random. Bursts do not overlap. The offset o (east, north, up) of a burst
+    increases the true covariance of the fixes in the burst::
 
-        R_true = R + o o'
+        R_true' = R_true + o o'
 
     Attributes:
-        bursts: how many in a run.
-        shortest_s: of a burst.
-        longest_s: of a burst.
-        smallest_m: offset.
-        largest_m: offset.
-        start_s: no burst before.
-        size_m: of every offset, to be swept; null: ``smallest_m`` to ``largest_m``.
-        length_s: of every burst, to be swept; null: ``shortest_s`` to ``longest_s``.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        bursts: number of bursts in each run [-].
+        shortest_s: minimum duration of a burst [s].
+        longest_s: maximum duration of a burst [s].
+        smallest_m: minimum size of an offset [m].
+        largest_m: maximum size of an offset [m].
+        start_s: earliest start of a burst [s].
+        size_m: common size of all offsets, for parameter sweeps; if null, the sizes are random [m].
+        length_s: common duration of all bursts, for parameter sweeps; if null, the durations are random [s].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     stream_name: ClassVar[str]
@@ -63,61 +64,61 @@ class Bursts(DrawnFault):
     stream: str = ""
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         if not 0 < self.shortest_s <= self.longest_s:
-            burst = f"A burst of {self.shortest_s} to {self.longest_s} s"
-            raise PluginError(f"{burst} is none; give 0 < shortest <= longest.")
+            raise PluginError(
+                f"Invalid duration of a burst, {self.shortest_s} to {self.longest_s} s; shortest_s and longest_s must"
+                " satisfy 0 < shortest_s <= longest_s."
+            )
         self.require_range("smallest_m", "largest_m", "m")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the bursts of ``seed``.
+        """Return the recording with random bursts of position offsets, generated with ``seed``.
 
         Raises:
-            RecordingError: it has no position, or is too short for so many bursts.
+            RecordingError: the recording has no position fixes, or is too short for the number of bursts.
         """
-        position = fixes_of(recording, "so there is nothing for multipath to move.")
-        random = own_stream(seed, self.stream_name, self.stream)
+        position = fixes_of(recording, "so multipath cannot be applied; remove multipath.")
+        random = fault_stream(seed, self.stream_name, self.stream)
         shift = in_each(position.t_s, self._windows(random, recording)) @ self._offsets(random)
         return replace(recording, position=displaced(position, shift))
 
     def _windows(self, random: np.random.Generator, recording: Recording) -> FloatArray:
-        """Return (bursts, 2): the time that is left over is cut at random points into the gaps between the bursts."""
+        """Return the start and end times (bursts, 2) of the bursts, which have random gaps between them."""
         lengths = random.uniform(self.shortest_s, self.longest_s, self.bursts)
         lengths = lengths if self.length_s is None else np.full(self.bursts, self.length_s)
         cuts = np.sort(random.uniform(size=self.bursts))
-        left_s = recording.duration_s - self.start_s - lengths.sum()
-        if left_s < 0:
+        free_s = recording.duration_s - self.start_s - lengths.sum()
+        if free_s < 0:
             raise RecordingError(
-                f"{recording.name} lasts {recording.duration_s:.1f} s; {self.bursts} bursts of {lengths.sum():.1f} s"
-                f" together do not fit after {self.start_s} s: ask for fewer or shorter ones."
+                f"{recording.name} lasts {recording.duration_s:.1f} s, so {self.bursts} bursts with a total duration of"
+                f" {lengths.sum():.1f} s do not fit after {self.start_s} s; use fewer or shorter bursts."
             )
-        begins = self.start_s + cuts * left_s + np.cumsum(lengths) - lengths
-        return np.column_stack([begins, begins + lengths])
+        starts = self.start_s + cuts * free_s + np.cumsum(lengths) - lengths
+        return np.column_stack([starts, starts + lengths])
 
     def _sizes(self, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
-        """Return offsets with their signs."""
+        """Return random sizes of offsets, multiplied by random signs [m]."""
         sizes = random.uniform(self.smallest_m, self.largest_m, shape)
         sizes = sizes if self.size_m is None else np.full(shape, self.size_m)
         return np.asarray(sizes * random.choice([-1.0, 1.0], shape))
 
     @abstractmethod
     def _offsets(self, random: np.random.Generator) -> FloatArray:
-        """Return (bursts, 3) ENU."""
+        """Return the offset (bursts, 3) of each burst in ENU [m]."""
 
 
 @register("disturbance", "multipath_single_axis")
 @dataclass(frozen=True)
 class MultipathSingleAxis(Bursts):
-    """Bursts in which the position is off by a constant on one axis; the reported covariance does not change.
+    """Adds bursts of constant position offsets on single axes, without a change of the reported covariance.
 
-    The offset of a burst is o = s d e_i, with the axis i of east, north, up, the sign s and the size d at random.
+    The offset of a burst is o = s d e_i, with a random axis i (east, north or up), sign s and size d.
     """
 
     stream_name: ClassVar[str] = "multipath_single_axis"
 
     def _offsets(self, random: np.random.Generator) -> FloatArray:
-        """Return (bursts, 3) ENU, one axis each."""
         sizes = self._sizes(random, (self.bursts,))
         return np.asarray(np.eye(3)[random.integers(3, size=self.bursts)] * sizes[:, None])
 
@@ -125,42 +126,42 @@ class MultipathSingleAxis(Bursts):
 @register("disturbance", "multipath_all_axes")
 @dataclass(frozen=True)
 class MultipathAllAxes(Bursts):
-    """Bursts in which the position is off by a constant on each axis; the reported covariance does not change.
+    """Adds bursts of constant position offsets on all axes, without a change of the reported covariance.
 
-    The offset of a burst is o = (s_1 d_1, s_2 d_2, s_3 d_3), east, north, up, each sign and each size at random.
-    All axes are bad at once: the comparison with `multipath_single_axis` shows what an adaptation gains by treating
-    each axis by itself.
+    The offset of a burst is o = (s_1 d_1, s_2 d_2, s_3 d_3) in east, north and up, with random signs and sizes. The
+    comparison with `multipath_single_axis` shows the benefit of an adaptation that treats the axes separately.
     """
 
     stream_name: ClassVar[str] = "multipath_all_axes"
 
     def _offsets(self, random: np.random.Generator) -> FloatArray:
-        """Return (bursts, 3) ENU."""
+        """Return the offset (bursts, 3) of each burst in ENU [m]."""
         return self._sizes(random, (self.bursts, 3))
 
 
-# RTK that loses its fixed solution and falls back to a float one.
+# An RTK receiver may lose the fixed solution and continue with a less accurate float solution.
 
 
 @register("disturbance", "rtk_float")
 @dataclass(frozen=True)
 class RtkFloat(RegularWindows):
-    """RTK float instead of fixed in the given windows: errors of decimetres that last, honestly reported.
+    """RTK float instead of fixed solutions in the given windows: correlated errors with a correct covariance.
 
-    A Gauss-Markov process b(t), stationary with the given sigmas, is added to the fixes in the windows::
+    In the windows, a stationary Gauss-Markov process b(t) is added to the fixes. The process has the standard deviation
+    sigma = factor sigma_m and the correlation time T::
 
-        z' = z + b(t),  E[b(t) b(t + tau)'] = diag(sigma^2) exp(-|tau|/time)
+        z' = z + b(t),  E[b(t) b(t + tau)'] = diag(sigma^2) exp(-|tau|/T)
         R' = R + diag(sigma^2),  R_true' = R_true + diag(sigma^2)
 
-    The covariance is honest for one fix, but successive errors are correlated: a filter that takes them for white
-    still becomes too confident. One process runs through the whole recording and shows in the windows, so that moving
-    a window does not change it.
+    The reported covariance is correct for each single fix, but successive errors are correlated. A filter that models
+    the errors as white is therefore overconfident. The process is generated for the complete recording, so the values
+    of the process do not depend on the windows.
 
     Attributes:
-        sigma_m: one sigma of b, east, north, up.
-        factor: on ``sigma_m``.
-        time_s: correlation time.
-        stream: label of the random stream; give a second float of either kind in a list another one.
+        sigma_m: standard deviations of b in east, north and up, before multiplication by ``factor`` [m].
+        factor: factor by which ``sigma_m`` is multiplied, for parameter sweeps [-].
+        time_s: T, correlation time of b [s].
+        stream: label of the random stream; two RTK float disturbances need different labels to be independent.
     """
 
     seeded: ClassVar[bool] = True
@@ -174,19 +175,18 @@ class RtkFloat(RegularWindows):
     stream: str = ""
 
     def __post_init__(self) -> None:
-        """Check windows, sigmas and the time."""
         super().__post_init__()
         if len(self.sigma_m) != 3 or not all(sigma >= 0 for sigma in self.sigma_m):
-            raise PluginError(f"sigma_m is {self.sigma_m}; give three, 0 or more: east, north, up.")
+            raise PluginError(f"sigma_m is {self.sigma_m}; give three numbers (east, north, up) of at least 0.")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the float solutions of ``seed``.
+        """Return the recording with random errors of float solutions, generated with ``seed``.
 
         Raises:
-            RecordingError: it has no position.
+            RecordingError: the recording has no position fixes.
         """
-        position = fixes_of(recording, "so none can be float; leave rtk_float out.")
-        random = own_stream(seed, "rtk_float", self.stream)
+        position = fixes_of(recording, "so rtk_float cannot be applied; remove rtk_float.")
+        random = fault_stream(seed, "rtk_float", self.stream)
         sigma_m = self.factor * np.array(self.sigma_m)
         process = gauss_markov(position.t_s, self.time_s, random) * sigma_m
         inside = in_any(position.t_s, self.windows)
@@ -198,10 +198,10 @@ class RtkFloat(RegularWindows):
 @register("disturbance", "rtk_float_overconfident")
 @dataclass(frozen=True)
 class RtkFloatOverconfident(RtkFloat):
-    """RTK float in the given windows with the same errors as `rtk_float`, but reported as if it were fixed: R' = R.
+    """RTK float with the same errors as `rtk_float`, but with the reported covariance of a fixed solution (R' = R).
 
-    Both draw from the same stream, so that the same seed gives the same errors and only the covariance differs.
-    Only the true covariance knows.
+    The disturbances `rtk_float` and `rtk_float_overconfident` use the same random stream. With the same seed, the
+    errors and the true covariance of both disturbances are the same, and only the reported covariance differs.
     """
 
     honest: ClassVar[bool] = False

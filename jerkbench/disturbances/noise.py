@@ -1,4 +1,4 @@
-"""Measurement noise that is not what the covariance says: larger, heavy-tailed, correlated, or stated otherwise."""
+"""Measurement noise that differs from the reported covariance: larger, heavy-tailed, or correlated."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
@@ -12,8 +12,8 @@ from jerkbench.disturbances.common import (
     FROM_0_TO_1,
     DrawnFault,
     FixesOrVelocity,
-    Once,
-    own_stream,
+    Unphased,
+    fault_stream,
     with_errors,
 )
 from jerkbench.errors import RecordingError
@@ -23,31 +23,36 @@ from jerkbench.recording import Position, Recording, Velocity
 from jerkbench.simulation.imu import gauss_markov
 
 FINITE = Limit(lambda times: np.isfinite(times).all(), "give finite times, in seconds.")
-ADDED = Limit(lambda k: 1 <= k < np.inf, "noise can only be added: give 1 or more.")
-BELOW_1 = Limit(lambda share: 0 <= share < 1, "a share must be from 0 to below 1.")
-_STATED = Limit(lambda k: 0 < k < np.inf, "a standard deviation must stay positive.")
+ADDED = Limit(lambda k: 1 <= k < np.inf, "it must be at least 1, because noise can only be added.")
+BELOW_1 = Limit(lambda share: 0 <= share < 1, "it must be from 0 to below 1.")
+_STATED = Limit(lambda k: 0 < k < np.inf, "it must be positive and finite.")
 
 
 def require_measured(recording: Recording, consequence: str) -> None:
-    """Raise a RecordingError, which ``consequence`` ends, where a recording has neither position nor velocity."""
+    """Check that a recording has position fixes or velocities.
+
+    Raises:
+        RecordingError: the recording has neither position nor velocity; the message ends with ``consequence``.
+    """
     if recording.position is None and recording.velocity is None:
         raise RecordingError(f"{recording.name} has neither position nor velocity, {consequence}")
 
 
 def roots_of(measured: Position | Velocity) -> FloatArray:
-    """Return L (m, 3, 3), L L' = R as reported; an axis that was not measured has an error that is not used."""
+    """Return Cholesky factors L (m, 3, 3) of the reported R = L L'. An axis that was not measured has the factor 1."""
     present = np.isfinite(measured.values)
     return np.linalg.cholesky(np.where(present[:, :, None] & present[:, None, :], measured.reported, np.eye(3)))
 
 
 class ScaledNoise(DrawnFault):
-    """Noise that multiplies the standard deviations of position and velocity by a factor k(t), at least 1.
+    """Base class of disturbances that multiply the noise of position and velocity by a factor k(t) of at least 1.
 
-    Noise of covariance (k^2 - 1) R is added; noise that has the covariance R already then has k^2 R.
+    Noise with the covariance (k^2 - 1) R is added to each measurement, where R is the reported covariance. If the
+    original noise has the covariance R, the total noise has the covariance k^2 R.
 
     Attributes:
-        stream_name: name of the random stream.
-        stream: label of the random stream.
+        stream_name: name of the random stream of the disturbance.
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     stream_name: ClassVar[str]
@@ -55,20 +60,20 @@ class ScaledNoise(DrawnFault):
 
     @abstractmethod
     def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
-        """Return k (m,) at the times (m,)."""
+        """Return the factor k (m,) on the standard deviation at each of the times ``t_s`` (m,)."""
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the noise of ``seed``.
+        """Return the recording with additional random noise, generated with ``seed``.
 
         Raises:
-            RecordingError: it has neither position nor velocity.
+            RecordingError: the recording has neither position nor velocity.
         """
-        require_measured(recording, f"so {self.stream_name} finds no noise to raise; leave it out.")
+        require_measured(recording, f"so {self.stream_name} cannot be applied; remove {self.stream_name}.")
         position, velocity = recording.position, recording.velocity
         return replace(
             recording,
-            position=position and self._scaled(position, own_stream(seed, self.stream_name, self.stream, "position")),
-            velocity=velocity and self._scaled(velocity, own_stream(seed, self.stream_name, self.stream, "velocity")),
+            position=position and self._scaled(position, fault_stream(seed, self.stream_name, self.stream, "position")),
+            velocity=velocity and self._scaled(velocity, fault_stream(seed, self.stream_name, self.stream, "velocity")),
         )
 
     def _scaled(self, measured: FixesOrVelocity, random: np.random.Generator) -> FixesOrVelocity:
@@ -80,16 +85,19 @@ class ScaledNoise(DrawnFault):
 @register("disturbance", "noise_step")
 @dataclass(frozen=True)
 class NoiseStep(ScaledNoise):
-    """Noise of position and velocity that doubles at each of the given times; the covariance does not say so.
+    """Increases the noise of position and velocity in steps, without a change of the reported covariance.
 
-    With n(t) the number of times up to t, the standard deviation of the noise is k(t) = factor^n(t) times the reported
-    one: noise of covariance (k^2 - 1) R is added, on a real recording too, and R_true' = R_true + (k^2 - 1) R.
-    A standard test of adaptive filters: how quickly, and how closely, does the adapted R follow?
+    The standard deviation of the noise is multiplied by k(t) = factor^n(t), where n(t) is the number of steps up to the
+    time t. To increase the noise of simulated and real recordings, noise with the covariance (k^2 - 1) R is added::
+
+        R_true' = R_true + (k^2 - 1) R,  R' = R
+
+    A step of the noise is a standard test of the speed and the accuracy of adaptive filters.
 
     Attributes:
-        times_s: when a step is.
-        factor: on the standard deviation, at each step; 1 or more.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        times_s: times of the steps [s].
+        factor: factor on the standard deviation at each step, at least 1 [-].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     stream_name: ClassVar[str] = "noise_step"
@@ -99,7 +107,7 @@ class NoiseStep(ScaledNoise):
     stream: str = ""
 
     def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
-        """Return k (m,) at the times (m,)."""
+        """Return the factor k (m,) on the standard deviation at each of the times ``t_s`` (m,)."""
         steps = np.searchsorted(np.sort(self.times_s), t_s, side="right")
         return np.asarray(self.factor**steps)
 
@@ -107,19 +115,21 @@ class NoiseStep(ScaledNoise):
 @register("disturbance", "noise_sine")
 @dataclass(frozen=True)
 class NoiseSine(ScaledNoise):
-    """Noise of position and velocity whose standard deviation follows a sine; the covariance does not say so.
+    """Varies the noise of position and velocity sinusoidally, without a change of the reported covariance.
 
-    The standard deviation is k(t) times the reported one, between 1 and the largest factor::
+    The standard deviation of the noise is multiplied by k(t), which varies between 1 and ``largest``::
 
         k(t) = 1 + (largest - 1) (1 - cos(2 pi t/period))/2
+        R_true' = R_true + (k^2 - 1) R,  R' = R
 
-    Noise of covariance (k^2 - 1) R is added, on a real recording too, and R_true' = R_true + (k^2 - 1) R. A standard
-    test of adaptive filters: a long window is late, a short one restless.
+    To increase the noise of simulated and real recordings, noise with the covariance (k^2 - 1) R is added. Sinusoidal
+    noise is a standard test of adaptive filters. An estimate of R over a long window is delayed, and an estimate over a
+    short window is noisy.
 
     Attributes:
-        largest: factor on the standard deviation at the crest; 1 or more.
-        period_s: from one crest to the next.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        largest: maximum factor on the standard deviation, at least 1 [-].
+        period_s: period of the sine [s].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     stream_name: ClassVar[str] = "noise_sine"
@@ -129,29 +139,30 @@ class NoiseSine(ScaledNoise):
     stream: str = ""
 
     def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
-        """Return k (m,) at the times (m,)."""
+        """Return the factor k (m,) on the standard deviation at each of the times ``t_s`` (m,)."""
         return np.asarray(1.0 + 0.5 * (self.largest - 1.0) * (1.0 - np.cos(2.0 * np.pi * t_s / self.period_s)))
 
 
 @register("disturbance", "heavy_tailed")
 @dataclass(frozen=True)
 class HeavyTailed(ScaledNoise):
-    """Heavy-tailed noise of position and velocity: a tenth of it has ten sigma; the covariance does not say so.
+    """Adds heavy-tailed noise to position and velocity, without a change of the reported covariance.
 
-    Tukey's contaminated normal, at the level of what is reported::
+    The noise has Tukey's contaminated normal distribution, with the reported covariance R::
 
         noise ~ (1 - p) N(0, R) + p N(0, k^2 R)
 
-    Noise of covariance (k^2 - 1) R is added to the measurements that are drawn (positions and velocities
-    independently), so that it works on a real recording too. R_true' = R_true + (k^2 - 1) R of those.
+    Each position and each velocity is contaminated with the probability p, independently of the others. Noise with the
+    covariance (k^2 - 1) R is added to the contaminated measurements, also in real recordings. The true covariance of a
+    contaminated measurement is R_true' = R_true + (k^2 - 1) R.
 
     Source: J. W. Tukey, "A survey of sampling from contaminated distributions", in I. Olkin et al. (eds.),
     Contributions to Probability and Statistics, Stanford University Press, 1960.
 
     Attributes:
-        probability: p, from 0 to 1.
-        factor: k, 1 or more.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        probability: p, probability that a measurement is contaminated, from 0 to 1 [-].
+        factor: k, factor on the standard deviation of contaminated measurements, at least 1 [-].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     stream_name: ClassVar[str] = "heavy_tailed"
@@ -161,30 +172,32 @@ class HeavyTailed(ScaledNoise):
     stream: str = ""
 
     def factor_at(self, t_s: FloatArray, random: np.random.Generator) -> FloatArray:
-        """Return k (m,) at the times (m,)."""
+        """Return the factor k (m,) on the standard deviation at each of the times ``t_s`` (m,)."""
         return np.where(random.uniform(size=len(t_s)) < self.probability, self.factor, 1.0)
 
 
 @register("disturbance", "coloured")
 @dataclass(frozen=True)
 class Coloured(DrawnFault):
-    """A slow error on top of the noise of position and velocity: a share of the variance then lasts.
+    """Adds a time-correlated error to position and velocity.
 
-    With R as reported and L L' = R, a Gauss-Markov process b(t) of unit variance and f = s/(1 - s)::
+    The added error is a Gauss-Markov process b(t) of unit variance, scaled with the reported covariance R = L L' and
+    with the factor f = s/(1 - s)::
 
         z' = z + sqrt(f) L b(t),  E[b(t) b(t + tau)'] = I exp(-|tau|/T)
-        R_true' = R_true + f R,   R' = R + f R where it is reported
+        R_true' = R_true + f R,   R' = R + f R if it is reported, else R' = R
 
-    Where the noise of z was white with R, a share s of the new variance R/(1 - s) lasts. Even when it is reported, a
-    filter that takes errors for new each time becomes too sure of itself.
+    If the original noise of z is white with the covariance R, the fraction s of the new variance R/(1 - s) is
+    correlated in time. A filter that models the errors as white is overconfident, even if the reported covariance
+    includes the error.
 
     Attributes:
-        position_share: s of position, from 0 to below 1.
-        position_time_s: T of position.
-        velocity_share: s of velocity; 0: it stays as it is.
-        velocity_time_s: T of velocity.
-        reported: whether the reported covariance grows as well.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        position_share: s of the position, the correlated fraction of the variance, from 0 (no change) to below 1 [-].
+        position_time_s: T of the position, the correlation time of the added error [s].
+        velocity_share: s of the velocity, the correlated fraction of the variance, from 0 (no change) to below 1 [-].
+        velocity_time_s: T of the velocity, the correlation time of the added error [s].
+        reported: if true, the reported covariance includes the added error.
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     position_share: Annotated[float, BELOW_1] = 0.8
@@ -195,12 +208,12 @@ class Coloured(DrawnFault):
     stream: str = ""
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the slow errors of ``seed``.
+        """Return the recording with random time-correlated errors, generated with ``seed``.
 
         Raises:
-            RecordingError: it has neither position nor velocity.
+            RecordingError: the recording has neither position nor velocity.
         """
-        require_measured(recording, "so no error can last; leave it out.")
+        require_measured(recording, "so coloured cannot be applied; remove coloured.")
         return replace(
             recording,
             position=self._slow(recording.position, "position", seed),
@@ -211,7 +224,7 @@ class Coloured(DrawnFault):
         share, time_s = getattr(self, f"{part}_share"), getattr(self, f"{part}_time_s")
         if measured is None or not share or not len(measured.t_s):
             return measured
-        process = gauss_markov(measured.t_s, time_s, own_stream(seed, "coloured", self.stream, part))
+        process = gauss_markov(measured.t_s, time_s, fault_stream(seed, "coloured", self.stream, part))
         f, R = share / (1.0 - share), measured.reported
         errors = np.sqrt(f) * np.einsum("mij,mj->mi", roots_of(measured), process)
         return with_errors(measured, errors, f * R, reported_growth=f * R if self.reported else 0.0)
@@ -219,27 +232,28 @@ class Coloured(DrawnFault):
 
 @register("disturbance", "stated_covariance")
 @dataclass(frozen=True)
-class StatedCovariance(Once):
-    """Only what is reported changes: standard deviations of position and velocity are stated k times as large.
+class StatedCovariance(Unphased):
+    """Multiplies the reported standard deviations of position and velocity by k, without a change of the values.
 
-    R' = k^2 R, values and R_true as they were (where nothing better is known, R_true is the R reported before).
-    k below 1 is a receiver that boasts, above 1 one that is modest.
+    The new reported covariance is R' = k^2 R. The true covariance does not change. If the true covariance is not known,
+    the original R becomes the true covariance. The receiver is overconfident if k is below 1, and conservative if k is
+    above 1.
 
     Attributes:
-        position_factor: k of position.
-        velocity_factor: k of velocity.
+        position_factor: k, factor on the reported standard deviations of the position [-].
+        velocity_factor: k, factor on the reported standard deviations of the velocity [-].
     """
 
     position_factor: Annotated[float, _STATED] = 0.2
     velocity_factor: Annotated[float, _STATED] = 1.0
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with other reported covariances.
+        """Return the recording with scaled reported covariances. The seed has no effect.
 
         Raises:
-            RecordingError: it has neither position nor velocity.
+            RecordingError: the recording has neither position nor velocity.
         """
-        require_measured(recording, "of which something could be stated.")
+        require_measured(recording, "so stated_covariance cannot be applied; remove stated_covariance.")
         position = _stated(recording.position, self.position_factor)
         return replace(recording, position=position, velocity=_stated(recording.velocity, self.velocity_factor))
 

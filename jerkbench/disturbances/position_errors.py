@@ -1,4 +1,4 @@
-"""Fixes that are off and do not say so: outliers, a ladder of spikes, false fixes, and a lever arm."""
+"""Disturbances with position errors that are not reported: outliers, spikes, false fixes, and a lever arm."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -11,15 +11,15 @@ from jerkbench.disturbances.common import (
     FROM_0_TO_1,
     OFFSET,
     DrawnFault,
-    Once,
     RegularWindows,
+    Unphased,
     WindowTimes,
     displaced,
+    fault_stream,
     fixes_of,
     in_each,
     in_plane,
     in_space,
-    own_stream,
 )
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler
@@ -31,19 +31,24 @@ from jerkbench.recording import Recording
 @register("disturbance", "outliers")
 @dataclass(frozen=True)
 class Outliers(DrawnFault):
-    """Single position fixes that are off by metres; the reported covariance does not change.
+    """Adds outliers of metres to single position fixes, without a change of the reported covariance.
 
-    Each fix, with the given probability and independent of the others, is moved by o = d u: d ~ U(smallest, largest),
-    u a random direction in space. Of those R_true' = R_true + o o'. A test that drops a fix (chi2) should see them; a
-    window over several fixes hardly helps.
+    Each fix is an outlier with the given probability, independently of the other fixes. The offset of an outlier is o =
+    d u, where d is uniformly distributed between ``smallest_m`` and ``largest_m``, and u is a random direction in
+    space::
+
+        z' = z + o,  R_true' = R_true + o o',  R' = R
+
+    A test of the innovation of each fix (adaptation `chi2`) should detect outliers. A window over several fixes hardly
+    improves the detection of single outliers.
 
     Attributes:
-        probability: that a fix is an outlier, from 0 to 1.
-        smallest_m: length of o.
-        largest_m: length of o.
-        size_m: length of every o, to be swept; null: ``smallest_m`` to ``largest_m``.
-        start_s: no outlier before (the first fix is where a filter starts).
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        probability: probability that a fix is an outlier, from 0 to 1 [-].
+        smallest_m: minimum length of the offset o [m].
+        largest_m: maximum length of the offset o [m].
+        size_m: common length of all offsets, for parameter sweeps; if null, the lengths are random [m].
+        start_s: earliest time of an outlier, because a filter is initialised with the first fix [s].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     probability: Annotated[float, FROM_0_TO_1] = 0.02
@@ -54,18 +59,17 @@ class Outliers(DrawnFault):
     stream: str = ""
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         self.require_range("smallest_m", "largest_m", "m")
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the outliers of ``seed``.
+        """Return the recording with random outliers, generated with ``seed``.
 
         Raises:
-            RecordingError: it has no position.
+            RecordingError: the recording has no position fixes.
         """
-        position = fixes_of(recording, "so none can be an outlier; leave it out.")
-        random, m = own_stream(seed, "outliers", self.stream), len(position.t_s)
+        position = fixes_of(recording, "so outliers cannot be applied; remove outliers.")
+        random, m = fault_stream(seed, "outliers", self.stream), len(position.t_s)
         hit = (random.uniform(size=m) < self.probability) & (position.t_s >= self.start_s)
         direction, sizes = in_space(random, m), random.uniform(self.smallest_m, self.largest_m, m)
         sizes = sizes if self.size_m is None else np.full(m, self.size_m)
@@ -75,22 +79,22 @@ class Outliers(DrawnFault):
 @register("disturbance", "spike_sweep")
 @dataclass(frozen=True)
 class SpikeSweep(DrawnFault):
-    """Single fixes that are displaced horizontally, each by another size; the reported covariance does not change.
+    """Adds horizontal offsets of different sizes to single fixes, without a change of the reported covariance.
 
-    The spike k = 0, 1, ... is the first fix at or after first_s + k every_s, n of them in the recording. Their lengths
-    are a ladder, put into a random order; u_k is a random direction east and north::
+    Spike k = 0, 1, ... affects the first fix at or after first_s + k every_s. The n spikes of a recording have
+    geometrically spaced lengths in a random order j(k), and each spike has a random horizontal direction u_k::
 
         |o_k| = smallest_m (largest_m/smallest_m)^(j/(n - 1)),   j = 0 ... n - 1
         z' = z + |o_k| u_k,  R_true' = R_true + o o',  R' = R
 
-    The metric `gate` says which of them the filter took.
+    The metric `gate` shows the spike lengths that the filter accepts.
 
     Attributes:
-        smallest_m: length of the smallest spike.
-        largest_m: length of the largest.
-        every_s: from one spike to the next; the filter has to have recovered by then.
-        first_s: time of the first.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        smallest_m: length of the smallest spike [m].
+        largest_m: length of the largest spike [m].
+        every_s: time between two spikes; the filter must recover within this time [s].
+        first_s: time of the first spike [s].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     smallest_m: float = 1.0
@@ -100,20 +104,19 @@ class SpikeSweep(DrawnFault):
     stream: str = ""
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         self.require_range("smallest_m", "largest_m", "m", above=True)
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the spikes of ``seed``.
+        """Return the recording with spikes; ``seed`` determines their order and directions.
 
         Raises:
-            RecordingError: it has no position.
+            RecordingError: the recording has no position fixes.
         """
-        position = fixes_of(recording, "so none can be a spike; leave spike_sweep out.")
+        position = fixes_of(recording, "so spike_sweep cannot be applied; remove spike_sweep.")
         due_s = np.arange(self.first_s, position.t_s[-1], self.every_s)
         rows = np.unique(np.searchsorted(position.t_s, due_s))
-        random = own_stream(seed, "spike_sweep", self.stream)
+        random = fault_stream(seed, "spike_sweep", self.stream)
         sizes_m = random.permutation(np.geomspace(self.smallest_m, self.largest_m, len(rows)))
         shift = np.zeros((len(position.t_s), 3))
         shift[rows] = sizes_m[:, None] * in_plane(random, len(rows))
@@ -123,39 +126,40 @@ class SpikeSweep(DrawnFault):
 @register("disturbance", "false_fix")
 @dataclass(frozen=True)
 class FalseFix(RegularWindows):
-    """False fixes in the given windows: off by a constant of a given size, with the covariance of a right one.
+    """Adds a constant offset to the fixes in each window, without a change of the reported covariance.
 
-    Each window has an offset o of length d in a random direction of space::
+    All fixes in a window have the same offset o of length d in a random direction in space::
 
         z' = z + o,  R_true' = R_true + o o',  R' = R
 
     Attributes:
-        offset_m: d, length of o; swept, it tells from which size on a fault is noticed.
-        stream: label of the random stream; give a second disturbance of this name in a list another one.
+        offset_m: d, length of the offset o; a sweep shows the smallest offset that a filter detects [m].
+        stream: label of the random stream; disturbances of the same type need different labels to be independent.
     """
 
     seeded: ClassVar[bool] = True
     fault: ClassVar[str] = "false fix"
 
     windows_s: WindowTimes = ((30.0, 40.0), (70.0, 80.0), (110.0, 120.0))
-    offset_m: Annotated[float, Limit(lambda length: 0 <= length < np.inf, "a length must be 0 m or more.")] = 1.0
+    offset_m: Annotated[float, Limit(lambda length: 0 <= length < np.inf, "it must be 0 m or more.")] = 1.0
     stream: str = ""
 
     def __post_init__(self) -> None:
-        """Check windows and offset."""
         super().__post_init__()
         for window, later in pairwise(sorted(self._windows())):
             if window[1] > later[0]:
-                raise PluginError(f"The windows {window} and {later} overlap; give each false fix a window of its own.")
+                raise PluginError(
+                    f"The windows {window} and {later} overlap; the windows of false fixes must not overlap."
+                )
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the false fixes of ``seed``.
+        """Return the recording with false fixes; ``seed`` determines the directions of the offsets.
 
         Raises:
-            RecordingError: it has no position.
+            RecordingError: the recording has no position fixes.
         """
-        position = fixes_of(recording, "so none can be false; leave false_fix out.")
-        offsets = in_space(own_stream(seed, "false_fix", self.stream), len(self.windows), self.offset_m)
+        position = fixes_of(recording, "so false_fix cannot be applied; remove false_fix.")
+        offsets = in_space(fault_stream(seed, "false_fix", self.stream), len(self.windows), self.offset_m)
         return replace(recording, position=displaced(position, in_each(position.t_s, self.windows) @ offsets))
 
 
@@ -164,20 +168,21 @@ LENGTH = Limit(np.isfinite, "give a finite length, in metres.")
 
 @register("disturbance", "lever_arm")
 @dataclass(frozen=True)
-class LeverArm(Once):
-    """Fixes of an antenna whose lever arm is off: an error that turns with the vehicle and tilts with it.
+class LeverArm(Unphased):
+    """Adds the error of a lever arm of the antenna, which rotates with the vehicle.
 
-    With the attitude Omega of the reference at the stamp nearest to the fix, and what is left of the arm l (forward,
-    left, up) when the arm as measured has been taken off::
+    The error is Omega l, where Omega is the attitude of the reference at the stamp nearest to the fix. The vector l
+    (forward, left, up) is the difference between the true and the measured lever arm::
 
         z' = z + Omega l,  R_true' = R_true + o o' with o = Omega l,  R' = R
 
-    A velocity is that of wheels; it stays as it is, and so does a fix where the reference knows no attitude.
+    The velocity does not change, because it is assumed to come from wheels. A fix does not change if the nearest row of
+    the reference has no attitude.
 
     Attributes:
-        forward_m: l, forward.
-        left_m: l, to the left.
-        up_m: l, upwards.
+        forward_m: forward component of l, the error of the lever arm [m].
+        left_m: left component of l, the error of the lever arm [m].
+        up_m: upward component of l, the error of the lever arm [m].
     """
 
     forward_m: Annotated[float, LENGTH] = 0.1
@@ -185,15 +190,15 @@ class LeverArm(Once):
     up_m: Annotated[float, LENGTH] = 0.1
 
     def apply(self, recording: Recording, seed: int) -> Recording:
-        """Return the recording with the antenna moved.
+        """Return the recording with the position errors that the lever arm causes. The seed has no effect.
 
         Raises:
-            RecordingError: it has no position, or its reference knows no attitude.
+            RecordingError: the recording has no position fixes, or its reference has no attitude.
         """
-        position = fixes_of(recording, "so no antenna can be moved; leave lever_arm out.")
+        position = fixes_of(recording, "so lever_arm cannot be applied; remove lever_arm.")
         euler = recording.reference.euler_rad
         if euler is None or not len(euler):
-            reason = "has no attitude in its reference, which lever_arm turns the arm with."
+            reason = "has no attitude in its reference, which lever_arm needs; remove lever_arm."
             raise RecordingError(f"{recording.name} {reason}")
         at_fixes = euler[nearest_rows(recording.reference.t_s, position.t_s)]
         known = np.isfinite(at_fixes).all(axis=1, keepdims=True)

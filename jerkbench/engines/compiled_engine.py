@@ -1,23 +1,11 @@
-"""The fast engine: the same filter, compiled. The kernel itself, fading and all, is in `jerkbench/kinematic/`."""
+"""The engine `compiled`, which runs kinematic filters in compiled code. The kernel is in `jerkbench/kinematic/`."""
 
-import os
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from jerkbench.compilation.module_cache import LOOPS, can_compile
-from jerkbench.contracts import (
-    Adaptation,
-    AdaptingGain,
-    AdaptingPrior,
-    Estimator,
-    Filter,
-    asked_in_lanes,
-    changes_nothing,
-    clocked,
-    has_methods,
-)
+from jerkbench.compilation.compiled import can_compile
+from jerkbench.contracts import Adaptation, Filter, clocked
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.estimate import Estimate, Streamed
 from jerkbench.notices import notify
@@ -25,57 +13,41 @@ from jerkbench.plugins import register
 from jerkbench.timeline import Run, Timeline
 
 if TYPE_CHECKING:
-    from jerkbench.kinematic.plugin_call import Rule  # what it imports takes half a second
+    from jerkbench.kinematic.rules import Rule  # importing this module takes half a second
 
 
 @register("engine", "compiled")
 @dataclass(frozen=True)
 class CompiledEngine:
-    """Runs any filter with any adaptation compiled by numba; benchmarks/engines.py prints how much faster it is.
+    """Runs any filter with any adaptation in code that numba compiles; benchmarks/engines.py measures the speed.
 
-    The same equations as the engine `filterpy`, arranged for speed::
+    The equations are equivalent to the equations of the engine `filterpy`, but are arranged for speed::
 
         F P F' for all pairs of axes at once, F = A (x) I3;   S = H P H' + R = L D L',   Y = L^-1 H P,   w = L^-1 y
         x = x + Y' D^-1 w,   P = P - Y' D^-1 Y;   and of measured states with R < P: x + y - R S^-1 y,   R - R S^-1 R
 
-    The plugin's own methods are compiled as they are. What is compiled is kept on disk ($JERKBENCH_CACHE, or
-    the user's cache folder): the first run of a new plugin takes some seconds, later processes start at once, and
-    an edit of the plugin, or of a helper that it calls, is noticed. An adaptation that numba cannot compile runs on
-    the engine `filterpy`; one line says why.
+    numba compiles the unchanged methods of the plugin. The compiled code is cached on disk, in $JERKBENCH_CACHE or in
+    the cache folder of the user. The first run of a new plugin takes a few seconds longer, and later processes use the
+    cached code. After a change of the plugin, or of a function that the plugin calls, the plugin is compiled again. If
+    numba cannot compile an adaptation, the engine `filterpy` runs the adaptation, and a message states the reason.
 
-    Both engines agree to 1e-9 m and to 1e-12 of sqrt(P_ii P_jj), unless the run itself amplifies rounding (a fade by
-    a thousand, a weight that falls to nothing): then as far as the reference agrees with itself when its measurements
-    change in their last bits.
+    The states of both engines agree to 1e-9 m, and the covariances agree to 1e-12 of sqrt(P_ii P_jj). The differences
+    are larger if the run amplifies rounding errors, for example with a fading factor of 1000 or a weight close to zero.
+    The engines then differ as much as two runs of the engine `filterpy` whose measurements differ in the last bits.
     """
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
-        """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""
-        compiled = _compiled_rule(clocked(adaptation, timeline))
-        if compiled is None:
-            return FilterpyEngine().run(timeline, model, adaptation)
-        from jerkbench.kinematic.runs import run_single
+        """Run the filter ``model`` with ``adaptation`` over ``timeline``. The estimate ends if the filter diverges.
 
-        return run_single(timeline, model, compiled)
-
-    def prepare(self, model: Filter) -> None:
-        """Begin to compile what `run` will need, beside what this process does until then."""
-        from jerkbench.kinematic.loop import compile_beside
-
-        if can_compile():
-            compile_beside(2 + len(model.initial_variances()))
-
-    def announce(self, methods: Sequence[tuple[Filter | Estimator, Adaptation]]) -> None:
-        """Note the loops that a sweep needs in the environment of the processes that start afterwards.
-
-        A process that needs a loop while another one is compiling it compiles one of the others in the meantime.
+        If the adaptation raises an error, the run is repeated with the engine `filterpy`, which raises the error again.
         """
-        loops = set()
-        for model, own in methods:
-            with suppress(Exception):  # of a plugin: the run raises it again, and it becomes a failed row
-                if isinstance(model, Filter):
-                    at_once = asked_in_lanes(own) or changes_nothing(own)
-                    loops.add(f"{2 + len(model.initial_variances())} {_sees_matrices(own):d} {at_once:d}")
-        os.environ[LOOPS] = ",".join(sorted(loops))
+        rule = _compiled_rule(clocked(adaptation, timeline))
+        if rule is not None:
+            from jerkbench.kinematic.runs import run_single
+
+            if (estimate := run_single(timeline, model, rule)) is not None:
+                return estimate
+        return FilterpyEngine().run(timeline, model, adaptation)
 
     def run_settings(
         self,
@@ -86,34 +58,31 @@ class CompiledEngine:
         updates: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Run all ``runs`` side by side, each with its own of ``models`` and ``adaptations``, without trajectories.
+        """Run a batch of runs without storing trajectories. Run k uses the filter ``models[k]`` and ``adaptations[k]``.
 
         Returns:
-            The sums of each run; None where it is to be run alone by `run`, which says why.
+            The error sums of each run, or None for each run that the method `run` must repeat to find the reason of a
+            failure.
         """
-        from jerkbench.kinematic.runs import run_batch
+        from jerkbench.kinematic.runs import compile_ahead, run_batch
 
-        owned = [clocked(own, run.timeline) for own, run in zip(adaptations, runs, strict=True)]
-        known = {
-            own: _compiled_rule(own, side_by_side=True) for own in dict.fromkeys(owned)
-        }  # equal ones are one, asked for once
+        clocks = [clocked(one, run.timeline) for one, run in zip(adaptations, runs, strict=True)]
+        if can_compile():
+            compile_ahead(models, clocks)
+        compiled = {one: _compiled_rule(one) for one in dict.fromkeys(clocks)}  # compile equal adaptations only once
         results: list[Streamed | None] = [None] * len(runs)
-        rules = {k: rule for k, own in enumerate(owned) if (rule := known[own]) is not None}
+        rules = {k: rule for k, one in enumerate(clocks) if (rule := compiled[one]) is not None}
         batch = [runs[k] for k in rules], [models[k] for k in rules], list(rules.values())
         for k, result in zip(rules, run_batch(*batch, updates=updates, threads=threads), strict=True):
             results[k] = result
         return results
 
 
-def _sees_matrices(adaptation: Adaptation) -> bool:
-    return has_methods(adaptation, AdaptingPrior) or has_methods(adaptation, AdaptingGain)
-
-
-def _compiled_rule(adaptation: Adaptation, *, side_by_side: bool = False) -> "Rule | None":
-    """The compiled adaptation, or None, with one line that says why numba cannot compile it."""
+def _compiled_rule(adaptation: Adaptation) -> "Rule | None":
+    """Return the compiled adaptation. If numba cannot compile the adaptation, print the reason and return None."""
     if not can_compile():
-        notify("runs go on the engine filterpy, because NUMBA_DISABLE_JIT is set: numba compiles nothing")
+        notify("runs use the engine filterpy, because NUMBA_DISABLE_JIT is set and numba therefore compiles nothing")
         return None
-    from jerkbench.kinematic.plugin_call import compiled_rule
+    from jerkbench.kinematic.rules import compiled_rule
 
-    return compiled_rule(adaptation, "{} runs on the engine filterpy", side_by_side=side_by_side)
+    return compiled_rule(adaptation, "{} runs on the engine filterpy")

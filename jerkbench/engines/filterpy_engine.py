@@ -1,4 +1,4 @@
-"""The reference engine: filterpy's KalmanFilter, step by step. It is the definition of right."""
+"""The reference engine, which runs filterpy's KalmanFilter one step at a time and defines the correct results."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -43,30 +43,29 @@ COVARIANCE_FORMS = ("joseph", "paper")
 class FilterpyEngine:
     """Runs any filter with any adaptation on filterpy.kalman.KalmanFilter.
 
-    With H = [I6 0], y = z - H x, and R adapted between predict and update::
+    In the following equations of an update, H = [I6 0], y = z - H x, and R is adapted before the update::
 
         S = H P H' + R = L L',    K = P H' S^-1 (by L),    x = x + K y
         joseph:  P = (I - K H) P (I - K H)' + K R K', symmetrised
-        paper:   P = P - K S K', as it is written there (it drifts: 1e-5 m after 15 000 steps)
+        paper:   P = P - K S K', as in the paper (rounding errors grow to 1e-5 m after 15 000 steps)
 
-    A run ends where S is not symmetric and positive definite beyond rounding (`jerkbench.kalman.ROUNDING`), or P
-    afterwards is not but for rounding (`jerkbench.kalman.INDEFINITE`), or where nothing but rounding is left of a
-    variance (`jerkbench.kalman.spread_by`).
+    A run ends at an update if S is not numerically symmetric and positive definite (`jerkbench.kalman.ROUNDING`). A run
+    also ends if P after the update is not positive definite up to rounding (`jerkbench.kalman.INDEFINITE`), or if a
+    posterior variance consists only of rounding errors (`jerkbench.kalman.spread_by`).
 
     Source: R. R. Labbe, filterpy 2 (MIT).
 
     Attributes:
-        covariance: form of the covariance update, "joseph" or "paper".
+        covariance: name of the form of the covariance update, "joseph" or "paper".
     """
 
     covariance: str = "joseph"
 
     def __post_init__(self) -> None:
-        """Check the form of the covariance update."""
         require_known("covariance update", self.covariance, COVARIANCE_FORMS)
 
     def run(self, timeline: Timeline, model: Filter, adaptation: Adaptation) -> Estimate:
-        """Run ``model`` with ``adaptation`` over ``timeline``; stops at the first sign of divergence."""
+        """Run the filter ``model`` with ``adaptation`` over ``timeline``. The estimate ends if the filter diverges."""
         t, run = timeline, _Run(timeline, model, adaptation, joseph=self.covariance == "joseph")
         steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
         for dt, sample, update, reference in steps:
@@ -80,7 +79,7 @@ class FilterpyEngine:
 
 
 class _Run:
-    """One run: the filterpy object, the model of each step length, the adaptation's memory."""
+    """The state of one run: the filter of filterpy, the step models, the memory of the adaptation, and the results."""
 
     def __init__(self, timeline: Timeline, model: Filter, adaptation: Adaptation, *, joseph: bool) -> None:
         adaptation = clocked(adaptation, timeline)
@@ -93,21 +92,22 @@ class _Run:
         self.fade = adaptation.fade if isinstance(adaptation, Fading) else None
         self.adapt_prior = adaptation.adapt_prior if isinstance(adaptation, AdaptingPrior) else None
         self.adapt_gain = adaptation.adapt_gain if isinstance(adaptation, AdaptingGain) else None
-        self.since = Transition(len(self.kf.x))
+        self.since = np.eye(len(self.kf.x)), np.zeros_like(self.kf.P)  # F and Q of all steps since the last update
         self.models = StepModels(model, timeline.dt0_s)
         self.recorder = Recorder(timeline)
 
     def predict(self, dt: float, u: FloatArray) -> None:
-        """Go on by ``dt`` with the input ``u`` (3, 1)."""
+        """Predict the state over ``dt`` seconds with the acceleration ``u`` (3, 1) in ENU [m/s2]."""
         F, B, Q = self.models.of(dt)
         self.kf.predict(u=u, B=B, F=F, Q=Q)
         if self.adapt_prior is not None:
-            self.since.add(F, Q)
+            self.since = F @ self.since[0], F @ self.since[1] @ F.T + Q
 
     def update(self, update: int) -> str:
-        """Adapt R and update with a row of the measurements; return the reason if the filter has diverged.
+        """Adapt R and update the filter with row ``update`` of the measurements.
 
-        The adaptation may change P first. Without any measured axis it is not asked.
+        Returns the reason if the filter has diverged, otherwise an empty string. The adaptation may also change the
+        prior covariance. The adaptation is not called if no component was measured.
         """
         kf, z, memory = self.kf, self.z[update], self.memory
         rows = np.flatnonzero(np.isfinite(z))
@@ -121,9 +121,8 @@ class _Run:
             if rows.size and self.fade is not None:
                 kf.P = kf.P * self.fade(innovation, HPHt, R, rows, memory)
             if rows.size and self.adapt_prior is not None:
-                since, self.since = self.since, Transition(len(kf.x))
-                P = self.adapt_prior(kf.x[:, 0], kf.P, since.F, since.Q, innovation, R, rows, memory)
-                kf.P = 0.5 * (P + P.T)
+                P = self.adapt_prior(kf.x[:, 0], kf.P, *self.since, innovation, R, rows, memory)
+                kf.P, self.since = 0.5 * (P + P.T), (np.eye(len(P)), np.zeros_like(P))
             if rows.size:
                 R = self.adaptation.adapt(innovation, kf.P[block], R, rows, memory)
             variances, (used, healthy) = np.diag(R), self._correct(innovation, R, rows)
@@ -132,14 +131,15 @@ class _Run:
         return "" if healthy else f"the covariance is no longer positive definite at {time_s:.2f} s"
 
     def _correct(self, innovation: FloatArray, R: FloatArray, rows: IntArray) -> tuple[float, bool]:
-        """Update with the rows whose variance is finite; return the NIS that this update saw, and whether it is sound.
+        """Update with the rows whose variance is finite. Return their NIS, and the result of `_is_sound`.
 
-        filterpy's own update takes the inverse of S, which is not good enough after a gap (see `jerkbench.kalman`).
+        The update of filterpy is not used, because it inverts S and is not accurate enough after a gap in the
+        measurements (see `jerkbench.kalman`).
         """
-        kept = np.isfinite(np.diag(R))
-        if not kept.any():
+        finite = np.isfinite(np.diag(R))
+        if not finite.any():
             return np.nan, self._is_sound(np.zeros(len(self.kf.x)))
-        kf, R, y, rows = self.kf, R[np.ix_(kept, kept)], innovation[kept], rows[kept]
+        kf, R, y, rows = self.kf, R[np.ix_(finite, finite)], innovation[finite], rows[finite]
         prior = kf.P
         PHt = prior[:, rows]
         S = PHt[rows] + R
@@ -157,7 +157,11 @@ class _Run:
         return squared_distance_by(y, factor), self._is_sound(spread_by(K, rest, prior, R, rows))
 
     def _is_sound(self, spread: FloatArray) -> bool:
-        """Whether state and covariance are what they should be, and more than what rounding leaves of ``spread``."""
+        """Increase small variances by a rounding tolerance. Return whether x is finite and P is positive definite.
+
+        The argument ``spread`` (n,) is the scale of the rounding errors of the variances
+        (`jerkbench.kalman.spread_by`).
+        """
         variances = np.diag(self.kf.P).copy()
         left = variances > ROUNDING * spread
         self.kf.P = self.kf.P + np.diag(rounding_noise(variances, spread))
@@ -165,29 +169,9 @@ class _Run:
 
 
 def _new_filter(timeline: Timeline, model: Filter) -> Any:  # noqa: ANN401 - filterpy has no types
-    from filterpy.kalman import KalmanFilter  # a second, because it imports pyplot
+    from filterpy.kalman import KalmanFilter  # this import takes a second, because it loads pyplot
 
     x, P = initial(timeline, model)
     kf = KalmanFilter(dim_x=len(x), dim_z=6)
     kf.x, kf.P = x[:, None], P
     return kf
-
-
-# From one update to the next.
-
-
-class Transition:
-    """F and Q of all steps since the last update, so that P- = F P+ F' + Q with its posterior P+.
-
-    Attributes:
-        F: (n, n) product of the transitions.
-        Q: (n, n) process noise that has gathered.
-    """
-
-    def __init__(self, states: int) -> None:
-        """Begin at an update of a filter with ``states`` states."""
-        self.F, self.Q = np.eye(states), np.zeros((states, states))
-
-    def add(self, F: FloatArray, Q: FloatArray) -> None:
-        """Go one step on."""
-        self.F, self.Q = F @ self.F, F @ self.Q @ F.T + Q

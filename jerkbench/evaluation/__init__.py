@@ -1,1 +1,1 @@
-"""(Estimate, Recording) -> numbers: metrics, the columns of rows.csv, divergence, statistics."""
+"""Evaluation of runs: metrics (the columns of rows.csv), divergence, and statistics over seeds."""

@@ -1,4 +1,4 @@
-"""One recording: an interval for its RMSE from errors that follow each other, by a moving-block bootstrap."""
+"""Statistics of correlated errors: the interval of the RMSE of one recording, and a whiteness test of innovations."""
 
 from typing import NamedTuple
 
@@ -8,27 +8,31 @@ from jerkbench.arrays import FloatArray
 
 _RESAMPLES = 1999
 _SEED = 20
-"""Fixed: the same errors give the same interval."""
+"""Seed of the bootstrap. It is fixed, so that equal errors give equal intervals."""
 
 FACTOR = 12
-"""Correlation times in a block: the means of shorter ones know each other, and the interval gets too short."""
+"""Length of a block in correlation times. The means of shorter blocks are correlated, which shortens the interval."""
 
 DIRECT = 32
-"""Up to so many lags, sums of products are faster than a Fourier transform."""
+"""Maximum number of lags for which direct sums of products are faster than a Fourier transform."""
 
 MIN_CORRELATION_TIMES = 75
-"""Fewer correlation times carry no interval: of 40 it held the true RMSE in 90 % of cases."""
+"""Minimum length of a recording for an interval, in correlation times.
+
+With 40 correlation times, the 95 % interval contained the true RMSE in only 90 % of cases.
+"""
 
 
 class RecordingInterval(NamedTuple):
-    """The RMSE over one recording, with what this one recording can say about its accuracy.
+    """The RMSE of one recording with its interval.
 
     Attributes:
-        rmse: over all rows; NaN without any.
-        low: lower end; NaN if the recording is shorter than `MIN_CORRELATION_TIMES` correlation times.
-        high: upper end.
-        block: rows of a block.
-        correlation: rows after which squared errors forget each other (integrated autocorrelation).
+        rmse: RMSE over all rows, NaN without rows.
+        low: lower end of the interval. ``low`` is NaN if the recording is shorter than `MIN_CORRELATION_TIMES`
+            correlation times.
+        high: upper end of the interval. ``high`` is NaN if ``low`` is NaN.
+        block: number of rows in a block of the bootstrap.
+        correlation: correlation time of the squared errors (integrated autocorrelation), as a number of rows.
     """
 
     rmse: float
@@ -38,16 +42,20 @@ class RecordingInterval(NamedTuple):
     correlation: float
 
 
-def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingInterval:
-    """Return the RMSE of (n,) squared errors in their order, with a moving-block bootstrap interval.
+def block_interval(squares: FloatArray) -> RecordingInterval:
+    """Return the RMSE from the (n,) squared errors of successive rows, with a 95 % moving-block bootstrap interval.
 
-    Blocks of l rows, drawn with replacement from all n - l + 1 of them, keep the correlation within; l is at least
-    `FACTOR` times the correlation time and n^(1/3). With s the standard deviation of the logarithms of the resampled
-    means, and b = n/l blocks, the mean square lies within exp(-+ t_{b-1} s sqrt(b/(b - 1))) of that of the rows.
-    Simulated with autoregressive errors of three axes it holds the true RMSE in 92 to 93 % of cases at 75 to 150
-    correlation times, where the correlation itself is hard to see, and in 94 % from 300 on (benchmarks/README.md). It
-    says how the RMSE would vary over other stretches of the same kind of drive: not over other drives, receivers or
-    days, and it carries no p-value.
+    A resample consists of blocks of l successive rows, drawn with replacement from all n - l + 1 blocks. The errors
+    within a block therefore remain correlated. The block length l is at least `FACTOR` times the correlation time, and
+    at least n^(1/3). Let s be the standard deviation of the logarithms of the resampled means, and b = n/l the number
+    of blocks. Then the interval of the mean square is the mean square of the rows times exp(-+ t_{b-1} s sqrt(b/(b -
+    1))).
+
+    In simulations with autoregressive errors of three axes, the 95 % interval contains the true RMSE in 92 to 93 % of
+    cases for recordings of 75 to 150 correlation times. The coverage is 94 % from 300 correlation times on
+    (benchmarks/README.md). The correlation time of shorter recordings is hard to estimate. The interval describes the
+    variation of the RMSE over other parts of the same kind of drive. The interval does not describe the variation over
+    other drives, receivers or days, and no p value is computed from it.
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """
@@ -62,31 +70,32 @@ def block_interval(squares: FloatArray, confidence: float = 0.95) -> RecordingIn
     if n < MIN_CORRELATION_TIMES * tau:
         return RecordingInterval(rmse, np.nan, np.nan, block, tau)
     means, blocks = _resampled_means(squares, block), n / block
-    half = 0.0 if not means.max() > 0 else np.inf  # of the logarithm of the root
+    half = 0.0 if not means.max() > 0 else np.inf  # half width of the interval of log(RMSE)
     if means.min() > 0:
         scale = np.sqrt(blocks / (blocks - 1))
-        half = float(stdtrit(blocks - 1, (1 + confidence) / 2) * np.std(np.log(means)) * scale) / 2
+        half = float(stdtrit(blocks - 1, 0.975) * np.std(np.log(means)) * scale) / 2
     return RecordingInterval(rmse, rmse * np.exp(-half), rmse * np.exp(half), block, tau)
 
 
 def correlation_rows(values: FloatArray) -> float:
-    """Return 1 + 2 sum rho_k, the rows that count as one independent value; at least 1.
+    """Return the correlation time 1 + 2 sum rho_k of (n,) values, as a number of rows. The result is at least 1.
 
-    The sum ends before the first pair rho_{2k} + rho_{2k+1} that is not positive.
+    The correlation time is a number of rows: that many successive rows contain the information of one independent
+    value. The sum of the autocorrelations rho_k ends before the first pair rho_{2k} + rho_{2k+1} that is not positive.
 
     Source: Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7 (1992), the initial positive sequence.
     """
     rho = autocorrelation(values)
     pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
     ends = np.flatnonzero(pairs <= 0)
-    kept = pairs[: ends[0]] if len(ends) else pairs
-    return max(1.0, float(2 * kept.sum() - 1.0))
+    positive = pairs[: ends[0]] if len(ends) else pairs
+    return max(1.0, float(2 * positive.sum() - 1.0))
 
 
 def autocorrelation(values: FloatArray, last: int | None = None) -> FloatArray:
-    """Return the autocorrelation of (n, ...) values at lags 0, 1, ... n - 1, or to ``last``, along the first axis.
+    """Return the autocorrelation of (n, ...) values along the first axis, at the lags 0 to n - 1, or 0 to ``last``.
 
-    Of a constant it is 1, 0, 0, ...
+    The autocorrelation of constant values is 1 at lag 0, and 0 at all other lags.
     """
     n = len(values)
     size = n if last is None else min(last + 1, n)
@@ -99,20 +108,20 @@ def autocorrelation(values: FloatArray, last: int | None = None) -> FloatArray:
 
 
 def _lagged_products(centred: FloatArray, size: int) -> FloatArray:
-    """Return (size, ...) the sums of the products of (..., n) values that are 0, 1, ... apart."""
+    """Return the sums (size, ...) of the products of (..., n) values with themselves at the lags 0 to ``size`` - 1."""
     n = centred.shape[-1]
     if size <= DIRECT:
         return np.array([np.vecdot(centred[..., lag:], centred[..., : n - lag]) for lag in range(size)])
-    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2  # with n zeros behind, so that nothing wraps around
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2  # n appended zeros avoid circular correlation
     return np.asarray(np.moveaxis(np.fft.irfft(spectrum, 2 * n)[..., :size], -1, 0))
 
 
 def _resampled_means(values: FloatArray, block: int) -> FloatArray:
-    """Return (RESAMPLES,) means of series of n values made of blocks; the last block is cut to fit."""
+    """Return the means (_RESAMPLES,) of block resamples of n values. The last block is cut to n values in total."""
     n = len(values)
     sums = np.concatenate([[0.0], np.cumsum(values)])
-    whole, rest = divmod(n, block)
-    starts = np.random.default_rng(_SEED).integers(0, n - block + 1, (_RESAMPLES, whole + 1))
+    full, rest = divmod(n, block)
+    starts = np.random.default_rng(_SEED).integers(0, n - block + 1, (_RESAMPLES, full + 1))
     total = (sums[starts[:, :-1] + block] - sums[starts[:, :-1]]).sum(axis=1)
     last = sums[starts[:, -1] + rest] - sums[starts[:, -1]]
     return np.asarray((total + last) / n)
@@ -120,15 +129,15 @@ def _resampled_means(values: FloatArray, block: int) -> FloatArray:
 
 LAGS = 20
 MIN_INNOVATIONS = 30
-"""Of fewer innovations nothing is said."""
+"""Minimum number of innovations for the test."""
 
 
 class Whiteness(NamedTuple):
-    """The Ljung-Box test of one row's innovations.
+    """The Ljung-Box test of the innovations of one row of the measurement vector.
 
     Attributes:
-        first: autocorrelation at lag 1; over 0: the filter lags behind, below: it overshoots.
-        p: of the test over `LAGS` lags; small: not white.
+        first: autocorrelation at lag 1. ``first`` is positive if the filter lags behind, and negative if it overshoots.
+        p: p value of the test over `LAGS` lags. A small p value means that the innovations are not white.
     """
 
     first: float
@@ -136,14 +145,15 @@ class Whiteness(NamedTuple):
 
     @property
     def white(self) -> bool:
-        """Whether nothing speaks against it, at 5 %."""
+        """True if the test does not reject whiteness at the 5 % level."""
         return not self.p < 0.05
 
 
 def whiteness_of_rows(innovation: FloatArray) -> list[Whiteness]:
-    """Test each column of (m, r) innovations in their order; NaN (the row was absent) is left out.
+    """Return the Ljung-Box test of each column of (m, r) innovations of successive updates.
 
-    With rho_k their autocorrelation::
+    NaN values (the row was not measured) are left out. The statistic Q depends on the autocorrelations rho_k at the
+    lags k::
 
         Q = m (m + 2) sum_k rho_k^2/(m - k),  k = 1 ... LAGS,  chi-square with LAGS degrees of freedom
 
@@ -155,7 +165,7 @@ def whiteness_of_rows(innovation: FloatArray) -> list[Whiteness]:
 
 
 def _tested(columns: FloatArray) -> list[Whiteness]:
-    from scipy.special import chdtrc  # scipy.stats would take half a second to import in every worker
+    from scipy.special import chdtrc  # importing scipy.stats takes half a second
 
     m = len(columns)
     if m < MIN_INNOVATIONS:

@@ -1,4 +1,4 @@
-"""The stamps of an estimate at which errors count, where the reference knows something; and the errors there."""
+"""The rows of an estimate that count for its metrics, and the errors at these rows."""
 
 import math
 from typing import Any, NamedTuple
@@ -12,36 +12,38 @@ from jerkbench.geometry import vertical_in_body, wrap_angle
 from jerkbench.recording import Recording, Reference
 
 POSITION_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_east": (0,), "_north": (1,), "_up": (2,)}
-"""The part of a column's name for each error of position, and its axes."""
+"""For each position error, the part of its column name and its axes."""
 
 VELOCITY_AXES = {"": (0, 1, 2), "_horizontal": (0, 1), "_up": (2,)}
-"""The same of velocity errors."""
+"""For each velocity error, the part of its column name and its axes."""
 
 OLDEST = 2 + 1e-6
-"""Intervals of the reference that the last error may be older than the end; more than two by the rounding of stamps."""
+"""Maximum age of the last known error at the end of an outage, in intervals of the reference (2 plus rounding)."""
 
 
 class Rows(NamedTuple):
-    """Which of k rows count; in each case only those whose reference is known on the axes in question.
+    """The rows of an estimate that count for each metric, out of k rows.
+
+    A row counts only if the reference is known on all axes that the metric reads.
 
     Attributes:
-        position: (5, k) counted, for each of POSITION_AXES.
-        velocity: (3, k) counted, for each of VELOCITY_AXES.
-        both: (k,) counted, position and velocity known.
-        whole: (k,) scored, the burn-in too.
-        outage: (k,) counted, inside an outage.
-        outages: (j, 2) the first and the last row inside each outage that the reference follows to its end, scored or
-            not.
-        outages_s: (j, 2) their times.
-        outages_driven_m: (j,) how far the reference went between the two.
-        start_s: time of the first counted row; infinite without one.
-        sampled: (s,) the first row of each second whose position counts.
+        position: (5, k) whether each row counts for the position error, for each entry of POSITION_AXES.
+        velocity: (3, k) whether each row counts for the velocity error, for each entry of VELOCITY_AXES.
+        both: (k,) whether each row counts for both position and velocity, over all axes.
+        with_burn_in: (k,) whether each row counts for the position if the burn-in is included.
+        outage: (k,) whether each row counts for the position and is inside an outage.
+        outages: (j, 2) first and last row inside each outage, even if they are not scored. An outage is left out if its
+            last row is not near the end of the outage.
+        outages_s: (j, 2) times of the first and the last row inside each outage [s].
+        outages_driven_m: (j,) distance that the reference covers from the first to the last row inside each outage [m].
+        start_s: time of the first counted row [s], or infinity if no row counts.
+        sampled: (s,) index of the first row in each second that counts for the position.
     """
 
     position: BoolArray
     velocity: BoolArray
     both: BoolArray
-    whole: BoolArray
+    with_burn_in: BoolArray
     outage: BoolArray
     outages: IntArray
     outages_s: FloatArray
@@ -51,7 +53,10 @@ class Rows(NamedTuple):
 
 
 def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
-    """Return what the rows ``index`` (k,) of the reference count for, given those (k,) that are counted at all."""
+    """Return the rows that count for each metric.
+
+    ``index`` (k,) are the rows of the reference that an estimate reached, and ``counted`` (k,) is a mask of these rows.
+    """
     reference = recording.reference
     located = known_axes(reference.enu_m, index)
     moving = known_axes(reference.velocity_mps, index)
@@ -59,7 +64,7 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
     velocity = np.array([counted & on_all(moving, axes) for axes in VELOCITY_AXES.values()])
     t_s, complete = rows_at(reference.t_s, index), on_all(located, (0, 1, 2))
     start_s = first_counted_s(reference, index, counted)
-    begin, end = recording.outages_s[:, :1], recording.outages_s[:, 1:]  # at the end itself a fix may already have come
+    begin, end = recording.outages_s[:, :1], recording.outages_s[:, 1:]  # a fix may exist at the end of an outage
     inside = (t_s >= begin) & (t_s < end) & complete
     outages = _outages(inside & (t_s >= start_s), t_s, recording)
     return Rows(
@@ -77,27 +82,27 @@ def counting(index: IntArray, recording: Recording, counted: BoolArray) -> Rows:
 
 
 def once_a_second(t_s: FloatArray, counted: BoolArray) -> IntArray:
-    """Return (s,) the first row of each whole second that is ``counted`` (k,), of stamps ``t_s`` (k,) that increase."""
+    """Return the first ``counted`` (k,) row of each full second (s,). The stamps ``t_s`` (k,) must increase."""
     places = np.flatnonzero(counted)
     _, first = np.unique(np.floor(t_s[places]), return_index=True)
     return np.asarray(places[first])
 
 
 def first_counted_s(reference: Reference, index: IntArray, counted: BoolArray) -> float:
-    """Return the time of the first row of ``index`` (k,), which increases, that is ``counted`` (k,); else infinity."""
+    """Return the time [s] of the first ``counted`` (k,) row of ``index`` (k,), or infinity if no row counts."""
     first = int(np.argmax(counted)) if len(counted) else 0
     return float(reference.t_s[index[first]]) if len(counted) and counted[first] else np.inf
 
 
 def rows_at(values: Any, index: IntArray) -> Any:  # noqa: ANN401 - an array of the same type
-    """Return ``values[index]``; a view of it where ``index``, which increases, leaves none out: that takes no time."""
+    """Return ``values[index]`` for an increasing ``index``. The result is not a copy if ``index`` has no gaps."""
     if len(index) and index[-1] - index[0] + 1 == len(index):
         return values[index[0] : index[-1] + 1]
     return values[index]
 
 
 def on_all(known: BoolArray, axes: tuple[int, ...]) -> BoolArray:
-    """Return (k,) whether all ``axes`` are ``known`` (k, 3); NumPy's `all` over threes takes ten times as long."""
+    """Return whether all ``axes`` of each row are ``known`` (k, 3). The loop is ten times as fast as `numpy.all`."""
     rows: BoolArray = known[:, axes[0]]
     for axis in axes[1:]:
         rows = rows & known[:, axis]
@@ -105,7 +110,7 @@ def on_all(known: BoolArray, axes: tuple[int, ...]) -> BoolArray:
 
 
 def driven_m(reference: Reference) -> FloatArray:
-    """Return (k,) the distance up to each row, straight from each known position to the next."""
+    """Return the distance (k,) [m] that the reference covers up to each row, along straight lines between positions."""
     steps = np.zeros(len(reference.t_s))
     if reference.enu_m is not None:
         known = np.flatnonzero(np.isfinite(reference.enu_m).all(axis=1))
@@ -114,12 +119,15 @@ def driven_m(reference: Reference) -> FloatArray:
 
 
 def known_axes(truth: FloatArray | None, index: IntArray) -> BoolArray:
-    """Return (k, 3) whether each axis of ``truth`` is a number."""
+    """Return a mask (k, 3) of the axes of ``truth`` that are known (finite) at the rows ``index`` (k,)."""
     return np.zeros((len(index), 3), bool) if truth is None else np.asarray(np.isfinite(rows_at(truth, index)))
 
 
 def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArray:
-    """The first and the last row inside each outage, (j, k) rows, where the last is near the outage's end."""
+    """Return the first and the last row inside each outage, if the last row is near the end of the outage.
+
+    The mask ``inside`` (j, k) states which of k rows are inside each of j outages.
+    """
     spans = [
         (np.flatnonzero(rows)[[0, -1]], end)
         for rows, (_, end) in zip(inside, recording.outages_s, strict=True)
@@ -132,11 +140,11 @@ def _outages(inside: BoolArray, t_s: FloatArray, recording: Recording) -> IntArr
 
 
 def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> BoolArray:
-    """Return (k,) which rows of the estimate count.
+    """Return a mask (k,) of the rows of an estimate that count for the metrics.
 
-    The reference is scored there, the burn-in [s] is over, and something of the reference is known; with an empty
-    reference the innovations count all the same. Whether the estimate itself is a number does not matter here: a filter
-    must not improve its score by failing.
+    A row counts if it is scored, the burn-in [s] is over, and some part of the reference is known. If the reference is
+    empty, no part of it needs to be known, because the rows are then needed only for innovations. Estimates that are
+    not finite also count, because a filter must not improve its metrics by failing.
     """
     reference = recording.reference
     truths = (reference.enu_m, reference.velocity_mps, reference.euler_rad)
@@ -146,12 +154,12 @@ def counted_rows(estimate: Estimate, recording: Recording, burn_in_s: float) -> 
 
 
 def require_begin(estimate: Estimate, recording: Recording, burn_in_s: float) -> None:
-    """Require that an estimate leaves nothing out at its begin that counts.
+    """Check that an estimate starts early enough.
 
-    Errors count from the burn-in [s] on, or from the first fix where that is later.
+    The estimate must start before the burn-in [s] is over, or before the first fix if the first fix is later.
 
     Raises:
-        RecordingError: it begins later.
+        RecordingError: the estimate starts later than that.
     """
     fix_s = float(recording.position.t_s[0]) if recording.position is not None else 0.0
     stamps_s, latest_s = recording.reference.t_s, max(burn_in_s, fix_s)
@@ -159,13 +167,13 @@ def require_begin(estimate: Estimate, recording: Recording, burn_in_s: float) ->
     if len(estimate.index) == 0 or due == len(stamps_s) or estimate.index[0] <= due:
         return
     raise RecordingError(
-        f"The estimate begins at {stamps_s[estimate.index[0]]:.2f} s, and errors count from {latest_s:.2f} s on; let it"
-        " begin earlier, or let the errors of all methods count later (burn_in_s)."
+        f"The estimate begins at {stamps_s[estimate.index[0]]:.2f} s, but errors are counted from {latest_s:.2f} s on."
+        " Start the estimate earlier, or increase burn_in_s, so that all errors count from a later time."
     )
 
 
 def nothing_counts(recording: Recording, burn_in_s: float) -> str:
-    """Return the sentence for a run of which no row counts."""
+    """Return the error message for a run in which no row counts."""
     return (
         f"No error counts: burn_in_s is {burn_in_s:g}, the recording '{recording.name}' lasts "
         f"{recording.duration_s:.2f} s, and no row of its reference after the burn-in is known, scored and reached; "
@@ -174,29 +182,32 @@ def nothing_counts(recording: Recording, burn_in_s: float) -> str:
 
 
 def position_error_m(estimate: Estimate, recording: Recording) -> FloatArray:
-    """Return (k, 3) estimate less reference, ENU [m]; NaN where the reference is not known."""
+    """Return the position error (k, 3) in ENU [m]: estimate minus reference, or NaN if the reference is unknown."""
     return _error(estimate.position_m, recording.reference.enu_m, estimate)
 
 
 def position_error_length_m(estimate: Estimate, recording: Recording) -> FloatArray:
-    """Return (k,) the length of the position error [m]; NaN where it is not known or not finite."""
+    """Return the length (k,) of the position error [m], or NaN if the error is unknown or not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         length: FloatArray = np.sqrt(np.sum(position_error_m(estimate, recording) ** 2, axis=1))
     return np.where(np.isfinite(length), length, np.nan)
 
 
 def velocity_error_mps(estimate: Estimate, recording: Recording) -> FloatArray:
-    """Return (k, 3) estimate less reference, ENU [m/s]; NaN where the reference is not known."""
+    """Return the velocity error (k, 3) in ENU [m/s]: estimate minus reference, or NaN if the reference is unknown."""
     return _error(estimate.velocity_mps, recording.reference.velocity_mps, estimate)
 
 
 def euler_error_rad(estimate: Estimate, recording: Recording) -> FloatArray:
-    """Return (k, 3) roll, pitch, yaw less reference, each wrapped to (-pi, pi]; NaN where it is not known."""
+    """Return the errors (k, 3) of roll, pitch and yaw [rad], wrapped to (-pi, pi], NaN if the reference is unknown."""
     return wrap_angle(_error(estimate.euler_rad, recording.reference.euler_rad, estimate))
 
 
 def inclination_error_rad(estimate: Estimate, recording: Recording) -> FloatArray:
-    """Return (k,) the angle between estimated and true vertical, seen from the body; NaN where it is not known."""
+    """Return the angle (k,) [rad] between the estimated and the reference vertical in the body frame.
+
+    The angle is NaN if the reference is unknown.
+    """
     truth = recording.reference.euler_rad
     if truth is None:
         return np.full(len(estimate.index), np.nan)
@@ -204,17 +215,20 @@ def inclination_error_rad(estimate: Estimate, recording: Recording) -> FloatArra
 
 
 def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the angle (k,) [rad] between the rows of two (k, 3)."""
+    """Return the angles (k,) [rad] between the vectors ``a`` (k, 3) and ``b`` (k, 3)."""
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
 
 
 def known(truth: FloatArray | None, estimate: Estimate, axes: tuple[int, ...] = (0, 1, 2)) -> BoolArray:
-    """Return (k,) whether all ``axes`` of the reference are numbers at the estimate's rows."""
+    """Return a mask (k,) of the rows of an estimate at which all ``axes`` of the reference are known."""
     return on_all(known_axes(truth, estimate.index), axes)
 
 
 def counted_errors(estimate: Estimate, recording: Recording, counted: BoolArray) -> tuple[BoolArray, FloatArray]:
-    """Return which rows (k,) are ``counted`` and have a reference of the position, and the errors (j, 3) there."""
+    """Return a mask (k,) of the ``counted`` rows with a position reference, and the position errors at these rows.
+
+    The position errors (j, 3) [m] are returned only for the j rows for which the mask is true.
+    """
     rows = counted & known(recording.reference.enu_m, estimate)
     return rows, position_error_m(estimate, recording)[rows]
 
@@ -222,16 +236,16 @@ def counted_errors(estimate: Estimate, recording: Recording, counted: BoolArray)
 def timed_errors(
     estimate: Estimate, recording: Recording, counted: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times (j,), errors of the position (j, 3) and their lengths (j,) at the rows of `counted_errors`."""
+    """Return times (j,) [s], position errors (j, 3) [m] and their lengths (j,) [m] at the rows of `counted_errors`."""
     rows, error = counted_errors(estimate, recording, counted)
     with np.errstate(over="ignore", invalid="ignore"):
         return recording.reference.t_s[estimate.index[rows]], error, np.linalg.norm(error, axis=1)
 
 
 def rms_norm(vectors: FloatArray) -> float:
-    """Return sqrt(mean |v|^2) over the rows of (k, m); NaN without rows, infinite where it overflows.
+    """Return sqrt(mean |v|^2) over the k vectors (k, m). The result is NaN without vectors, and infinite on overflow.
 
-    A NaN is not left out: an estimate that is not a number must not improve its own score.
+    If a vector contains NaN, the result is NaN, because an estimate must not improve its metrics by not being finite.
     """
     if len(vectors) == 0:
         return float("nan")
@@ -240,7 +254,7 @@ def rms_norm(vectors: FloatArray) -> float:
 
 
 def largest_norm(vectors: FloatArray) -> float:
-    """Return max |v| over the rows of (k, m); NaN without rows."""
+    """Return max |v| over the k vectors (k, m), or NaN without vectors."""
     if len(vectors) == 0:
         return float("nan")
     with np.errstate(over="ignore", invalid="ignore"):
@@ -248,12 +262,12 @@ def largest_norm(vectors: FloatArray) -> float:
 
 
 def rms(square: float, rows: float) -> float:
-    """Return sqrt(square/rows) of a sum of squares over so many rows; NaN without rows."""
+    """Return sqrt(square/rows) for a sum of squares over this number of rows, or NaN if the number is 0."""
     return math.sqrt(mean(square, rows))
 
 
 def mean(total: float, rows: float) -> float:
-    """Return total/rows; NaN without rows."""
+    """Return total/rows, or NaN if the number of rows is 0."""
     return float(total / rows) if rows else float("nan")
 
 

@@ -1,4 +1,4 @@
-"""One run -> its numbers: the sums of its errors, when it counts as diverged, and the columns of its row."""
+"""Evaluation of a run: the sums of its errors, its status, and the metrics in its row of rows.csv."""
 
 import math
 from abc import ABC, abstractmethod
@@ -29,13 +29,13 @@ from jerkbench.timeline import Timeline
 
 @dataclass(frozen=True, eq=False)
 class PreparedReference:
-    """The reference of a recording, prepared for the runs over one timeline, or for one trajectory.
+    """The reference of a recording, prepared for all runs over one timeline, or for a single trajectory.
 
     Attributes:
-        scoring: what errors count for, for the engine.
-        rows: which rows count for what.
-        counted: (k,) which rows count at all.
-        outline: an estimate of which ``index`` and ``euler_rad`` are known at least.
+        scoring: weights of the errors, which the engine reads.
+        rows: rows that count for each metric.
+        counted: (k,) whether each row counts.
+        outline: estimate in which at least ``index`` and ``euler_rad`` are known.
     """
 
     scoring: ErrorWeights
@@ -44,23 +44,23 @@ class PreparedReference:
     outline: Estimate
 
     @cached_property
-    def errors_alone(self) -> ErrorWeights:
-        """What the engine scores where no metric reads covariances."""
+    def errors_only(self) -> ErrorWeights:
+        """The weights for runs in which no metric reads covariances."""
         return replace(self.scoring, marks=self.rows.outages.ravel(), consistency=False)
 
     @cached_property
-    def positions_alone(self) -> ErrorWeights:
-        """The same where none reads velocities either: no row counts for them."""
-        return replace(self.errors_alone, moving=np.zeros_like(self.scoring.moving))
+    def positions_only(self) -> ErrorWeights:
+        """The weights for runs in which no metric reads covariances or velocities."""
+        return replace(self.errors_only, moving=np.zeros_like(self.scoring.moving))
 
     @cached_property
     def constant_sums(self) -> dict[str, Any]:
-        """The parts of `Sums` that are the same for every run: how many rows count, and the outages."""
+        """The fields of `Sums` that are equal for all runs: numbers of counted rows, distances covered in outages."""
         rows = self.rows
         return {
             "position_rows": rows.position.sum(axis=1).astype(np.float64),
             "velocity_rows": rows.velocity.sum(axis=1).astype(np.float64),
-            "whole_rows": float(rows.whole.sum()),
+            "rows_with_burn_in": float(rows.with_burn_in.sum()),
             "nees_rows": float(rows.both.sum()),
             "outage_rows": float(rows.outage.sum()),
             "outage_driven_m": rows.outages_driven_m,
@@ -68,7 +68,7 @@ class PreparedReference:
 
 
 def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sums:
-    """Return the sums of a trajectory; ``counted`` (k,) says which of its rows count."""
+    """Return the sums of the errors of a trajectory over its ``counted`` (k,) rows."""
     rows = counting(estimate.index, recording, counted)
     prepared = PreparedReference(error_weights(recording, estimate.index, rows), rows, counted, estimate)
     sums = sums_from(scored_trajectory(estimate, prepared.scoring), prepared, recording)
@@ -77,30 +77,30 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
     errors = [scored_trajectory(estimate, replace(prepared.scoring, counted=on)) for on in rows.position.astype(float)]
     speeds = [scored_trajectory(estimate, replace(prepared.scoring, moving=on)) for on in rows.velocity.astype(float)]
     return sums._replace(
-        position_m2=np.diagonal([_over_axes(own.position_m2) for own in errors]),
-        velocity_m2ps2=np.diagonal([_over_axes(own.velocity_m2ps2)[_MOVING] for own in speeds]),
+        position_m2=np.diagonal([_over_axes(sums_of_axis.position_m2) for sums_of_axis in errors]),
+        velocity_m2ps2=np.diagonal([_over_axes(sums_of_axis.velocity_m2ps2)[_MOVING] for sums_of_axis in speeds]),
     )
 
 
 class Summed(ABC):
-    """A metric that needs the sums of a run alone, whether or not its trajectory was stored."""
+    """A metric that is computed from the sums of a run. Such a metric does not need the trajectory."""
 
     reads_covariance: ClassVar[bool] = True
-    """Whether it reads sums of e' P^-1 e, or any of the ``sampled`` errors: without it these are empty."""
+    """True if the metric reads sums of e' P^-1 e or the sampled errors. If False, they may be NaN or empty."""
     reads_velocity: ClassVar[bool] = True
-    """Whether it reads sums of the velocity: without it they are NaN."""
+    """True if the metric reads sums of velocity errors. If False, they may be NaN."""
 
     @abstractmethod
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the values by column name."""
+        """Return the values of the metric by column name."""
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the same of a trajectory."""
+        """Return the values of the metric for a trajectory, by column name."""
         return self.summarise(sums_of(estimate, recording, counted))
 
 
 def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Recording) -> Sums:
-    """Return the sums of a run; the reference knows all axes at the same stamps, of position and of velocity."""
+    """Return the sums of a run. All axes of the reference must be known at the same rows, for position and velocity."""
     rows, constant = prepared.rows, prepared.constant_sums
     ends = rows.outages.size
     pairs = streamed.marked_m[:ends].reshape(-1, 2, 3)
@@ -119,11 +119,17 @@ def sums_from(streamed: Streamed, prepared: PreparedReference, recording: Record
 
 
 _SAME_SUMS = tuple(name for name in Sums._fields if name in Streamed._fields[2:])
-"""Sums that are part of both; those of position and velocity are of each axis in `Streamed`."""
+"""Fields that `Sums` and `Streamed` have in common, except the sums of position and velocity.
+
+`Streamed` contains the latter separately for each axis.
+"""
 
 
 def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWeights:
-    """Return the weights of the errors at the rows ``index`` (k,) of the reference, which count for ``rows``."""
+    """Return the weights of the errors at the rows ``index`` (k,) of the reference.
+
+    ``rows`` defines which of these rows count for each metric.
+    """
     reference = recording.reference
     truth = np.zeros((len(index), 6))
     if reference.enu_m is not None:
@@ -133,7 +139,7 @@ def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWei
     return ErrorWeights(
         truth,
         rows.position[0].astype(np.float64),
-        rows.whole.astype(np.float64),
+        rows.with_burn_in.astype(np.float64),
         rows.velocity[0].astype(np.float64),
         rows.outage.astype(np.float64),
         np.concatenate([rows.outages.ravel(), rows.sampled]),
@@ -142,40 +148,40 @@ def error_weights(recording: Recording, index: IntArray, rows: Rows) -> ErrorWei
 
 
 def _over_axes(squares: FloatArray) -> FloatArray:
-    """(5,) from (3,) of each axis: over the axes of each of POSITION_AXES."""
+    """Return the sum of squares (5,) for each of POSITION_AXES, from the sums of squares (3,) of the single axes."""
     east, north, up = squares.tolist()
     return np.array([east + north + up, east + north, east, north, up])
 
 
 _MOVING = np.array([0, 1, 4])
-"""The places of VELOCITY_AXES among POSITION_AXES."""
+"""Index in POSITION_AXES of each of VELOCITY_AXES."""
 
 
 def _lengths_m(error_m: FloatArray) -> FloatArray:
-    """(j,) |e|."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.sqrt((error_m**2).sum(axis=1)))
 
 
 def _drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
-    """(j,) |e_last - e_first|/(t_last - t_first) of errors (j, 2, 3) at times (j, 2)."""
+    """Return |e_last - e_first|/(t_last - t_first) (j,) [m/s] of pairs of errors (j, 2, 3) at times (j, 2)."""
     with np.errstate(all="ignore"):
         grown = np.linalg.norm(error_m[:, 1] - error_m[:, 0], axis=1)
         return np.asarray(grown / np.where(t_s[:, 1] > t_s[:, 0], t_s[:, 1] - t_s[:, 0], np.nan))
 
 
 def can_stream(metric: Metric) -> bool:
-    """Whether the metric needs no trajectory."""
+    """Return whether the metric can be computed without storing a trajectory."""
     return has_methods(metric, Summarising) or part_read(metric) != "everything"
 
 
 def prepare_reference(
     recording: Recording, timeline: Timeline, burn_in_s: float, limit_m: float = math.inf
 ) -> PreparedReference | None:
-    """Return the reference for runs over ``timeline``, or None where scoring them needs a trajectory.
+    """Return the prepared reference for runs over ``timeline``, or None if their evaluation needs trajectories.
 
-    It does where the reference does not know a whole position at each of its stamps, or parts of a velocity, and where
-    nothing counts. A run with a position error over ``limit_m`` strays.
+    A trajectory is needed if the reference has no position at a stamp, if some axes of its velocity are unknown at a
+    counted row, or if no row counts. Errors count after ``burn_in_s`` [s]. A run diverges if its position error exceeds
+    ``limit_m`` [m].
     """
     index = timeline.reference[timeline.reference >= 0]
     outline = outlined(index, timeline.euler_rad[index])
@@ -189,32 +195,36 @@ def prepare_reference(
 
 
 def outlined(index: IntArray, euler_rad: FloatArray) -> Estimate:
-    """Return an estimate without position, velocity and covariance (NaN) at rows ``index`` (k,) of the reference."""
+    """Return an estimate at rows ``index`` (k,) of the reference, with NaN as position, velocity and covariance."""
     unknown = np.broadcast_to(np.nan, (len(index), 6, 6))
     return Estimate(index, unknown[:, 0, :3], unknown[:, 0, :3], unknown, euler_rad)
 
 
 LIMIT_M = 1000.0
-"""A larger position error is a divergence, unless `divergence_limit_m` says otherwise; the frozen suite has its own."""
+"""Default of ``divergence_limit_m``: a run with a larger position error diverged.
+
+The frozen suite uses a different limit.
+"""
 
 
 def run_status(estimate: Estimate, recording: Recording, limit_m: float) -> tuple[str, str]:
-    """Return ("ok", "") or ("diverged", why).
+    """Return the status of a run and its reason: ("ok", "") or ("diverged", reason).
 
-    A run diverged if it stopped early, reached none of the reference's stamps, has a position or velocity (of one that
-    estimates the attitude only: an angle) that is not finite, or a position error over ``limit_m`` on the axes that the
-    reference knows (also where it is not scored).
+    A run diverged if it stopped early, or if it reached none of the stamps of the reference. A run also diverged if a
+    position or velocity is not finite. For a filter that estimates only the attitude, the angles are checked instead.
+    Finally, a run diverged if the length of its position error exceeds ``limit_m`` at any row, even if this row is not
+    scored. The length includes only the axes on which the reference is known.
     """
     reason = why_stopped(estimate) or _too_far(estimate, recording, limit_m)
     return ("diverged", reason) if reason else ("ok", "")
 
 
-def why_strayed(result: Streamed, prepared: PreparedReference, recording: Recording) -> str:
-    """Return what `run_status` says of a run without a trajectory that came to its end; empty: it is ok."""
+def why_diverged(result: Streamed, prepared: PreparedReference, recording: Recording) -> str:
+    """Return why a run without a trajectory diverged, as in `run_status`, or an empty text if it did not diverge."""
     if not result.rows_left:
         return ""
     t_s = recording.reference.t_s[prepared.outline.index[-int(result.rows_left)]]
-    return _beyond(math.sqrt(result.strayed_m2), float(t_s), prepared.scoring.limit_m)
+    return _beyond(math.sqrt(result.diverged_m2), float(t_s), prepared.scoring.limit_m)
 
 
 def _beyond(distance_m: float, t_s: float, limit_m: float) -> str:
@@ -222,14 +232,14 @@ def _beyond(distance_m: float, t_s: float, limit_m: float) -> str:
 
 
 def why_stopped(estimate: Estimate) -> str:
-    """Return why the run stopped early, or an empty string."""
+    """Return why the run stopped early or reached no stamp of the reference, or an empty text if neither is true."""
     return estimate.failure or ("" if len(estimate.index) else "The run reached none of the reference's stamps.")
 
 
 def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
     t_s = rows_at(recording.reference.t_s, estimate.index)
-    angles, place, pace = estimate.euler_rad, estimate.position_m, estimate.velocity_mps
-    parts = [angles] if estimate.attitude_only else [place] if estimate.position_only else [place, pace]
+    angles, position, velocity = estimate.euler_rad, estimate.position_m, estimate.velocity_mps
+    parts = [angles] if estimate.attitude_only else [position] if estimate.position_only else [position, velocity]
     if not all(np.isfinite(part).all() for part in parts):
         finite = np.isfinite(np.hstack(parts)).all(axis=1)
         return f"The state is not finite at {t_s[np.argmin(finite)]:.2f} s."
@@ -241,7 +251,7 @@ def _too_far(estimate: Estimate, recording: Recording, limit_m: float) -> str:
 
 
 class Combination(NamedTuple):
-    """The value of each factor of a run, in the order of the data flow."""
+    """The values of the six factors that identify a combination. The factors are in the order of the data flow."""
 
     dataset: str
     disturbance: str
@@ -252,19 +262,15 @@ class Combination(NamedTuple):
 
 
 RUN_COLUMNS = ("seed", "replicate", "status", "reason")
-"""Columns of a row between its labels and its metrics; `jerkbench.jobs.rows` writes them. Define a metric instead of a
-further column: stored files without one of these columns count as damaged.
+"""Columns of a row between its labels and its metrics, written by `jerkbench.jobs.rows`.
+
+Do not add a column here: stored files that lack one of these columns count as damaged. Define a metric instead.
 """
 
 DRAWN = "drawn."
-"""Prefix of the columns with the parameters of a random drive, which are not metrics."""
+"""Prefix of the columns with drawn parameters of a random drive. These columns are not metrics."""
 
 Evaluate = Callable[[Metric, Estimate, Recording, BoolArray], Mapping[str, float]]
-
-
-def evaluated(metric: Metric, estimate: Estimate, recording: Recording, counted: BoolArray) -> Mapping[str, float]:
-    """Return what ``metric`` says, in the units of its columns' names."""
-    return metric.evaluate(estimate, recording, counted)
 
 
 def evaluate_run(
@@ -272,59 +278,51 @@ def evaluate_run(
     recording: Recording,
     burn_in_s: float,
     metrics: Sequence[Metric],
-    evaluate: Evaluate = evaluated,
+    evaluate: Evaluate = lambda metric, *given: metric.evaluate(*given),
 ) -> dict[str, float]:
-    """Return the values of all metrics by column name; of a run that stopped before a row counted, they are NaN.
+    """Return the values of all metrics by column name, which are NaN if the run stopped before the first counted row.
 
     Args:
-        estimate: what the filter made of the recording.
-        recording: with the reference.
-        burn_in_s: errors count from then on [s].
-        metrics: which.
-        evaluate: asks a metric that needs more than sums; a caller may know some answers already.
+        estimate: estimate of the filter.
+        recording: recording with the reference.
+        burn_in_s: time from which on errors count [s].
+        metrics: metrics to compute.
+        evaluate: function that computes a metric that needs more than sums. A caller can pass a function that returns
+            cached values.
 
     Raises:
-        RecordingError: no row counts, though the run did not stop early.
-        PluginError: two metrics give the same column.
+        RecordingError: no row counts, although the run did not stop early.
+        PluginError: two metrics return the same column.
     """
     counted = counted_rows(estimate, recording, burn_in_s)
     if not counted.any() and not why_stopped(estimate):
         raise RecordingError(nothing_counts(recording, burn_in_s))
-    sums = sums_of(estimate, recording, counted) if any(isinstance(own, Summarising) for own in metrics) else None
-    return metric_values(metrics, Summary(estimate, counted, sums), recording, evaluate)
-
-
-class Summary(NamedTuple):
-    """A run as metrics see it, whether its trajectory was kept or not.
-
-    Attributes:
-        estimate: as much of it as was kept.
-        counted: (k,) which of its rows count.
-        sums: of the run; None where no metric asks for them.
-    """
-
-    estimate: Estimate
-    counted: BoolArray
-    sums: Sums | None
+    sums = sums_of(estimate, recording, counted) if any(isinstance(m, Summarising) for m in metrics) else None
+    return metric_values(metrics, sums, (estimate, recording, counted), evaluate)
 
 
 def metric_values(
-    metrics: Iterable[Metric], summary: Summary, recording: Recording, evaluate: Evaluate
+    metrics: Iterable[Metric], sums: Sums | None, run: tuple[Estimate, Recording, BoolArray], evaluate: Evaluate
 ) -> dict[str, float]:
-    """Return the values of all metrics by column name, each from the least that it needs.
+    """Return the values of all metrics by column name. Metrics are computed from the sums where this is possible.
+
+    Args:
+        metrics: metrics to compute.
+        sums: sums of the run, or None if no metric reads sums.
+        run: stored part of the estimate, recording, and whether each row counts (k,).
+        evaluate: function that computes a metric that needs more than sums.
 
     Raises:
-        PluginError: two metrics give the same column.
+        PluginError: two metrics return the same column.
     """
-    estimate, counted, sums = summary
     values, owners = dict[str, float](), dict[str, str]()
     for m in metrics:
-        own = m.summarise(sums) if sums and has_methods(m, Summarising) else evaluate(m, estimate, recording, counted)
-        if twice := [column for column in own if column in owners]:
+        columns = m.summarise(sums) if sums and has_methods(m, Summarising) else evaluate(m, *run)
+        if twice := [column for column in columns if column in owners]:
             raise PluginError(
-                f"The metrics {owners[twice[0]]} and {type(m).__name__} both give the column '{twice[0]}'; rename it in"
-                " one of them, or leave one out."
+                f"The metrics {owners[twice[0]]} and {type(m).__name__} both return the column '{twice[0]}'; rename the"
+                " column in one metric, or remove one metric."
             )
-        values |= {column: float(value) for column, value in own.items()}
-        owners |= dict.fromkeys(own, type(m).__name__)
+        values |= {column: float(value) for column, value in columns.items()}
+        owners |= dict.fromkeys(columns, type(m).__name__)
     return values

@@ -1,4 +1,4 @@
-"""Confidence intervals of a mean, a median and a fraction."""
+"""Confidence intervals of means, medians and fractions."""
 
 from functools import lru_cache
 from math import ceil, inf, log, log1p
@@ -8,14 +8,14 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 
 EQUAL_WITHIN = 1e-14
-"""Values with a smaller relative difference are equal; a bootstrap would divide rounding errors by rounding errors."""
+"""Values are equal if their relative difference is at most this value, because such a difference is due to rounding."""
 
 OUTLIER_FACTOR = 10.0
-"""A run is an outlier if its error is more than 10 times the median error, or the error of the other method."""
+"""A run is an outlier if its error exceeds this factor times the median error, or the error of the other method."""
 
 
 def student_intervals(d: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (k,), (k,) of Student's intervals for the means of (k, n) values; NaN for n < 2."""
+    """Return the lower and upper ends (k,) of Student's intervals of the means of (k, n) values, NaN for n < 2."""
     from scipy.special import stdtrit
 
     n = d.shape[1]
@@ -27,31 +27,31 @@ def student_intervals(d: FloatArray, confidence: float) -> tuple[FloatArray, Flo
 
 
 ENOUGH = 20
-"""From this number of values on, Student's interval covers a skewed mean nearly as often as it should."""
+"""From this number of values on, the coverage of Student's interval is nearly correct for skewed values."""
 
 SHRUNK = 0.6
-"""Fraction of the estimated skewness that is used; the full skewness would be too cautious for heavy tails."""
+"""Fraction of the estimated skewness that is used. With the full skewness, intervals are too long for heavy tails."""
 
 STRAIGHT = 1e-7
-"""A cubic with a smaller curvature is a straight line, except for rounding."""
+"""A cubic with a smaller ``bend`` is replaced by a straight line, because they differ only by rounding."""
 
 
 def few_intervals(d: FloatArray, confidence: float) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (k,), (k,) of the intervals for the means of (k, n) values that may be skewed; NaN for n < 2.
+    """Return the lower and upper ends (k,) of intervals of the means of (k, n) values that may be skewed.
 
-    Student's interval. For 3 to `ENOUGH` - 1 values it is extended to contain Hall's interval, whose cubic removes the
-    skewness::
+    The function returns Student's interval, or NaN for n < 2. For 3 to `ENOUGH` - 1 values, Student's interval is
+    extended to contain Hall's interval, which removes the skewness by a cubic transformation::
 
         g(t) = t + c t^2/(3 sqrt(n)) + c^2 t^3/(27 n) + c/(6 sqrt(n)),   c = .6 n/((n - 1)(n - 2)) sum ((d - mean)/s)^3
         mean - g^-1(+-q) s/sqrt(n),   q of Student's t
 
-    Student's interval alone misses a skewed mean on the side of the tail that was not observed. Hall's interval alone
-    is too short on the other side for few values, and for many values with heavy tails (`docs/statistics.md` has the
-    coverage of each and of both together).
+    For skewed values, Student's interval is too short on the side of the tail that was not observed. Hall's interval is
+    too short on the other side for few values, and for many values with heavy tails. `docs/statistics.md` lists the
+    coverage of Student's interval, of Hall's interval, and of their union.
 
     Source: Hall, "On the removal of skewness by transformation", J. R. Stat. Soc. B 54 (1992), 221 to 228,
-    doi:10.1111/j.2517-6161.1992.tb01876.x; the factor .6, Student's q and the
-    combination of both intervals are our choice.
+    doi:10.1111/j.2517-6161.1992.tb01876.x. The factor .6, Student's q and the union of both intervals are not part of
+    this source.
     """
     low, high = student_intervals(d, confidence)
     if not 2 < d.shape[1] < ENOUGH:
@@ -61,7 +61,10 @@ def few_intervals(d: FloatArray, confidence: float) -> tuple[FloatArray, FloatAr
 
 
 def hall_intervals(d: FloatArray, confidence: float, fraction: float = 1.0) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of Hall's intervals with a ``fraction`` of the skewness, n > 2; NaN for equal values."""
+    """Return the lower and upper ends (k,) of Hall's intervals of the means of (k, n) values, n > 2.
+
+    ``fraction`` is the fraction of the estimated skewness that is removed. The ends are NaN if all values are equal.
+    """
     from scipy.special import stdtrit
 
     n, mean, s = d.shape[1], d.mean(axis=1), np.std(d, axis=1, ddof=1)
@@ -73,33 +76,33 @@ def hall_intervals(d: FloatArray, confidence: float, fraction: float = 1.0) -> t
 
 
 def untransformed(y: FloatArray | float, bend: FloatArray) -> FloatArray:
-    """Return t (k,) with g(t) = y; ``bend`` (k,) is c/sqrt(n)."""
+    """Return the solution t (k,) of g(t) = y, with the function g of `few_intervals`. ``bend`` (k,) is c/sqrt(n)."""
     straight = y - bend / 6
     curved = np.abs(bend) > STRAIGHT
     return np.asarray(np.divide(3 * (np.cbrt(1 + bend * straight) - 1), bend, out=straight, where=curved))
 
 
 TIE = 1e-12
-"""The mean of a resample that is this close to the mean of the values is equal to it, except for rounding."""
+"""The mean of a resample equals the mean of the values if their difference is at most this value (rounding)."""
 
 
 def bca_ends(values: FloatArray, level: float, resamples: int, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (k,), (k,) of the BCa bootstrap intervals of the means of (k, n) values within 1 of their mean.
+    """Return the lower and upper ends (k,) of the BCa bootstrap intervals of the means of (k, n) values.
 
-    With m_1 <= ... <= m_B the means of B resamples of a row x, and d_i = x_i - mean(x)::
+    Let m_1 <= ... <= m_B be the means of B resamples of a row x, and let d_i = x_i - mean(x)::
 
         z0    = Phi^-1(fraction of m_b < mean(x), plus half of the fraction of m_b = mean(x))
         a     = sum_i d_i^3/(6 (sum_i d_i^2)^(3/2))
         end_c = quantile of m at Phi(z0 + (z0 + z_c)/(1 - a (z0 + z_c))),   z_c = -+Phi^-1((1 + level)/2)
 
-    All rows use the same resamples. Their means are a matrix product with the frequencies of the values in the
-    resamples, which is much faster than `scipy.stats.bootstrap`.
+    All rows use the same resamples. The means of the resamples are the product of the values and of a matrix with the
+    frequencies of the values in the resamples. The matrix product is much faster than `scipy.stats.bootstrap`.
 
     Args:
-        values: (k, n), n > 1; the values of a row are not all equal.
-        level: between 0 and 1.
-        resamples: B.
-        seed: of the random generator.
+        values: (k, n) values, n > 1. The values of a row differ from their mean by at most 1, and are not all equal.
+        level: level of the intervals, between 0 and 1.
+        resamples: number B of resamples.
+        seed: seed of the random generator.
 
     Source: Efron, "Better Bootstrap Confidence Intervals", JASA 82 (1987); d is n - 1 times the jackknife difference.
     """
@@ -118,7 +121,7 @@ def bca_ends(values: FloatArray, level: float, resamples: int, seed: int) -> tup
 
 @lru_cache(maxsize=2)
 def _fractions(n: int, resamples: int, seed: int) -> FloatArray:
-    """Return the fraction (n, B) of each of n values in each resample."""
+    """Return the relative frequency (n, B) of each of n values in each of B resamples."""
     drawn = np.random.default_rng(seed).integers(0, n, (resamples, n))
     places = drawn + n * np.arange(resamples)[:, None]
     times = np.bincount(places.ravel(), minlength=n * resamples)
@@ -126,11 +129,11 @@ def _fractions(n: int, resamples: int, seed: int) -> FloatArray:
 
 
 NEARLY = 0.93
-"""Smallest coverage of a 95 % interval of the median; the range of 5 values covers 93.75 %."""
+"""Minimum coverage of a 95 % interval of the median. The range of 5 values, which covers 93.75 %, is accepted."""
 
 
 def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[FloatArray, ...]:
-    """Return the median, the ends of its interval, and the lower and upper quartile (k,) of (k, n) values, no NaN."""
+    """Return the median, the ends of its interval, and the quartiles, each (k,), of (k, n) values without NaN."""
     if values.shape[1] == 0:
         return (np.full(len(values), np.nan),) * 5
     ordered = np.sort(values, axis=1)
@@ -139,12 +142,15 @@ def quantiles_of_rows(values: FloatArray, confidence: float = 0.95) -> tuple[Flo
 
 
 def median_intervals(ordered: FloatArray, confidence: float, *, exact: bool = False) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (k,), (k,) of the intervals of the medians of (k, n) values in ascending order, some infinite.
+    """Return the lower and upper ends (k,) of intervals of the medians of (k, n) values in ascending order.
 
-    The interval from the k-th smallest to the k-th largest value covers more than ``confidence``, the next shorter one
-    less; the ends are interpolated between both. If one of them is infinite, and for an ``exact`` interval, the longer
-    interval is returned, which inverts the sign test. NaN if the range of all values covers less than ``confidence``
-    (for 95 % and less, if not exact: less than `NEARLY`).
+    Values may be infinite. Let j be the largest number for which the interval from the j-th smallest to the j-th
+    largest value has a coverage of at least ``confidence``. The ends are interpolated between this interval and the
+    shorter interval for j + 1. If ``exact`` is true, or if one of the two ends is infinite, the end of the longer
+    interval is returned. The exact interval is the inverse of the sign test.
+
+    The ends are NaN if the range of all values covers less than ``confidence``. If the interval is not exact and
+    ``confidence`` is at most 95 %, a coverage of `NEARLY` is sufficient.
 
     Source: Hettmansperger and Sheather, "Confidence intervals based on interpolated order statistics", Statistics and
     Probability Letters 4 (1986).
@@ -154,8 +160,8 @@ def median_intervals(ordered: FloatArray, confidence: float, *, exact: bool = Fa
     n = ordered.shape[1]
     if n < 2 or 1 - 2 * 0.5**n < (confidence if exact or confidence > 0.95 else min(confidence, NEARLY)):
         return np.full(len(ordered), np.nan), np.full(len(ordered), np.nan)
-    below = bdtr(np.arange(n), n, 0.5)  # P(at most k of n lie below the median)
-    k = max(1, int(np.searchsorted(below, (1 - confidence) / 2)))  # the largest k that covers enough
+    below = bdtr(np.arange(n), n, 0.5)  # probability that at most k of n values are below the median
+    k = max(1, int(np.searchsorted(below, (1 - confidence) / 2)))  # the largest k with sufficient coverage
     wide, narrow = 1 - 2 * float(below[k - 1]), 1 - 2 * float(below[k])
     part = min(1.0, max(0.0, (wide - confidence) / (wide - narrow))) if k < n - k and not exact else 0.0
     weight = (n - k) * part / (k + (n - 2 * k) * part) if part else 0.0
@@ -164,16 +170,16 @@ def median_intervals(ordered: FloatArray, confidence: float, *, exact: bool = Fa
 
 
 def quantiles(ordered: FloatArray, fraction: FloatArray | float) -> FloatArray:
-    """Return the quantile (k,) of each row of (k, n) values in ascending order, interpolated; some infinite."""
-    place = np.broadcast_to(fraction, len(ordered)) * (ordered.shape[1] - 1)
-    left, rows = np.minimum(place.astype(np.int64), ordered.shape[1] - 2), np.arange(len(ordered))
+    """Return the interpolated quantile (k,) of each row of (k, n) values in ascending order. Values may be infinite."""
+    position = np.broadcast_to(fraction, len(ordered)) * (ordered.shape[1] - 1)
+    left, rows = np.minimum(position.astype(np.int64), ordered.shape[1] - 2), np.arange(len(ordered))
     first, second = ordered[rows, left], ordered[rows, left + 1]
-    infinite = np.isinf(second) & np.isfinite(first) & (place > left)
-    return np.where(infinite, second, _mixed(first, second, place - left))
+    infinite = np.isinf(second) & np.isfinite(first) & (position > left)
+    return np.where(infinite, second, _mixed(first, second, position - left))
 
 
 def _mixed(outer: FloatArray, inner: FloatArray, weight: FloatArray | float) -> FloatArray:
-    """Return outer + weight (inner - outer), or the outer value if one of them is infinite."""
+    """Return outer + weight (inner - outer), or the outer value if either value is infinite."""
     use_outer = (outer == inner) | np.isinf(outer) | np.isinf(inner) | (weight == 0)
     with np.errstate(invalid="ignore", over="ignore"):
         return np.where(use_outer, outer, outer + weight * (inner - outer))
@@ -181,7 +187,7 @@ def _mixed(outer: FloatArray, inner: FloatArray, weight: FloatArray | float) -> 
 
 @lru_cache(maxsize=10_000)
 def share_interval(count: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return Clopper and Pearson's interval of a binomial fraction, as `scipy.stats.binomtest` does (slow to import).
+    """Return the Clopper-Pearson interval of a binomial fraction, without the slow import of `scipy.stats`.
 
     Source: Clopper and Pearson, "The use of confidence or fiducial limits", Biometrika 26 (1934).
     """
@@ -194,17 +200,20 @@ def share_interval(count: int, n: int, confidence: float = 0.95) -> tuple[float,
 
 
 def failure_bound(count: int, n: int) -> float:
-    """Return the one-sided 95 % bound of the failure rate; for no failure in n runs it is 1 - .05^(1/n)."""
+    """Return the one-sided 95 % upper bound of the failure rate for ``count`` failures in n runs.
+
+    Without a failure, the bound is 1 - .05^(1/n).
+    """
     return share_interval(count, n, 0.9)[1]
 
 
 def seeds_without_failure(margin: float) -> float:
-    """Return the number of seeds without a failure for which the bound of the rate is ``margin``: 99 for 3 %."""
+    """Return the number of seeds without a failure that makes `failure_bound` at most ``margin``: 99 seeds for 3 %."""
     return ceil(log(0.05) / log1p(-margin)) if 0 < margin < 1 else 1 if margin else inf
 
 
 def failures_text(failed: int, outlying: int, n: int, *, bound: bool = True) -> str:
-    """Return the number of failed runs and of outliers, and the bound of their rate.
+    """Return text with the number of failed runs and of outliers, and the upper bound of the rate of both.
 
     >>> failures_text(0, 0, 20), failures_text(1, 2, 20)
     ('0 of 20 failed (up to 14 %)', '1 of 20 failed and 2 of 20 with over 10 times the error (up to 34 %)')
@@ -215,6 +224,6 @@ def failures_text(failed: int, outlying: int, n: int, *, bound: bool = True) -> 
 
 
 def up_to(count: int, n: int) -> str:
-    """Return the text of the bound of the failure rate."""
+    """Return the text of the upper bound of the failure rate for ``count`` failures in n runs."""
     percent = 100 * failure_bound(count, n)
     return f"up to {percent:.{0 if percent >= 10 else 1}f} %"

@@ -1,4 +1,8 @@
-"""Seeds to come: how many seeds decide a comparison, and the levels of the interim analyses of `seeds=auto`."""
+"""Planning of seeds.
+
+This module computes the number of seeds that is needed to decide a comparison, and the significance levels of the
+interim analyses of ``seeds=auto``.
+"""
 
 import itertools
 
@@ -7,32 +11,36 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 
 POWER = 0.8
-"""The named number of seeds decides with at least this probability."""
+"""Minimum probability with which the result of `seeds_needed` decides the comparison."""
 
 CAUTION = 0.8
-"""The standard deviation for planning exceeds the true one with this probability."""
+"""Probability that the standard deviation used for planning exceeds the true standard deviation."""
 
 MAX_SEEDS = 10_000
-"""Larger numbers of seeds are not named."""
+"""Maximum result of `seeds_needed`."""
 
 FIRST = 20
-"""Seeds of the first interim analysis; fewer decide little, because the bootstrap of many comparisons is wide."""
+"""Number of seeds in the first interim analysis. With fewer seeds, few comparisons are decided."""
 
 
 def seeds_needed(d: FloatArray, comparisons: int = 1, level: float = 0.05, critical: float = np.nan) -> int | None:
-    """Return how many seeds show that a and b differ; None if they may be equal, and for more than `MAX_SEEDS`.
+    """Return the number of seeds that decides whether two methods differ, planned from the results of n seeds.
 
-    The mean of N seeds is mu + s Z/sqrt(N), and decides if it is more than c standard errors away from 0. The result
-    is the smallest N of the grid 6 * 1.05^k that decides with a probability of at least `POWER` for every mu in the
-    95 % interval of the observed mean; if this interval contains 0, there is none. s is the upper `CAUTION` bound of
-    the standard deviation. c is the value of `critical_t`, scaled by the ratio of ``critical`` to `critical_t` at the
-    n seeds: it is smaller for correlated comparisons and larger for heavy tails.
+    The model of the mean of N seeds is mu + s Z/sqrt(N) with a standard normal Z. The comparison is decided if this
+    mean is more than c standard errors away from 0. The result is the smallest N of the grid 6 * 1.05^k for which the
+    probability of a decision is at least `POWER`, for every mu in the 95 % interval of the observed mean. The value s
+    is the upper confidence bound of the standard deviation at the level `CAUTION`. The value c is `critical_t` for N
+    seeds, times the ratio of ``critical`` to `critical_t` for the n observed seeds. The ratio of both is smaller for
+    correlated comparisons, and larger for heavy tails.
 
     Args:
-        d: (n,) log ratios; at least two, all finite.
+        d: (n,) log ratios of the two methods, all finite, n > 1.
         comparisons: number of comparisons in the study.
-        level: of the whole study.
-        critical: |t| that the n seeds had to reach; if NaN or infinite, the value of `critical_t`.
+        level: maximum probability of a false verdict in the study.
+        critical: critical |t| of the n observed seeds. If ``critical`` is NaN or infinite, `critical_t` is used.
+
+    Returns:
+        The number of seeds, or None if it is more than `MAX_SEEDS`, or if the 95 % interval of the mean contains 0.
     """
     from scipy.special import chdtri, ndtri, stdtrit
 
@@ -52,10 +60,11 @@ def seeds_needed(d: FloatArray, comparisons: int = 1, level: float = 0.05, criti
 
 
 def critical_t(n: FloatArray, comparisons: int, level: float) -> FloatArray:
-    """Return the approximate critical |t| of `max_t` for (k,) numbers of seeds and normal log ratios.
+    """Return the approximate critical |t| (k,) of `max_t` for the numbers of seeds n (k,) and normal log ratios.
 
-    It is Bonferroni's Student quantile times 1 + (8 + 7 log m)/n^2, fitted to the bootstrap with 6 to 50 seeds and 1 to
-    180 comparisons. It is used for planning only.
+    The value is Student's quantile with Bonferroni's correction for m comparisons, times 1 + (8 + 7 log m)/n^2. The
+    factor 1 + (8 + 7 log m)/n^2 was fitted to the bootstrap with 6 to 50 seeds and 1 to 180 comparisons. The result is
+    used only for planning.
     """
     from scipy.special import stdtrit
 
@@ -64,7 +73,7 @@ def critical_t(n: FloatArray, comparisons: int, level: float) -> FloatArray:
 
 
 def interim_sizes(most: int, first: int = FIRST) -> list[int]:
-    """Return the numbers of seeds of the interim analyses: ``first``, twice as many each time, at last ``most``.
+    """Return the numbers of seeds of the interim analyses: ``first``, doubled each time, and ``most`` as the last one.
 
     >>> interim_sizes(400)
     [20, 40, 80, 160, 320, 400]
@@ -73,14 +82,15 @@ def interim_sizes(most: int, first: int = FIRST) -> list[int]:
     return [*itertools.takewhile(lambda size: size < most, doubled), most]
 
 
-def interim_levels(sizes: list[int], level: float = 0.05) -> FloatArray:
-    """Return the level (k,) of each interim analysis at ``sizes`` seeds; the levels add up to ``level``.
+def interim_levels(sizes: list[int]) -> FloatArray:
+    """Return the level (k,) of each interim analysis. ``sizes`` are the numbers of seeds of the analyses.
 
-    The analyses up to the fraction t of the seeds spend alpha(t) = level log(1 + (e - 1) t). The sum of the levels is
-    bounded, not the joint distribution of the analyses. This is valid for the largest of many comparisons as well,
-    which may be a different comparison in each analysis.
+    The levels of all analyses with up to the fraction t of the seeds add up to alpha(t) = .05 log(1 + (e - 1) t), so
+    the sum of all levels is 5 %. Bonferroni's inequality is used instead of the joint distribution of the
+    analyses. This inequality is also valid for the largest of many statistics, which may belong to a different
+    comparison in each analysis.
 
     Source: Lan and DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70 (1983), Pocock's type.
     """
     t = np.asarray(sizes, dtype=np.float64) / sizes[-1]
-    return np.diff(level * np.log1p((np.e - 1) * t), prepend=0.0)
+    return np.diff(0.05 * np.log1p((np.e - 1) * t), prepend=0.0)

@@ -1,1 +1,1 @@
-"""Motion models of one axis, and estimators of another kind."""
+"""The built-in filters and smoothers, and filters that read the estimates of external programs."""

@@ -1,4 +1,4 @@
-"""What linear estimators share: the model of three axes, the start, the measurement updates, ranges of noises."""
+"""Functions and classes that several linear filters share: step models, initial state, updates, parameter ranges."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -14,16 +14,16 @@ from jerkbench.estimate import Attitude, Estimate, Streamed
 from jerkbench.kalman import updated
 from jerkbench.parameters import DefaultOrigin, Limited, Range
 from jerkbench.recording import Recording
-from jerkbench.timeline import RecordedRun, Run, Timeline, kept_timeline
+from jerkbench.timeline import RecordedRun, Run, Timeline, cached_timeline
 
 
 class StepModel(NamedTuple):
-    """The model of one step for all three axes.
+    """The model of one time step for all three axes: Kronecker products of the model of one axis with I3.
 
     Attributes:
-        F: (n, n) A (x) I3.
-        B: (n, 3) b (x) I3.
-        Q: (n, n) Q (x) I3.
+        F: (n, n) transition matrix, the Kronecker product of A with I3.
+        B: (n, 3) input matrix, the Kronecker product of b with I3.
+        Q: (n, n) process noise, the Kronecker product of the Q of one axis with I3.
     """
 
     F: FloatArray
@@ -32,15 +32,14 @@ class StepModel(NamedTuple):
 
 
 class StepModels:
-    """Step models of a filter, made once for each whole nanosecond."""
+    """The step models of a filter, cached by the length of the step in nanoseconds."""
 
     def __init__(self, model: Filter, dt0_s: float) -> None:
-        """Start without any."""
         self._model, self._dt0_s = model, dt0_s
         self._known: dict[int, StepModel] = {}
 
     def of(self, dt_s: float) -> StepModel:
-        """Return the model of a step of ``dt_s``."""
+        """Return the step model for a step of ``dt_s`` seconds, from the cache if possible."""
         key = round(dt_s * 1e9)
         if key not in self._known:
             A, b, Q = self._model.axis_model(dt_s, self._dt0_s)
@@ -49,7 +48,7 @@ class StepModels:
 
 
 def initial(timeline: Timeline, model: Filter) -> tuple[FloatArray, FloatArray]:
-    """Return x (n,) and P (n, n) at the start of ``timeline``."""
+    """Return the initial state x (n,) of the filter ``model`` and its covariance P (n, n) for a timeline."""
     extra = np.repeat(model.initial_variances(), 3)
     P = np.diag(np.concatenate([np.zeros(6), extra]))
     P[:6, :6] = timeline.P0
@@ -60,46 +59,43 @@ def _of_three_axes(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.kron(matrix, np.eye(3)), dtype=np.float64)
 
 
-# Models of one axis for many lengths of a step at once: an IMU with uneven stamps has as many as
-# samples.
+# Models of one axis, vectorised over the step length. An IMU with irregular stamps has a step length for each sample.
 
 Models = tuple[FloatArray, FloatArray, FloatArray]
-"""A (k, n, n), b (k, n), Q (k, n, n)."""
+"""A (k, n, n), b (k, n) and Q (k, n, n) of one axis with n states, for k step lengths."""
 
 
 class AxisModels(Limited):
-    """A filter that writes its model down for all lengths; that of one length is one of them."""
+    """Base class of filters that compute the models of one axis for an array of step lengths in one call."""
 
     def axis_models(self, dt: FloatArray, dt0: float) -> Models:
-        """Return A (k, n, n), b (k, n), Q (k, n, n) for steps of ``dt`` (k,) seconds."""
+        """Return A (k, n, n), b (k, n) and Q (k, n, n) of one axis for k steps of ``dt`` (k,) seconds."""
         raise NotImplementedError
 
     def axis_model(self, dt: float, dt0: float) -> Models:
-        """Return A (n, n), b (n,), Q (n, n) for a step of ``dt`` seconds."""
+        """Return A (n, n), b (n,) and Q (n, n) of one axis for a step of ``dt`` seconds."""
         A, b, Q = self.axis_models(np.array([dt]), dt0)
         return A[0], b[0], Q[0]
 
 
 def identities(dt: FloatArray, n: int) -> FloatArray:
-    """Return the identity (k, n, n) for each of ``dt`` (k,)."""
+    """Return an array (k, n, n) with one n x n identity matrix for each element of ``dt`` (k,)."""
     return np.tile(np.eye(n), (len(dt), 1, 1))
 
 
 def outer(scale: FloatArray, b: FloatArray) -> FloatArray:
-    """Return scale b b' (k, n, n) of each ``scale`` (k,) and ``b`` (k, n)."""
+    """Return the scaled outer products scale b b' (k, n, n) for each ``scale`` (k,) and ``b`` (k, n)."""
     return np.asarray(scale[:, None, None] * (b[:, :, None] * b[:, None, :]))
 
 
-# The measurement updates of an estimator whose state begins with position and velocity.
-
-
 class MeasurementUpdates(AdaptedUpdates):
-    """The measurement updates of one run, of a state and its covariance."""
+    """The measurement updates of one run of a linear filter whose state starts with position and velocity."""
 
     def __call__(self, update: int, x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x and P after an update, and the prior covariance that it took, which may be faded.
+        """Return x and P after an update, and the prior covariance that the update used.
 
-        Where every row of it is dropped the state stays as it is.
+        An adaptation may multiply the prior covariance by a fading factor. If the adaptation drops all rows of the
+        measurement, the state x does not change.
         """
         y, R, rows = self.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]))
         prior = P * self.fading
@@ -108,28 +104,38 @@ class MeasurementUpdates(AdaptedUpdates):
         return x, P if rows.size else prior, prior
 
 
-CompiledWays = tuple[Callable[..., Estimate | None], Callable[..., Sequence[Streamed | None]]]
-"""What runs one timeline with its trajectory, and what runs several without."""
+CompiledFunctions = tuple[Callable[..., Estimate | None], Callable[..., Sequence[Streamed | None]]]
+"""The function that runs one timeline and returns its trajectory, and the function that runs a batch of timelines."""
 
 
-class OverTimelines:
-    """The compiled way of an estimator over kinematic filters: `jerkbench.contracts.Batched`."""
+class CompiledEstimator:
+    """Base class of estimators over kinematic filters that run in compiled code.
 
-    def compiled_ways(self) -> CompiledWays | None:
-        """Return what runs one timeline with its trajectory, and what runs several without; None: nothing does."""
+    This class implements the protocol `jerkbench.contracts.Batched`.
+    """
+
+    def compiled_functions(self) -> CompiledFunctions | None:
+        """Return the compiled function for one timeline and the compiled function for a batch of timelines.
+
+        Return None if the estimator has no compiled functions.
+        """
         raise NotImplementedError
 
-    def start(self, timeline: Timeline) -> Any:  # noqa: ANN401 - what its compiled ways begin with
-        """Return the filters at the start of a timeline."""
+    def start(self, timeline: Timeline) -> Any:  # noqa: ANN401 - the compiled functions determine the type
+        """Return the argument of the compiled functions that describes the filters and their initial state."""
         raise NotImplementedError
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
-        """Return what ``estimate`` does; None where numba cannot compile the adaptation, or the run stops."""
-        from jerkbench.kinematic.plugin_call import compiled_rule  # what it imports takes half a second
+        """Return the same result as ``estimate``, computed by compiled code.
 
-        timeline, ways = kept_timeline(recording, attitude), self.compiled_ways()
+        Return None if this estimator has no compiled functions, if numba cannot compile the adaptation, or if the
+        adaptation raises an error.
+        """
+        from jerkbench.kinematic.rules import compiled_rule  # importing this module takes half a second
+
+        timeline, functions = cached_timeline(recording, attitude), self.compiled_functions()
         rule = compiled_rule(clocked(adaptation, timeline))
-        return None if rule is None or ways is None else ways[0](timeline, self.start(timeline), rule)
+        return None if rule is None or functions is None else functions[0](timeline, self.start(timeline), rule)
 
     def run_settings(
         self,
@@ -141,64 +147,68 @@ class OverTimelines:
         attitude: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return the sums of each run, with its own of ``estimators`` and ``adaptations``; it finds no attitude."""
-        from jerkbench.kinematic.plugin_call import compiled_rule
+        """Run each run k with ``estimators[k]`` and ``adaptations[k]``, and return the error sums of each run.
+
+        The result is None for a run that compiled code cannot compute. The argument ``attitude`` has no effect, because
+        these estimators do not estimate the attitude.
+        """
+        from jerkbench.kinematic.rules import compiled_rule
 
         results: list[Streamed | None] = [None] * len(runs)
-        every = enumerate(zip(adaptations, runs, strict=True))
-        rules = {k: rule for k, (a, run) in every if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
-        ways = [way for k in rules if (way := estimators[k].compiled_ways()) is not None]
-        if not ways or len(ways) < len(rules):
+        pairs = enumerate(zip(adaptations, runs, strict=True))
+        rules = {k: rule for k, (a, run) in pairs if (rule := compiled_rule(clocked(a, run.timeline))) is not None}
+        functions = [found for k in rules if (found := estimators[k].compiled_functions()) is not None]
+        if not functions or len(functions) < len(rules):
             return results
         compiled_runs = [Run(runs[k].timeline, runs[k].scoring) for k in rules]
         starts = [estimators[k].start(runs[k].timeline) for k in rules]
-        streamed = ways[0][1](compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
+        streamed = functions[0][1](compiled_runs, starts, list(rules.values()), updates=updates, threads=threads)
         for k, result in zip(rules, streamed, strict=True):
             results[k] = result
         return results
 
 
-# The adaptations that an estimator can take.
+# The names of the adaptations that an estimator supports.
 
 BEYOND_R = (Fading, AdaptingPrior, AdaptingGain)
-"""What an adaptation changes besides R: it needs the one prior covariance of one linear filter."""
+"""Contracts of adaptations that change more than R. They need the prior covariance of a single linear filter."""
 
 
-def of_r_alone() -> tuple[str, ...]:
-    """Names of all adaptations, also a third party's, that change R alone."""
-    return _without(BEYOND_R)
+def adaptations_of_r() -> tuple[str, ...]:
+    """Return the names of all adaptations that change only R, including third-party plugins."""
+    return _adaptations_without(BEYOND_R)
 
 
-def of_r_or_fading() -> tuple[str, ...]:
-    """Names of all that change R, or fade the prior covariance."""
-    return _without((AdaptingPrior, AdaptingGain))
+def adaptations_of_r_or_fading() -> tuple[str, ...]:
+    """Return the names of all adaptations that change only R or multiply the prior covariance by a fading factor."""
+    return _adaptations_without((AdaptingPrior, AdaptingGain))
 
 
-def _without(contracts: tuple[type, ...]) -> tuple[str, ...]:
+def _adaptations_without(contracts: tuple[type, ...]) -> tuple[str, ...]:
     names = plugins.names("adaptation")
-    return tuple(name for name in names if not _keeps(plugins.get("adaptation", name), contracts))
+    return tuple(name for name in names if not _implements(plugins.get("adaptation", name), contracts))
 
 
-@cache
-def _keeps(adaptation: type, contracts: tuple[type, ...]) -> bool:
-    """Whether the class has any of the contracts: asked of each cell of a sweep, and slow to find out."""
+@cache  # because isinstance is slow for a protocol, and a sweep calls it for each combination
+def _implements(adaptation: type, contracts: tuple[type, ...]) -> bool:
     return isinstance(adaptation, contracts)
 
 
-# The ranges and origins that the noises of several filters share.
+# Tuning ranges and origins of the default values of noise parameters that several filters have.
 
 ACCEL_RANGE = Range(
     0.01,
     10.0,
     log=True,
-    source="ours: from half of the simulated accelerometer's noise to the best of the baseline on a real car",
+    source="ours: from half the noise of the simulated accelerometer to the best value of the baseline on a real car",
 )
-JERK_WALK = Range(0.1, 100.0, log=True, source="ours: that of the bias walk, times 2/dt at 100 Hz, without its ends")
-BIAS_WALK = Range(1e-4, 1.0, log=True, source="ours: from a good MEMS sensor's wandering bias to leaking gravity")
-ACCEL_WALK = Range(0.05, 50.0, log=True, source="ours: from a ship's to a race car's changes of acceleration")
-VELOCITY_WALK = Range(0.01, 30.0, log=True, source="ours: from a slow robot's to a braking car's changes of velocity")
-STAYS = Range(0.5, 0.999, toward_one=True, source="ours: from a model that lasts two updates to one that lasts 1000")
+JERK_WALK = Range(0.1, 100.0, log=True, source="ours: the range of the bias walk, times 2/dt at 100 Hz, narrowed")
+BIAS_WALK = Range(1e-4, 1.0, log=True, source="ours: from the instability of a good MEMS sensor to leaking gravity")
+ACCEL_WALK = Range(0.05, 50.0, log=True, source="ours: from a ship to a race car")
+VELOCITY_WALK = Range(0.01, 30.0, log=True, source="ours: from a slow robot to a braking car")
+STAYS = Range(0.5, 0.999, toward_one=True, source="ours: from a model that lasts 2 updates to one that lasts 1000")
 
 FIELD = DefaultOrigin("tuned by hand on the simulated field; the paper gives no value")
-START = DefaultOrigin("ours: wide enough not to matter after the first seconds of the simulated field")
+START = DefaultOrigin("ours: large enough to have no effect after the first seconds of the simulated field")
 WALK = DefaultOrigin("ours: a vehicle that changes its acceleration by 2 m/s2 within a second")
+FROM_FILTER = DefaultOrigin("the default of the filter without mixing or smoothing")

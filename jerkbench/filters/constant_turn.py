@@ -1,4 +1,4 @@
-"""A filter of fixes alone that knows that vehicles turn."""
+"""A filter over position fixes whose motion model is a horizontal turn at a constant rate."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -8,7 +8,7 @@ import numpy as np
 from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
-from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, of_r_alone
+from jerkbench.filters.common import START, VELOCITY_WALK, MeasurementUpdates, adaptations_of_r
 from jerkbench.kalman import is_healthy
 from jerkbench.parameters import NOT_NEGATIVE, DefaultOrigin, Limited, Provenance, Range
 from jerkbench.plugins import register
@@ -17,30 +17,32 @@ from jerkbench.timeline import Timeline, build_timeline
 
 TURN_WALK = Range(1e-3, 1.0, log=True, source="ours: from a straight road to a robot that turns on the spot")
 STRAIGHT_RAD = 1e-4
-"""Below such an angle a step is taken by the first terms of its series."""
+"""Below this turn angle of a step, a and b are computed from the first terms of their power series [rad]."""
 
 
 @register("filter", "constant_turn")
 @dataclass(frozen=True)
 class ConstantTurn(Limited):
-    """Seven states [p, v, w]: horizontally a turn at the rate w, upwards a constant velocity; the IMU is not used.
+    """Seven states [p, v, w]: a horizontal turn at the rate w with a constant vertical velocity, without the IMU.
 
-    With s = sin(w dt), c = cos(w dt), a = s/w, b = (1 - c)/w, one step is::
+    The following equations define one prediction step, with s = sin(w dt), c = cos(w dt), a = s/w and b = (1 - c)/w::
 
         e += a v_e - b v_n    v_e = c v_e - s v_n    u += dt v_u
         n += b v_e + a v_n    v_n = s v_e + c v_n
 
-    linearised for the covariance (extended Kalman filter), with the noise of `constant_velocity` on each axis and
-    q_w^2 dt on w. In a gap a turn goes on as a circle, where `constant_velocity` leaves it along the tangent. Turning
-    is seen in the fixes alone: where these are noisy and the vehicle is slow, w is noise too.
+    The covariance is propagated with the Jacobian of this step (extended Kalman filter). On each axis, the process
+    noise is the same as in `constant_velocity`. The process noise of w has the variance q_w^2 dt. In a gap between
+    position fixes, the predicted path is a circular arc. The filter `constant_velocity` predicts a straight line
+    instead. The turn rate w is observable only through the position fixes, so the estimate of w is noisy if the fixes
+    are noisy and the vehicle is slow.
 
     Source: the nearly coordinated turn model (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking
     and Navigation", 11.7, doi:10.1002/0471221279).
 
     Attributes:
-        velocity_walk_mps_per_sqrt_s: q, random walk of the velocity [m/s/sqrt(s)].
-        turn_walk_radps_per_sqrt_s: q_w, random walk of the rate of turn [rad/s/sqrt(s)].
-        initial_turn_radps: one sigma of the rate of turn at the start [rad/s].
+        velocity_walk_mps_per_sqrt_s: q, intensity of the random walk of the velocity [m/s/sqrt(s)].
+        turn_walk_radps_per_sqrt_s: q_w, intensity of the random walk of the turn rate [rad/s/sqrt(s)].
+        initial_turn_radps: standard deviation of the initial turn rate [rad/s].
     """
 
     provenance = Provenance("published", "doi:10.1002/0471221279")
@@ -57,21 +59,21 @@ class ConstantTurn(Limited):
         float,
         TURN_WALK,
         NOT_NEGATIVE,
-        DefaultOrigin("ours: a vehicle that changes its rate of turn by 3 deg/s within a second"),
+        DefaultOrigin("ours: a vehicle that changes its turn rate by 3 deg/s within a second"),
     ] = 0.05
     initial_turn_radps: Annotated[float, START, NOT_NEGATIVE] = 0.1
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that change R alone."""
-        return of_r_alone()
+        """Names of the supported adaptations: all adaptations that change only R."""
+        return adaptations_of_r()
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the solution at the reference's stamps; where P is no covariance any more, up to there."""
+        """Return the estimate at the time stamps of the reference, up to a step at which P is not positive definite."""
         return self.filtered(build_timeline(recording, attitude), adaptation)
 
     def filtered(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
-        """Return the solution of a timeline."""
+        """Run the filter over a timeline and return the estimate at the time stamps of the reference."""
         update = MeasurementUpdates(timeline, adaptation)
         x, P = self.start(timeline)
         for k, dt in enumerate(timeline.dt_s.tolist()):
@@ -88,18 +90,17 @@ class ConstantTurn(Limited):
         return update.recorder.estimate()
 
     def start(self, timeline: Timeline) -> tuple[FloatArray, FloatArray]:
-        """Return x (7,) and P (7, 7) at the start of a timeline."""
+        """Return the initial state x (7,) and its covariance P (7, 7) for a timeline."""
         P = np.zeros((7, 7))
         P[:6, :6], P[6, 6] = timeline.P0, self.initial_turn_radps**2
         return np.append(timeline.x0, 0.0), P
 
     def predicted(self, x: FloatArray, P: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x (7,) and P (7, 7) after ``dt`` seconds, and the Jacobian F (7, 7) of that step."""
+        """Return the predicted x (7,) and P (7, 7) after ``dt`` seconds, and the Jacobian F (7, 7) of the step."""
         F = turn_jacobian(x, dt)
         return after_turn(x, dt), F @ P @ F.T + self._noise(dt), F
 
     def _noise(self, dt: float) -> FloatArray:
-        """Q (7, 7) of a step."""
         axis = self.velocity_walk_mps_per_sqrt_s**2 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
         Q = np.zeros((7, 7))
         Q[:6, :6], Q[6, 6] = np.kron(axis, np.eye(3)), self.turn_walk_radps_per_sqrt_s**2 * dt
@@ -107,7 +108,7 @@ class ConstantTurn(Limited):
 
 
 def after_turn(x: FloatArray, dt: float) -> FloatArray:
-    """Return the state (7,) after ``dt`` seconds of its turn."""
+    """Return the state (7,) after a horizontal turn of ``dt`` seconds that starts at the state x (7,)."""
     a, b, c, s, _, _ = _factors(x[6], dt)
     e, n, u, v_e, v_n, v_u, w = x
     return np.array(
@@ -116,7 +117,7 @@ def after_turn(x: FloatArray, dt: float) -> FloatArray:
 
 
 def turn_jacobian(x: FloatArray, dt: float) -> FloatArray:
-    """Return the derivatives (7, 7) of `after_turn` with respect to the state."""
+    """Return the Jacobian (7, 7) of `after_turn` with respect to the state x (7,)."""
     a, b, c, s, da, db = _factors(x[6], dt)
     v_e, v_n = x[3:5]
     F = np.eye(7)
@@ -129,7 +130,7 @@ def turn_jacobian(x: FloatArray, dt: float) -> FloatArray:
 
 
 def _factors(w: float, dt: float) -> tuple[float, ...]:
-    """A = sin(w dt)/w, b = (1 - cos(w dt))/w, cos, sin, and the derivatives of a and b with respect to w."""
+    """Return a = sin(w dt)/w, b = (1 - cos(w dt))/w, cos(w dt), sin(w dt), da/dw and db/dw."""
     angle = w * dt
     c, s = float(np.cos(angle)), float(np.sin(angle))
     if abs(angle) < STRAIGHT_RAD:

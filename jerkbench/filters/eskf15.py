@@ -1,4 +1,4 @@
-"""The error-state inertial navigation that practitioners run, and the smoother over it."""
+"""Inertial navigation filters: the error-state and the invariant extended Kalman filter, and a smoother."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,10 +7,10 @@ from typing import ClassVar
 
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate, Streamed
-from jerkbench.filters.common import of_r_alone
+from jerkbench.filters.common import adaptations_of_r
 from jerkbench.filters.inertial_parameters import Eskf15Parameters, aided, run_inputs, takes_timeline
 from jerkbench.inertial.run import InertialRun, InertialSolution
-from jerkbench.inertial.run_inputs import Journey
+from jerkbench.inertial.run_inputs import InertialInputs
 from jerkbench.inertial.smoother import smooth_navigation
 from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
@@ -19,35 +19,36 @@ from jerkbench.timeline import RecordedRun, Timeline
 
 
 class InertialFilter(Eskf15Parameters):
-    """What the filters with the parts and the parameters of `eskf15` share; in NumPy, but for what is compiled."""
+    """Base class of the inertial filters that have the parameters of `eskf15` and run in NumPy."""
 
     invariant: ClassVar[bool] = False
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that change R alone."""
-        return of_r_alone()
+        """Names of the supported adaptations: all adaptations that change only R."""
+        return adaptations_of_r()
 
     def require(self, load: Callable[[], Recording]) -> None:
-        """Check, before a sweep begins, that the recording of ``load`` has the wheel whose scale was asked for.
+        """Load the recording and check that it has the wheel speed that ``wheel_scale`` needs.
+
+        The check runs before a sweep starts. Without ``wheel_scale``, the recording is not loaded.
 
         Raises:
-            RecordingError: it has not.
+            RecordingError: ``wheel_scale`` is set, but the recording has no wheel speed.
         """
         if self.wheel_scale:
             aided(self, load())
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the navigation solution at the reference's stamps."""
+        """Return the navigation solution at the time stamps of the reference."""
         return self.solve(recording, attitude, adaptation).estimate
 
     def solve(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> InertialSolution:
-        """Return the navigation solution with the state and the whole covariance at the end."""
-        journey = self.journey(recording, attitude)
-        return InertialRun(journey, adaptation).over(journey.events)
+        """Return the navigation solution, including the final nominal state and the full covariance of its error."""
+        return InertialRun(self.inputs(recording, attitude), adaptation).solve()
 
-    def journey(self, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> Journey:
-        """Return everything that a run needs besides its adaptation, as `run_inputs` says."""
+    def inputs(self, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> InertialInputs:
+        """Return the inputs of a run except the adaptation. The arguments are the same as in `run_inputs`."""
         return run_inputs(self, recording, attitude, timeline)
 
 
@@ -56,52 +57,61 @@ class InertialFilter(Eskf15Parameters):
 class Eskf15(InertialFilter):
     """Error-state inertial navigation with 15 states: position, velocity, attitude, gyro and accelerometer bias.
 
-    Unlike the kinematic filters it integrates the raw IMU itself, so that position and velocity correct the attitude
-    too. Nominal state, from the mean force y_A and rate y_G of a sample, C the attitude (body -> ENU)::
+    Unlike the kinematic filters, this filter integrates the raw IMU data, so that measured positions and velocities
+    also correct the attitude. The nominal state is propagated with the mean specific force y_A and the mean angular
+    rate y_G of each IMU sample. C is the rotation matrix from the body frame to ENU, g is gravity, and w_e is the
+    angular rate of the Earth::
 
         w = y_G - b_g,  f = y_A - b_a
         C+ = Exp(-w_e dt) C Exp(w dt),  C_mean = (C + C+)/2
         v+ = v + (C_mean f + g(p) - 2 w_e x v) dt,  p+ = p + (v + v+)/2 dt
 
-    Error state dx = [dp, dv, phi, db_g, db_a], truth less estimate, true C = Exp(phi) C::
+    The error state dx = [dp, dv, phi, db_g, db_a] is the truth minus the estimate. The true attitude is Exp(phi) C::
 
         dp' = dv,  dv' = -[C f] phi - C db_a + n_a,  phi' = -C db_g + n_g,  db' = n_b
         P = Phi P Phi' + Q;  density of n_b: 2 sigma^2/tau
-        K = P H' (H P H' + R)^-1;  dx = K (z - h(x)), put into the nominal state;  P in Joseph form
+        K = P H' (H P H' + R)^-1;  dx = K (z - h(x)), applied to the nominal state;  P in Joseph form
 
-    A bias walks as a Gauss-Markov process of sigma and tau does over times below tau; it is not drawn back to zero,
-    because the turn-on bias, which is in the same state, is not. A correction, and P with it, keeps the force that
-    holds the body up as the linear filter says (`jerkbench.inertial.state.corrected`): levelling hides an accelerometer
-    bias in the tilt, and the turn that tells them apart would else leave g phi^2/2 in the vertical.
+    Each sensor bias is modelled as a random walk, which approximates a Gauss-Markov process with the parameters sigma
+    and tau over times shorter than tau. The estimated bias does not decay to zero, because it includes the constant
+    turn-on bias. A correction of tilt and accelerometer bias is applied such that the vertical specific force is equal
+    to the estimate of the linear filter (`jerkbench.inertial.state.corrected`). Without this rule, a large tilt
+    correction phi would leave an error of g phi^2/2 in the vertical acceleration.
 
-    Measurements, at their own times, l a lever arm::
+    Each measurement is used at its time stamp. The predicted measurements are as follows, where l is a lever arm::
 
         position (antenna)      p + C l
         velocity, ENU           v + C (w x l)          body: C' v (of the IMU)
-        wheel's speed           (1 + k) (C' v + w x l)_x, and (C' v + w x l)_yz where it is said to be zero
+        wheel speed             (1 + k) (C' v + w x l)_x, and (C' v + w x l)_yz if the recording says that it is zero
         heading                 atan2(C_21, C_11)
-        zero velocity           v = 0                  when IMU and estimate agree that it stands still
-        non-holonomic           (C' v + w x l)_yz = 0  when it does not
+        zero velocity           v = 0                  if IMU and estimate both indicate that the vehicle is stationary
+        non-holonomic           (C' v + w x l)_yz = 0  otherwise
 
-    Start: at rest, roll and pitch from the first second of specific force (with the error that an accelerometer bias
-    makes of it), v = 0; moving, from the attitude filter. Yaw is the attitude filter's at the start (before its first
-    course: that one less the integrated gyro), with the sigma that it has there, or that of the track of the fixes. The
-    attitude filter is used for nothing else. Wrong by a right angle or more, the filter may never recover.
+    If the vehicle is at rest at the start, the initial velocity is 0, and the initial roll and pitch are computed from
+    the specific force of the first second. The initial covariance includes the tilt error that an accelerometer bias
+    causes. If the vehicle moves at the start, the initial roll and pitch are those of the attitude filter. The initial
+    yaw and its sigma are computed by the attitude filter or from the track of the position fixes. Before its first
+    course measurement, the attitude filter computes the yaw backwards from this course with the integrated gyro. The
+    attitude filter has no other effect on this filter. If the initial yaw is wrong by 90 degrees or more, the filter
+    may never recover.
 
-    Neglected: the Earth's rotation and curvature unless switched on (in a fixed tangent plane there is no transport
-    rate; what is left is that gravity turns, .16 mrad a km), the change of gravity with latitude (a bias takes it),
-    coning and sculling within a sample, and the latency of a receiver. It has no states for scale factors and
-    misalignments of the IMU. With such an IMU it is overconfident; raise its noise or its turn-on biases. The error k
-    of a wheel's scale is zero, or with ``wheel_scale`` one more state, constant. Good where the vehicle turns and
-    accelerates, which makes yaw and biases observable, and in outages of up to a minute; it needs an IMU whose data
-    sheet is known.
+    By default, the filter neglects the Earth's rotation and curvature. Due to the curvature, the direction of gravity
+    changes by 0.16 mrad per km. The filter always neglects the change of gravity with latitude, which has the same
+    effect as an accelerometer bias. The filter also neglects coning and sculling within a sample, and the latency of
+    the receiver. The filter has no states for scale factors and misalignments of the IMU. If the IMU has such errors,
+    the filter is overconfident, and the noise densities or the standard deviations of the turn-on biases should be
+    increased. The scale error k of the wheel speed is zero by default. With ``wheel_scale``, the scale error k is an
+    additional constant state. The filter works well in outages of up to a minute, and if the vehicle turns and
+    accelerates, which makes yaw and biases observable. The noise of the IMU must be known, for example from its data
+    sheet.
 
-    Rows that an adaptation sees are those of position and velocity (in the velocity's own frame); headings and
-    constraints are not adapted, and not among the recorded updates. It takes every adaptation that changes R alone.
+    An adaptation receives the innovations of position and velocity. The velocity rows are in the frame of the measured
+    velocity. The updates with headings and motion constraints are neither adapted nor recorded. All adaptations that
+    change only R are supported.
 
-    The engine `filterpy` runs all of this in NumPy, a step at a time: the definition of right. The engine `compiled`
-    runs the same by the blocks of Phi that are not zero, compiled, and agrees to 1e-9 m, and to 1e-12 of
-    sqrt(P_ii P_jj) or what the run itself makes of changes in the last bits of its input.
+    The engine `filterpy` runs the reference implementation of the filter in NumPy. The engine `compiled` runs compiled
+    code that uses only the nonzero blocks of Phi. The states of both engines agree to 1e-9 m. The covariances of both
+    engines agree to 1e-12 of sqrt(P_ii P_jj), or to the effect of a change in the last bits of the input.
 
     Source: P. D. Groves, "Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems", 2nd ed.,
     chapters 5 and 14, reduced to a tangent plane.
@@ -110,16 +120,19 @@ class Eskf15(InertialFilter):
     provenance = Provenance(
         "simplified",
         "Groves, 2nd ed., chapters 5 and 14",
-        "In a tangent plane; the Earth turns only where switched on.",
+        "In a tangent plane; the Earth's rotation is optional.",
     )
 
     title: ClassVar[str] = "eskf15"
 
     def estimate_compiled(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate | None:
-        """Return the same as `estimate`; None where numba cannot compile the adaptation."""
-        from jerkbench.inertial.compiled_runs import solve_compiled  # what it imports takes half a second
+        """Return the same result as `estimate`, computed by compiled code.
 
-        solution = solve_compiled(_journey(self, recording, attitude), adaptation)
+        Return None if numba cannot compile the adaptation, or if the adaptation raises an error.
+        """
+        from jerkbench.inertial.compiled_runs import solve_compiled  # importing this module takes half a second
+
+        solution = solve_compiled(_cached(self, recording, attitude), adaptation)
         return None if solution is None else solution.estimate
 
     def run_settings(
@@ -132,54 +145,61 @@ class Eskf15(InertialFilter):
         attitude: bool,
         threads: int,
     ) -> Sequence[Streamed | None]:
-        """Return the sums of each run, with its own of ``estimators`` and ``adaptations``.
+        """Run each run k with ``estimators[k]`` and ``adaptations[k]``, and return the error sums of each run.
 
-        Runs of like steps go side by side.
+        Runs with the same time steps are computed in one batch.
         """
-        from jerkbench.inertial.compiled_runs import stream_journeys
+        from jerkbench.inertial.compiled_runs import run_many_inertial
 
-        def journey(k: int) -> Journey | None:
+        def inputs(k: int) -> InertialInputs | None:
             model, run = estimators[k], runs[k]
             try:
                 if takes_timeline(model, run.reported):
-                    return _journey(model, run.reported, run.attitude, run.timeline)
-                return _journey(model, run.recording, run.attitude)
-            except Exception:  # noqa: BLE001 - whoever runs it alone sees it
+                    return _cached(model, run.reported, run.attitude, run.timeline)
+                return _cached(model, run.recording, run.attitude)
+            except Exception:  # noqa: BLE001 - the run is repeated separately and then raises the error again
                 return None
 
-        scorings, journeys = [run.scoring for run in runs], [journey(k) for k in range(len(runs))]
-        return stream_journeys(journeys, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
+        scorings, every = [run.scoring for run in runs], [inputs(k) for k in range(len(runs))]
+        return run_many_inertial(every, scorings, adaptations, updates=updates, attitude=attitude, threads=threads)
 
 
-@lru_cache(maxsize=32)  # as many as a process keeps recordings; for the next adaptation
-def _journey(model: Eskf15, recording: Recording, attitude: Attitude, timeline: Timeline | None = None) -> Journey:
-    return model.journey(recording, attitude, timeline)
+@lru_cache(maxsize=32)  # the number of recordings that a process caches; all adaptations have the same inputs
+def _cached(
+    model: Eskf15, recording: Recording, attitude: Attitude, timeline: Timeline | None = None
+) -> InertialInputs:
+    return model.inputs(recording, attitude, timeline)
 
 
 @register("filter", "eskf15_rts")
 @dataclass(frozen=True)
 class Eskf15Smoother(InertialFilter):
-    """The Rauch-Tung-Striebel smoother over `eskf15`: every estimate knows all measurements, later ones too.
+    """The Rauch-Tung-Striebel smoother over `eskf15`: every estimate uses all measurements, including later ones.
 
-    Forward it is eskf15 with the adaptation and with every parameter of it. A node is a step at which something is
-    taken or given out; x-, P- are state and covariance before what is taken there, x+, P+ after it, Phi leads from node
-    to node. Every correction goes into the nominal state at once, so the error of x- is zero; backward from the last
-    node, with x (-) y the error state that takes y to x, and P' the covariance Ps in the numbers of the prior::
+    The forward pass runs `eskf15` with the same parameters and adaptation. A node is a time step that ends with a
+    measurement or at a time stamp of the reference. The prior x- and P- are the state and its covariance before the
+    measurements of a node. The posterior x+ and P+ are the state and its covariance after the measurements. The matrix
+    Phi propagates the error state from one node to the next node. Every correction is applied to the nominal state
+    immediately, so the mean of the error state is zero before each update. The backward pass starts at the last node.
+    The difference x (-) y is the error state that transforms y into x, and P' is the smoothed covariance, transformed
+    to the error about x-::
 
         G = P+ Phi' (P-_{k+1})^-1
-        xs = x+ with G (xs_{k+1} (-) x-_{k+1}) put into it
+        xs = x+ corrected by G (xs_{k+1} (-) x-_{k+1})
         Ps = P+ + G (P'_{k+1} - P-_{k+1}) G'
 
-    An outage is bridged from both of its ends, and the first yaw is found from all of the drive. It is of no use while
-    driving; a wrong model stays wrong in hindsight; innovations, NIS and adapted covariances are those of the forward
-    pass. It is linearised about the forward pass: where that is lost or off by tens of degrees, so is this.
+    In an outage, the smoother uses the measurements before and after the outage. The smoother estimates the initial yaw
+    from all measurements of the drive. The smoother cannot be used online, and it does not correct a wrong model. The
+    reported innovations, NIS and adapted covariances are computed in the forward pass. The smoother is linearised about
+    the states of the forward pass. If the forward pass diverges, or if its attitude is wrong by tens of degrees, the
+    smoothed solution is also wrong.
 
-    It runs in NumPy with either engine, and keeps every node: 6 kB each with 15 states, 80 MB for 150 s with a
-    reference at 100 Hz.
+    With both engines, the smoother runs in NumPy. The smoother stores every node, which needs 6 kB per node with 15
+    states. A run of 150 s with a reference at 100 Hz needs 80 MB.
 
-    Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
-    Journal 3(8), 1965, doi:10.2514/3.3166; over the errors of a navigation: P. D. Groves, "Principles of GNSS,
-    Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., section 3.4.5.
+    Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal
+    3(8), 1965, doi:10.2514/3.3166; over the errors of a navigation: P. D. Groves, "Principles of GNSS, Inertial, and
+    Multisensor Integrated Navigation Systems", 2nd ed., section 3.4.5.
     """
 
     provenance = Provenance("simplified", "doi:10.2514/3.3166", "Over `eskf15`, linearised about its forward pass.")
@@ -187,5 +207,72 @@ class Eskf15Smoother(InertialFilter):
     title: ClassVar[str] = "eskf15_rts"
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
-        return smooth_navigation(self.journey(recording, attitude), adaptation)
+        """Return the smoothed estimate at the time stamps of the reference, up to a divergence of the forward pass."""
+        return smooth_navigation(self.inputs(recording, attitude), adaptation)
+
+
+@register("filter", "iekf")
+@dataclass(frozen=True)
+class InvariantEkf(Eskf15):
+    """Inertial navigation with a right-invariant extended Kalman filter on SE_2(3), with both biases.
+
+    The nominal state, the measurements, the initialisation and all parameters are the same as in `eskf15`. The error is
+    not a difference but an element eta of the group SE_2(3). X is the true state and Xh is the estimate::
+
+        X = [[C, v, p], [0, 1, 0], [0, 0, 1]];  eta = X Xh^-1 = Exp(xi);  xi = [phi, rho, pi]
+
+    Without biases and noise, an error of any size follows the same linear equation on every trajectory (the log-linear
+    property). The linear equation of the error does not contain the estimate. [g] is the cross-product matrix of
+    gravity::
+
+        phi+ = phi;  rho+ = rho + dt [g] phi;  pi+ = pi + dt rho + dt^2/2 [g] phi
+
+    The errors of the biases and of an estimated wheel scale are additive, as in the "imperfect" IEKF. The derivatives
+    with respect to these errors contain the estimate::
+
+        phi' = -Ch db_g;  rho' = [g] phi - [vh] Ch db_g - Ch db_a;  pi' = rho - [ph] Ch db_g
+
+    To first order, xi = T dx is a linear transformation of the error dx of `eskf15`, with rho = dv + [vh] phi and pi =
+    dp + [ph] phi. The filter stores the covariance of dx, for which Phi, Q and H are the same as in `eskf15`. The
+    covariance of xi would be inaccurate far from the origin, because [ph] is large there. After an update with dx = K
+    y, the correction and the reset of the covariance differ from `eskf15`. J is the left Jacobian of phi::
+
+        C+ = Exp(phi) Ch;  v+ = vh + J dv;  p+ = ph + J dp            equivalent to Xh+ = Exp(xi) Xh
+        dp+ = dp - [p+ - p] phi;  dv+ = dv - [v+ - v] phi             the covariance of xi does not change
+
+    The differences between `iekf` and `eskf15` are of second order in the error. If the attitude is known to a few
+    degrees, `iekf` and `eskf15` give nearly the same result. The following table compares both filters for different
+    errors of the initial yaw. The sigma of the initial yaw is equal to the error. The table is based on 6 drives of 14
+    s of `field_white` without a heading. The table lists the largest yaw error at the end of a drive, and the median
+    NEES of position and velocity from 8 s on, whose expected value is 6::
+
+        initial yaw error       11      34      69     115 degrees
+        eskf15, yaw [deg]      0.5     0.8     6.5     116         NEES  6.8   6.7   7.3   36
+        iekf,   yaw [deg]      0.6     0.8     1.2     5.8         NEES  7.7   7.9   8.4   31
+
+    `iekf` adds the estimated error of the accelerometer bias unchanged. `eskf15` modifies this error so that the
+    vertical specific force is equal to the estimate of the linear filter. The modification matters if the biases are
+    large. With the IMU ``consumer`` (20 mg), the NEES of position and velocity after 36 s is 8.1 for `iekf` and 5.5 for
+    `eskf15` (20 drives, 95 % band 4.6 to 7.6). With the IMU ``tactical``, this NEES is 5.0 for both filters.
+
+    As in `eskf15`, Phi does not include the Earth's rotation, because the error equation would then not be exactly
+    autonomous. Position and velocity are left-invariant observations, so the matrix H contains the estimate.
+
+    The engine `filterpy` runs the reference implementation in NumPy. The engine `compiled` runs the same equations in
+    compiled code.
+
+    Source: A. Barrau, S. Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE Transactions on
+    Automatic Control 62(4), 2017, doi:10.1109/TAC.2016.2594085; biases and discrete time: R. Hartley, M. Ghaffari, R.
+    M. Eustice, J. W. Grizzle, "Contact-aided invariant extended Kalman filtering for robot state estimation", The
+    International Journal of Robotics Research 39(4), 2020, doi:10.1177/0278364919894385. Neither recommends values of
+    the sensor noise; the defaults are the same as in eskf15.
+    """
+
+    provenance = Provenance(
+        "simplified",
+        "doi:10.1109/TAC.2016.2594085",
+        "Biases are additive; the error equation neglects the Earth's rotation.",
+    )
+
+    title: ClassVar[str] = "iekf"
+    invariant: ClassVar[bool] = True

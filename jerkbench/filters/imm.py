@@ -1,4 +1,4 @@
-"""Interacting multiple models: two kinematic filters that share one state."""
+"""The interacting multiple model (IMM) estimator with two kinematic filters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,13 +15,14 @@ from jerkbench.filters.common import (
     ACCEL_RANGE,
     ACCEL_WALK,
     BIAS_WALK,
+    FROM_FILTER,
     JERK_WALK,
     STAYS,
-    CompiledWays,
-    OverTimelines,
+    CompiledEstimator,
+    CompiledFunctions,
     StepModels,
+    adaptations_of_r,
     initial,
-    of_r_alone,
 )
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, Jerk
 from jerkbench.kalman import is_healthy, squared_distance, updated
@@ -31,59 +32,65 @@ from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline, build_timeline
 
 if TYPE_CHECKING:
-    from jerkbench.kinematic.mixture import Mixed  # what it imports takes half a second
+    from jerkbench.kinematic.mixture import Mixed  # importing this module takes half a second
 
 _MODELS = ("acceleration", "baseline", "bias", "jerk")
 BETWEEN_0_AND_1 = Limit(lambda p: 0 < p < 1, "it must lie between 0 and 1.")
 TWENTY_UPDATES = DefaultOrigin("ours: a model lasts 20 updates")
-OF_ITSELF = DefaultOrigin("that of the filter by itself")
 
 
 @register("filter", "imm")
 @dataclass(frozen=True)
-class InteractingMultipleModels(Limited, OverTimelines):
-    """Two kinematic filters side by side, mixed at each update by how well each explains the measurements.
+class InteractingMultipleModels(Limited, CompiledEstimator):
+    """Two kinematic filters run in parallel and are mixed at each update by the likelihood of the measurements.
 
-    With mode probabilities mu and transition probabilities Pi, one cycle, which is an update and the steps to it::
+    A cycle consists of a measurement update and the prediction steps before this update. In the following equations of
+    one cycle, mu are the mode probabilities and Pi are the transition probabilities::
 
         c_j = sum_i Pi_ij mu_i,  w_ij = Pi_ij mu_i/c_j
         x0_j = sum_i w_ij x_i,   P0_j = sum_i w_ij (P_i + (x_i - x0_j)(x_i - x0_j)')
-        each filter on its own: predict every step, then update, with its likelihood L_j = N(y_j; 0, S_j)
+        each filter separately: predict every step, then update, with the likelihood L_j = N(y_j; 0, S_j)
         mu_j = c_j L_j/sum_k c_k L_k
         x = sum_j mu_j x_j,      P = sum_j mu_j (P_j + (x_j - x)(x_j - x)')
 
-    Between two updates the weights are c. Pi is that of one update, whatever the time since the last.
+    Between two updates, the mode probabilities are c. The matrix Pi is applied once per update and does not depend on
+    the time between updates.
 
-    Both filters have the state of the larger one. The baseline next to a nine-state filter gets its third state as a
-    row that is inert: it neither acts on position and velocity nor changes, [[1, dt, 0], [0, 1, 0], [0, 0, 1]] with no
-    noise on it; mixing alone carries it over. Two filters whose third states mean different things (a jerk, a bias, an
-    acceleration) cannot be mixed; one model twice, with two noises, can.
+    Both filters need the same number of states. If `baseline` is paired with a nine-state filter, `baseline` is
+    extended by an inert third state per axis, with A = [[1, dt, 0], [0, 1, 0], [0, 0, 1]]. The inert state has no
+    process noise and does not affect position and velocity. Only the mixing changes the inert state. Two filters whose
+    third states have different meanings (jerk, bias, acceleration) cannot be mixed. Both filters may use the same model
+    with different noise parameters.
 
-    Good where the vehicle has two manners of moving that last for several updates; with little difference between the
-    models the probabilities stay near those of Pi alone. The reported NIS is that of the combined prediction.
+    The estimator works well if the vehicle has two modes of motion that last for several updates each. If the two
+    models are similar, the mode probabilities remain near the stationary probabilities of Pi. The reported NIS is
+    computed from the combined prediction of both filters.
 
-    An adaptation sees the innovation of the combined prediction, with its H P H', and both filters get the R that it
-    says, so that their likelihoods are of the same measurement; where it drops all rows there is no cycle. It takes
-    every adaptation that changes R alone: a prior of one filter is not that of a mixture.
+    An adaptation receives the innovation and the covariance H P H' of the combined prediction. Both filters use the
+    adapted R, so their likelihoods are comparable. If the adaptation drops all rows, the update and the mixing are
+    skipped. All adaptations that change only R are supported. Adaptations of the prior covariance are not supported,
+    because each of the two filters has a separate prior.
 
     Source: H. A. P. Blom, Y. Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Trans. Automatic Control 33(8), 1988, doi:10.1109/9.1299.
 
     Attributes:
-        first: first kinematic filter: acceleration, baseline, bias or jerk.
-        second: second one, of the same names.
-        first_stays: probability that the first model is still the right one at the next update [-].
-        second_stays: the same for the second [-].
-        first_probability: probability that the first is right at the start [-].
-        first_accel_mps2: sigma_a of the first, noise of one sample of u [m/s2].
-        second_accel_mps2: sigma_a of the second [m/s2].
-        jerk_mps3_per_sqrt_s: sigma_j of a jerk filter [m/s3/sqrt(s)].
-        initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
-        bias_mps2_per_sqrt_s: sigma_b of a bias filter [m/s2/sqrt(s)].
-        initial_bias_mps2: one sigma of the bias at the start [m/s2].
-        first_walk_mps2_per_sqrt_s: sigma_w of the first, if it is an acceleration filter [m/s2/sqrt(s)].
-        second_walk_mps2_per_sqrt_s: sigma_w of the second, likewise [m/s2/sqrt(s)].
-        initial_accel_mps2: one sigma of the acceleration at the start, of an acceleration filter [m/s2].
+        first: name of the first kinematic filter: acceleration, baseline, bias or jerk.
+        second: name of the second kinematic filter: acceleration, baseline, bias or jerk.
+        first_stays: Pi_11, probability that the first model remains valid until the next update [-].
+        second_stays: Pi_22, probability that the second model remains valid until the next update [-].
+        first_probability: initial mu_1, probability that the first model is valid at the start [-].
+        first_accel_mps2: sigma_a of the first filter, noise of one sample of the acceleration u [m/s2].
+        second_accel_mps2: sigma_a of the second filter, noise of one sample of the acceleration u [m/s2].
+        jerk_mps3_per_sqrt_s: sigma_j of a jerk filter, intensity of the random walk of the jerk [m/s3/sqrt(s)].
+        initial_jerk_mps3: standard deviation of the initial jerk [m/s3].
+        bias_mps2_per_sqrt_s: sigma_b of a bias filter, intensity of the random walk of the bias [m/s2/sqrt(s)].
+        initial_bias_mps2: standard deviation of the initial acceleration bias [m/s2].
+        first_walk_mps2_per_sqrt_s: sigma_w, intensity of the random walk of the acceleration in the first filter, if
+            that filter is `acceleration` [m/s2/sqrt(s)].
+        second_walk_mps2_per_sqrt_s: sigma_w, intensity of the random walk of the acceleration in the second filter, if
+            that filter is `acceleration` [m/s2/sqrt(s)].
+        initial_accel_mps2: standard deviation of the initial acceleration in an `acceleration` filter [m/s2].
     """
 
     provenance = Provenance("published", "doi:10.1109/9.1299")
@@ -93,47 +100,46 @@ class InteractingMultipleModels(Limited, OverTimelines):
     first_stays: Annotated[float, STAYS, TWENTY_UPDATES, BETWEEN_0_AND_1] = 0.95
     second_stays: Annotated[float, STAYS, TWENTY_UPDATES, BETWEEN_0_AND_1] = 0.95
     first_probability: Annotated[float, DefaultOrigin("ours: neither is preferred"), BETWEEN_0_AND_1] = 0.5
-    first_accel_mps2: Annotated[float, ACCEL_RANGE, OF_ITSELF, NOT_NEGATIVE] = 0.2
-    second_accel_mps2: Annotated[float, ACCEL_RANGE, OF_ITSELF, NOT_NEGATIVE] = 0.1
-    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, OF_ITSELF, NOT_NEGATIVE] = 6.0
-    initial_jerk_mps3: Annotated[float, OF_ITSELF, NOT_NEGATIVE] = 20.0
-    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, OF_ITSELF, NOT_NEGATIVE] = 0.03
-    initial_bias_mps2: Annotated[float, OF_ITSELF, NOT_NEGATIVE] = 0.1
-    first_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, OF_ITSELF, NOT_NEGATIVE] = 2.0
+    first_accel_mps2: Annotated[float, ACCEL_RANGE, FROM_FILTER, NOT_NEGATIVE] = 0.2
+    second_accel_mps2: Annotated[float, ACCEL_RANGE, FROM_FILTER, NOT_NEGATIVE] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FROM_FILTER, NOT_NEGATIVE] = 6.0
+    initial_jerk_mps3: Annotated[float, FROM_FILTER, NOT_NEGATIVE] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FROM_FILTER, NOT_NEGATIVE] = 0.03
+    initial_bias_mps2: Annotated[float, FROM_FILTER, NOT_NEGATIVE] = 0.1
+    first_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, FROM_FILTER, NOT_NEGATIVE] = 2.0
     second_walk_mps2_per_sqrt_s: Annotated[
         float, ACCEL_WALK, DefaultOrigin("ours: a tenth of the first, for calm driving"), NOT_NEGATIVE
     ] = 0.2
-    initial_accel_mps2: Annotated[float, OF_ITSELF, NOT_NEGATIVE] = 1.0
+    initial_accel_mps2: Annotated[float, FROM_FILTER, NOT_NEGATIVE] = 1.0
 
     def __post_init__(self) -> None:
-        """Check the limits and the pair of models."""
         super().__post_init__()
         for name in (self.first, self.second):
             require_known("model of filter imm", name, _MODELS)
         if len({self.first, self.second} - {"baseline"}) > 1:
             raise PluginError(
-                f"imm cannot mix {self.first} with {self.second}, whose third states mean different things; pair either"
-                " of them with baseline, or with itself."
+                f"imm cannot mix {self.first} with {self.second}, because their third states have different meanings;"
+                " combine each of these models only with baseline or with itself."
             )
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that change R alone."""
-        return of_r_alone()
+        """Names of the supported adaptations: all adaptations that change only R."""
+        return adaptations_of_r()
 
     @property
     def uses_imu(self) -> bool:
-        """Whether one of the two filters takes the IMU's acceleration."""
+        """True if at least one of the two filters uses the acceleration that the IMU measures."""
         return {self.first, self.second} != {"acceleration"}
 
     def models(self) -> tuple[Filter, Filter]:
-        """Return the two filters, with states of the same length."""
+        """Return the two filters, with states of the same dimension."""
         first = self._model(self.first, self.first_accel_mps2, self.first_walk_mps2_per_sqrt_s)
         second = self._model(self.second, self.second_accel_mps2, self.second_walk_mps2_per_sqrt_s)
         return embedded(first, like=second), embedded(second, like=first)
 
     def transitions(self) -> FloatArray:
-        """Return Pi (2, 2)."""
+        """Return the matrix Pi (2, 2) of transition probabilities."""
         return np.array(
             [
                 [self.first_stays, 1.0 - self.first_stays],
@@ -142,14 +148,14 @@ class InteractingMultipleModels(Limited, OverTimelines):
         )
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the combined solution at the reference's stamps."""
-        return self._mixture(build_timeline(recording, attitude), adaptation).to_the_end()
+        """Return the combined estimate of both filters at the time stamps of the reference."""
+        return self._mixture(build_timeline(recording, attitude), adaptation).run()
 
-    def compiled_ways(self) -> CompiledWays:
-        """Return what mixes the filters over one timeline, and over several side by side."""
-        from jerkbench.kinematic.mixture import mix_alone, mix_many
+    def compiled_functions(self) -> CompiledFunctions:
+        """Return the compiled IMM function for one timeline and the compiled IMM function for a batch of timelines."""
+        from jerkbench.kinematic.mixture import mix_many, mix_single
 
-        return mix_alone, mix_many
+        return mix_single, mix_many
 
     def _mixture(self, timeline: Timeline, adaptation: Adaptation) -> "Mixture":
         return Mixture(timeline, self.models(), self.transitions(), self._probabilities(), adaptation)
@@ -158,12 +164,10 @@ class InteractingMultipleModels(Limited, OverTimelines):
         return np.array([self.first_probability, 1.0 - self.first_probability])
 
     def start(self, timeline: Timeline) -> "Mixed":
-        """Return the filters with their mixed states at the start of a timeline."""
-        from jerkbench.kinematic.mixture import Mixed
-
+        """Return the two filters with their mixed states at the start of a timeline."""
         models, transitions = self.models(), self.transitions()
         x, P, weights = mixed_start(timeline, models, transitions, self._probabilities())
-        return Mixed(models, transitions, weights, x, P)
+        return models, x, P, transitions, weights
 
     def _model(self, name: str, accel_mps2: float, walk_mps2_per_sqrt_s: float) -> Filter:
         if name == "baseline":
@@ -175,48 +179,45 @@ class InteractingMultipleModels(Limited, OverTimelines):
         return Bias(accel_mps2, self.bias_mps2_per_sqrt_s, self.initial_bias_mps2)
 
 
-# Kinematic filters that run side by side and are mixed at each update: the algorithm of `imm`.
-
-
 @dataclass(frozen=True)
 class WithInertState:
-    """The baseline with a third state that does nothing.
+    """The filter `baseline` with an additional third state per axis that is constant and has no effect.
 
     Attributes:
-        baseline: the filter itself.
-        variance: initial variance of the third state, that of the filter it is mixed with.
+        baseline: the filter with two states per axis.
+        variance: initial variance of the third state, equal to the initial variance in the other filter of the mixture.
     """
 
     baseline: Filter
     variance: float
 
     def axis_model(self, dt: float, dt0: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return A (3, 3), b (3,), Q (3, 3) for a step of ``dt`` seconds."""
+        """Return A (3, 3), b (3,) and Q (3, 3) of one axis for a step of ``dt`` seconds."""
         A, b, Q = np.eye(3), np.zeros(3), np.zeros((3, 3))
         A[:2, :2], b[:2], Q[:2, :2] = self.baseline.axis_model(dt, dt0)
         return A, b, Q
 
     def initial_variances(self) -> FloatArray:
-        """Return (1,) the variance of the third state."""
+        """Return an array (1,) with the initial variance of the third state."""
         return np.array([self.variance])
 
 
 def embedded(model: Filter, like: Filter) -> Filter:
-    """Return ``model`` with as many states as ``like``, or itself where it has them."""
-    wanted = like.initial_variances()
-    return model if len(model.initial_variances()) >= len(wanted) else WithInertState(model, float(wanted[0]))
+    """Return ``model`` with at least as many states as ``like``. An inert state is added if necessary."""
+    required = like.initial_variances()
+    return model if len(model.initial_variances()) >= len(required) else WithInertState(model, float(required[0]))
 
 
 def mixed_start(
     timeline: Timeline, models: Sequence[Filter], transitions: FloatArray, mu: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the mixed states (k, n), covariances (k, n, n) and weights c (k,) of k filters at the start."""
+    """Return the mixed initial states (k, n), their covariances (k, n, n) and the weights c (k,) of k filters."""
     starts = [initial(timeline, model) for model in models]
     return mixed(np.array([x for x, _ in starts]), np.array([P for _, P in starts]), mu, transitions)
 
 
 class Mixture:
-    """The state of one run: the filters and the weights c of the mixed states."""
+    """One run of the IMM estimator: the filters, their mixed states, and the mode probabilities c."""
 
     def __init__(
         self,
@@ -226,14 +227,22 @@ class Mixture:
         mu: FloatArray,
         adaptation: Adaptation,
     ) -> None:
-        """Start all filters from the timeline's start."""
+        """Initialise all filters at the start of the timeline.
+
+        Args:
+            timeline: time steps and measurements of the run.
+            models: k filters with states of the same dimension.
+            transitions: (k, k) transition probabilities Pi.
+            mu: (k,) mode probabilities at the start.
+            adaptation: adaptation of the measurement covariance R.
+        """
         self.timeline, self.transitions = timeline, transitions
         self.models = [StepModels(model, timeline.dt0_s) for model in models]
         self.x, self.P, self.weights = mixed_start(timeline, models, transitions, mu)
         self.updates, self.healthy = AdaptedUpdates(timeline, adaptation), True
 
-    def to_the_end(self) -> Estimate:
-        """Go through the timeline; stops at the first sign of divergence."""
+    def run(self) -> Estimate:
+        """Return the combined estimate of the run, up to a step at which a covariance is not positive definite."""
         t, recorder = self.timeline, self.updates.recorder
         steps = zip(t.dt_s.tolist(), t.sample.tolist(), t.update.tolist(), t.reference.tolist(), strict=True)
         for k, (dt, sample, update, reference) in enumerate(steps):
@@ -254,7 +263,7 @@ class Mixture:
             self.x[j], self.P[j] = F @ self.x[j] + B @ u, F @ self.P[j] @ F.T + Q
 
     def _update(self, update: int) -> None:
-        """Adapt R by the combined prediction, update all filters; weigh and mix them if all are healthy."""
+        """Adapt R with the combined prediction, update both filters, and mix them if their covariances are valid."""
         x, P = combined(self.x, self.P, self.weights)
         _, R, rows = self.updates.take(update, lambda z, rows: (z - x[rows], P[np.ix_(rows, rows)]))
         if not rows.size:
@@ -274,7 +283,7 @@ class Mixture:
 def mixed(
     x: FloatArray, P: FloatArray, mu: FloatArray, transitions: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the mixed states (k, n), covariances (k, n, n) and the weights c (k,) that a cycle begins with."""
+    """Return the mixed states (k, n), covariances (k, n, n) and weights c (k,) at the start of an IMM cycle."""
     joint = transitions * mu[:, None]
     c = joint.sum(axis=0)
     parts = [combined(x, P, joint[:, j] / c[j]) for j in range(len(c))]
@@ -282,7 +291,7 @@ def mixed(
 
 
 def combined(x: FloatArray, P: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n,) and covariance (n, n) of a mixture of normal distributions."""
+    """Return the mean (n,) and the covariance (n, n) of a mixture of k normal distributions with ``weights`` (k,)."""
     mean = weights @ x
     deviation = x - mean
     spread = np.einsum("j,ja,jb->ab", weights, deviation, deviation)
@@ -290,12 +299,15 @@ def combined(x: FloatArray, P: FloatArray, weights: FloatArray) -> tuple[FloatAr
 
 
 def weighed(c: FloatArray, log_likelihood: FloatArray) -> FloatArray:
-    """Return mu (k,); the largest likelihood is taken out first, so that none underflows to nothing but the smaller."""
+    """Return the mode probabilities mu (k,) from the weights c (k,) and the log likelihoods (k,) of k filters.
+
+    The likelihoods are divided by the largest likelihood, so that at least one of them does not underflow.
+    """
     likely = c * np.exp(log_likelihood - log_likelihood.max())
     return np.asarray(likely / likely.sum())
 
 
 def log_density(y: FloatArray, S: FloatArray) -> float:
-    """Return log N(y; 0, S)."""
+    """Return log N(y; 0, S), the log density of a zero-mean normal distribution with covariance S at y."""
     log_det = np.linalg.slogdet(S)[1]
     return float(-0.5 * (squared_distance(y, S) + log_det + len(y) * np.log(2.0 * np.pi)))

@@ -1,4 +1,4 @@
-"""The parameters of the inertial filters, and what they need of a recording before the first step."""
+"""The parameters of the inertial filters, and the inputs of a run that depend on these parameters."""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,8 +15,8 @@ from jerkbench.inertial.mechanisation import SensorNoise, earth_at
 from jerkbench.inertial.run_inputs import (
     Constraints,
     Events,
+    InertialInputs,
     InertialSettings,
-    Journey,
     StartSigmas,
     align,
     merge_events,
@@ -34,60 +34,70 @@ DEG_PER_H = np.deg2rad(1.0) / 3600.0
 PER_SQRT_H = 1.0 / 60.0
 _MG = 1e-3 * GRAVITY_MPS2
 
-_GRADES = "ours: from a tactical sensor to a phone's on a vibrating vehicle"
+_GRADES = "ours: from a tactical sensor to the sensor of a phone on a vibrating vehicle"
 
-OF_FIELD = DefaultOrigin("data sheet: the simulated field's IMU, 0.0017 rad/s and 0.02 m/s2 a sample at 100 Hz")
-INDUSTRIAL = DefaultOrigin("ours, of the order of an industrial MEMS module")
+OF_FIELD = DefaultOrigin("data sheet: the IMU of the simulated field, 0.0017 rad/s and 0.02 m/s2 per sample at 100 Hz")
+INDUSTRIAL = DefaultOrigin("ours: order of magnitude of an industrial MEMS module")
 
 POSITIVE_SIGMA = Limit(lambda value: 0 < value < math.inf, "it must be positive.")
 MORE_THAN_0 = Limit(lambda value: value > 0, "it must be positive.")
 MAY_BE_OFF = Limit(lambda value: 0 <= value < math.inf, "it must be 0 (constant) or more.")
-OF_THREE = Limit(lambda arm: len(arm) == 3, "give three: forward, left, up.")
+OF_THREE = Limit(lambda arm: len(arm) == 3, "give three numbers: forward, left, up.")
 
 
 @dataclass(frozen=True)
 class Eskf15Parameters(Limited):
-    """The parameters of `eskf15`, and of the filters that are made of its parts.
+    """The parameters of `eskf15` and of the filters that are based on it.
+
+    All lever arms are vectors in the body frame (forward, left, up).
 
     Attributes:
         angle_random_walk_deg_per_sqrt_h: white noise of the gyro [deg/sqrt(h)].
         velocity_random_walk_mps_per_sqrt_h: white noise of the accelerometer [m/s/sqrt(h)].
-        gyro_instability_deg_per_h: sigma of the wandering part of the gyro's bias; 0: it is constant [deg/h].
-        gyro_correlation_s: tau of it [s].
-        accel_instability_mg: sigma of the wandering part of the accelerometer's bias; 0: it is constant [mg].
-        accel_correlation_s: tau of it [s].
-        gyro_turn_on_deg_per_h: one sigma of the gyro's bias at the start [deg/h].
-        accel_turn_on_mg: one sigma of the accelerometer's bias at the start [mg].
-        gyro_bias_from_rest: whether the gyro's mean over the rest at the start is its first bias.
-        yaw_source: first yaw, attitude (of the attitude filter) or track (of the fixes, whatever else there is).
-        initial_yaw_sigma_rad: one sigma of the first yaw, where its source is no less sure itself [rad].
-        track_least_m: how far apart two fixes have to be to show a course of the track [m].
-        position_sigma_m: one sigma of each axis of a fix, in place of the reported covariance; null: as reported [m].
-        antenna_m: lever arm from the IMU to the antenna, body: forward, left, up [m].
-        use_velocity: whether the velocity is used.
-        use_heading: whether a measured heading is used; one that is a course is taken for the body's.
-        wheel_scale: whether the error of a wheel's scale is estimated; needs a velocity in the frame "speed".
-        wheel_scale_sigma: one sigma of it at the start.
-        zero_velocity: whether the vehicle is held when it stands still.
-        zero_velocity_sigma_mps: one sigma of each axis then, and of the velocity at a start at rest [m/s].
-        still_window_s: how long the IMU has to be still [s].
-        still_accel_mps2: standard deviation of the accelerometer below which it is, three axes together [m/s2].
-        still_gyro_radps: standard deviation of the gyro below which it is, three axes together [rad/s].
-        still_below_mps: estimated speed below which it may be [m/s].
-        nonholonomic: whether the vehicle does not move sideways and upwards.
-        nonholonomic_sigma_mps: one sigma of each of the two [m/s].
-        nonholonomic_point_m: where that holds, and where a wheel measures (rear axle), from the IMU, body [m].
+        gyro_instability_deg_per_h: sigma of the time-varying part of the gyro bias, or 0 for a constant gyro bias
+            [deg/h].
+        gyro_correlation_s: tau, correlation time of the time-varying part of the gyro bias [s].
+        accel_instability_mg: sigma of the time-varying part of the accelerometer bias, or 0 for a constant bias [mg].
+        accel_correlation_s: tau, correlation time of the time-varying part of the accelerometer bias [s].
+        gyro_turn_on_deg_per_h: standard deviation of the initial gyro bias [deg/h].
+        accel_turn_on_mg: standard deviation of the initial accelerometer bias [mg].
+        gyro_bias_from_rest: if true, the initial gyro bias is the mean gyro output while the vehicle is at rest at the
+            start.
+        yaw_source: source of the initial yaw, either "attitude" (the attitude filter) or "track" (the position fixes).
+        initial_yaw_sigma_rad: minimum standard deviation of the initial yaw [rad].
+        track_least_m: minimum distance between two position fixes from which a course is computed [m].
+        position_sigma_m: standard deviation of each axis of a position fix, or null to use the reported covariance [m].
+        antenna_m: lever arm from the IMU to the GNSS antenna [m].
+        use_velocity: if true, the filter uses the measured velocities.
+        use_heading: if true, the filter uses the measured headings, and treats a measured course as the heading of the
+            body.
+        wheel_scale: if true, the filter estimates the scale error of the wheel speed, which requires a measured
+            velocity in the frame "speed".
+        wheel_scale_sigma: initial standard deviation of the scale error of the wheel speed [-].
+        zero_velocity: if true, the filter applies zero-velocity updates while the vehicle is stationary.
+        zero_velocity_sigma_mps: standard deviation of each axis of a zero-velocity update, and of the initial velocity
+            if the vehicle is at rest at the start [m/s].
+        still_window_s: minimum time for which the IMU must be stationary before a zero-velocity update [s].
+        still_accel_mps2: standard deviation of the accelerometer output (norm of 3 axes) below which the IMU is
+            regarded as stationary [m/s2].
+        still_gyro_radps: standard deviation of the gyro output (norm of 3 axes) below which the IMU is regarded as
+            stationary [rad/s].
+        still_below_mps: estimated speed below which zero-velocity updates are applied [m/s].
+        nonholonomic: if true, the filter constrains the lateral and vertical velocity in the body frame to zero.
+        nonholonomic_sigma_mps: standard deviation of each component of the non-holonomic constraint [m/s].
+        nonholonomic_point_m: lever arm from the IMU to the point at which the non-holonomic constraint and the wheel
+            speed apply, usually the rear axle [m].
         constraint_interval_s: time between two zero-velocity or non-holonomic updates [s].
-        reference_point_m: the point whose position and velocity are given out, from the IMU, body [m].
-        earth_rotation: whether the Earth's rotation is taken into account; needs the recording's origin, and a gyro
-            from which the mean at rest was not taken.
-        earth_curvature: whether gravity turns with the position.
+        reference_point_m: lever arm from the IMU to the point whose position and velocity the filter returns [m].
+        earth_rotation: if true, the filter compensates the Earth's rotation. The rotation is not compensated if the
+            recording has no origin. The mean at rest must not have been subtracted from the gyro data.
+        earth_curvature: if true, the direction of gravity in the filter depends on the position.
     """
 
     title: ClassVar[str]
     invariant: ClassVar[bool]
-    not_taken: ClassVar[tuple[str, ...]] = ()
-    """Parameters of `eskf15` that a filter made of its parts has no use for."""
+    unsupported: ClassVar[tuple[str, ...]] = ()
+    """Names of the parameters that the filter does not support."""
 
     angle_random_walk_deg_per_sqrt_h: Annotated[
         float,
@@ -142,17 +152,17 @@ class Eskf15Parameters(Limited):
     earth_curvature: bool = False
 
     def __post_init__(self) -> None:
-        """Check the limits and the source of the yaw, and that no parameter is given that the filter has no use for."""
         super().__post_init__()
         require_known(f"yaw_source of filter {self.title}", self.yaw_source, INERTIAL_YAW_SOURCES)
-        for name in self.not_taken:
+        for name in self.unsupported:
             if value := getattr(self, name):
                 raise PluginError(
-                    f"{self.title}.{name} is {value}; the filter {self.title} has none, set it to 0 or false."
+                    f"{self.title}.{name} is {value}, but {self.title} does not support this parameter; set {name} to 0"
+                    " or false."
                 )
 
     def sensor_noise(self) -> SensorNoise:
-        """Return the process noise in SI units."""
+        """Return the power spectral densities of the process noise in SI units."""
         gyro, accel = self.gyro_instability_deg_per_h * DEG_PER_H, self.accel_instability_mg * _MG
         return SensorNoise(
             angle=float(np.deg2rad(self.angle_random_walk_deg_per_sqrt_h) * PER_SQRT_H) ** 2,
@@ -162,21 +172,26 @@ class Eskf15Parameters(Limited):
         )
 
 
-# The inputs of an inertial run as the parameters ask for them: measurements, start, settings.
+# Functions that compute the inputs of an inertial run from the parameters.
 
 YAW_WALK = 2e-4
-"""Random walk of the yaw of the track [rad/sqrt(s)]; the attitude filters' own default."""
+"""Random walk of the yaw of the track [rad/sqrt(s)], equal to the default of the attitude filters."""
 
 COURSE_SIGMA_RAD = 0.0087
-"""Least sigma of a course of the track; the attitude filters' own default."""
+"""Minimum standard deviation of a course of the track [rad], equal to the default of the attitude filters."""
 
 
 def run_inputs(
     parameters: Eskf15Parameters, recording: Recording, attitude: Attitude, timeline: Timeline | None = None
-) -> Journey:
-    """Return everything that a run needs besides its adaptation.
+) -> InertialInputs:
+    """Return the inputs of a run of an inertial filter, except the adaptation.
 
-    ``timeline`` is that of ``recording`` and ``attitude``, as `takes_timeline` says; None: it is made here.
+    Args:
+        parameters: parameters of the inertial filter.
+        recording: recording with the IMU data and the measurements.
+        attitude: output of the attitude filter, from which the run is initialised.
+        timeline: timeline of ``recording`` and ``attitude``, or None to compute the timeline. A timeline may be passed
+            only if `takes_timeline` returns true.
     """
     recording = aided(parameters, recording)
     timeline = _timeline(recording, attitude) if timeline is None else timeline
@@ -184,33 +199,35 @@ def run_inputs(
     steps = Same(timeline.t_s, timeline.update, timeline.reference)
     events = _events(steps, recording.inertial, headings, parameters.constraint_interval_s)
     start = _start(parameters, recording, attitude, timeline)
-    return Journey(recording.inertial, timeline, headings, events, start, _settings(parameters, recording))
+    return InertialInputs(recording.inertial, timeline, headings, events, start, _settings(parameters, recording))
 
 
-@lru_cache(maxsize=32)  # as many as a process keeps recordings
+@lru_cache(maxsize=32)  # the number of recordings that a process caches
 def _events(steps: Same, imu: Imu, headings: Heading | None, constraint_interval_s: float) -> Events:
     t_s, updates, references = steps.objects
     return merge_events(t_s, updates, references, imu, headings, constraint_interval_s)
 
 
 def takes_timeline(parameters: Eskf15Parameters, recording: Recording) -> bool:
-    """Whether a run takes the timeline of ``recording`` as it is, and looks at its covariances nowhere else."""
-    as_it_is = aided(parameters, recording) is recording and _velocity_frame(recording) == "enu"
-    return as_it_is and parameters.yaw_source != "track"
+    """Return whether a run can use the timeline of ``recording`` unchanged, with all measurement covariances."""
+    unchanged = aided(parameters, recording) is recording and _velocity_frame(recording) == "enu"
+    return unchanged and parameters.yaw_source != "track"
 
 
 def aided(parameters: Eskf15Parameters, recording: Recording) -> Recording:
-    """The recording with the measurements, and the fixes' covariance, that are asked for.
+    """Return the recording with only the measurements that the filter uses.
+
+    If ``position_sigma_m`` is set, the covariances of the position fixes are replaced.
 
     Raises:
-        RecordingError: the wheel's scale is asked for, and there is no wheel's speed.
+        RecordingError: ``wheel_scale`` is set, but the recording has no wheel speed.
     """
     if not parameters.use_velocity:
         recording = replace(recording, velocity=None)
     if parameters.wheel_scale and _velocity_frame(recording) != "speed":
         raise RecordingError(
-            f"{recording.name}: {parameters.title}.wheel_scale needs a wheel's speed, and the velocity that is used is"
-            f" {'none' if recording.velocity is None else recording.velocity.frame}; switch wheel_scale off."
+            f"{recording.name}: {parameters.title}.wheel_scale needs a wheel speed, but the frame of the velocity is"
+            f" {'none' if recording.velocity is None else recording.velocity.frame}; set wheel_scale to false."
         )
     if parameters.position_sigma_m is not None and recording.position is not None:
         covariance = np.broadcast_to(parameters.position_sigma_m**2 * np.eye(3), recording.position.covariance_m2.shape)
@@ -239,7 +256,7 @@ def _start(
 def first_yaw(
     parameters: Eskf15Parameters, recording: Recording, attitude: Attitude, sample: int
 ) -> tuple[float, float]:
-    """First yaw and its sigma, as its source sees it; an attitude that says none is taken to be sure."""
+    """Return the initial yaw and its sigma [rad]. The sigma is 0 if the attitude filter does not report a sigma."""
     if parameters.yaw_source == "track":
         track, (roll, pitch, _) = required_track(recording, parameters.track_least_m), attitude.euler_rad.T
         yaw = estimate_yaw(recording.inertial, roll, pitch, track, YAW_WALK, COURSE_SIGMA_RAD)
@@ -266,20 +283,19 @@ def _settings(parameters: Eskf15Parameters, recording: Recording) -> InertialSet
         antenna_m=np.array(parameters.antenna_m),
         reference_point_m=np.array(parameters.reference_point_m),
         velocity_frame=_velocity_frame(recording),
-        wheel_m=np.array(parameters.nonholonomic_point_m),
         constraints=constraints,
         invariant=parameters.invariant,
     )
 
 
 def _timeline(recording: Recording, attitude: Attitude) -> Timeline:
-    """The events with the velocity as it is measured, and the start with the velocity in ENU."""
+    """Return the timeline with measured velocities in the frame of the measurement, but the initial velocity in ENU."""
     if recording.velocity is None or recording.velocity.frame == "enu":
         return build_timeline(recording, attitude)
-    as_measured = replace(recording, velocity=replace(recording.velocity, frame="enu"))  # its own attitude turns it
+    as_measured = replace(recording, velocity=replace(recording.velocity, frame="enu"))  # prevents a rotation to ENU
     timeline = build_timeline(as_measured, attitude)
-    turned = build_timeline(recording, attitude)
-    return replace(timeline, x0=turned.x0, P0=turned.P0)
+    in_enu = build_timeline(recording, attitude)
+    return replace(timeline, x0=in_enu.x0, P0=in_enu.P0)
 
 
 def _velocity_frame(recording: Recording) -> str:

@@ -1,4 +1,4 @@
-"""The Rauch-Tung-Striebel smoother over a kinematic filter, or over fixes alone: it sees the future."""
+"""The Rauch-Tung-Striebel smoother over a kinematic filter, with or without the IMU."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,46 +14,46 @@ from jerkbench.filters.common import (
     ACCEL_RANGE,
     ACCEL_WALK,
     BIAS_WALK,
+    FROM_FILTER,
     JERK_WALK,
     VELOCITY_WALK,
-    CompiledWays,
+    CompiledEstimator,
+    CompiledFunctions,
     MeasurementUpdates,
-    OverTimelines,
     StepModels,
+    adaptations_of_r_or_fading,
     initial,
-    of_r_or_fading,
 )
 from jerkbench.filters.constant_turn import TURN_WALK, ConstantTurn
 from jerkbench.filters.kinematic import Acceleration, Baseline, Bias, ConstantVelocity, Jerk
 from jerkbench.kalman import is_healthy
-from jerkbench.parameters import DefaultOrigin, Provenance
+from jerkbench.parameters import Provenance
 from jerkbench.plugins import register
 from jerkbench.recording import Recording
 from jerkbench.timeline import Timeline, build_timeline
 
 _MODELS = ("baseline", "bias", "jerk")
-OF_FIXES = ("acceleration", "constant_turn", "constant_velocity")
-OF_THE_FILTER = DefaultOrigin("that of the filter by itself")
+FIXES_MODELS = ("acceleration", "constant_turn", "constant_velocity")
 
 
-class Smoother(OverTimelines):
-    """The smoother, whatever filter it runs over."""
+class Smoother(CompiledEstimator):
+    """Base class of the smoothers over kinematic filters. A subclass provides the filter of the forward pass."""
 
     def kinematic_filter(self) -> Filter | ConstantTurn:
-        """Return the filter of the forward pass."""
+        """Return the filter that the forward pass runs."""
         raise NotImplementedError
 
     @property
     def adaptations(self) -> tuple[str, ...]:
-        """Names of the adaptations that it accepts: all that change R, or fade P-."""
-        return of_r_or_fading()
+        """Names of the supported adaptations: all adaptations that change only R or fade the prior covariance P-."""
+        return adaptations_of_r_or_fading()
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
+        """Return the smoothed estimate at the time stamps of the reference, up to a divergence of the forward pass."""
         return self.smooth(build_timeline(recording, attitude), adaptation)
 
     def smooth(self, timeline: Timeline, adaptation: Adaptation) -> Estimate:
-        """Return the smoothed solution of a timeline."""
+        """Smooth the states of a timeline and return the smoothed estimate at the time stamps of the reference."""
         update = MeasurementUpdates(timeline, adaptation)
         forward, failure = _forward(timeline, self.kinematic_filter(), update)
         x, P = smoothed(forward)
@@ -61,71 +61,80 @@ class Smoother(OverTimelines):
             update.recorder.state(int(timeline.reference[k]), x[k, :6], P[k, :6, :6])
         return update.recorder.estimate(failure)
 
-    def compiled_ways(self) -> CompiledWays | None:
-        """Return what smooths one timeline, and several side by side; of a turn there is no compiled way."""
+    def compiled_functions(self) -> CompiledFunctions | None:
+        """Return the compiled smoothers for one timeline and for a batch of timelines, or None for `constant_turn`."""
         from jerkbench.kinematic.smoother import smooth_many, smooth_one
 
         return None if isinstance(self.kinematic_filter(), ConstantTurn) else (smooth_one, smooth_many)
 
     def start(self, timeline: Timeline) -> Filter | ConstantTurn:
-        """Return the filter of the forward pass, which begins as the timeline says."""
+        """Return the filter of the forward pass, which the compiled smoother takes as an argument."""
         return self.kinematic_filter()
 
 
 @register("filter", "rts")
 @dataclass(frozen=True)
 class RauchTungStriebel(Smoother):
-    """The Rauch-Tung-Striebel smoother over a kinematic filter: every estimate knows all measurements, later ones too.
+    """The Rauch-Tung-Striebel smoother over a kinematic filter: every estimate uses all measurements.
 
-    Forward, the filter ``model`` with the adaptation: x, P after each step of the timeline, x-, P- before its update.
-    Backward from the last step, with F from k to k + 1::
+    The forward pass runs the filter ``model`` with the adaptation. For each time step, the forward pass stores the
+    prior state x- and its covariance P-, and the posterior state x and its covariance P. The backward pass starts at
+    the last step. In the following equations of the backward pass, F is the transition matrix from step k to step k +
+    1::
 
         G = P F' (P-_{k+1})^-1
         xs = x + G (xs_{k+1} - x-_{k+1})
         Ps = P + G (Ps_{k+1} - P-_{k+1}) G',  symmetrised
 
-    No filter of the same model can be better: the row tells what waiting for the rest of the recording would gain,
-    most of it in outages. It is of no use while driving. A wrong model stays wrong in hindsight, and innovations and
-    NIS are those of the forward pass. The covariances R that an adaptation chose are kept as they were, and so is a P-
-    that it faded: to the backward pass that is a larger Q. One that chooses P- or the gain otherwise is not accepted.
+    If the model is correct, no filter with the same model has a smaller expected error than the smoother. The
+    difference between the filter and the smoother shows the benefit of later measurements, which is largest in outages.
+    The smoother cannot be used online, and it does not correct a wrong model. The reported innovations and NIS are
+    computed in the forward pass. The backward pass uses the adapted R and the faded P- of the forward pass. For the
+    backward pass, a faded P- is equivalent to a larger Q. Adaptations that change P- or the gain in any other way are
+    not supported.
 
-    The engine `filterpy` runs this in NumPy, the definition of right, and keeps every step: 1.4 kB each with six
-    states, 2.9 kB with nine. The engine `compiled` runs the same by adjoints (`jerkbench.kinematic.smoother`), which
-    take no inverse of P-, and agrees to 1e-9 m, and to 1e-12 of sqrt(P_ii P_jj) or what the inverse of P- makes of
-    changes in the last bits of the input. In a gap both subtract nearly equal covariances, and have errors of 1e-12
-    of the filtered P, hundreds of times Ps and more: of Ps after 4 s up to 1e-10 here and 6e-12 in NumPy, against
-    extended precision; where P is larger still it is the other way round. The filtered P itself is that uncertain.
+    The engine `filterpy` runs the reference implementation in NumPy. The reference implementation stores every step,
+    which needs 1.4 kB per step with six states and 2.9 kB per step with nine states. The engine `compiled` runs a
+    backward pass with adjoint variables (`jerkbench.kinematic.smoother`), which does not invert P-. The states of both
+    engines agree to 1e-9 m. The covariances of both engines agree to 1e-12 of sqrt(P_ii P_jj), or to the effect that a
+    change in the last bits of the input has on the inverse of P-. In a gap between measurements, both engines subtract
+    nearly equal covariances. The rounding errors in a gap are about 1e-12 of the filtered P, which can be hundreds of
+    times larger than Ps. Compared with extended precision, the relative error of Ps after a gap of 4 s is up to 1e-10
+    in `compiled` and up to 6e-12 in `filterpy`. With an even larger filtered P, `compiled` is more accurate than
+    `filterpy`. The rounding errors of the filtered P have the same size.
 
     Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
     Journal 3(8), 1965, doi:10.2514/3.3166.
 
     Attributes:
-        model: kinematic filter: baseline, bias or jerk. Fields of the other models do nothing.
-        accel_mps2: sigma_a, noise of one sample of u [m/s2].
-        jerk_mps3_per_sqrt_s: sigma_j, random walk of the jerk [m/s3/sqrt(s)].
-        initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
-        bias_mps2_per_sqrt_s: sigma_b, random walk of the bias [m/s2/sqrt(s)].
-        initial_bias_mps2: one sigma of the bias at the start [m/s2].
+        model: name of the kinematic filter: baseline, bias or jerk. The parameters of the two other kinematic filters
+            have no effect.
+        accel_mps2: sigma_a, noise of one sample of the acceleration u [m/s2].
+        jerk_mps3_per_sqrt_s: sigma_j, intensity of the random walk of the jerk [m/s3/sqrt(s)].
+        initial_jerk_mps3: standard deviation of the initial jerk [m/s3].
+        bias_mps2_per_sqrt_s: sigma_b, intensity of the random walk of the bias [m/s2/sqrt(s)].
+        initial_bias_mps2: standard deviation of the initial bias [m/s2].
     """
 
     provenance = Provenance("published", "doi:10.2514/3.3166")
 
     model: str = "bias"
-    accel_mps2: Annotated[float, ACCEL_RANGE, OF_THE_FILTER] = 0.1
-    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, OF_THE_FILTER] = 6.0
-    initial_jerk_mps3: Annotated[float, OF_THE_FILTER] = 20.0
-    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, OF_THE_FILTER] = 0.03
-    initial_bias_mps2: Annotated[float, OF_THE_FILTER] = 0.1
+    accel_mps2: Annotated[float, ACCEL_RANGE, FROM_FILTER] = 0.1
+    jerk_mps3_per_sqrt_s: Annotated[float, JERK_WALK, FROM_FILTER] = 6.0
+    initial_jerk_mps3: Annotated[float, FROM_FILTER] = 20.0
+    bias_mps2_per_sqrt_s: Annotated[float, BIAS_WALK, FROM_FILTER] = 0.03
+    initial_bias_mps2: Annotated[float, FROM_FILTER] = 0.1
 
     def __post_init__(self) -> None:
-        """Check the name of the model and the noises, those of the other models too."""
-        if self.model in OF_FIXES:
-            raise PluginError(f"The model {self.model} uses no IMU: take filter=rts_fixes filter.model={self.model}.")
+        if self.model in FIXES_MODELS:
+            raise PluginError(
+                f"filter=rts does not support the model {self.model}; use filter=rts_fixes filter.model={self.model}."
+            )
         require_known("model of filter rts", self.model, _MODELS)
         require_not_negative("filter rts", self, list(vars(self))[1:])
 
     def kinematic_filter(self) -> Filter:
-        """Return the filter of the forward pass."""
+        """Return the filter ``model`` with the parameters of this smoother."""
         if self.model == "baseline":
             return Baseline(self.accel_mps2)
         if self.model == "jerk":
@@ -136,21 +145,23 @@ class RauchTungStriebel(Smoother):
 @register("filter", "rts_fixes")
 @dataclass(frozen=True)
 class SmoothedFixes(Smoother):
-    """The Rauch-Tung-Striebel smoother of fixes alone: the IMU is not used, every estimate knows all fixes.
+    """The Rauch-Tung-Striebel smoother over position fixes without the IMU: every estimate uses all fixes.
 
-    It is `rts` over one of the filters that take no acceleration. Over `constant_turn` it is the extended smoother: F
-    is the Jacobian at the filtered state. `jerkbench smooth` tunes it on the log itself, and writes the track as GPX.
+    The equations are the same as in `rts`, but the filter of the forward pass does not use the measured acceleration.
+    With the model `constant_turn`, this is an extended Kalman smoother, in which F is the Jacobian at the filtered
+    state. The command `jerkbench smooth` tunes this smoother on a log and writes the smoothed track to a GPX file.
 
     Source: H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
     Journal 3(8), 1965, doi:10.2514/3.3166.
 
     Attributes:
-        model: acceleration, constant_turn or constant_velocity. Fields of the other models do nothing.
-        velocity_walk_mps_per_sqrt_s: q, random walk of the velocity [m/s/sqrt(s)].
-        turn_walk_radps_per_sqrt_s: q_w, random walk of the rate of turn [rad/s/sqrt(s)].
-        initial_turn_radps: one sigma of the rate of turn at the start [rad/s].
-        accel_walk_mps2_per_sqrt_s: sigma_w, random walk of the acceleration [m/s2/sqrt(s)].
-        initial_accel_mps2: one sigma of the acceleration at the start [m/s2].
+        model: name of the kinematic filter: acceleration, constant_turn or constant_velocity. The parameters of the two
+            other kinematic filters have no effect.
+        velocity_walk_mps_per_sqrt_s: q, intensity of the random walk of the velocity [m/s/sqrt(s)].
+        turn_walk_radps_per_sqrt_s: q_w, intensity of the random walk of the turn rate [rad/s/sqrt(s)].
+        initial_turn_radps: standard deviation of the initial turn rate [rad/s].
+        accel_walk_mps2_per_sqrt_s: sigma_w, intensity of the random walk of the acceleration [m/s2/sqrt(s)].
+        initial_accel_mps2: standard deviation of the initial acceleration [m/s2].
     """
 
     provenance = Provenance("published", "doi:10.2514/3.3166")
@@ -158,19 +169,18 @@ class SmoothedFixes(Smoother):
     uses_imu: ClassVar[bool] = False
 
     model: str = "constant_velocity"
-    velocity_walk_mps_per_sqrt_s: Annotated[float, VELOCITY_WALK, OF_THE_FILTER] = 1.0
-    turn_walk_radps_per_sqrt_s: Annotated[float, TURN_WALK, OF_THE_FILTER] = 0.05
-    initial_turn_radps: Annotated[float, OF_THE_FILTER] = 0.1
-    accel_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, OF_THE_FILTER] = 2.0
-    initial_accel_mps2: Annotated[float, OF_THE_FILTER] = 1.0
+    velocity_walk_mps_per_sqrt_s: Annotated[float, VELOCITY_WALK, FROM_FILTER] = 1.0
+    turn_walk_radps_per_sqrt_s: Annotated[float, TURN_WALK, FROM_FILTER] = 0.05
+    initial_turn_radps: Annotated[float, FROM_FILTER] = 0.1
+    accel_walk_mps2_per_sqrt_s: Annotated[float, ACCEL_WALK, FROM_FILTER] = 2.0
+    initial_accel_mps2: Annotated[float, FROM_FILTER] = 1.0
 
     def __post_init__(self) -> None:
-        """Check the name of the model and the noises, those of the other models too."""
-        require_known("model of filter rts_fixes", self.model, OF_FIXES)
+        require_known("model of filter rts_fixes", self.model, FIXES_MODELS)
         require_not_negative("filter rts_fixes", self, list(vars(self))[1:])
 
     def kinematic_filter(self) -> Filter | ConstantTurn:
-        """Return the filter of the forward pass."""
+        """Return the filter ``model`` with the parameters of this smoother."""
         if self.model == "acceleration":
             return Acceleration(self.accel_walk_mps2_per_sqrt_s, self.initial_accel_mps2)
         if self.model == "constant_velocity":
@@ -179,14 +189,14 @@ class SmoothedFixes(Smoother):
 
 
 class ForwardPass(NamedTuple):
-    """The results of the forward pass that the backward pass needs, for each of n steps.
+    """The states and covariances of the forward pass at each of n time steps, with s states.
 
     Attributes:
-        x: (n, s) after the update.
-        P: (n, s, s) its covariance.
-        x_prior: (n, s) before the update.
-        P_prior: (n, s, s) its covariance, faded where the adaptation did.
-        F: n matrices (s, s) that led to the step; the first is not used.
+        x: (n, s) posterior states, after the update of each step.
+        P: (n, s, s) posterior covariances of ``x``.
+        x_prior: (n, s) prior states, before the update of each step.
+        P_prior: (n, s, s) prior covariances of ``x_prior``, including the fading factor of the adaptation.
+        F: list of n transition matrices (s, s), each from the previous step to this step. The first matrix is not used.
     """
 
     x: FloatArray
@@ -196,12 +206,12 @@ class ForwardPass(NamedTuple):
     F: list[FloatArray]
 
     def until(self, k: int) -> "ForwardPass":
-        """Return the first ``k`` steps."""
+        """Return the results of the first ``k`` time steps."""
         return ForwardPass(self.x[:k], self.P[:k], self.x_prior[:k], self.P_prior[:k], self.F[:k])
 
 
 def smoothed(forward: ForwardPass) -> tuple[FloatArray, FloatArray]:
-    """Return the smoothed x (n, s) and P (n, s, s)."""
+    """Run the backward pass and return the smoothed states x (n, s) and their covariances P (n, s, s)."""
     x, P = forward.x.copy(), forward.P.copy()
     for k in range(len(x) - 2, -1, -1):
         prior = forward.P_prior[k + 1]
@@ -213,11 +223,11 @@ def smoothed(forward: ForwardPass) -> tuple[FloatArray, FloatArray]:
 
 
 Predict = Callable[[FloatArray, FloatArray, float, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""x, P, the length of a step and u -> x and P after it, and F."""
+"""A function of x, P, the step length [s] and the input u that returns x and P after the step, and F."""
 
 
-def _begin(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray, FloatArray, Predict]:
-    """Return x and P at the start, and what predicts a step."""
+def _start(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray, FloatArray, Predict]:
+    """Return the initial x and P of the filter, and the function that predicts one time step."""
     if isinstance(model, ConstantTurn):
         return *model.start(timeline), lambda x, P, dt, _: model.predicted(x, P, dt)
     models = StepModels(model, timeline.dt0_s)
@@ -230,18 +240,22 @@ def _begin(timeline: Timeline, model: Filter | ConstantTurn) -> tuple[FloatArray
 
 
 def _forward(timeline: Timeline, model: Filter | ConstantTurn, update: MeasurementUpdates) -> tuple[ForwardPass, str]:
-    """Filter; return every step up to the end or the first sign of divergence, and the reason for that."""
-    x, P, predicted = _begin(timeline, model)
+    """Run the forward pass and return its results, and the reason of the divergence.
+
+    If the filter diverges, the results end before the step of the divergence. If the filter does not diverge, the
+    reason is an empty string.
+    """
+    x, P, predicted = _start(timeline, model)
     n, s = len(timeline.dt_s), len(x)
-    kept = ForwardPass(np.empty((n, s)), np.empty((n, s, s)), np.empty((n, s)), np.empty((n, s, s)), [np.eye(s)] * n)
+    forward = ForwardPass(np.empty((n, s)), np.empty((n, s, s)), np.empty((n, s)), np.empty((n, s, s)), [np.eye(s)] * n)
     for k, (dt, sample) in enumerate(zip(timeline.dt_s.tolist(), timeline.sample.tolist(), strict=True)):
         if dt > 0:
-            x, P, kept.F[k] = predicted(x, P, dt, timeline.accel_enu_mps2[sample])
-        kept.x_prior[k], kept.P_prior[k] = x, P
+            x, P, forward.F[k] = predicted(x, P, dt, timeline.accel_enu_mps2[sample])
+        forward.x_prior[k], forward.P_prior[k] = x, P
         row = int(timeline.update[k])
         if row >= 0:
-            x, P, kept.P_prior[k] = update(row, x, P)
+            x, P, forward.P_prior[k] = update(row, x, P)
             if not is_healthy(x, P):
-                return kept.until(k), f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
-        kept.x[k], kept.P[k] = x, P
-    return kept, ""
+                return forward.until(k), f"the covariance is no longer positive definite at {timeline.t_s[k]:.2f} s"
+        forward.x[k], forward.P[k] = x, P
+    return forward, ""

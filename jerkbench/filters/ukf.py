@@ -1,4 +1,4 @@
-"""The unscented inertial navigation: filterpy's UKF over the error state of eskf15."""
+"""The unscented Kalman filter for inertial navigation, which uses filterpy's UKF over the error state of `eskf15`."""
 
 import time
 from collections.abc import Callable
@@ -12,10 +12,10 @@ from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.filters.eskf15 import InertialFilter
 from jerkbench.geometry import wrap_angle
-from jerkbench.inertial.run import InertialRun, InertialSolution
-from jerkbench.inertial.run_inputs import Events, Journey
+from jerkbench.inertial.run import InertialRun
+from jerkbench.inertial.run_inputs import Events, InertialInputs
 from jerkbench.inertial.state import BA, BG, GYRO, PHI, STATES, NavigationState, P, V, added, rotation_exp
-from jerkbench.inertial.update import heading, point_in_enu, velocity_in_body, wheel_speed
+from jerkbench.inertial.update import heading, velocity_in_body
 from jerkbench.notices import notify
 from jerkbench.parameters import DefaultOrigin, Limit, Provenance, Range
 from jerkbench.plugins import register
@@ -29,25 +29,30 @@ MINUS_STATES = Limit(lambda kappa: kappa > -15.0, "it must be above -15, minus t
 @register("filter", "ukf")
 @dataclass(frozen=True)
 class Ukf(InertialFilter):
-    """Inertial navigation by an unscented Kalman filter over the error state, attitudes as rotation vectors.
+    """Inertial navigation with an unscented Kalman filter over the error state, with attitudes as rotation vectors.
 
-    The nominal state, the measurements, the start and the parameters are those of `eskf15`; scale factors, a wheel's
-    scale and the Earth's turning and curvature it has not. In the place of Phi and H stand sigma points, of n = 15::
+    The nominal state, the measurements, the initialisation and the parameters are the same as in `eskf15`. The scale
+    error of a wheel, and the Earth's rotation and curvature are not supported. Sigma points replace the matrices Phi
+    and H. The following equations define the sigma points dx_i and their weights, with n = 15 states::
 
         dx_0 = 0,  dx_i = +-row i of the Cholesky factor of (n + lambda) P;  lambda = alpha^2 (n + kappa) - n
-        weights: W_0 = lambda/(n + lambda) (for P: + 1 - alpha^2 + beta), else 1/(2 (n + lambda))
+        weights: W_0 = lambda/(n + lambda) (for P: + 1 - alpha^2 + beta), otherwise 1/(2 (n + lambda))
 
-    Each dx_i is put into the nominal state (C_i = Exp(phi_i) C, the rest is added), carried over every sample of the
-    IMU by the mechanisation itself, and taken back as an error about sigma point 0, phi_i as the rotation vector of
-    C_i C_0'. Mean and covariance are filterpy's unscented transform, plus the Q of eskf15. An update is filterpy's too,
-    with h(x) of each sigma point; its mean goes into the nominal state at once, and P is taken again about the new one.
+    Each error dx_i is applied to the nominal state. The attitude is C_i = Exp(phi_i) C, and the other components are
+    added. Each resulting state is propagated over every IMU sample with the strapdown equations. The propagated state
+    is converted back into an error about sigma point 0, where phi_i is the rotation vector of C_i C_0'. The unscented
+    transform of filterpy computes the mean and the covariance of these errors, and the filter adds the Q of `eskf15` to
+    the covariance. filterpy also computes the measurement update, with the predicted measurement h(x) of each sigma
+    point. The updated mean is applied to the nominal state immediately, and P is then computed about the new nominal
+    state.
 
-    Where the attitude is known to some degrees it is eskf15 with more work; it has no derivative to be wrong, and sees
-    the second order of a large first yaw. It takes every adaptation that changes R alone.
+    If the attitude is known to a few degrees, the result is nearly the same as with `eskf15`. The UKF needs no
+    derivatives and includes the second-order effects of a large error of the initial yaw. All adaptations that change
+    only R are supported.
 
-    It is slow, because filterpy makes its sigma points one after the other: some thirty times slower than the NumPy way
-    of eskf15, a thousand times slower than the compiled one, with either engine. A run that lasts longer than ten
-    seconds says every ten how far it has come.
+    filterpy processes the sigma points one after the other. With either engine, the UKF is therefore about 30 times
+    slower than `eskf15` in NumPy and 1000 times slower than the compiled `eskf15`. The filter prints its progress every
+    10 s.
 
     Source: E. A. Wan, R. van der Merwe, "The unscented Kalman filter for nonlinear estimation", AS-SPCC 2000,
     doi:10.1109/ASSPCC.2000.882463; attitude errors as the state: J. L. Crassidis, F. L. Markley, "Unscented filtering
@@ -55,136 +60,133 @@ class Ukf(InertialFilter):
     filterpy 2 by R. R. Labbe (MIT).
 
     Attributes:
-        alpha: how far out the sigma points lie, as a part of sqrt(n + kappa) sigmas.
-        beta: of the prior's fourth moment; 2 is a Gaussian's.
-        kappa: shifts weight to sigma point 0.
+        alpha: spread of the sigma points, which lie at alpha sqrt(n + kappa) standard deviations [-].
+        beta: parameter of the weights for the fourth moment of the prior, which is 2 for a Gaussian prior [-].
+        kappa: secondary scaling parameter, which increases the weight of sigma point 0 [-].
     """
 
     provenance = Provenance("simplified", "doi:10.1109/ASSPCC.2000.882463", "Over the error state of `eskf15`.")
 
     title: ClassVar[str] = "ukf"
-    not_taken: ClassVar[tuple[str, ...]] = ("wheel_scale", "earth_rotation", "earth_curvature")
+    unsupported: ClassVar[tuple[str, ...]] = ("wheel_scale", "earth_rotation", "earth_curvature")
 
     alpha: Annotated[
         float,
         Limit(lambda alpha: 0.0 < alpha <= 1.0, "it must be above 0 and at most 1."),
-        Range(0.01, 1.0, log=True, source="the paper: 1e-4 to 1; below .01 a double has too few digits"),
-        DefaultOrigin("ours: within the paper's 1e-4 to 1, with digits to spare"),
+        Range(0.01, 1.0, log=True, source="the paper: 1e-4 to 1; below 0.01 double precision is not enough"),
+        DefaultOrigin("ours: within the range 1e-4 to 1 of the paper, and large enough for double precision"),
     ] = 0.1
     beta: Annotated[float, DefaultOrigin(LITERATURE)] = 2.0
     kappa: Annotated[float, DefaultOrigin(LITERATURE), MINUS_STATES] = 0.0
 
     def estimate(self, recording: Recording, attitude: Attitude, adaptation: Adaptation) -> Estimate:
-        """Return the navigation solution at the reference's stamps."""
-        from filterpy.kalman import MerweScaledSigmaPoints  # a second, because it imports pyplot
+        """Return the navigation solution at the time stamps of the reference."""
+        from filterpy.kalman import MerweScaledSigmaPoints  # this import takes a second, because it loads pyplot
 
         points = MerweScaledSigmaPoints(15, self.alpha, self.beta, self.kappa)
-        journey = self.journey(recording, attitude)
-        return UnscentedRun(journey, adaptation, points).over(journey.events).estimate
+        return UnscentedRun(self.inputs(recording, attitude), adaptation, points).solve().estimate
 
 
-# One run. The error dx = [dp, dv, phi, db_g, db_a] of the nominal state has mean zero, because a correction goes into
-# that at once; a sigma point is a dx, put into the nominal state by adding, but C+ = Exp(phi) C. So attitudes are
-# averaged as rotation vectors about the nominal attitude, never as angles. Sigma point 0 is the nominal state itself.
+# A sigma point is an error dx = [dp, dv, phi, db_g, db_a] of the nominal state, with the attitude C+ = Exp(phi) C.
+# Attitudes are averaged as rotation vectors about the nominal attitude, not as Euler angles.
+# Sigma point 0 is the nominal state, because each correction is applied to the nominal state immediately.
 
-TELL_EVERY_S = 10.0
-"""Between two words on how far a run has come."""
+PROGRESS_INTERVAL_S = 10.0
+"""Time between two progress messages [s]."""
 
 
 def step_all(
     state: NavigationState, sigmas: FloatArray, accel_mps2: FloatArray, gyro_radps: FloatArray, dt_s: float
 ) -> tuple[NavigationState, FloatArray]:
-    """Carry every sigma point over a step.
+    """Propagate the nominal state and all sigma points over one time step.
 
-    For each, as in `jerkbench.inertial.mechanisation.advance_navigation` over a plane::
+    The equations are the same as in `jerkbench.inertial.mechanisation.advance_navigation` in a tangent plane::
 
         C+ = C Exp(w dt);  v+ = v + ((C + C+)/2 f + g) dt;  p+ = p + (v + v+)/2 dt
 
     Args:
-        state: nominal, which is sigma point 0.
-        sigmas: (k, 15) errors of it.
-        accel_mps2: (3,) what the accelerometer shows.
-        gyro_radps: (3,) what the gyro shows.
-        dt_s: length of the step.
+        state: nominal state, which is equal to sigma point 0.
+        sigmas: (k, 15) sigma points as errors of the nominal state.
+        accel_mps2: (3,) measurement of the accelerometer [m/s2].
+        gyro_radps: (3,) measurement of the gyro [rad/s].
+        dt_s: length of the time step [s].
 
     Returns:
-        The nominal state after it, and the errors (k, 15) about that.
+        The nominal state after the step, and the sigma points (k, 15) as errors of this new nominal state.
     """
     dcm = rotation_exp(sigmas[:, PHI]) @ state.dcm
     rate = gyro_radps - state.gyro_bias_radps - sigmas[:, BG]
     force = accel_mps2 - state.accel_bias_mps2 - sigmas[:, BA]
-    turned = dcm @ rotation_exp(rate * dt_s)
-    gain = np.einsum("kij,kj->ki", 0.5 * (dcm + turned), force) * dt_s
+    rotated = dcm @ rotation_exp(rate * dt_s)
+    gain = np.einsum("kij,kj->ki", 0.5 * (dcm + rotated), force) * dt_s
     gain[:, 2] -= GRAVITY_MPS2 * dt_s
     v = state.velocity_mps + sigmas[:, V]
     p = state.position_m + sigmas[:, P] + (v + 0.5 * gain) * dt_s
     v = v + gain
-    errors = np.hstack([p - p[0], v - v[0], rotation_vectors(turned @ turned[0].T), sigmas[:, GYRO:]])
-    return state._replace(position_m=p[0], velocity_mps=v[0], dcm=turned[0]), errors
+    errors = np.hstack([p - p[0], v - v[0], rotation_vectors(rotated @ rotated[0].T), sigmas[:, GYRO:]])
+    return state._replace(position_m=p[0], velocity_mps=v[0], dcm=rotated[0]), errors
 
 
 def rotation_vectors(dcm: FloatArray) -> FloatArray:
-    """Return the rotation vectors (k, 3) of rotations (k, 3, 3)."""
+    """Return the rotation vectors (k, 3) of rotation matrices (k, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(dcm).as_rotvec(), dtype=np.float64)
 
 
 class UnscentedRun(InertialRun):
-    """The state of one run, and its steps; `over` of the error-state filter goes through them."""
+    """One run of the unscented Kalman filter.
 
-    def __init__(self, journey: Journey, adaptation: Adaptation, points: Any) -> None:  # noqa: ANN401 - filterpy's
-        """Put a run together.
+    The base class processes the events of the run. This class replaces the prediction and the measurement update.
+    """
+
+    def __init__(self, inputs: InertialInputs, adaptation: Adaptation, points: Any) -> None:  # noqa: ANN401 - filterpy's
+        """Initialise the run and the UKF of filterpy.
 
         Args:
-            journey: the run.
-            adaptation: changes R.
-            points: filterpy's sigma points, of 15 states.
+            inputs: inputs of the run.
+            adaptation: adaptation of the measurement covariance R.
+            points: filterpy's generator of the sigma points for 15 states.
         """
         from filterpy.kalman import UnscentedKalmanFilter
 
-        super().__init__(journey, adaptation)
+        super().__init__(inputs, adaptation)
         self.points = points
         self.ukf = UnscentedKalmanFilter(STATES, 6, 0.0, None, None, points)
         self.ukf.compute_process_sigmas = self._move_sigmas
-        self.sample, self.told_s = 0, time.monotonic()
+        self.sample, self.progress_s, self.end_s = 0, time.monotonic(), float(inputs.events.t_s[-1])
 
-    def over(self, events: Events) -> InertialSolution:
-        """Go through ``events``; stops at the first sign of divergence."""
-        self.end_s = float(events.t_s[-1])
-        return super().over(events)
-
-    def _predict(self, events: Events, begin: int, last: int) -> None:
-        for k in range(begin, last + 1):
+    def _predict(self, events: Events, start: int, last: int) -> None:
+        for k in range(start, last + 1):
             self._step(float(events.dt_s[k]), int(events.sample[k]))
             if k < last and events.reference[k] >= 0:
-                self._keep(int(events.reference[k]))
-        if time.monotonic() - self.told_s > TELL_EVERY_S:
-            self.told_s = time.monotonic()
+                self._store(int(events.reference[k]))
+        if time.monotonic() - self.progress_s > PROGRESS_INTERVAL_S:
+            self.progress_s = time.monotonic()
             notify(f"ukf: {events.t_s[last]:.0f} of {self.end_s:.0f} s")
 
     def _step(self, dt_s: float, sample: int) -> None:
         self.sample = sample
         if dt_s > 0.0:
-            self.ukf.x, self.ukf.P, self.ukf.Q = np.zeros(STATES), self.P, self._noise(dt_s)
+            self.ukf.x, self.ukf.P, self.ukf.Q = np.zeros(STATES), self.P, self._process_noise(dt_s)
             self.ukf.predict(dt=dt_s)
             self._absorb()
         self.rate = self.imu.gyro_radps[sample] - self.state.gyro_bias_radps
 
     def _move_sigmas(self, dt: float, fx: None = None) -> None:
-        """All sigma points at once, in the place of filterpy's one after the other by ``fx``."""
+        """Propagate all sigma points in one call. The original method of filterpy calls ``fx`` for each sigma point."""
         del fx
         sigmas = self.points.sigma_points(self.ukf.x, self.ukf.P)
         sensed = self.imu.accel_mps2[self.sample], self.imu.gyro_radps[self.sample]
         self.state, self.ukf.sigmas_f = step_all(self.state, sigmas, *sensed, dt)
 
     def _absorb(self) -> None:
-        """Put the mean error of a prediction, which is of the second order, into the nominal state."""
+        """Apply the mean error of a prediction, which is of second order, to the nominal state."""
         self.state = added(self.state, self.ukf.x)
         self.P = 0.5 * (self.ukf.P + self.ukf.P.T)
 
     def _recentre(self) -> None:
-        """Put the mean error of an update into the nominal state, and take the covariance about the new one."""
+        """Apply the mean error of an update to the nominal state, and compute the covariance about the new state."""
         from filterpy.kalman import unscented_transform
 
         sigmas = self.points.sigma_points(self.ukf.x, 0.5 * (self.ukf.P + self.ukf.P.T))
@@ -197,18 +199,11 @@ class UnscentedRun(InertialRun):
         self.P = 0.5 * (covariance + covariance.T)
 
     def _expect(self, dx: FloatArray) -> FloatArray:
-        """The six rows of position and velocity that a sigma point expects."""
-        state = added(self.state, dx)
-        rate = self.rate - dx[BG]
-        h, _ = point_in_enu(state, rate, self.settings.antenna_m)
-        if self.settings.velocity_frame == "body":
-            h[3:], _ = velocity_in_body(state, rate, np.zeros(3))
-        elif self.settings.velocity_frame == "speed":
-            h[3:], _ = wheel_speed(state, rate, self.settings.wheel_m)
-        return h
+        """Return the predicted measurement (6,) of position and velocity for the sigma point ``dx``."""
+        return self._predict_measurement(added(self.state, dx), self.rate - dx[BG])[0]
 
     def _innovate(self, z: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Innovation (m,) of ``z`` and its covariance without noise (m, m), by the sigma points of the prior."""
+        """Return the innovation (m,) of the measurement ``z``, and its covariance (m, m) without R, by sigma points."""
         from filterpy.kalman import unscented_transform
 
         self.ukf.x, self.ukf.P = np.zeros(STATES), self.P
@@ -219,40 +214,38 @@ class UnscentedRun(InertialRun):
         return z - mean, covariance
 
     def _update(self, update: int) -> None:
-        """Adapt R and take position and velocity."""
         _, R, rows = self.updates.take(update, lambda z, rows: self._innovate(z, lambda dx: self._expect(dx)[rows]))
         if rows.size:
             z = self.timeline.measurements.z[update, rows]
             self._take_rows(z, R, lambda dx: self._expect(dx)[rows])
 
     def _take_rows(self, z: FloatArray, R: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> None:
-        """Update with rows that are there, from the sigma points of the prior."""
         self.ukf.update(z, R=R, hx=expect)
         self._recentre()
 
-    def _take_alone(self, z: FloatArray, R: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> None:
-        """Take rows that no adaptation sees."""
+    def _take_unadapted(self, z: FloatArray, R: FloatArray, expect: Callable[[FloatArray], FloatArray]) -> None:
+        """Update with measurements that are not passed to the adaptation."""
         self._innovate(z, expect)
         self._take_rows(z, R, expect)
 
-    def _take_heading(self, yaw_rad: float, sigma_rad: float) -> None:
-        here, _ = heading(self.state)
+    def _update_heading(self, yaw_rad: float, sigma_rad: float) -> None:
+        nominal_rad, _ = heading(self.state)
 
-        def turned(dx: FloatArray) -> FloatArray:
-            """The heading of a sigma point, from that of the nominal state on."""
-            return np.array([wrap_angle(np.array(heading(added(self.state, dx))[0] - here))])
+        def relative_heading(dx: FloatArray) -> FloatArray:
+            return np.array([wrap_angle(np.array(heading(added(self.state, dx))[0] - nominal_rad))])
 
-        self._take_alone(wrap_angle(np.array([yaw_rad - here])), np.array([[sigma_rad**2]]), turned)
+        innovation = wrap_angle(np.array([yaw_rad - nominal_rad]))
+        self._take_unadapted(innovation, np.array([[sigma_rad**2]]), relative_heading)
 
     def _constrain(self, sample: int) -> None:
-        """Zero velocity when it stands still, else none sideways and upwards."""
+        """Apply a zero-velocity update if the vehicle is stationary, otherwise the non-holonomic constraint."""
         limits = self.settings.constraints
         slow = np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps
         if limits.still[sample] and slow:
             sigma = limits.still_sigma_mps
-            self._take_alone(np.zeros(3), sigma**2 * np.eye(3), lambda dx: self.state.velocity_mps + dx[V])
+            self._take_unadapted(np.zeros(3), sigma**2 * np.eye(3), lambda dx: self.state.velocity_mps + dx[V])
         elif limits.sideways_sigma_mps > 0:
-            self._take_alone(np.zeros(2), limits.sideways_sigma_mps**2 * np.eye(2), self._sideways)
+            self._take_unadapted(np.zeros(2), limits.sideways_sigma_mps**2 * np.eye(2), self._sideways)
 
     def _sideways(self, dx: FloatArray) -> FloatArray:
         point_m = self.settings.constraints.sideways_point_m

@@ -1,1 +1,1 @@
-"""The Hydra app behind `jerkbench run`."""
+"""The Hydra application that runs `jerkbench run`."""

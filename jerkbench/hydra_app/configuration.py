@@ -1,13 +1,11 @@
-"""The way between Hydra and a cell: our parts of Hydra, the schema of the configuration, the cell of a composed one."""
+"""The schema of the configuration, its registration in Hydra, and the conversion of a configuration to a job."""
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache, cached_property
-from inspect import signature
 from pathlib import Path
-from pydoc import locate
 from typing import Any, cast
 
 from hydra._internal.sources_registry import SourcesRegistry
@@ -21,40 +19,45 @@ from jerkbench import plugins
 from jerkbench.contracts import preferred_attitude
 from jerkbench.errors import PluginError, require_known
 from jerkbench.files import require_small
-from jerkbench.jobs.executors import Cluster
+from jerkbench.jobs.executors import Cluster, Dask, JobQueue, Local
 from jerkbench.jobs.job import Job, Noise, Protocol, build
-from jerkbench.presets import config_folder, environment_variable, preset, require_harmless
+from jerkbench.presets import as_experiment, config_folder, environment_variable, main_files, preset, require_harmless
 from jerkbench.r_scale import RScale
-from jerkbench.renamed import RENAMED, new_name, refuse_removed
+from jerkbench.renamed import RENAMED, new_name
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.labels import GROUPS, labels_of
 
-ToldR = make_dataclass("ToldR", [(f.name, float, f.default) for f in fields(RScale)])
-"""The fields of `RScale`; OmegaConf makes the configuration of a frozen dataclass read-only."""
+RScaleFields = make_dataclass("RScaleFields", [(f.name, float, f.default) for f in fields(RScale)])
+"""A mutable copy of `RScale`. OmegaConf would make the configuration of a frozen dataclass read-only."""
 
 
 @dataclass
 class Schema:
-    """The fields of a configuration that belong to no group.
+    """The options of a configuration: all fields that are not parameters of a plugin.
 
     Attributes:
-        study: name of the study; its results are in ``results``/``study``.
-        results: folder of all results.
-        seeds: number of runs of a cell that has anything random.
-        max_seeds: seeds are added in blocks up to so many, until every two methods are decided; 0: none are.
-        first_seed: the first of them.
-        burn_in_s: errors count from this time on [s].
-        divergence_limit_m: a larger position error is a divergence [m].
-        metrics: names of the metrics to compute; empty: those that are cheap; [all]: every one.
-        workers: number of processes of a sweep; 0: one for each processor.
-        cluster: where a sweep runs.
-        figures: a single run draws its trajectory and its errors, unless this is none; a sweep with a report those of
-            the scenarios and methods that carry a finding (few), of every scenario (all), or none.
-        figures_pdf: whether each figure is a PDF, too.
-        report: whether a sweep ends with its figures and its report (``jerkbench report`` makes it at any time).
-        r_scale: factors on the reported R that the filter is told (``position``, ``velocity``); the data stay.
-        notes: sentences to print under the tables (what was tuned, on what, with which budget).
-        dry: say what would run, what is left out and about how long it takes; run nothing (``--dry``).
+        study: Name of the study. The results of the study are in the folder ``results``/``study``.
+        results: Folder of all results.
+        seeds: Number of seeds of a combination with random parts.
+        max_seeds: Maximum number of seeds of a combination, up to which seeds are added in blocks while a comparison is
+            undecided. If ``max_seeds`` is 0, no seeds are added.
+        first_seed: The first seed of a combination with random parts.
+        burn_in_s: Time after the start before which errors are not counted [s].
+        divergence_limit_m: Position error above which a run counts as diverged [m].
+        metrics: Names of the metrics to compute. An empty list selects the default metrics. The list [all] selects all
+            metrics.
+        workers: Number of processes of a sweep. If ``workers`` is 0, one process is used for each processor.
+        cluster: The cluster that runs a sweep.
+        figures: Selection of the figures: none, few or all. Unless the selection is none, a single run draws its
+            trajectory and its errors. The report of a sweep draws the scenarios and methods with a finding (few) or
+            every scenario (all).
+        figures_pdf: Whether to write each figure also as a PDF.
+        report: Whether to write a report at the end of a sweep. ``jerkbench report`` can write the report later.
+        r_scale: Factors on the reported R that the filter receives (``position``, ``velocity``). The factors do not
+            change the measurements.
+        notes: Notes below the tables, for example about the tuning of the methods.
+        dry: Whether to print only the planned runs, the combinations that are left out and the estimated time
+            (``--dry``).
     """
 
     study: str = "adhoc"
@@ -79,15 +82,17 @@ class Schema:
     engine: Any = None
     cluster: Any = None
     noise: Noise = field(default_factory=Noise)
-    r_scale: Any = field(default_factory=ToldR)
+    r_scale: Any = field(default_factory=RScaleFields)
 
 
-LAUNCHER = "hydra_plugins.jerkbench.JerkbenchLauncher"
-SWEEPER = "hydra_plugins.jerkbench.JerkbenchSweeper"
+OPTIONS = {owner: [f.name for f in fields(schema)] for owner, schema in (("", Schema), ("noise.", Noise))}
+"""The names of the options without a prefix, and of those with the prefix ``noise.``."""
+
+SWEEPER: dict[str, Any] = {"_target_": "hydra_plugins.jerkbench.JerkbenchSweeper", "max_batch_size": None, "params": {}}
 
 
 def register_schemas() -> None:
-    """Put the schema, every plugin, and our launcher, sweeper and callback into Hydra's ConfigStore."""
+    """Register the schema, every plugin and the sweeper in the ConfigStore of Hydra."""
     _check_files()
     OmegaConf.register_new_resolver("oc.env", environment_variable, replace=True)
     store = ConfigStore.instance()
@@ -99,62 +104,57 @@ def register_schemas() -> None:
     for kind, names in RENAMED.items():
         for old, new in names.items():
             store.store(group=kind, name=old, node={"defaults": [new]})
-    parts: dict[str, dict[str, Any]] = {
-        "launcher": {"_target_": LAUNCHER},
-        "sweeper": {"_target_": SWEEPER, "max_batch_size": None, "params": {}},
-        "callbacks": {"conclude": {"_target_": "jerkbench.hydra_app.app.Conclude"}},
-    }
-    for group, node in parts.items():
-        store.store(group=f"hydra/{group}", name="jerkbench", node=node)
+    for name, path in main_files.items():
+        store.store(group="experiment", name=name, node=as_experiment(path), package="_global_")
+    store.store(group="hydra/sweeper", name="jerkbench", node=SWEEPER)
 
 
 Options = Mapping[Any, Any]
-"""A configuration of Hydra, or the same as plain data."""
+"""A configuration of Hydra, or an equivalent mapping with plain data."""
 
 
 def study_folder(options: Options) -> Path:
-    """Return the folder of the configuration's study."""
-    refuse_removed([f"results={options['results']}"])
+    """Return the folder of the study that is configured in ``options``."""
     return Path(str(options["results"])) / str(options["study"])
 
 
 def configured_job(plain: Mapping[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Job:
-    """Make the job that a composed configuration describes.
+    """Create the job from a composed configuration.
 
     Args:
-        plain: the configuration without its ``hydra`` part, resolved, as plain data.
-        choices: Hydra's choice for each group, for the labels.
-        overrides: the overrides of the job, for the labels.
+        plain: The resolved configuration without its ``hydra`` part, as plain data.
+        choices: The name of the selected plugin or preset by group, from which the labels of the job are created.
+        overrides: The overrides of the job, from which the labels of the job are created.
 
     Raises:
-        PluginError: a plugin does not take its parameters, or something is not chosen.
+        PluginError: A plugin rejects its parameters, or an option or a choice is missing.
     """
     _require_complete(plain, choices)
     spec = {group: plain[group] for group in GROUPS}
     spec["disturbance"] = list(plain["disturbance"].values())
     spec.update({name: plain[name] for name in ("noise", "r_scale", "metrics")})
     protocol = Protocol(**{f.name: plain[f.name] for f in fields(Protocol)})
-    today = {group: new_name(group, str(choice)) for group, choice in choices.items()}
-    return build(spec, protocol, labels_of(spec, today, overrides))
+    current = {group: new_name(group, str(choice)) for group, choice in choices.items()}
+    return build(spec, protocol, labels_of(spec, current, overrides))
 
 
 def _require_complete(plain: Mapping[str, Any], choices: Mapping[str, Any]) -> None:
-    """Refuse unknown options (``+KEY=...``), options without a value, and groups without a plugin."""
-    for owner, values, schema in (("", plain, Schema), ("noise.", plain.get("noise", {}), Noise)):
-        for key in values:
-            require_known("option", f"{owner}{key}", [f"{owner}{f.name}" for f in fields(schema)])
-    for f in fields(Schema):
-        if plain.get(f.name, MISSING) == MISSING:
-            raise PluginError(f"{f.name} has no value; give {f.name}=...")
+    """Raise an exception for unknown options (``+KEY=...``), options without a value, and groups without a plugin."""
+    for owner, values in (("", plain), ("noise.", plain.get("noise", {}))):
+        for key in sorted(values.keys() - OPTIONS[owner]):
+            require_known("option", f"{owner}{key}", [f"{owner}{name}" for name in OPTIONS[owner]])
+    for name in OPTIONS[""]:
+        if plain.get(name, MISSING) == MISSING:
+            raise PluginError(f"{name} has no value; give {name}=...")
     figures_choice(plain["figures"])
     for kind in GROUPS:
         if kind not in choices or not _is_named(plain[kind]):
-            raise PluginError(f"No {kind} is chosen, or several; give {kind}=NAME (`jerkbench list {kind}`).")
-    chosen = plain["disturbance"]
-    if not (isinstance(chosen, Mapping) and chosen and all(map(_is_named, chosen.values()))):
+            raise PluginError(f"Exactly one {kind} must be chosen; give {kind}=NAME (`jerkbench list {kind}`).")
+    disturbances = plain["disturbance"]
+    if not (isinstance(disturbances, Mapping) and disturbances and all(map(_is_named, disturbances.values()))):
         raise PluginError(
-            "No disturbance is chosen, or one has no name. Give disturbance=none for no disturbance. A preset of"
-            " disturbances begins with the line '# @package disturbance' and names them in its defaults."
+            "No disturbance is chosen, or a disturbance has no name. Give disturbance=none for no disturbance. A preset"
+            " with disturbances must begin with the line '# @package disturbance' and list the plugins in its defaults."
         )
 
 
@@ -163,22 +163,21 @@ def _is_named(part: object) -> bool:
 
 
 class PluginNode(ConfigNode):
-    """The schema of one plugin, made when Hydra reads it: to make all of them takes a quarter of a second.
+    """The schema of a plugin, which is created only when Hydra reads it, because creating all schemas takes 0.25 s.
 
-    Each disturbance stands under its own name, so that several can be chosen. A data set that prefers an attitude
-    filter brings that choice along.
+    The package (position in the configuration) of a disturbance ends with the name of the disturbance, so that several
+    disturbances can be selected. The schema of a data set that prefers an attitude filter also selects this filter.
     """
 
     def __init__(self, kind: str, name: str) -> None:
-        """Stand for the plugin ``name`` of ``kind``."""
         self.kind, self.plugin = kind, name
         self.attitude = preferred_attitude(plugins.get(kind, name)) if kind == "dataset" else None
         self.name, self.group, self.provider = f"{name}.yaml", kind, None
         self.package = f"disturbance.{name}" if kind == "disturbance" else "_global_" if self.attitude else None
 
     @cached_property
-    def node(self) -> DictConfig:  # type: ignore[override]  # an attribute, but for when it is made
-        """The schema; ConfigStore reads it from a copy of this."""
+    def node(self) -> DictConfig:  # type: ignore[override]  # an attribute of ConfigNode
+        """The schema of the plugin. ConfigStore reads this attribute from a copy of the object."""
         return _schema(self.kind, self.plugin, self.attitude)
 
 
@@ -191,12 +190,12 @@ def _schema(kind: str, plugin: str, attitude: str | None) -> DictConfig:
 
 
 def _check_files() -> None:
-    """Let Hydra read a file only if it is small and harmless; the class of files comes from Hydra's plugins."""
+    """Wrap the file reader of Hydra, so that it rejects files that are too large or that set options of Hydra."""
     Plugins.instance()
     source = SourcesRegistry.instance().resolve("file")
     load = source.load_config
 
-    def checked(self: Any, config_path: str) -> ConfigResult:  # noqa: ANN401 - the class that Hydra has loaded
+    def checked(self: Any, config_path: str) -> ConfigResult:  # noqa: ANN401 - a class that Hydra loads
         path = Path(self.path) / self._normalize_file_name(config_path)
         try:
             if path.is_file():
@@ -209,51 +208,50 @@ def _check_files() -> None:
         return result
 
     if load.__name__ != checked.__name__:
-        setattr(source, "load_config", checked)  # noqa: B010 - mypy lets no method be replaced
+        setattr(source, "load_config", checked)  # noqa: B010 - mypy forbids the assignment to a method
 
 
 def check_options(options: Options) -> None:
-    """Check where the results go, the number of processes and the seeds, before anything is written.
+    """Check the study, the number of workers, the seeds and the notes before anything is written.
 
     Raises:
-        PluginError: the study is not the name of a folder, or a number of workers or seeds is invalid.
-        MissingMandatoryValue: one of them has no value.
+        PluginError: The study is not the name of a folder, or another option is invalid.
+        MissingMandatoryValue: The study, the number of workers, the seeds or the notes have no value.
     """
     study, seeds, max_seeds, workers = (options[name] for name in ("study", "seeds", "max_seeds", "workers"))
     if not re.fullmatch(r"[^/\\\x00-\x1f\x7f]+", str(study)) or str(study) in (".", ".."):
-        raise PluginError(
-            f"study is '{study}'; it must be the name of one folder, which is made in results={options['results']}."
-        )
+        parent = f"The folder is created in results={options['results']}"
+        raise PluginError(f"study is '{study}'; give the name of a single folder. {parent}.")
     if max_seeds and max_seeds < seeds:
-        raise PluginError(f"max_seeds is {max_seeds}; give as many as seeds={seeds}, or 0 for no more.")
+        raise PluginError(f"max_seeds is {max_seeds}, but seeds is {seeds}; increase max_seeds, or give max_seeds=0.")
     if workers < 0:
         raise PluginError(f"workers is {workers}; give 0 (one for each processor) or more.")
     for note in options["notes"]:
         if not isinstance(note, str):
-            raise PluginError(f"notes has the entry {note}; each note must be text: notes=['tuned on seeds 0 to 9'].")
+            raise PluginError(f"notes contains {note}; give only texts, for example notes=['tuned on seeds 0 to 9'].")
 
 
-CLUSTERS = tuple(f"jerkbench.jobs.executors.{name}" for name in ("Local", "Dask", "JobQueue"))
-"""The classes that a preset of the group `cluster` may name."""
+CLUSTERS: Mapping[str, type[Cluster]] = {f"{cls.__module__}.{cls.__name__}": cls for cls in (Local, Dask, JobQueue)}
+"""The classes that a preset of the group `cluster` may use, by their full names."""
 
 
 def cluster_of(options: Options) -> Cluster:
-    """Create the cluster of a sweep.
+    """Create the cluster of a sweep from its configuration.
 
     Raises:
-        PluginError: no cluster is chosen, its class is not one of `CLUSTERS`, or the class does not have the options.
+        PluginError: No cluster is selected, its class is not in `CLUSTERS`, or the class does not have the options.
     """
-    chosen = options["cluster"]
-    if not (isinstance(chosen, Mapping) and chosen.get("_target_")):
+    cluster = options["cluster"]
+    if not (isinstance(cluster, Mapping) and cluster.get("_target_")):
         raise PluginError("No cluster is chosen; give cluster=NAME, for example cluster=local.")
-    own: Any = OmegaConf.to_container(chosen, resolve=True) if isinstance(chosen, DictConfig) else dict(chosen)
-    name = own.pop("_target_")
+    plain: Any = OmegaConf.to_container(cluster, resolve=True) if isinstance(cluster, DictConfig) else cluster
+    parameters: Any = dict(plain)
+    name = parameters.pop("_target_")
     require_known("class of the cluster", str(name), CLUSTERS)
-    cls = cast("Callable[..., Cluster]", locate(name))
-    for key in own:
-        require_known("option", f"cluster.{key}", [f"cluster.{name}" for name in signature(cls).parameters])
+    for key in parameters:
+        require_known("option", f"cluster.{key}", [f"cluster.{f.name}" for f in fields(CLUSTERS[name])])
     try:
-        return cls(**own)
+        return CLUSTERS[name](**parameters)
     except TypeError as error:
         raise PluginError(f"The cluster {name} cannot be created: {error}.") from error
 
@@ -262,7 +260,6 @@ def cluster_named(name: str) -> Cluster:
     """Create the cluster of the preset conf/cluster/``name``.yaml.
 
     Raises:
-        PluginError: there is none, or it cannot be created.
+        PluginError: The preset does not exist, or the cluster cannot be created.
     """
-    refuse_removed([f"cluster={name}"])
     return cluster_of({"cluster": preset("cluster", name)})

@@ -1,4 +1,4 @@
-"""`jerkbench tune`, from its words to its files."""
+"""The command `jerkbench tune`, which parses the arguments, tunes the methods and writes the results."""
 
 import itertools
 import shlex
@@ -10,7 +10,7 @@ from pathlib import Path
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from jerkbench.campaign.outcome import TUNED_PARTS, preset_words, tunings_table, write_figure, write_tuning
+from jerkbench.campaign.outcome import TUNED_PARTS, preset_overrides, tunings_table, write_figure, write_tuning
 from jerkbench.campaign.runs import CampaignRuns
 from jerkbench.campaign.search import Budget, Evaluator, Tuning, objective_of, tune
 from jerkbench.campaign.space import R_STREAMS, space_of
@@ -29,32 +29,39 @@ from jerkbench.jobs.progress import Progress
 from jerkbench.presets import take_folders, user_folders
 from jerkbench.report import Choice, figures_choice
 
-METHOD_GROUPS = ("filter", "adaptation", "noise", "engine", "r_scale")
-"""Groups of which several values are several methods; several of the others are scenarios of one tuning."""
+Arguments = Sequence[str]
+"""Arguments of a command."""
 
-ATTITUDE_ALONE = "filter=attitude_only"
-"""With this word the attitude filter is the method."""
+METHOD_GROUPS = ("filter", "adaptation", "noise", "engine", "r_scale")
+"""Several values of these groups define several methods. Several values of other groups define the scenarios."""
+
+ATTITUDE_ONLY = "filter=attitude_only"
+"""With this argument, the method to tune is the attitude filter."""
 
 
 @dataclass
 class TuneOptions:
-    """The options of `jerkbench tune` beside those of `jerkbench run`.
+    """The options of `jerkbench tune`, in addition to the options of `jerkbench run`.
 
     Attributes:
-        trials: settings that are tried, the one before the search among them.
-        sampler: sobol, tpe or cma_es.
-        sampler_seed: another one is another scramble.
-        objective: rmse, likelihood (of the innovations), which needs no reference, or inclination, of an attitude
-            filter alone; auto: this one there, else rmse.
-        split: auto (seeds, or time where nothing is random), seeds, time, recordings or families.
-        share: with split=time, the share of the time to tune on.
-        held_out: with split=recordings or families, names of the data sets or disturbances to test on.
-        tune_seeds: number of seeds to tune on.
-        choose_seeds: number of seeds to choose among the finalists on.
-        test_seeds: number of seeds to test on.
-        finalists: how many of the best are tried again on the seeds to choose on.
-        restarts: searches; the first one counts, the others show how much is luck.
-        knobs: names of the parameters to change; empty: all that have a range.
+        trials: Number of settings that a search evaluates, including the setting before the search.
+        sampler: Name of the sampler: sobol, tpe or cma_es.
+        sampler_seed: Seed of the sampler. For sobol, the seed determines the scrambling.
+        objective: Name of the objective: rmse, likelihood (of the innovations, without a reference), inclination (error
+            of an attitude filter) or auto. The value auto selects inclination if the method is an attitude filter,
+            otherwise rmse.
+        split: Split of the runs: seeds, time, recordings, families or auto. The value auto selects seeds, or time if a
+            scenario is not random.
+        share: With split=time, the fraction of the time that is used for tuning.
+        held_out: With split=recordings or families, the names of the data sets or disturbances that are used only for
+            the test.
+        tune_seeds: Number of seeds for tuning.
+        choose_seeds: Number of seeds for the validation of the finalists.
+        test_seeds: Number of seeds for the test.
+        finalists: Number of the best settings that are evaluated again on the validation seeds.
+        restarts: Number of searches with different seeds. The tuning uses the result of the first search. The other
+            searches show the effect of chance.
+        knobs: Names of the parameters to tune. If ``knobs`` is empty, all parameters with a range are tuned.
     """
 
     trials: int = 64
@@ -72,47 +79,48 @@ class TuneOptions:
     knobs: list[str] = field(default_factory=list)
 
 
-def _options(words: Sequence[str]) -> TuneOptions:
+def _options(overrides: Sequence[str]) -> TuneOptions:
     try:
-        merged = OmegaConf.merge(OmegaConf.structured(TuneOptions), OmegaConf.from_dotlist(list(words)))
-        options: TuneOptions = OmegaConf.to_object(merged)  # type: ignore[assignment]  # it is of that class
+        merged = OmegaConf.merge(OmegaConf.structured(TuneOptions), OmegaConf.from_dotlist(list(overrides)))
+        options: TuneOptions = OmegaConf.to_object(merged)  # type: ignore[assignment]  # it is a TuneOptions
     except OmegaConfBaseException as error:
         reason = str(error).splitlines()[0].rstrip(".")
-        raise PluginError(f"{error.full_key}: {reason}; `jerkbench tune --help` says what it takes.") from error
+        raise PluginError(f"{error.full_key}: {reason}; `jerkbench tune --help` lists the options.") from error
     require_known("split", options.split, ("auto", "seeds", "time", "recordings", "families"))
     return options
 
 
-def _combinations(words: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Return every combination of the values that are separated by commas."""
+def _combinations(overrides: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Return all combinations of the values that are separated by commas in the overrides."""
     several = []
-    for word in words:
-        override = parsed_override(word)
+    for argument in overrides:
+        override = parsed_override(argument)
         key, sweeps = override.get_key_element(), override.is_sweep_override()
-        several.append([f"{key}={value}" for value in override.sweep_string_iterator()] if sweeps else [word])
+        several.append([f"{key}={value}" for value in override.sweep_string_iterator()] if sweeps else [argument])
     return tuple(itertools.product(*several))
 
 
-def tune_all(words: Sequence[str], *, several: bool, compare: bool = False) -> None:
+def tune_all(overrides: Sequence[str], *, several: bool, compare: bool = False) -> None:
     """Tune each method with the same budget, print the results, and write them.
 
     Args:
-        words: Options of the tuning and arguments of `jerkbench run`.
+        overrides: Options of the tuning and arguments of `jerkbench run`.
         several: Whether several methods are allowed (-m).
-        compare: Whether to run the tuned methods on seeds that the tuning has not used, and print their table.
+        compare: Whether to run the tuned methods on unused seeds afterwards, and to print their table.
 
     Raises:
-        JerkbenchError: There is nothing to tune, or to tune on; an argument is unknown; several methods without -m.
+        JerkbenchError: A method has no tunable parameter, no runs remain for the tuning, an argument is unknown, or
+            several methods are given without -m.
     """
     names_of_options = {f.name for f in fields(TuneOptions)}
-    options = _options([word for word in words if word.partition("=")[0] in names_of_options])
-    others = [word for word in words if word.partition("=")[0] not in names_of_options]
-    groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ALONE in others else METHOD_GROUPS
-    methods = _combinations([word for word in others if owner(word) in groups])
-    shared = [word for word in others if owner(word) not in groups]
+    options = _options([override for override in overrides if override.partition("=")[0] in names_of_options])
+    others = [override for override in overrides if override.partition("=")[0] not in names_of_options]
+    groups = (*METHOD_GROUPS, "attitude") if ATTITUDE_ONLY in others else METHOD_GROUPS
+    methods = _combinations([override for override in others if owner(override) in groups])
+    shared = [override for override in others if owner(override) not in groups]
     scenarios = _combinations(shared)
     if len(methods) > 1 and not several:
-        raise PluginError(f"There are {len(methods)} methods; add -m to tune each of them with the same budget.")
+        raise PluginError(f"There are {len(methods)} methods; add -m to tune each method with the same budget.")
     compositions = [[composed([*scenario, *method]) for scenario in scenarios] for method in methods]
     config = compositions[0][0].plain
     jobs = [[composition.job() for composition in of_method] for of_method in compositions]
@@ -122,18 +130,19 @@ def tune_all(words: Sequence[str], *, several: bool, compare: bool = False) -> N
     workers, threads = (Workers(), count) if cluster == LOCAL else (Workers(cluster, count), 1)
     folder = study_folder(config) / "tune"
     runs = CampaignRuns(folder, workers)
-    usual = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
-    objective = objective_of(usual if options.objective == "auto" else options.objective)
+    default = "inclination" if is_attitude_only(jobs[0][0].method.filter) else "rmse"
+    objective = objective_of(default if options.objective == "auto" else options.objective)
     budget = Budget(options.trials, options.sampler, options.finalists, options.sampler_seed, options.restarts)
     drives = [shared_inputs().undisturbed(job.scenario.dataset, job.draws[0]) for job in jobs[0]]
     measured = [name for name in R_STREAMS if any(getattr(drive, name) is not None for drive in drives)]
-    evaluators = [Evaluator(space_of(own[0], options.knobs, measured), objective, runs, threads) for own in jobs]
-    cases = [cases_of(own, options, config["first_seed"]) for own in jobs]
-    names = _names([own[0] for own in jobs])
+    first_jobs = [of_method[0] for of_method in jobs]
+    evaluators = [Evaluator(space_of(job, options.knobs, measured), objective, runs, threads) for job in first_jobs]
+    cases = [cases_of(of_method, options, config["first_seed"]) for of_method in jobs]
+    names = _names(first_jobs)
     settings = len(names) * budget.trials * budget.restarts
     with workers, Progress(settings, doing="Tuning", unit="settings") as progress:
         advance = partial(progress.advance, ())
-        tunings = [tune(*own, budget, advance) for own in zip(names, cases, evaluators, strict=True)]
+        tunings = [tune(*method, budget, advance) for method in zip(names, cases, evaluators, strict=True)]
     for tuning, method in zip(tunings, methods, strict=True):
         presets = folder / tuning.name / "conf"
         command = _command(tuning, presets, shared, method, several=len(scenarios) > 1)
@@ -147,38 +156,38 @@ def tune_all(words: Sequence[str], *, several: bool, compare: bool = False) -> N
 
 
 def _comparison(
-    tunings: Sequence[Tuning],
-    methods: Sequence[Sequence[str]],
-    typed: Sequence[str],
-    options: TuneOptions,
-    folder: Path,
+    tunings: Sequence[Tuning], methods: Sequence[Arguments], typed: Arguments, options: TuneOptions, folder: Path
 ) -> list[str]:
-    """The arguments of `jerkbench run` that run all tuned methods on the same scenarios, on unused seeds.
+    """Return the arguments with which `jerkbench run` runs all tuned methods on the same scenarios with unused seeds.
 
     Raises:
-        PluginError: The presets do not contain all that was typed, so one command cannot run all methods.
+        PluginError: The methods have different parameters that were not tuned, so that one command cannot run all
+            methods.
     """
     each = zip(tunings, methods, strict=True)
-    kept = [{word for word in _not_tuned(*own) if owner(word) != word.partition("=")[0]} for own in each]
-    if "experiment" in map(owner, typed) or any(own != kept[0] for own in kept):
-        raise PluginError("--compare needs methods without experiment=, and the same other parameters for all of them.")
+    untuned = [
+        {argument for argument in _not_tuned(*pair) if owner(argument) != argument.partition("=")[0]} for pair in each
+    ]
+    if "experiment" in map(owner, typed) or any(others != untuned[0] for others in untuned):
+        raise PluginError("--compare needs equal values of all untuned parameters, and accepts no experiment=NAME.")
     folders = [*(folder / tuning.name / "conf" for tuning in tunings), *user_folders()]
-    experiments = ",".join(word.partition("=")[2] for tuning in tunings for word in preset_words(tuning, typed=False))
+    presets = [preset for tuning in tunings for preset in preset_overrides(tuning, typed=False)]
+    experiments = ",".join(preset.partition("=")[2] for preset in presets)
     first_seed = tunings[0].cases.next_seed
     seeds = [f"first_seed={first_seed}", f"seeds={options.test_seeds}"] if first_seed else []
-    shared = [word for word in typed if not word.startswith(("first_seed=", "seeds="))]
-    chosen = ["-m", *(word for path in folders for word in ("--config-dir", str(path)))]
-    return [*chosen, *shared, *sorted(kept[0]), f"experiment={experiments}", *seeds]
+    shared = [override for override in typed if not override.startswith(("first_seed=", "seeds="))]
+    run_options = ["-m", *(argument for path in folders for argument in ("--config-dir", str(path)))]
+    return [*run_options, *shared, *sorted(untuned[0]), f"experiment={experiments}", *seeds]
 
 
 def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Cases:
-    """Return the cases to tune, to choose and to test on."""
+    """Return the cases for tuning, for the validation of the finalists, and for the test."""
     seeds = Seeds(options.tune_seeds, options.choose_seeds, options.test_seeds, first_seed)
     split = options.split
     if split == "auto":
         split = "seeds" if all(job.scenario.seeded for job in jobs) else "time"
     if split in ("recordings", "families") and not options.held_out:
-        raise PluginError(f"split={split} needs the names to test on: held_out=[...]")
+        raise PluginError(f"split={split} needs the names that are used only for the test; give held_out=[NAME,...].")
     if split == "seeds":
         return by_seeds(jobs, seeds)
     if split == "time":
@@ -187,7 +196,7 @@ def cases_of(jobs: Sequence[Job], options: TuneOptions, first_seed: int) -> Case
 
 
 def _names(jobs: Sequence[Job]) -> list[str]:
-    """The name of the folder of each method: filter and adaptation, or the attitude filter; with a number if needed."""
+    """Return a unique name for each method: the filter and the adaptation, or the attitude filter."""
     names = [
         job.spec["attitude"]["name"]
         if is_attitude_only(job.method.filter)
@@ -198,18 +207,18 @@ def _names(jobs: Sequence[Job]) -> list[str]:
 
 
 def _command(tuning: Tuning, presets: Path, typed: Sequence[str], method: Sequence[str], *, several: bool) -> str:
-    """The command that runs the tuned method on the same scenarios, with seeds that the tuning has not used."""
-    chosen = preset_words(tuning, typed="experiment" in map(owner, typed))
-    folders = [word for folder in (presets, *user_folders()) for word in ("--config-dir", str(folder))]
+    """Return the command that runs the tuned method on the same scenarios with unused seeds."""
+    preset_choice = preset_overrides(tuning, typed="experiment" in map(owner, typed))
+    folders = [argument for folder in (presets, *user_folders()) for argument in ("--config-dir", str(folder))]
     unseen = [f"first_seed={tuning.cases.next_seed}"] if tuning.cases.next_seed else []
-    shared = [word for word in typed if not (unseen and word.startswith("first_seed="))]
+    shared = [argument for argument in typed if not (unseen and argument.startswith("first_seed="))]
     return shlex.join(
-        ["jerkbench", "run", *["-m"] * several, *folders, *shared, *_not_tuned(tuning, method), *chosen, *unseen]
+        ["jerkbench", "run", *["-m"] * several, *folders, *shared, *_not_tuned(tuning, method), *preset_choice, *unseen]
     )
 
 
 def _not_tuned(tuning: Tuning, method: Sequence[str]) -> list[str]:
-    """The arguments of a method that the presets of its tuning do not contain."""
+    """Return the arguments of a method that are not part of the presets of the tuned method."""
     tuned = {f"r_scale.{name}" for name in tuning.space.of_part("r_scale", tuning.setting)}
     covered = {part for part in TUNED_PARTS if tuning.space.of_part(part, tuning.setting)} | tuned
-    return [word for word in method if not {owner(word), word.partition("=")[0]} & covered]
+    return [override for override in method if not {owner(override), override.partition("=")[0]} & covered]

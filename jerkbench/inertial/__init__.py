@@ -1,14 +1,16 @@
-"""Parts of an error-state inertial navigation system: pure functions on small arrays, put together by the filters.
+"""Error-state inertial navigation: functions on small arrays, from which the inertial filters are built.
 
-Nominal state: position p and velocity v of the IMU in ENU, attitude C (body FLU -> ENU), gyro bias b_g and
-accelerometer bias b_a. The error state is truth less estimate, in this order, three each::
+The nominal state consists of position p and velocity v of the IMU in ENU, attitude C (rotation from the body frame FLU
+to ENU), gyro bias b_g and accelerometer bias b_a. The error state is the truth minus the estimate. The error state has
+five vectors with three components each, and phi is in ENU::
 
     dx = [dp, dv, phi, db_g, db_a],    p = p^ + dp,  v = v^ + dv,  C = Exp(phi) C^,  b = b^ + db
 
-with phi in ENU. All units are SI.
+All quantities are in SI units. The package contains these modules::
 
-    run                    the definition, a step at a time, of state, mechanisation and update; run_inputs
-    compiled_runs          the same compiled, from Python: one run with its trajectory, or many side by side
-    kernel                 its loop, over strapdown and aiding (what is measured, and what a correction leaves)
-    smoother               the smoother of the same parts
+    run_inputs             the inputs of a run: events, settings and initial state
+    run                    the reference implementation in NumPy, based on state, mechanisation and update
+    compiled_runs          compiled runs, called from Python: one run with its trajectory, or a batch of runs
+    kernel                 the compiled loop, based on strapdown (propagation) and aiding (updates)
+    smoother               the Rauch-Tung-Striebel smoother, in NumPy
 """

@@ -1,54 +1,52 @@
-"""Compiled runs of the navigation from Python: an estimate with its trajectory, or the sums of many runs."""
+"""Python functions that run the compiled navigation for one run with its trajectory, or for a batch of runs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, lru_cache
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray, IntArray
-from jerkbench.compilation.compiled_loop import compiled_loop
-from jerkbench.compilation.views import Lanes
 from jerkbench.contracts import Adaptation, clocked
 from jerkbench.estimate import ErrorWeights, Streamed
 from jerkbench.geometry import euler_from_rotations
-from jerkbench.inertial.kernel import Inertial, inertial_type, run_navigation
+from jerkbench.inertial.kernel import InertialBatch, navigation_for, navigation_layout
 from jerkbench.inertial.run import InertialSolution
-from jerkbench.inertial.run_inputs import InertialSettings, Journey
-from jerkbench.inertial.state import ErrorLayout, NavigationState, nominal_numbers
-from jerkbench.kinematic.loop import APART, runs_of
-from jerkbench.kinematic.packs import Pack
-from jerkbench.kinematic.plugin_call import compiled_rule
-from jerkbench.kinematic.runs import run_alone, run_packs
+from jerkbench.inertial.run_inputs import InertialInputs, InertialSettings
+from jerkbench.inertial.state import NavigationState
+from jerkbench.kinematic.packs import Pack, numbered, stack_runs
+from jerkbench.kinematic.rules import compiled_rule
+from jerkbench.kinematic.runs import Prepared, run_packs, run_trajectory
 from jerkbench.recording import Imu
-from jerkbench.timeline import Run, Timeline, step_lengths
+from jerkbench.timeline import Run, Timeline
 
-_OWN = (
-    *("run_navigation", "begin", "mechanise", "propagate", "transform_covariance", "take_update", "feed_back"),
-    *("fill_turn", "_fill_large", "observe", "conclude", "constrain", "take_heading", "keep_point"),
-)
-"""Kernels that stand alone: one body of all of them takes long to compile."""
-
-NO_INPUT = np.empty((0, 3))
-"""The acceleration that kinematic filters are driven by."""
+NO_ACCELERATION = np.empty((0, 3))
+"""Empty input u of the kinematic filters, which the inertial navigation does not use."""
 
 
-def solve_compiled(journey: Journey, adaptation: Adaptation) -> InertialSolution | None:
-    """Run with a trajectory; None where numba cannot compile the adaptation."""
-    rule = compiled_rule(clocked(adaptation, journey.timeline))
+def solve_compiled(inputs: InertialInputs, adaptation: Adaptation) -> InertialSolution | None:
+    """Run the compiled filter once and return the solution with its trajectory.
+
+    Return None if numba cannot compile the adaptation, or if the adaptation raises an error.
+    """
+    rule = compiled_rule(clocked(adaptation, inputs.timeline))
     if rule is None:
         return None
-    lengths_s, which = step_lengths(journey.events.dt_s)
-    visited = int(np.count_nonzero(journey.events.reference >= 0))
-    own, of = inertial_of([journey], lengths_s, visited), _type_of(journey, 1)
-    estimate, w = run_alone(_split(journey), which, rule, (_loop_of(journey, 1), of, own))
-    euler_rad = euler_from_rotations(own.dcm[: len(estimate.index), :, 0].reshape(-1, 3, 3))
-    return InertialSolution(replace(estimate, euler_rad=euler_rad), *_end(w, of, journey.start[0].layout))
+    dcm = np.empty((np.count_nonzero(inputs.events.reference >= 0), 9, WIDE))
+    estimate, record = run_trajectory(_timeline_of(inputs), rule, lambda pack: _prepared([inputs], pack, dcm))
+    if estimate is None:
+        return None
+    euler_rad = euler_from_rotations(dcm[: len(estimate.index), :, 0].reshape(-1, 3, 3))
+    x, C, gyro_bias, accel_bias, P = (
+        record[name][..., 0].copy() for name in ("x", "C", "gyro_bias", "accel_bias", "P")
+    )
+    scale = None if inputs.start[0].wheel_scale is None else record["wheel_scale"][0, 0]
+    state = NavigationState(x[:3], x[3:6], C, gyro_bias, accel_bias, scale)
+    return InertialSolution(replace(estimate, euler_rad=euler_rad), state, P)
 
 
-def stream_journeys(
-    journeys: Sequence[Journey | None],
+def run_many_inertial(
+    all_inputs: Sequence[InertialInputs | None],
     scorings: Sequence[ErrorWeights],
     adaptations: Sequence[Adaptation],
     *,
@@ -56,165 +54,132 @@ def stream_journeys(
     attitude: bool,
     threads: int,
 ) -> list[Streamed | None]:
-    """Run ``journeys`` without trajectories, those of like steps side by side.
+    """Run inertial filters without storing trajectories. Runs with equal time steps are computed in one batch.
 
     Args:
-        journeys: the runs; None where one is not to be run.
-        scorings: what the errors of each count for.
-        adaptations: their adaptations.
-        updates: whether to keep what the updates saw.
-        attitude: whether to keep the attitude.
-        threads: how many to use.
+        all_inputs: the inputs of each run, or None for each run that is skipped.
+        scorings: the true values and error weights of each run.
+        adaptations: the adaptation of each run.
+        updates: whether the innovations are stored.
+        attitude: whether the attitude is stored.
+        threads: maximum number of batches that are processed at the same time.
 
     Returns:
-        The sums of each run; None where it needs a trajectory: it is lost, does not visit every stamp that counts, or
-        numba cannot compile its adaptation.
+        The error sums of each run. The result is None for a run that failed or diverged, that does not reach every
+        scored time stamp of the reference, or whose adaptation numba cannot compile. Runs with the result None must be
+        repeated with a trajectory.
     """
-    chosen = [
-        (k, journey, rule)
-        for k, journey in enumerate(journeys)
-        if journey is not None and np.count_nonzero(journey.events.reference >= 0) == len(scorings[k].truth)
-        if (rule := compiled_rule(clocked(adaptations[k], journey.timeline))) is not None
+    selected = [
+        (k, inputs, rule)
+        for k, inputs in enumerate(all_inputs)
+        if inputs is not None and np.count_nonzero(inputs.events.reference >= 0) == len(scorings[k].truth)
+        if (rule := compiled_rule(clocked(adaptations[k], inputs.timeline))) is not None
     ]
     attitudes: dict[int, FloatArray] = {}
 
-    def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
-        own = [chosen[k][1] for k in lanes]
-        inertial = inertial_of(own, pack.lengths_s, len(pack.scored.truth) if attitude else 0)
-        attitudes.update((k, inertial.dcm[:, :, lane]) for lane, k in enumerate(pack.members))
-        return _loop_of(own[0], WIDE), _type_of(own[0], WIDE), inertial
+    def prepare(pack: Pack) -> Prepared:
+        dcm = np.empty((len(pack.scored.truth) * attitude, 9, WIDE))
+        attitudes.update((k, dcm[:, :, lane]) for lane, k in enumerate(pack.members))
+        return _prepared([inputs for _, inputs, _ in selected], pack, dcm)
 
-    runs = [Run(_split(journey), scorings[k]) for k, journey, _ in chosen]
-    kinds = [(journey.start[0].layout, journey.settings.invariant) for _, journey, _ in chosen]
-    sums = run_packs(runs, kinds, [rule for *_, rule in chosen], prepare, updates=updates, threads=threads)
-    results: list[Streamed | None] = [None] * len(journeys)
-    for place, (k, *_) in enumerate(chosen):
-        result = sums[place]
-        if result is not None and attitude:
-            result = result._replace(euler_rad=euler_from_rotations(attitudes[place].reshape(-1, 3, 3)))
+    runs = [Run(_timeline_of(inputs), scorings[k]) for k, inputs, _ in selected]
+    states = [len(inputs.start[1]) for _, inputs, _ in selected]
+    kinds = [inputs.settings.invariant for _, inputs, _ in selected]
+    rules = [rule for *_, rule in selected]
+    sums = run_packs(runs, states, rules, prepare, kinds=kinds, updates=updates, threads=threads)
+    results: list[Streamed | None] = [None] * len(all_inputs)
+    for index, (result, (k, *_)) in enumerate(zip(sums, selected, strict=True)):
         results[k] = result
+        if result is not None and attitude:
+            results[k] = result._replace(euler_rad=euler_from_rotations(attitudes[index].reshape(-1, 3, 3)))
     return results
 
 
-def _type_of(journey: Journey, width: int) -> Lanes:
-    return inertial_type(journey.start[0].layout, width, invariant=journey.settings.invariant)
+def _prepared(all_inputs: Sequence[InertialInputs], pack: Pack, dcm: FloatArray) -> Prepared:
+    members = [all_inputs[k] for k in pack.lanes]
+    s, initial = members[0].start[0].size, _initial([inputs.start for inputs in members])
+    return navigation_for(s), navigation_layout(s), batch_of(members, pack.lengths_s, dcm), initial
 
 
-def _loop_of(journey: Journey, width: int) -> Any:  # noqa: ANN401 - numba has no types
-    return _compiled(journey.start[0].layout, width, invariant=journey.settings.invariant)
+def _timeline_of(inputs: InertialInputs) -> Timeline:
+    """Return the timeline of a run in which the time steps are split at the times of the headings."""
+    e = inputs.events
+    timeline = replace(inputs.timeline, t_s=e.t_s, dt_s=e.dt_s, accel_enu_mps2=NO_ACCELERATION)
+    return replace(timeline, sample=e.sample, update=e.update, reference=e.reference)
 
 
-@cache
-def _compiled(layout: ErrorLayout, width: int, *, invariant: bool) -> Any:  # noqa: ANN401 - numba has no types
-    """The loop of ``width`` runs for an error state of that layout, invariant or additive."""
-    title = f"the {'invariant ' if invariant else ''}inertial navigation of {runs_of(width)} with {layout.size} states"
-    constants = {"RUN": inertial_type(layout, width, invariant=invariant), "DENSE": 0}
-    return compiled_loop(run_navigation, title, constants, APART + _OWN)
+# Functions that compute the arguments of the compiled loop.
 
 
-def _split(journey: Journey) -> Timeline:
-    """The timeline of a run with the steps of its events, which headings split further."""
-    e = journey.events
-    return replace(
-        journey.timeline,
-        t_s=e.t_s,
-        dt_s=e.dt_s,
-        sample=e.sample,
-        update=e.update,
-        reference=e.reference,
-        accel_enu_mps2=NO_INPUT,
-    )
-
-
-# The arguments of the loop.
-
-
-def inertial_of(journeys: Sequence[Journey], lengths_s: FloatArray, visited: int) -> Inertial:
-    """Return what ``journeys`` sense, their settings and their begin; room for the attitude at ``visited`` stamps."""
-    settings = [journey.settings for journey in journeys]
-    accel_mps2, gyro_radps = _sensed(tuple(journey.imu for journey in journeys))
+def batch_of(all_inputs: Sequence[InertialInputs], lengths_s: FloatArray, dcm: FloatArray) -> InertialBatch:
+    """Return the inputs of a batch of runs, with the buffer ``dcm`` for the attitude."""
+    settings = [inputs.settings for inputs in all_inputs]
+    accel_mps2, gyro_radps = _imu_samples(tuple(inputs.imu for inputs in all_inputs))
     body = [float(s.velocity_frame != "enu") for s in settings]
     wheel = [float(s.velocity_frame == "speed") for s in settings]
     limits = [s.constraints for s in settings]
-    return Inertial(
+    return InertialBatch(
         np.array(lengths_s),
         accel_mps2,
         gyro_radps,
-        _lanes([np.array(s.noise) for s in settings]),
-        _lanes([np.append(s.earth.rate_radps * s.earth.rotates, s.earth.per_radius) for s in settings]),
+        stack_runs([np.array(s.noise) for s in settings]),
+        stack_runs([np.append(s.earth.rate_radps * s.earth.rotates, s.earth.per_radius) for s in settings]),
         any(s.earth.rotates for s in settings),
-        _lanes([_arms(s) for s in settings]),
+        stack_runs([_arms(s) for s in settings]),
         np.array([body, wheel]),
-        _lanes([np.array([c.still_below_mps, c.still_sigma_mps, c.sideways_sigma_mps]) for c in limits]),
+        stack_runs([np.array([c.still_below_mps, c.still_sigma_mps, c.sideways_sigma_mps]) for c in limits]),
         not any(body) and not any(s.antenna_m.any() for s in settings),
         not any(s.reference_point_m.any() for s in settings),
-        _lanes([nominal_numbers(journey.start[0]) for journey in journeys]),
-        _lanes([journey.start[1].ravel() for journey in journeys]),
-        len(journeys[0].start[1]),
-        *_headings(journeys),
-        *_constraints(journeys),
-        np.empty((visited, 9, len(journeys))),
+        all_inputs[0].settings.invariant,
+        *_headings(all_inputs),
+        *_constraints(all_inputs),
+        dcm,
     )
 
 
+def _initial(starts: Sequence[tuple[NavigationState, FloatArray]]) -> dict[str, FloatArray]:
+    """Return the initial values of the fields of `navigation_layout`."""
+    return {
+        "x": stack_runs([np.concatenate(state[:2]) for state, _ in starts]),
+        "P": stack_runs([P for _, P in starts]),
+        "C": stack_runs([state.dcm for state, _ in starts]),
+        "gyro_bias": stack_runs([state.gyro_bias_radps for state, _ in starts]),
+        "accel_bias": stack_runs([state.accel_bias_mps2 for state, _ in starts]),
+        "wheel_scale": np.array([[state.wheel_scale or 0.0 for state, _ in starts]]),
+    }
+
+
 def _arms(s: InertialSettings) -> FloatArray:
-    """Lever arms (4, 3), as `Inertial` has them; a velocity along the body is that of the IMU."""
-    velocity_m = {"enu": s.antenna_m, "body": np.zeros(3), "speed": s.wheel_m}[s.velocity_frame]
+    """Return the lever arms (4, 3) of a run in the order of `InertialBatch.arms`.
+
+    A velocity that is measured in the body frame is the velocity of the IMU, so its lever arm is zero.
+    """
+    velocity_m = {"enu": s.antenna_m, "body": np.zeros(3), "speed": s.constraints.sideways_point_m}[s.velocity_frame]
     return np.array([s.antenna_m, velocity_m, s.constraints.sideways_point_m, s.reference_point_m])
 
 
-def _lanes(parts: Sequence[FloatArray]) -> FloatArray:
-    return np.ascontiguousarray(np.stack(parts, axis=-1), np.float64)
+@lru_cache(maxsize=8)  # the next adaptation reuses the samples; each entry needs about 6 MB
+def _imu_samples(imus: tuple[Imu, ...]) -> tuple[FloatArray, FloatArray]:
+    return stack_runs([imu.accel_mps2 for imu in imus]), stack_runs([imu.gyro_radps for imu in imus])
 
 
-@lru_cache(maxsize=8)  # for the next adaptation; some 6 MB each
-def _sensed(imus: tuple[Imu, ...]) -> tuple[FloatArray, FloatArray]:
-    """Specific force and rate in vectors."""
-    return _lanes([imu.accel_mps2 for imu in imus]), _lanes([imu.gyro_radps for imu in imus])
-
-
-def _headings(journeys: Sequence[Journey]) -> tuple[IntArray, FloatArray]:
-    """The row of each step, and the rows of all journeys: NaN where one has none, with a sigma of one."""
-    events = np.array([journey.events.heading for journey in journeys])
-    headed, rows = _rows_where((events >= 0).any(axis=0))
-    yaw = np.ones((len(headed), 2, len(journeys)))
+def _headings(all_inputs: Sequence[InertialInputs]) -> tuple[IntArray, FloatArray]:
+    """Return ``heading`` and ``yaw`` of `InertialBatch`. A missing heading has a standard deviation of 1."""
+    events = np.array([inputs.events.heading for inputs in all_inputs])
+    steps = np.flatnonzero((events >= 0).any(axis=0))
+    yaw = np.ones((len(steps), 2, len(all_inputs)))
     yaw[:, 0] = np.nan
-    for lane, journey in enumerate(journeys):
-        which = events[lane, headed]
-        if journey.headings is not None:
-            yaw[which >= 0, 0, lane] = journey.headings.yaw_rad[which[which >= 0]]
-            yaw[which >= 0, 1, lane] = journey.headings.sigma_rad[which[which >= 0]]
-    return rows, yaw
+    for lane, inputs in enumerate(all_inputs):
+        which = events[lane, steps]
+        if inputs.headings is not None:
+            yaw[which >= 0, 0, lane] = inputs.headings.yaw_rad[which[which >= 0]]
+            yaw[which >= 0, 1, lane] = inputs.headings.sigma_rad[which[which >= 0]]
+    return numbered(events.shape[1], steps.tobytes()), yaw
 
 
-def _constraints(journeys: Sequence[Journey]) -> tuple[IntArray, FloatArray]:
-    """The row of each step, and the rows of all journeys: 2 still, 1 not, 0 nothing is due."""
-    held = np.array([_held(journey) for journey in journeys])
-    due, rows = _rows_where(held.any(axis=0))
-    return rows, np.ascontiguousarray(held[:, due].T)
-
-
-def _held(journey: Journey) -> FloatArray:
-    events, limits = journey.events, journey.settings.constraints
-    still = limits.still[events.sample]
-    due = events.constrained & (still | (limits.sideways_sigma_mps > 0))
-    return np.asarray(due * (1.0 + still))
-
-
-def _rows_where(due: Any) -> tuple[IntArray, IntArray]:  # noqa: ANN401 - of booleans
-    """Which steps are due, and the number of each of them; -1 elsewhere."""
-    places = np.flatnonzero(due)
-    rows = np.full(len(due), -1, dtype=np.int64)
-    rows[places] = np.arange(len(places))
-    return places, rows
-
-
-def _end(w: FloatArray, of: Lanes, layout: ErrorLayout) -> tuple[NavigationState, FloatArray]:
-    """State and covariance where a run has ended."""
-
-    def part(name: str) -> Any:  # noqa: ANN401 - an array, or a number
-        view = of.fields[name]
-        return w[list(view.places)].reshape(view.shape)[()]
-
-    x, extra = part("x"), {name: part(name) for name in layout.extra}
-    return NavigationState(x[:3], x[3:6], part("C"), part("gyro_bias"), part("accel_bias"), **extra), part("P")
+def _constraints(all_inputs: Sequence[InertialInputs]) -> tuple[IntArray, FloatArray]:
+    """Return the fields ``constraint`` and ``kind`` of `InertialBatch`."""
+    still = [inputs.settings.constraints.still[inputs.events.sample] for inputs in all_inputs]
+    kinds = np.array([x.is_constrained * (1.0 + is_still) for x, is_still in zip(all_inputs, still, strict=True)])
+    steps = np.flatnonzero(kinds.any(axis=0))
+    return numbered(kinds.shape[1], steps.tobytes()), np.ascontiguousarray(kinds[:, steps].T)

@@ -1,51 +1,88 @@
-"""The compiled navigation: the steps of one run or of several side by side; `jerkbench.inertial.run` defines it.
+"""The compiled navigation for a batch of eight runs. The reference implementation is `jerkbench.inertial.run`.
 
-The error state stands in the places of the kernel of kinematic filters, so innovation, adaptation, update and sums are
-that kernel's own. The first six places of its state hold the nominal position and velocity, the others the estimated
-error until it is put into the nominal state. What all runs of one compilation have in common is the layout of the error
-state and whether it is invariant.
+Functions of `jerkbench.kinematic` compute the innovation, the adaptation, the update and the error sums. The first six
+components of the state x are the nominal position and velocity. The other components of x are the estimated error,
+which is zero except between an update and the correction of the nominal state.
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatCube, FloatMatrix, FloatVector, IntVector
-from jerkbench.compilation.views import Lanes, View, ask_for, room, row, runs_in
-from jerkbench.inertial.aiding import conclude, constrain, feed_back, observe, take_heading
-from jerkbench.inertial.state import EXTRA_PARTS, ErrorLayout
+from jerkbench.arrays import FloatArray, FloatCube, FloatMatrix, FloatVector, IntVector
+from jerkbench.compilation.compiled import Compilation, not_inlined
+from jerkbench.compilation.vectors import in_lanes
+from jerkbench.inertial.aiding import constrain, feed_back, from_measurement, to_measurement, update_heading
 from jerkbench.inertial.strapdown import mechanise, propagate, sense
-from jerkbench.kinematic.arguments import RUN, Exchange, Kept, Rules, Steps, TruthRows, type_with
+from jerkbench.kinematic.arguments import Called, Output, Rules, Runs, Scoring, Steps, loop_type, record_layout
 from jerkbench.kinematic.correction import check_definite
-from jerkbench.kinematic.loop import all_lost, update
-from jerkbench.kinematic.score import AHEAD, keep
+from jerkbench.kinematic.loop import all_stopped
+from jerkbench.kinematic.prediction import Axis
+from jerkbench.kinematic.scoring import give, note_update
+from jerkbench.kinematic.update import fill_innovation, update
 
 
-class Inertial(NamedTuple):
-    """Arguments besides those of the kernel: what the runs sense, their settings and their begin; S states.
+@cache
+def navigation_layout(s: int) -> np.dtype[Any]:
+    """Return the `record_layout` of the compiled navigation with ``s`` error states."""
+    shapes: dict[str, tuple[int, ...]] = {
+        "C": (3, 3),  # attitude as the rotation from the body frame to ENU
+        "gyro_bias": (3,),
+        "accel_bias": (3,),
+        "wheel_scale": (1,),  # wheel scale error, or 0 if it is not estimated
+        "rate": (3,),  # angular rate of the body, corrected by the gyro bias
+        "force": (3,),  # specific force in the body frame, corrected by the accelerometer bias
+        "rotation": (3, 3),  # rotation matrix of a time step or of a correction
+        "C_next": (3, 3),  # buffer
+        "C_before": (3, 3),  # attitude before the correction
+        "C_change": (3, 3),  # rotation C+' C from the body frame before to the body frame after a correction
+        "dt_C": (3, 3),  # product -dt C with the attitude C in the middle of a step
+        "dt_force": (3,),  # product -dt a with the specific force a in ENU in the middle of a step
+        "nominal": (6,),  # position and velocity before an update
+        "shift": (6,),  # change of position and velocity by a correction on the group SE_2(3)
+        "predicted": (6,),  # predicted measurement h
+        "arm": (3,),  # lever arm C l of the measured position in ENU
+        "dh_dv": (3, 3),  # derivatives dh_dx of the predicted velocity with respect to the error x
+        "dv_dh": (3, 3),  # inverse of dh_dv
+        "dh_dphi": (3, 3),
+        "dh_dgyro": (3, 3),
+        "dh_dscale": (1,),  # derivative of the first velocity component; the other two are zero
+        "column": (s,),  # this array and all following arrays are buffers
+        "half": (9, s),
+        "vectors": (9, 3),
+        "skew_arm": (3, 3),
+        "C_skew_arm": (3, 3),
+        "skew": (3, 3),
+        "skew_body": (3, 3),
+    }
+    return record_layout(s // 3, s, tuple(shapes.items()))
+
+
+class InertialBatch(NamedTuple):
+    """The inputs and the settings of a batch of runs.
 
     Attributes:
-        dt_s: (lengths,) of the steps.
-        accel_mps2: (samples, 3, WIDTH).
-        gyro_radps: (samples, 3, WIDTH).
-        noise: (4, WIDTH) power densities: angle, velocity, gyro bias, accelerometer bias.
-        earth: (4, WIDTH) the Earth's rate in ENU, and 1/R.
-        rotates: whether the Earth turns for any run.
-        arms: (4, 3, WIDTH) lever arms: of the measured position, the measured velocity, the sideways constraint, and
-            the point that is given out.
-        frame: (2, WIDTH) of the measured velocity: 1 along the body, else 0 (ENU); 1 a wheel's, else 0.
-        limits: (3, WIDTH) still_below_mps, still_sigma_mps, sideways_sigma_mps of `run_inputs.Constraints`.
-        direct: whether position and velocity of the IMU itself, in ENU, are measured in all runs.
-        centred: whether those of the IMU itself are given out in all runs.
-        nominal0: (S + 6, WIDTH) the `nominal_numbers` of the state at the start.
-        P0: (S S, WIDTH) covariance of the error there.
-        states: S.
-        heading: (n,) row of ``yaw`` after each step, or -1.
-        yaw: (h, 2, WIDTH) measured yaw [rad], NaN where there is none, and its sigma.
-        constrained: (n,) row of ``held`` after each step, or -1.
-        held: (c, WIDTH) 2 where the IMU stands still, 1 where it does not, 0 where no constraint is due.
-        dcm: (k, 9, WIDTH) room for the attitude at the visited stamps of the reference; or no row.
+        dt_s: (lengths,) the distinct step lengths [s].
+        accel_mps2: (samples, 3, 8) accelerometer measurements [m/s2].
+        gyro_radps: (samples, 3, 8) gyro measurements [rad/s].
+        noise: (4, 8) power spectral densities of the noise of angle, velocity, gyro bias and accelerometer bias.
+        earth: (4, 8) angular rate of the Earth in ENU [rad/s], and the inverse 1/R of the Earth radius [1/m].
+        rotates: whether at least one run includes the Earth's rotation.
+        arms: (4, 3, 8) lever arms of the measured position, of the measured velocity, of the non-holonomic constraint,
+            and of the point whose position and velocity are returned.
+        frame: (2, 8) two flags of the measured velocity. The first flag is 1 for the body frame and 0 for ENU. The
+            second flag is 1 for a wheel speed, otherwise 0.
+        limits: (3, 8) the fields still_below_mps, still_sigma_mps and sideways_sigma_mps of `run_inputs.Constraints`.
+        measures_imu: whether, in all runs, the measurements are position and velocity of the IMU in ENU.
+        returns_imu: whether all runs return position and velocity of the IMU and not of another point.
+        invariant: whether corrections are applied on the group SE_2(3).
+        heading: (n,) row of ``yaw`` that is used after each step, or -1 if no heading follows the step.
+        yaw: (h, 2, 8) measured yaw and its standard deviation [rad]. The yaw is NaN for each run without a measurement.
+        constraint: (n,) row of ``kind`` that is used after each step, or -1 if no constraint follows the step.
+        kind: (c, 8) 2 if the IMU is stationary, 1 if the IMU is moving, or 0 if no constraint is applied.
+        dcm: (k, 9, 8) buffer for the attitude at the time stamps of the reference. ``dcm`` has no rows if the attitude
+            is not stored.
     """
 
     dt_s: FloatVector
@@ -57,173 +94,100 @@ class Inertial(NamedTuple):
     arms: FloatCube
     frame: FloatMatrix
     limits: FloatMatrix
-    direct: bool
-    centred: bool
-    nominal0: FloatMatrix
-    P0: FloatMatrix
-    states: int
+    measures_imu: bool
+    returns_imu: bool
+    invariant: bool
     heading: IntVector
     yaw: FloatCube
-    constrained: IntVector
-    held: FloatMatrix
+    constraint: IntVector
+    kind: FloatMatrix
     dcm: FloatCube
 
 
 def run_navigation(
-    steps: Steps, scored: TruthRows, own: Inertial, rules: Rules, kept: Kept, exchange: Exchange
-) -> tuple[int, int]:
-    """Run all steps, or up to where the last run is lost; arguments as those of `jerkbench.kinematic.loop.run_steps`.
+    _axis: Axis,
+    steps: Steps,
+    scored: Scoring,
+    batch: InertialBatch,
+    rules: Rules,
+    adapt: Called,
+    gain: Called,
+    output: Output,
+    state: Runs,
+) -> None:
+    """Process all time steps of eight runs. The loop ends early if all runs have stopped.
 
-    Returns:
-        How many stamps of the reference were visited, and how many updates there were.
+    The arguments are the same as in `jerkbench.kinematic.loop.run_steps`, with ``batch`` instead of ``model``.
     """
-    run = runs_in(kept.w, RUN)
-    begin(run, own)
-    reached = updates = 0
+    run, dcm = in_lanes(state), in_lanes(batch.dcm)
+    accel, gyro, arms = in_lanes(batch.accel_mps2), in_lanes(batch.gyro_radps), in_lanes(batch.arms)
+    noise, earth = in_lanes(batch.noise), in_lanes(batch.earth)
+    limits, frame = in_lanes(batch.limits), in_lanes(batch.frame)
+    yaw, kind = in_lanes(batch.yaw), in_lanes(batch.kind)
     for k in range(len(steps.model)):
-        move_navigation(run, own, steps.model[k], steps.sample[k])
-        if steps.update[k] >= 0:
-            take_update(run, own, steps, scored, rules, kept, exchange, steps.update[k], updates)
-            updates += 1
-        if own.heading[k] >= 0:
-            remember(run)
-            take_heading(run, own.yaw, own.heading[k])
-            feed_back(run)
-            check_definite(run)
-        if own.constrained[k] >= 0:
-            remember(run)
-            held, limits = row(own.held, own.constrained[k], run, "1"), row(own.limits, 0, run, "3")
-            constrain(run, held, limits, row(own.arms, 2, run, "3"), own.states)
-            feed_back(run)
-            check_definite(run)
-        if (steps.update[k] >= 0 or own.heading[k] >= 0 or own.constrained[k] >= 0) and all_lost(run, k):
-            return reached, updates
-        if steps.reference[k] >= 0:
-            give_out(run, own, scored, kept, steps.reference[k], reached)
-            reached += 1
-    return reached, updates
+        which, heading, constraint = steps.update[k], batch.heading[k], batch.constraint[k]
+        sense(run, accel[steps.sample[k]], gyro[steps.sample[k]])
+        if steps.model[k] >= 0:
+            mechanise(run, earth, batch.rotates, batch.dt_s[steps.model[k]])
+            propagate(run, noise, batch.dt_s[steps.model[k]])
+        if which >= 0:
+            store_nominal(run)
+            if not batch.measures_imu:
+                to_measurement(run, arms[0], arms[1], frame)
+            fill_innovation(run, steps.z, which)
+            update(run, steps, rules, adapt, gain, which)
+            note_update(run, scored.counts, output, which)
+            if not batch.measures_imu:
+                from_measurement(run)
+            feed_back(run, batch.invariant)
+        if heading >= 0:
+            store_nominal(run)
+            update_heading(run, yaw[heading, 0], yaw[heading, 1])
+            feed_back(run, batch.invariant)
+            check_definite(run, run.x, run.P)
+        if constraint >= 0:
+            store_nominal(run)
+            constrain(run, kind[constraint], limits, arms[2])
+            feed_back(run, batch.invariant)
+            check_definite(run, run.x, run.P)
+        if (which >= 0 or heading >= 0 or constraint >= 0) and all_stopped(run, k):
+            return
+        reference = steps.reference[k]
+        if reference >= 0:
+            if batch.returns_imu:
+                give(run, run.P, scored, output, reference)
+            else:
+                _give_point(run, arms[3], scored, output, reference)
+            if len(batch.dcm) > 0:
+                for e in range(9):
+                    dcm[reference, e] = run.C[e // 3, e % 3]
 
 
-def begin(run: Lanes, own: Inertial) -> None:
-    """Put the start into the runs, which are zero."""
-    nominal0, P0 = row(own.nominal0, 0, run, "numbers"), row(own.P0, 0, run, "s s")
-    for e in range(run.numbers):
-        run.state[e] = nominal0[e]
-    for s in range(run.s):
-        for t in range(run.s):
-            run.P[s, t] = P0[s, t]
-    run.ended = run.ended - 1.0
-
-
-def move_navigation(run: Lanes, own: Inertial, length: int, sample: int) -> None:
-    """Carry the nominal states and the covariances over a step of length number ``length``; -1: no time passes."""
-    accel, gyro = own.accel_mps2, own.gyro_radps
-    ask_for(row(accel, sample + AHEAD, run, "3"))
-    ask_for(row(gyro, sample + AHEAD, run, "3"))
-    sense(run, row(accel, sample, run, "3"), row(gyro, sample, run, "3"))
-    if length >= 0:
-        mechanise(run, row(own.earth, 0, run, "4"), own.rotates, own.dt_s[length])
-        propagate(run, row(own.noise, 0, run, "4"), own.dt_s[length])
-
-
-def remember(run: Lanes) -> None:
-    """Note position and velocity before something is taken."""
+def store_nominal(run: Runs) -> None:
+    """Store the nominal position and velocity before a correction."""
     for s in range(6):
         run.nominal[s] = run.x[s]
 
 
-def take_update(
-    run: Lanes,
-    own: Inertial,
-    steps: Steps,
-    scored: TruthRows,
-    rules: Rules,
-    kept: Kept,
-    exchange: Exchange,
-    which: int,
-    place: int,
-) -> None:
-    """Take row ``which`` of position and velocity, the ``place``-th update."""
-    remember(run)
-    if not own.direct:
-        observe(run, row(own.arms, 0, run, "3"), row(own.arms, 1, run, "3"), row(own.frame, 0, run, "2"))
-    update(run, steps, scored, rules, kept, exchange, which, place)
-    if not own.direct:
-        conclude(run)
-    feed_back(run)
-
-
-def give_out(run: Lanes, own: Inertial, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
-    """Keep, and score, what is known at the ``k``-th visited stamp of the point whose position is given out."""
-    if own.centred:
-        keep(run, scored, kept, reference, k)
-    else:
-        keep_point(run, own, scored, kept, reference, k)
-    if len(own.dcm) > 0:
-        dcm = row(own.dcm, k, run, "3 3")
-        for i in range(3):
-            for j in range(3):
-                dcm[i, j] = run.C[i, j]
-
-
-def keep_point(run: Lanes, own: Inertial, scored: TruthRows, kept: Kept, reference: int, k: int) -> None:
-    """Do so with another point than the IMU, and leave state and covariance as they were."""
-    P, arm, frame = room(run, "6 s"), row(own.arms, 3, run, "3"), room(run, "2")
-    frame[0] = frame[1] = run.zero
-    remember(run)
-    for s in range(6):
-        for t in range(run.s):
-            P[s, t] = run.P[s, t]
-    observe(run, arm, arm, frame)
-    keep(run, scored, kept, reference, k)
-    for s in range(6):
-        run.x[s] = run.nominal[s]
-        for t in range(run.s):
-            run.P[s, t] = P[s, t]
-
-
-# The parts of a run: those of the kernel, and the rest of the nominal state.
-
-_SHAPES: dict[str, tuple[int, ...]] = {
-    "C": (3, 3),  # attitude, body to ENU
-    "gyro_bias": (3,),
-    "accel_bias": (3,),
-    **EXTRA_PARTS,  # zero where not estimated
-    "rate": (3,),
-    "force": (3,),
-    "turn": (3, 3),  # the rotation of a step, or of a correction
-    "next": (3, 3),
-    "before": (3, 3),  # attitude before a correction
-    "back": (3, 3),  # from the body after it to that before it
-    "lever": (3, 3),  # -dt C, with C and the specific force a in the middle of a step
-    "twist": (3,),  # -dt a
-    "square_of_angle": (),
-    "sine": (),  # sin(a)/a of the angle a of a rotation
-    "cosine": (),  # (1 - cos(a))/a^2
-    "nominal": (6,),  # position and velocity before something is taken
-    "shift": (6,),  # by how much a correction on the group moves them
-    "expected": (6,),  # h: what is measured, as the state expects it
-    "arm": (3,),  # C l of the position: dh = dp - [arm] phi
-    "of_velocity": (3, 3),  # of a measured velocity: dh by dv, and the inverse
-    "from_velocity": (3, 3),
-    "of_attitude": (3, 3),  # dh by phi
-    "of_gyro": (3, 3),  # dh by the gyro's error
-    "wheel_slope": (),  # dh by the error of the wheel's scale, first row
-    "innovation": (),  # of a yaw
-    "measured": (),  # 1 where there is one, else 0
-}
+@not_inlined
+def _give_point(run: Runs, arm: FloatArray, scored: Scoring, output: Output, reference: int) -> None:
+    """Transform the state and P to the point at the lever arm ``arm``, store and score them, and restore them."""
+    frame, saved, s = run.vectors[6], run.gain, len(run.x)
+    frame[0] = frame[1] = 0.0 * run.x[0]
+    store_nominal(run)
+    for a in range(6):
+        for b in range(s):
+            saved[a, b] = run.P[a, b]
+    to_measurement(run, arm, arm, frame)
+    give(run, run.P, scored, output, reference)
+    for a in range(6):
+        run.x[a] = run.nominal[a]
+        for b in range(s):
+            run.P[a, b] = run.P[b, a] = saved[a, b]
 
 
 @cache
-def inertial_type(layout: ErrorLayout, width: int, *, invariant: bool) -> Lanes:
-    """Return the type of ``width`` runs with an error state of that layout, invariant or additive.
-
-    Its ``state`` are the `nominal_numbers`, six more than the errors: those of C are nine, not three. ``at_NAME`` is
-    where the errors of a part of `EXTRA_PARTS` begin, 0 where it is not estimated.
-    """
-    at = {f"at_{name}": block.start if name in layout.extra else 0 for name, block in layout.blocks.items()}
-    run = type_with(_SHAPES, layout.size, width, invariant=int(invariant), numbers=layout.size + 6, **at)
-    views = [run.fields[name] for name in ("C", "gyro_bias", "accel_bias", *layout.extra)]
-    behind = [place for view in views for place in np.reshape(view.places, view.shape).ravel("F").tolist()]
-    state = View((layout.size + 6,), [*run.fields["x"].places[:6], *behind], width)
-    return Lanes({**run.fields, "state": state}, run.sizes, width)
+def navigation_for(states: int) -> Compilation:
+    """Return the compiled navigation loop for a filter with ``states`` error states."""
+    signature = loop_type(navigation_layout(states), InertialBatch)
+    return Compilation(run_navigation, "the inertial navigation", signature, contract=True)

@@ -1,4 +1,4 @@
-"""A step of the navigation: the Earth, the nominal state over samples of the IMU, and the growth of its error."""
+"""Gravity and the Earth's rotation, the strapdown mechanisation, and the propagation of the error state."""
 
 from typing import NamedTuple
 
@@ -20,19 +20,22 @@ from jerkbench.inertial.state import (
 from jerkbench.recording import GRAVITY_MPS2, Origin
 
 RATE_RADPS = 7.292115e-5
-"""The Earth's rate (WGS-84)."""
+"""Angular rate of the Earth (WGS-84) [rad/s]."""
 
 RADIUS_M = 6_371_000.0
-"""Mean radius: that of the ellipsoid differs by .3 %, which turns gravity by 1e-6 rad over 2 km."""
+"""Mean radius of the Earth [m].
+
+The radii of the ellipsoid differ by 0.3 %, which changes the direction of gravity by 1e-6 rad over 2 km.
+"""
 
 
 class Earth(NamedTuple):
-    """What the navigation equations know of the Earth.
+    """Parameters of the navigation equations for the rotation and curvature of the Earth.
 
     Attributes:
-        rotates: whether it turns.
-        rate_radps: (3,) the Earth's rate in ENU at the origin.
-        per_radius: 1/R [1/m]; 0: gravity is the same everywhere.
+        rotates: whether the navigation equations include the Earth's rotation.
+        rate_radps: (3,) angular rate of the Earth in ENU at the origin [rad/s].
+        per_radius: 1/R with the radius R of the Earth, or 0 for constant gravity [1/m].
     """
 
     rotates: bool
@@ -41,11 +44,11 @@ class Earth(NamedTuple):
 
 
 FLAT = Earth(rotates=False, rate_radps=np.zeros(3), per_radius=0.0)
-"""A plane that does not turn, with gravity straight down."""
+"""A tangent plane that does not rotate, with constant gravity."""
 
 
 def earth_at(origin: Origin | None, *, rotates: bool, curved: bool) -> Earth:
-    """Return the Earth at ``origin``; without a known origin it does not turn."""
+    """Return the Earth's rotation and curvature at ``origin``. Without an origin, the rotation is not included."""
     if not rotates or origin is None:
         return FLAT._replace(per_radius=1.0 / RADIUS_M if curved else 0.0)
     latitude = np.deg2rad(origin.latitude_deg)
@@ -53,31 +56,25 @@ def earth_at(origin: Origin | None, *, rotates: bool, curved: bool) -> Earth:
     return Earth(rotates=True, rate_radps=rate, per_radius=1.0 / RADIUS_M if curved else 0.0)
 
 
-STRAIGHT_DOWN = np.array([0.0, 0.0, -GRAVITY_MPS2])
-STRAIGHT_DOWN.flags.writeable = False
-
-
 def gravity_enu(position_m: FloatArray, per_radius: float) -> FloatArray:
-    """Return g(p) = -g [e/R, n/R, 1 - 2 u/R]: in the tangent plane it points to the Earth's centre."""
-    if per_radius == 0.0:
-        return STRAIGHT_DOWN
+    """Return gravity (3,) in ENU [m/s2], -g [e/R, n/R, 1 - 2 u/R], which points to the centre of the Earth."""
     e, n, u = position_m.tolist()
     g = GRAVITY_MPS2
     return np.array([-g * e * per_radius, -g * n * per_radius, -g * (1.0 - 2.0 * u * per_radius)])
 
 
-# Strapdown mechanisation: the nominal state over some samples of the IMU.
+# Strapdown mechanisation, which propagates the nominal state over several samples of the IMU.
 
 
-class Passage(NamedTuple):
-    """The nominal state over k steps.
+class Propagation(NamedTuple):
+    """The nominal state at the end of each of k time steps.
 
     Attributes:
-        position_m: (k, 3) at the end of each.
-        velocity_mps: (k, 3) at the end of each.
-        dcm: (k, 3, 3) at the end of each.
-        mean_dcm: (k, 3, 3) C_mean, between begin and end.
-        force_enu_mps2: (k, 3) the mean specific force, C_mean f.
+        position_m: (k, 3) position in ENU at the end of each step [m].
+        velocity_mps: (k, 3) velocity in ENU at the end of each step [m/s].
+        dcm: (k, 3, 3) rotation matrix from the body frame to ENU at the end of each step.
+        mean_dcm: (k, 3, 3) C_mean, the mean of the attitudes at the start and at the end of each step.
+        force_enu_mps2: (k, 3) mean specific force C_mean f of each step in ENU [m/s2].
     """
 
     position_m: FloatArray
@@ -87,21 +84,21 @@ class Passage(NamedTuple):
     force_enu_mps2: FloatArray
 
     def state(self, start: NavigationState, k: int) -> NavigationState:
-        """The state at the end of step k; what is known of the sensors is that of the start."""
+        """Return the nominal state at the end of step ``k``, with the biases and the wheel scale of ``start``."""
         return NavigationState(self.position_m[k], self.velocity_mps[k], self.dcm[k], *start[3:])
 
 
 def calibrated(state: NavigationState, accel_mps2: FloatArray, gyro_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return specific force f and rate w (k, 3) without the biases of the sensors."""
+    """Return specific force f and angular rate w (k, 3), from which the estimated biases are subtracted."""
     return accel_mps2 - state.accel_bias_mps2, gyro_radps - state.gyro_bias_radps
 
 
 def advance_navigation(
     state: NavigationState, force_mps2: FloatArray, rate_radps: FloatArray, dt_s: FloatArray, earth: Earth
-) -> Passage:
-    """Carry ``state`` over k steps.
+) -> Propagation:
+    """Propagate the nominal state ``state`` over k time steps.
 
-    With the Earth's rate w_e and gravity g(p), for each step::
+    In the following equations of a step, w_e is the angular rate of the Earth and g(p) is gravity::
 
         C+ = Exp(-w_e dt) C Exp(w dt)
         C_mean = (C + C+)/2
@@ -109,63 +106,54 @@ def advance_navigation(
         p+ = p + (v + v+)/2 dt
 
     Args:
-        state: at the begin.
-        force_mps2: (k, 3) f, mean over each step, body.
-        rate_radps: (k, 3) w, mean over each step, body.
-        dt_s: (k,) their lengths.
-        earth: gravity and the Earth's rotation.
+        state: nominal state at the start of the first step.
+        force_mps2: (k, 3) mean specific force f of each step in the body frame [m/s2].
+        rate_radps: (k, 3) mean angular rate w of each step in the body frame [rad/s].
+        dt_s: (k,) lengths of the steps [s].
+        earth: parameters of gravity and of the Earth's rotation.
     """
-    dcm = _turned(state.dcm, rate_radps, dt_s, earth)
+    dcm = _rotated(state.dcm, rate_radps, dt_s, earth)
     mean = 0.5 * (dcm[:-1] + dcm[1:])
     force = (mean @ force_mps2[:, :, None])[:, :, 0]
-    move = _moved_flat if not earth.rotates and earth.per_radius == 0.0 else _moved
-    return Passage(*move(state, force, dt_s, earth), dcm[1:], mean, force)
+    return Propagation(*_integrated(state, force, dt_s, earth), dcm[1:], mean, force)
 
 
-def _turned(dcm: FloatArray, rate_radps: FloatArray, dt_s: FloatArray, earth: Earth) -> FloatArray:
-    """Return C (k + 1, 3, 3) at the begin and at the end of each step."""
-    turned = np.empty((len(dt_s) + 1, 3, 3))
-    turned[0] = dcm
+def _rotated(dcm: FloatArray, rate_radps: FloatArray, dt_s: FloatArray, earth: Earth) -> FloatArray:
+    """Return the attitude C (k + 1, 3, 3) at the start of the first step and at the end of each step."""
+    rotated = np.empty((len(dt_s) + 1, 3, 3))
+    rotated[0] = dcm
     for k, turn in enumerate(rotation_exp(rate_radps * dt_s[:, None])):
-        np.dot(turned[k], turn, out=turned[k + 1])
-    if earth.rotates:  # all of the Earth's turns are about one axis, so they can wait
-        turned[1:] = rotation_exp(-earth.rate_radps * np.cumsum(dt_s)[:, None]) @ turned[1:]
-    return turned
+        np.dot(rotated[k], turn, out=rotated[k + 1])
+    if earth.rotates:  # rotations about the Earth's axis commute, so they can be applied at the end
+        rotated[1:] = rotation_exp(-earth.rate_radps * np.cumsum(dt_s)[:, None]) @ rotated[1:]
+    return rotated
 
 
-def _moved_flat(
+def _integrated(
     state: NavigationState, force: FloatArray, dt_s: FloatArray, earth: Earth
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity (k, 3) where gravity is the same everywhere and nothing turns: sums."""
-    gains = (force + gravity_enu(state.position_m, earth.per_radius)) * dt_s[:, None]
-    v = state.velocity_mps + np.cumsum(gains, axis=0)
-    return state.position_m + np.cumsum((v - 0.5 * gains) * dt_s[:, None], axis=0), v
-
-
-def _moved(state: NavigationState, force: FloatArray, dt_s: FloatArray, earth: Earth) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity (k, 3), step by step."""
+    """Return position and velocity (k, 3), which are integrated step by step."""
     p, v = np.empty((2, len(dt_s), 3))
-    at, moving = state.position_m, state.velocity_mps
+    position, velocity = state.position_m, state.velocity_mps
     for k, dt in enumerate(dt_s.tolist()):
-        before = moving
-        accel = force[k] + gravity_enu(at, earth.per_radius) - 2.0 * cross(earth.rate_radps, before)
-        moving = before + accel * dt
-        at = at + (before + moving) * (0.5 * dt)
-        p[k], v[k] = at, moving
+        accel = force[k] + gravity_enu(position, earth.per_radius) - 2.0 * cross(earth.rate_radps, velocity)
+        v[k] = velocity + accel * dt
+        p[k] = position + (velocity + v[k]) * (0.5 * dt)
+        position, velocity = p[k], v[k]
     return p, v
 
 
-# The growth of the error state over a step: Phi and Q.
+# Propagation of the error state over a time step, with the matrices Phi and Q.
 
 
 class SensorNoise(NamedTuple):
-    """Power densities of the process noise, the same for each axis.
+    """Power spectral densities of the process noise of the inertial filters, which are equal on all axes.
 
     Attributes:
         angle: q_g, square of the angle random walk [rad2/s].
         velocity: q_a, square of the velocity random walk [m2/s3].
-        gyro_bias: drive of the gyro bias [rad2/s3].
-        accel_bias: drive of the accelerometer bias [m2/s5].
+        gyro_bias: power spectral density of the random walk of the gyro bias [rad2/s3].
+        accel_bias: power spectral density of the random walk of the accelerometer bias [m2/s5].
     """
 
     angle: float
@@ -175,21 +163,22 @@ class SensorNoise(NamedTuple):
 
 
 def transition(dt_s: FloatArray, dcm: FloatArray, force_enu_mps2: FloatArray, states: int = STATES) -> FloatArray:
-    """Return Phi (k, n, n) of k steps, with C in the middle of each and the mean specific force a = C f.
+    """Return the transition matrices Phi (k, n, n) of the error state for k time steps.
 
-    Of dp' = dv, dv' = -[a] phi - C db_a, phi' = -C db_g, db' = 0, with a and C as constants::
+    The matrix Phi is the solution of dp' = dv, dv' = -[a] phi - C db_a, phi' = -C db_g, db' = 0 with constant a and C::
 
         dp+  = dp + dt dv - dt^2/2 [a] phi + dt^3/6 [a] C db_g - dt^2/2 C db_a
         dv+  = dv - dt [a] phi + dt^2/2 [a] C db_g - dt C db_a
         phi+ = phi - dt C db_g
 
-    Coriolis and the turning of phi with the Earth (1e-4 a second) are left out: they are far below the noise.
+    Phi neglects the Coriolis acceleration and the rotation of phi with the Earth (1e-4 per second), because both are
+    far below the noise.
 
     Args:
-        dt_s: (k,) lengths.
-        dcm: (k, 3, 3) C.
-        force_enu_mps2: (k, 3) a.
-        states: n; what is not named above is constant.
+        dt_s: (k,) lengths of the steps [s].
+        dcm: (k, 3, 3) attitude C in the middle of each step.
+        force_enu_mps2: (k, 3) mean specific force a = C f of each step in ENU [m/s2].
+        states: n, the number of error states. All states after the fifteenth state are constant.
     """
     dt, a = dt_s[:, None, None], skew(force_enu_mps2)
     aC = a @ dcm
@@ -202,26 +191,18 @@ def transition(dt_s: FloatArray, dcm: FloatArray, force_enu_mps2: FloatArray, st
     return Phi
 
 
-def step_noise(noise: SensorNoise, dt_s: float, states: int = STATES) -> FloatArray:
-    """Return Q (n, n) of a step; states after the fifteenth are constant."""
-    Q = np.zeros((states, states))
-    Q[:STATES, :STATES] = process_noise(noise, dt_s)
-    return Q
+def process_noise(noise: SensorNoise, dt_s: float, states: int = STATES) -> FloatArray:
+    """Return the process noise Q (n, n) of a time step. All states after the fifteenth state are constant.
 
-
-def process_noise(noise: SensorNoise, dt_s: float) -> FloatArray:
-    """Return Q (15, 15) of a step; that of two halves adds up to that of the whole.
-
-    White accelerometer noise reaches position and velocity as [[dt^3/3, dt^2/2], [dt^2/2, dt]] q_a, the gyro's phi as
-    dt q_g; each bias walks. What gyro noise and walking biases do to velocity within one step is left out.
+    White accelerometer noise adds [[dt^3/3, dt^2/2], [dt^2/2, dt]] q_a to the covariance of position and velocity, and
+    white gyro noise adds dt q_g to the covariance of phi. Each bias is a random walk. Q neglects the effects of gyro
+    noise and bias walks on the velocity within one step. The process noise of two half steps is equivalent to the
+    process noise of the full step.
     """
     q = np.zeros((5, 5))
     q[0, 0], q[1, 1] = noise.velocity * dt_s**3 / 3.0, noise.velocity * dt_s
     q[0, 1] = q[1, 0] = noise.velocity * dt_s**2 / 2.0
     q[2, 2], q[3, 3], q[4, 4] = noise.angle * dt_s, noise.gyro_bias * dt_s, noise.accel_bias * dt_s
-    return np.asarray(np.kron(q, np.eye(3)), dtype=np.float64)
-
-
-def propagated(covariance: FloatArray, Phi: FloatArray, Q: FloatArray) -> FloatArray:
-    """Return Phi P Phi' + Q."""
-    return np.asarray(Phi.dot(covariance).dot(Phi.T) + Q)
+    Q = np.zeros((states, states))
+    Q[:STATES, :STATES] = np.kron(q, np.eye(3))
+    return Q

@@ -1,4 +1,4 @@
-"""One run of the error-state inertial navigation over the events of a recording."""
+"""The reference implementation of the error-state inertial navigation in NumPy."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -6,37 +6,37 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.adapted_updates import AdaptedUpdates
-from jerkbench.arrays import BoolArray, FloatArray, IntArray
+from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
-from jerkbench.inertial.mechanisation import advance_navigation, calibrated, propagated, step_noise, transition
-from jerkbench.inertial.run_inputs import Events, Journey
-from jerkbench.inertial.state import PHI, NavigationState, corrected, is_finite
+from jerkbench.inertial.mechanisation import advance_navigation, calibrated, process_noise, transition
+from jerkbench.inertial.run_inputs import Events, InertialInputs
+from jerkbench.inertial.state import PHI, NavigationState, corrected
 from jerkbench.inertial.update import (
-    carried_over,
     corrected_on_group,
     correction,
     heading,
     point_in_enu,
     reset,
     reset_on_group,
+    transformed,
     velocity_in_body,
     wheel_speed,
 )
 from jerkbench.kalman import has_factor
 
-STRETCH = 512
-"""Most steps that are made at once: their Phi have to find room."""
+MAX_STEPS = 512
+"""Maximum number of steps that are propagated together. This limits the memory for the matrices Phi."""
 
 
 class InertialSolution(NamedTuple):
-    """What a run gives.
+    """The result of a run of an inertial filter.
 
     Attributes:
-        estimate: at the reference's stamps.
-        state: nominal state at the end.
-        covariance: (n, n) of its error.
+        estimate: estimate at the time stamps of the reference.
+        state: nominal state at the end of the run.
+        covariance: (n, n) covariance of the error of ``state``.
     """
 
     estimate: Estimate
@@ -44,113 +44,105 @@ class InertialSolution(NamedTuple):
     covariance: FloatArray
 
 
-def given_out(
+def state_at_point(
     state: NavigationState, covariance: FloatArray, rate_radps: FloatArray, point_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return position and velocity (6,) of a point of the body, and their covariance (6, 6)."""
-    if not point_m.any():  # nearly always, and at every step where the reference is that dense
-        return np.concatenate([state.position_m, state.velocity_mps]), covariance[:6, :6]
+    """Return position and velocity (6,) in ENU of a point of the body, and their covariance (6, 6)."""
     x, H = point_in_enu(state, rate_radps, point_m)
     return x, H @ covariance @ H.T
 
 
 class InertialRun:
-    """The state of one run, and its steps."""
+    """One run of an inertial filter, with its current state and covariance and the stored results."""
 
-    def __init__(self, journey: Journey, adaptation: Adaptation) -> None:
-        """Put a run together."""
-        self.imu, self.timeline, self.headings, _, start, self.settings = journey
+    def __init__(self, inputs: InertialInputs, adaptation: Adaptation) -> None:
+        self.inputs = inputs
+        self.imu, self.timeline, self.headings, _, start, self.settings = inputs
         self.state, self.P = start
-        self.updates = AdaptedUpdates(journey.timeline, adaptation, log_det=False)
+        self.updates = AdaptedUpdates(inputs.timeline, adaptation, log_det=False)
         self.noises: dict[int, FloatArray] = {}
         self.rate = np.zeros(3)
         self.dcms: list[FloatArray] = []
 
-    def over(self, events: Events) -> InertialSolution:
-        """Go through ``events``; stops at the first sign of divergence."""
-        constrained = events.constrained & self._is_constrained(events.sample)
+    def solve(self) -> InertialSolution:
+        """Process all events of the run. The run ends early if the covariance is no longer positive definite."""
+        events, constrained = self.inputs.events, self.inputs.is_constrained
         corrects = (events.update >= 0) | (events.heading >= 0) | constrained
-        is_end = np.arange(len(corrects)) % STRETCH == STRETCH - 1
+        is_end = np.arange(len(corrects)) % MAX_STEPS == MAX_STEPS - 1
         is_end[-1] = True
-        begin = 0
+        start = 0
         for last in np.flatnonzero(corrects | is_end).tolist():
-            self._predict(events, begin, last)
-            if corrects[last] and not self._take(events, last, constrained=bool(constrained[last])):
+            self._predict(events, start, last)
+            if corrects[last] and not self._apply_corrections(events, last, constrained=bool(constrained[last])):
                 return self._solution(f"the covariance is no longer positive definite at {events.t_s[last]:.2f} s")
             if events.reference[last] >= 0:
-                self._keep(int(events.reference[last]))
-            begin = last + 1
+                self._store(int(events.reference[last]))
+            start = last + 1
         return self._solution()
 
-    def _predict(self, events: Events, begin: int, last: int) -> None:
-        """Go through a stretch of steps at whose ends nothing is corrected but at the last one's.
+    def _predict(self, events: Events, start: int, last: int) -> None:
+        """Propagate the state and its covariance over the steps ``start`` to ``last``.
 
-        The nominal state does not depend on P, so all of its steps are made at once.
+        Only the last step may end with a correction. The nominal state does not depend on P, so the nominal state is
+        propagated over all steps before P is propagated.
         """
-        steps = slice(begin, last + 1)
-        dt_s, samples = events.dt_s[steps], events.sample[steps]
-        start = self.state
-        sensed = calibrated(start, self.imu.accel_mps2[samples], self.imu.gyro_radps[samples])
-        passage = advance_navigation(start, *sensed, dt_s, self.settings.earth)
-        Phi = transition(dt_s, passage.mean_dcm, passage.force_enu_mps2, len(self.P))
+        steps = slice(start, last + 1)
+        dt_s, samples, before = events.dt_s[steps], events.sample[steps], self.state
+        sensed = calibrated(before, self.imu.accel_mps2[samples], self.imu.gyro_radps[samples])
+        propagation = advance_navigation(before, *sensed, dt_s, self.settings.earth)
+        Phi = transition(dt_s, propagation.mean_dcm, propagation.force_enu_mps2, len(self.P))
         references = events.reference[steps].tolist()
         for k, dt in enumerate(dt_s.tolist()):
-            self._grow(Phi[k], self._noise(dt))
+            self._propagate_covariance(Phi[k], self._process_noise(dt))
             if k == len(dt_s) - 1 or references[k] >= 0:
-                self.state, self.rate = passage.state(start, k), sensed[1][k]
+                self.state, self.rate = propagation.state(before, k), sensed[1][k]
             if k < len(dt_s) - 1 and references[k] >= 0:
-                self._keep(references[k])
+                self._store(references[k])
 
-    def _grow(self, Phi: FloatArray, Q: FloatArray) -> None:
-        """Carry the covariance over a step."""
-        self.P = propagated(self.P, Phi, Q)
+    def _propagate_covariance(self, Phi: FloatArray, Q: FloatArray) -> None:
+        self.P = np.asarray(Phi.dot(self.P).dot(Phi.T) + Q)
 
-    def _noise(self, dt: float) -> FloatArray:
-        """The process noise of a step of dt, made once for each whole nanosecond."""
+    def _process_noise(self, dt: float) -> FloatArray:
         key = round(dt * 1e9)
         if key not in self.noises:
-            self.noises[key] = step_noise(self.settings.noise, dt, len(self.P))
+            self.noises[key] = process_noise(self.settings.noise, dt, len(self.P))
         return self.noises[key]
 
-    def _is_constrained(self, sample: IntArray) -> BoolArray:
-        """Whether there is any constraint at those samples of the IMU."""
-        limits = self.settings.constraints
-        return np.asarray(limits.still[sample] | (limits.sideways_sigma_mps > 0))
-
-    def _take(self, events: Events, at: int, *, constrained: bool) -> bool:
-        """Take what comes at the end of a step; whether the filter is well after it."""
-        update, row = int(events.update[at]), int(events.heading[at])
+    def _apply_corrections(self, events: Events, k: int, *, constrained: bool) -> bool:
+        """Apply the measurements and constraints after step ``k``. Return False if the filter has diverged."""
+        update, row = int(events.update[k]), int(events.heading[k])
         if update >= 0:
             self._update(update)
         if row >= 0 and self.headings is not None:
-            self._take_heading(float(self.headings.yaw_rad[row]), float(self.headings.sigma_rad[row]))
+            self._update_heading(float(self.headings.yaw_rad[row]), float(self.headings.sigma_rad[row]))
         if constrained:
-            self._constrain(int(events.sample[at]))
-        return is_finite(self.state) and has_factor(self.P)
+            self._constrain(int(events.sample[k]))
+        finite = all(bool(np.isfinite(part).all()) for part in self.state[:5])  # then wheel_scale is also finite
+        return finite and has_factor(self.P)
 
     def _update(self, update: int) -> None:
-        """Adapt R and take position and velocity."""
-        h, H = self._expected()
+        """Update with row ``update`` of the measured positions and velocities, and with the adapted R."""
+        h, H = self._predict_measurement(self.state, self.rate)
         y, R, rows = self.updates.take(update, lambda z, rows: (z - h[rows], H[rows] @ self.P @ H[rows].T))
         if rows.size:
             self._correct(y, H[rows], R)
 
-    def _expected(self) -> tuple[FloatArray, FloatArray]:
-        """The six rows of position and velocity that the state expects, and their H."""
-        h, H = point_in_enu(self.state, self.rate, self.settings.antenna_m)
+    def _predict_measurement(self, state: NavigationState, rate_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the predicted measurement (6,) of position and velocity, and its Jacobian H (6, n)."""
+        h, H = point_in_enu(state, rate_radps, self.settings.antenna_m)
         if self.settings.velocity_frame == "body":
-            h[3:], H[3:] = velocity_in_body(self.state, self.rate, np.zeros(3))
+            h[3:], H[3:] = velocity_in_body(state, rate_radps, np.zeros(3))
         elif self.settings.velocity_frame == "speed":
-            h[3:], H[3:] = wheel_speed(self.state, self.rate, self.settings.wheel_m)
+            h[3:], H[3:] = wheel_speed(state, rate_radps, self.settings.constraints.sideways_point_m)
         return h, H
 
-    def _take_heading(self, yaw_rad: float, sigma_rad: float) -> None:
-        expected, H = heading(self.state)
-        innovation = np.remainder(yaw_rad - expected + np.pi, 2.0 * np.pi) - np.pi
+    def _update_heading(self, yaw_rad: float, sigma_rad: float) -> None:
+        predicted, H = heading(self.state)
+        innovation = np.remainder(yaw_rad - predicted + np.pi, 2.0 * np.pi) - np.pi
         self._correct(np.array([innovation]), H, np.array([[sigma_rad**2]]))
 
     def _constrain(self, sample: int) -> None:
-        """Zero velocity when it stands still, else none sideways and upwards."""
+        """Apply a zero-velocity update if the vehicle is stationary, otherwise the non-holonomic constraint."""
         limits = self.settings.constraints
         slow = np.linalg.norm(self.state.velocity_mps) < limits.still_below_mps
         if limits.still[sample] and slow:
@@ -161,7 +153,6 @@ class InertialRun:
             self._correct(-h[1:], H[1:], limits.sideways_sigma_mps**2 * np.eye(2))
 
     def _correct(self, innovation: FloatArray, H: FloatArray, R: FloatArray) -> None:
-        """Update with rows that are there."""
         before = self.state
         dx, self.P = correction(self.P, innovation, H, R)
         if self.settings.invariant:
@@ -170,13 +161,12 @@ class InertialRun:
         else:
             self.state = corrected(before, dx)
             G = reset(before, self.state, dx[PHI])
-        self.P = carried_over(self.P, G)
+        self.P = transformed(self.P, G)
 
-    def _keep(self, reference: int) -> None:
-        """Keep position and velocity of the reference point, and the attitude."""
-        self.updates.recorder.state(
-            reference, *given_out(self.state, self.P, self.rate, self.settings.reference_point_m)
-        )
+    def _store(self, reference: int) -> None:
+        """Store the attitude, and position and velocity of the reference point, for the time stamp ``reference``."""
+        x, P = state_at_point(self.state, self.P, self.rate, self.settings.reference_point_m)
+        self.updates.recorder.state(reference, x, P)
         self.dcms.append(self.state.dcm)
 
     def _solution(self, failure: str = "") -> InertialSolution:

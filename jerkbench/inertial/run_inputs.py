@@ -1,6 +1,6 @@
-"""One run of the inertial navigation before it begins: its events, its constraints, its settings, its start."""
+"""The inputs of an inertial navigation run: events, constraints, settings, and the initial state."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,22 +8,22 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.estimate import Attitude
 from jerkbench.geometry import dcm_from_euler, roll_pitch
 from jerkbench.inertial.mechanisation import Earth, SensorNoise
-from jerkbench.inertial.state import BA, BG, PHI, ErrorLayout, NavigationState, V
+from jerkbench.inertial.state import BA, BG, PHI, STATES, WHEEL_SCALE, NavigationState, V, skew
 from jerkbench.recording import GRAVITY_MPS2, Heading, Imu, Recording
 from jerkbench.timeline import Timeline, merged_times, nanoseconds
 
 
 class Events(NamedTuple):
-    """The steps of one run: predict over dt with ``sample``, then what comes at the end of the step.
+    """The time steps of one run. Each step is a prediction over dt_s, followed by the events at the end of the step.
 
     Attributes:
-        t_s: (n,) time at the end of each step.
-        dt_s: (n,) its length; the first is 0.
-        sample: (n,) which IMU sample covers it.
-        update: (n,) row of the timeline's measurements, or -1.
-        heading: (n,) row of the headings, or -1.
-        constrained: (n,) whether the constraints are due.
-        reference: (n,) row of the reference, or -1.
+        t_s: (n,) time at the end of each step [s].
+        dt_s: (n,) length of each step [s]; the first length is 0.
+        sample: (n,) index of the IMU sample of each step.
+        update: (n,) row of the measurements that are used after each step, or -1 if no update follows the step.
+        heading: (n,) row of the heading that is used after each step, or -1 if no heading follows the step.
+        constrained: (n,) whether the motion constraints are applied after each step.
+        reference: (n,) row of the reference at the end of each step, or -1 if the reference has no time stamp there.
     """
 
     t_s: FloatArray
@@ -43,19 +43,27 @@ def merge_events(
     headings: Heading | None,
     constraint_interval_s: float,
 ) -> Events:
-    """Put ``headings`` (None: there are none) between the steps of a timeline: their ends, and what comes there.
+    """Return the time steps of a timeline, which are split at the times of ``headings``.
 
-    The constraints are due at the first step that ends in a new interval of ``constraint_interval_s``.
+    Args:
+        t_s: (n,) time at the end of each step of the timeline [s].
+        updates: (n,) row of the measurements that are used after each step, or -1 if no update follows the step.
+        references: (n,) row of the reference at the end of each step, or -1 if the reference has no time stamp there.
+        imu: samples of the IMU.
+        headings: measured headings, or None. Headings before the first step or after the last step are ignored.
+        constraint_interval_s: interval of the motion constraints [s]. The constraints are applied after the first step
+            that ends in each interval of this length.
     """
-    known = nanoseconds(t_s)
-    more = nanoseconds(headings.t_s if headings is not None else np.empty(0))
-    more = more[(more >= known[0]) & (more <= known[-1])]
-    t_ns = merged_times(known, more) if len(more) else known
-    at = np.searchsorted(t_ns, known)
+    step_ns = nanoseconds(t_s)
+    heading_ns = nanoseconds(headings.t_s if headings is not None else np.empty(0))
+    heading_ns = heading_ns[(heading_ns >= step_ns[0]) & (heading_ns <= step_ns[-1])]
+    t_ns = merged_times(step_ns, heading_ns) if len(heading_ns) else step_ns
+    at = np.searchsorted(t_ns, step_ns)
     update, reference, heading = np.full((3, len(t_ns)), -1, dtype=np.int64)
     update[at], reference[at] = updates, references
     if headings is not None:
-        heading[np.searchsorted(t_ns, more)] = np.flatnonzero(np.isin(nanoseconds(headings.t_s), more))
+        rows = np.flatnonzero(np.isin(nanoseconds(headings.t_s), heading_ns))
+        heading[np.searchsorted(t_ns, heading_ns)] = rows
     intervals = t_ns // max(round(constraint_interval_s * 1e9), 1)
     return Events(
         t_s=np.asarray(t_ns * 1e-9),
@@ -68,49 +76,52 @@ def merge_events(
     )
 
 
-# The times at which the vehicle stands still, as the IMU sees it.
+# Detection of a stationary vehicle from the IMU data.
 
 
 def still_samples(imu: Imu, window_s: float, accel_mps2: float, gyro_radps: float) -> BoolArray:
-    """Return (n,) whether the vehicle has stood still for the ``window_s`` that end with each sample.
+    """Return for each sample (n,) whether the IMU was stationary in the last ``window_s`` seconds.
 
-    It does where the standard deviations over the window, of the three axes together, are below both limits: what is
-    constant (gravity, a bias) does not count. Steady motion on a smooth road looks the same, so a user of this asks
-    for a small speed as well. The first window has too few samples to tell: False.
+    The IMU is regarded as stationary if the standard deviation of the specific force over the window is below
+    ``accel_mps2``, and the standard deviation of the angular rate is below ``gyro_radps``. Each standard deviation is
+    the root of the sum of the variances of the three axes. Constant values, such as gravity and a bias, have no effect.
+    The IMU also appears stationary during steady motion on a smooth road, so the estimated speed must be checked in
+    addition. The result is False before the end of the first window.
     """
     samples = max(round(window_s / imu.nominal_interval_s), 2)
-    quiet = deviation(imu.accel_mps2, samples) < accel_mps2
-    return np.asarray(quiet & (deviation(imu.gyro_radps, samples) < gyro_radps))
+    still = _running_deviation(imu.accel_mps2, samples) < accel_mps2
+    return np.asarray(still & (_running_deviation(imu.gyro_radps, samples) < gyro_radps))
 
 
-def deviation(values: FloatArray, samples: int) -> FloatArray:
-    """Return (n,) the root of the summed variances of the columns over the last ``samples`` rows; infinite before."""
-    centred = values - values.mean(axis=0)  # less cancellation in the running sums
-    spread = np.full(len(values), np.inf)
-    if len(values) < samples:
-        return spread
-    mean, square = _running_mean(centred, samples), _running_mean(centred**2, samples)
-    spread[samples - 1 :] = np.sqrt(np.maximum(square - mean**2, 0.0).sum(axis=1))
-    return spread
+def _running_deviation(values: FloatArray, samples: int) -> FloatArray:
+    """Return the root (n,) of the sum of the variances of all columns, over the last ``samples`` rows.
+
+    The result is infinite before the end of the first window.
+    """
+    centred = values - values.mean(axis=0)  # this reduces the cancellation in the running sums
+    deviation = np.full(len(values), np.inf)
+    if len(values) >= samples:
+        sums = np.pad(np.cumsum([centred, centred**2], axis=1), ((0, 0), (1, 0), (0, 0)))
+        mean, square = (sums[:, samples:] - sums[:, :-samples]) / samples
+        deviation[samples - 1 :] = np.sqrt(np.maximum(square - mean**2, 0.0).sum(axis=1))
+    return deviation
 
 
-def _running_mean(values: FloatArray, samples: int) -> FloatArray:
-    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    return np.asarray((sums[samples:] - sums[:-samples]) / samples)
-
-
-# One run of the inertial navigation before it begins.
+# Settings and inputs of an inertial run.
 
 
 class Constraints(NamedTuple):
-    """What the vehicle cannot do.
+    """Settings of the motion constraints: zero-velocity updates, and the non-holonomic constraint.
 
     Attributes:
-        still: (n,) whether it stands still at each IMU sample; all False: no zero-velocity update.
-        still_below_mps: only when the estimated speed is below.
-        still_sigma_mps: one sigma of each axis of the velocity when it stands.
-        sideways_sigma_mps: one sigma of the velocity sideways and upwards in the body; 0: no such constraint.
-        sideways_point_m: (3,) where that holds, from the IMU, in the body.
+        still: (n,) whether the IMU is stationary at each sample. All elements are False if zero-velocity updates are
+            disabled.
+        still_below_mps: estimated speed below which zero-velocity updates are applied [m/s].
+        still_sigma_mps: standard deviation of each axis of a zero-velocity update [m/s].
+        sideways_sigma_mps: standard deviation of the lateral and vertical velocity of the non-holonomic constraint, or
+            0 if this constraint is disabled [m/s].
+        sideways_point_m: (3,) lever arm from the IMU to the wheel, at which the non-holonomic constraint applies, in
+            the body frame [m].
     """
 
     still: BoolArray
@@ -121,18 +132,18 @@ class Constraints(NamedTuple):
 
 
 class InertialSettings(NamedTuple):
-    """Everything about a run that is not measured.
+    """The settings of a run of an inertial filter.
 
     Attributes:
-        noise: of the sensors.
-        earth: gravity and rotation.
-        antenna_m: (3,) from the IMU, in the body.
-        reference_point_m: (3,) the point whose position is given out, from the IMU, in the body.
-        velocity_frame: of rows 3 to 5 of z: "enu" (of the antenna), "body" (of the IMU), or "speed" (body, of the
-            wheel).
-        wheel_m: (3,) where the wheel measures, from the IMU, in the body.
-        constraints: what the vehicle cannot do.
-        invariant: whether a correction goes in on the group SE_2(3), and the covariance of that error stays as it is.
+        noise: power spectral densities of the process noise.
+        earth: parameters of gravity and of the Earth's rotation.
+        antenna_m: (3,) lever arm from the IMU to the GNSS antenna, in the body frame [m].
+        reference_point_m: (3,) lever arm from the IMU to the point whose position and velocity are returned, in the
+            body frame [m].
+        velocity_frame: frame of the measured velocity. The value "enu" is the velocity of the antenna in ENU, "body"
+            the velocity of the IMU in the body frame, and "speed" the velocity of the wheel in the body frame.
+        constraints: settings of the motion constraints.
+        invariant: whether corrections are applied on the group SE_2(3) (invariant filter).
     """
 
     noise: SensorNoise
@@ -140,21 +151,20 @@ class InertialSettings(NamedTuple):
     antenna_m: FloatArray
     reference_point_m: FloatArray
     velocity_frame: str
-    wheel_m: FloatArray
     constraints: Constraints
     invariant: bool = False
 
 
-class Journey(NamedTuple):
-    """Everything that a run needs besides its adaptation.
+class InertialInputs(NamedTuple):
+    """The inputs of a run of an inertial filter, except the adaptation.
 
     Attributes:
-        imu: the samples.
-        timeline: the measurements.
+        imu: samples of the IMU.
+        timeline: timeline with the measurements of position and velocity.
         headings: measured headings, or None.
-        events: the steps.
-        start: state and covariance (n, n) at the begin.
-        settings: what is not measured.
+        events: time steps and the events at the end of each step.
+        start: initial nominal state and covariance (n, n) of its error.
+        settings: settings of the filter.
     """
 
     imu: Imu
@@ -164,26 +174,33 @@ class Journey(NamedTuple):
     start: tuple[NavigationState, FloatArray]
     settings: InertialSettings
 
+    @property
+    def is_constrained(self) -> BoolArray:
+        """An array (n,) that contains whether a motion constraint is applied after each of the n time steps."""
+        limits = self.settings.constraints
+        is_any = limits.still[self.events.sample] | (limits.sideways_sigma_mps > 0)
+        return np.asarray(self.events.constrained & is_any)
 
-# The start: levelled at rest, or on the attitude filter's first tilt when it moves.
+
+# The initial state. At rest, the initial roll and pitch are computed by levelling, otherwise by the attitude filter.
 
 
 LEVELLING_S = 1.0
-"""How much rest the levelling takes, and needs."""
+"""Duration of the data that levelling uses, and minimum time at rest for levelling [s]."""
 
 MOVING_TILT_RAD = 0.17
-"""One sigma of roll and pitch when it moves from the start; the variance is .03 as in the tilt filter."""
+"""Standard deviation of roll and pitch at a start in motion [rad]. The tilt filter has the same variance, 0.03 rad2."""
 
 
 class StartSigmas(NamedTuple):
-    """One sigma of what is not known at the start.
+    """Standard deviations of the components of the initial state.
 
     Attributes:
-        gyro_bias_radps: of each axis.
-        accel_bias_mps2: of each axis.
-        yaw_rad: of the yaw that is given.
-        still_mps: of the velocity at rest, each axis.
-        wheel_scale: of the wheel's scale; 0: it has none.
+        gyro_bias_radps: standard deviation of the gyro bias on each axis [rad/s].
+        accel_bias_mps2: standard deviation of the accelerometer bias on each axis [m/s2].
+        yaw_rad: standard deviation of the yaw [rad].
+        still_mps: standard deviation of the velocity on each axis, if the vehicle is at rest [m/s].
+        wheel_scale: standard deviation of the scale error of the wheel, or 0 if this error is not estimated [-].
     """
 
     gyro_bias_radps: float
@@ -191,11 +208,6 @@ class StartSigmas(NamedTuple):
     yaw_rad: float
     still_mps: float
     wheel_scale: float = 0.0
-
-    @property
-    def extra(self) -> dict[str, Any]:
-        """One sigma of every number of `EXTRA_PARTS`; what is zero is not estimated."""
-        return {"wheel_scale": np.array(self.wheel_scale)} if self.wheel_scale else {}
 
 
 def align(
@@ -208,70 +220,63 @@ def align(
     *,
     gyro_bias_from_rest: bool,
 ) -> tuple[NavigationState, FloatArray]:
-    """Return the nominal state at the timeline's start, and the covariance (n, n) of its error.
+    """Return the nominal state at the start of the timeline, and the covariance (n, n) of its error.
 
-    At rest: roll and pitch from the mean specific force of the first second, v = 0, and on request the gyro's mean
-    over the rest as its bias, with the variance q_g/T. Moving: roll and pitch of ``attitude`` at the start, v from
-    the timeline. p is the first fix.
+    The initial position is the initial position of the timeline. If the vehicle is at rest, roll and pitch are computed
+    from the mean specific force of the first second, and the velocity is 0. With ``gyro_bias_from_rest``, the initial
+    gyro bias is the mean of the gyro during the time T at rest. This gyro bias includes the rotation rate of the Earth
+    and has the variance q_g/T. If the vehicle moves at the start, the initial roll and pitch are the roll and pitch of
+    ``attitude``, and the initial velocity is the initial velocity of the timeline.
     """
-    P = _of_sensors(sigmas)
+    variances = np.zeros(STATES + int(sigmas.wheel_scale > 0.0))
+    variances[BG], variances[BA] = sigmas.gyro_bias_radps**2, sigmas.accel_bias_mps2**2
+    variances[WHEEL_SCALE:] = sigmas.wheel_scale * sigmas.wheel_scale
+    P = np.diag(variances)
     P[:6, :6] = timeline.P0
     roll, pitch, _ = attitude.euler_rad[timeline.sample[0]]
-    v, bg, still_s = timeline.x0[3:], np.zeros(3), recording.static_start_s
-    if resting := still_s >= LEVELLING_S and timeline.t_s[0] < still_s:
+    v, bg, rest_s = timeline.x0[3:], np.zeros(3), recording.static_start_s
+    if at_rest := rest_s >= LEVELLING_S and timeline.t_s[0] < rest_s:
         roll, pitch = roll_pitch(recording.apparent_vertical(LEVELLING_S))
         v, P[V, :6], P[:6, V] = np.zeros(3), 0.0, 0.0
         P[V, V] = sigmas.still_mps**2 * np.eye(3)
         if gyro_bias_from_rest:
-            bg = _mean_rate(recording)
-            P[BG, BG] = noise.angle / recording.static_start_s * np.eye(3)
+            imu = recording.inertial
+            bg = imu.gyro_radps[imu.t_s < imu.t_s[0] + rest_s].mean(axis=0)
+            P[BG, BG] = noise.angle / rest_s * np.eye(3)
     C = dcm_from_euler(np.array([roll, pitch, yaw_rad]))
-    level = np.sqrt(noise.velocity / LEVELLING_S) / GRAVITY_MPS2 if resting else MOVING_TILT_RAD
-    P[PHI, PHI] = np.diag([level**2, level**2, sigmas.yaw_rad**2])
-    state = NavigationState(
-        timeline.x0[:3], v, C, bg, np.zeros(3), **{name: 0.0 * sigma for name, sigma in sigmas.extra.items()}
-    )
-    if resting:
-        _couple_tilt(P, state)
-    return state, P
+    tilt_rad = np.sqrt(noise.velocity / LEVELLING_S) / GRAVITY_MPS2 if at_rest else MOVING_TILT_RAD
+    P[PHI, PHI] = np.diag([tilt_rad**2, tilt_rad**2, sigmas.yaw_rad**2])
+    if at_rest:
+        _correlate_tilt(P, C)
+    scale = 0.0 if sigmas.wheel_scale > 0.0 else None
+    return NavigationState(timeline.x0[:3], v, C, bg, np.zeros(3), scale), P
 
 
 def with_body_velocity(state: NavigationState, P: FloatArray, dcm: FloatArray) -> tuple[NavigationState, FloatArray]:
-    """Return the start with a velocity that was measured along the body and turned into ENU with ``dcm`` (3, 3).
+    """Return the initial state and covariance for a velocity that was measured in the body frame.
 
-    It turns with the attitude C of ``state``, and so with its error: v = Exp(phi) C C_given' v_given, dv = -[v] phi.
+    The velocity of ``state`` was rotated into ENU with ``dcm`` (3, 3). The function rotates the velocity with the
+    attitude C of ``state`` instead, so the velocity error depends on the attitude error::
+
+        v = Exp(phi) C dcm' v_enu,    dv = -[v] phi
     """
-    turn = state.dcm @ dcm.T
-    v = turn @ state.velocity_mps
+    rotation = state.dcm @ dcm.T
+    v = rotation @ state.velocity_mps
     P = P.copy()
-    P[V, V] = turn @ P[V, V] @ turn.T
+    P[V, V] = rotation @ P[V, V] @ rotation.T
     T = np.eye(len(P))
-    T[V, PHI] = np.array([[0.0, v[2], -v[1]], [-v[2], 0.0, v[0]], [v[1], -v[0], 0.0]])
+    T[V, PHI] = -skew(v)
     return state._replace(velocity_mps=v), T @ P @ T.T
 
 
-def _of_sensors(sigmas: StartSigmas) -> FloatArray:
-    """The covariance (n, n) of what is not known of the sensors, the rest zero."""
-    layout = ErrorLayout(tuple(sigmas.extra))
-    variances = np.zeros(layout.size)
-    variances[BG], variances[BA] = sigmas.gyro_bias_radps**2, sigmas.accel_bias_mps2**2
-    for name, sigma in sigmas.extra.items():
-        variances[layout.blocks[name]] = np.ravel(sigma, order="F") ** 2
-    return np.diag(variances)
+def _correlate_tilt(P: FloatArray, C: FloatArray) -> None:
+    """Add to P, in place, the tilt error that an accelerometer bias causes in levelling.
 
+    At rest, 0 = -[g e3] phi - C db_a, which determines the tilt error phi for a given bias error db_a::
 
-def _mean_rate(recording: Recording) -> FloatArray:
-    """The gyro's mean over the rest; the Earth's rate goes with it."""
-    imu = recording.inertial
-    return np.asarray(imu.gyro_radps[imu.t_s < imu.t_s[0] + recording.static_start_s].mean(axis=0))
-
-
-def _couple_tilt(P: FloatArray, state: NavigationState) -> None:
-    """Put the tilt that errors of the accelerometer make of levelling into P, in place.
-
-    At rest 0 = -[g e3] phi - C db_a, so that phi = J db_a with J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g.
+        phi = J db_a,    J = [[0, -1, 0], [1, 0, 0], [0, 0, 0]] C/g
     """
-    J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ state.dcm / GRAVITY_MPS2
+    J = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ C / GRAVITY_MPS2
     P[PHI, BA] = J @ P[BA, BA]
     P[BA, PHI] = P[PHI, BA].T
     P[PHI, PHI] += J @ P[BA, BA] @ J.T

@@ -1,12 +1,14 @@
-"""The Rauch-Tung-Striebel smoother over the error states of an inertial navigation.
+"""The Rauch-Tung-Striebel smoother over the error state of an inertial navigation.
 
-Forward, a node for each step at which something is taken or given out: the prior x-, P- before what is taken, the
-posterior x+, P+ after it (both nominal states with the covariance of their error), and Phi from the node before. The
-error of the prior is zero, because every correction goes into the nominal state at once; so, backward from the last
-node, with x (-) y the error state that takes y to x, and P' the smoothed covariance in the numbers of the prior::
+The forward pass stores a node for each time step that ends with a correction or at a time stamp of the reference. A
+node contains the prior state x- and its covariance P-, the posterior state x+ and its covariance P+, and the transition
+Phi from the previous node. The prior error has the mean zero, because every correction is applied to the nominal state
+immediately. The backward pass starts at the last node. Let x (-) y be the error state that transforms y into x, and let
+P' be the covariance of the smoothed error about x-. The backward pass computes the smoothed state xs and its covariance
+Ps::
 
     G = P+ Phi' (P-_{k+1})^-1
-    xs = x+ with G (xs_{k+1} (-) x-_{k+1}) put into it
+    xs = x+ corrected by G (xs_{k+1} (-) x-_{k+1})
     Ps = P+ + G (P'_{k+1} - P-_{k+1}) G'
 """
 
@@ -20,23 +22,23 @@ from jerkbench.arrays import FloatArray
 from jerkbench.contracts import Adaptation
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import euler_from_dcm
-from jerkbench.inertial.run import InertialRun, InertialSolution, given_out
-from jerkbench.inertial.run_inputs import Events, Journey
+from jerkbench.inertial.run import InertialRun, state_at_point
+from jerkbench.inertial.run_inputs import Events, InertialInputs
 from jerkbench.inertial.state import PHI, NavigationState, corrected, error_between
-from jerkbench.inertial.update import carried_over, reset
+from jerkbench.inertial.update import reset, transformed
 
 
 class Node(NamedTuple):
-    """One step of the forward pass.
+    """The prior and posterior state of the filter at one node of the forward pass.
 
     Attributes:
-        Phi: (n, n) from the posterior of the node before to the prior of this one.
-        prior: nominal state before what is taken.
-        P_prior: (n, n) covariance of its error.
-        posterior: nominal state after it.
-        P: (n, n) covariance of its error.
-        rate_radps: (3,) the body's rate there.
-        reference: row of the reference, or -1.
+        Phi: (n, n) transition from the posterior of the previous node to the prior of this node.
+        prior: nominal state before the correction at this node.
+        P_prior: (n, n) covariance of the error of ``prior``.
+        posterior: nominal state after the correction at this node.
+        P: (n, n) covariance of the error of ``posterior``.
+        rate_radps: (3,) angular rate of the body, from which the gyro bias is subtracted [rad/s].
+        reference: row of the reference at this node, or -1 if the reference has no time stamp there.
     """
 
     Phi: FloatArray
@@ -49,90 +51,86 @@ class Node(NamedTuple):
 
 
 class ForwardRun(InertialRun):
-    """A run that remembers its nodes; its own estimate is that of the filter."""
+    """A run of the inertial filter that stores the nodes for the backward pass of the smoother."""
 
-    nodes: list[Node]
-    Phi: FloatArray
+    def __init__(self, inputs: InertialInputs, adaptation: Adaptation) -> None:
+        super().__init__(inputs, adaptation)
+        self.nodes: list[Node] = []
+        self.Phi = np.eye(len(self.P))
 
-    def over(self, events: Events) -> InertialSolution:
-        """Go through ``events``, as the filter does."""
-        self.nodes, self.Phi = [], np.eye(len(self.P))
-        return super().over(events)
-
-    def _grow(self, Phi: FloatArray, Q: FloatArray) -> None:
-        super()._grow(Phi, Q)
+    def _propagate_covariance(self, Phi: FloatArray, Q: FloatArray) -> None:
+        super()._propagate_covariance(Phi, Q)
         self.Phi = Phi @ self.Phi
 
-    def _take(self, events: Events, at: int, *, constrained: bool) -> bool:
+    def _apply_corrections(self, events: Events, k: int, *, constrained: bool) -> bool:
         prior, P_prior = self.state, self.P
-        well = super()._take(events, at, constrained=constrained)
-        if well:
-            self._remember(prior, P_prior, -1)
-        return well
+        healthy = super()._apply_corrections(events, k, constrained=constrained)
+        if healthy:
+            self._add_node(prior, P_prior, -1)
+        return healthy
 
-    def _keep(self, reference: int) -> None:
-        super()._keep(reference)
+    def _store(self, reference: int) -> None:
+        super()._store(reference)
         if self.nodes and self.nodes[-1].posterior is self.state:
             self.nodes[-1] = self.nodes[-1]._replace(reference=reference)
         else:
-            self._remember(self.state, self.P, reference)
+            self._add_node(self.state, self.P, reference)
 
-    def _remember(self, prior: NavigationState, P_prior: FloatArray, reference: int) -> None:
+    def _add_node(self, prior: NavigationState, P_prior: FloatArray, reference: int) -> None:
         self.nodes.append(Node(self.Phi, prior, P_prior, self.state, self.P, self.rate, reference))
         self.Phi = np.eye(len(self.P))
 
 
 class Smoothed(NamedTuple):
-    """What all measurements say of a node.
+    """The smoothed solution at one node.
 
     Attributes:
-        state: nominal state.
-        covariance: (n, n) of its error.
+        state: smoothed nominal state.
+        covariance: (n, n) covariance of the error of ``state``.
     """
 
     state: NavigationState
     covariance: FloatArray
 
 
-def smooth_navigation(journey: Journey, adaptation: Adaptation) -> Estimate:
-    """Return the smoothed solution at the reference's stamps; where the forward pass stops, up to there."""
-    run = ForwardRun(journey, adaptation)
-    estimate = run.over(journey.events).estimate
-    smoothed = backward(run.nodes)
-    kept = [(node, later) for node, later in zip(run.nodes, smoothed, strict=True) if node.reference >= 0]
-    if not kept:
+def smooth_navigation(inputs: InertialInputs, adaptation: Adaptation) -> Estimate:
+    """Return the smoothed estimate at the time stamps of the reference, up to a divergence of the forward pass."""
+    run = ForwardRun(inputs, adaptation)
+    estimate = run.solve().estimate
+    pairs = zip(run.nodes, smooth_backward(run.nodes), strict=True)
+    outputs = [(node, smoothed) for node, smoothed in pairs if node.reference >= 0]
+    if not outputs:
         return estimate
-    point_m = journey.settings.reference_point_m
-    shown = [given_out(later.state, later.covariance, node.rate_radps, point_m) for node, later in kept]
-    x, P = np.array([x for x, _ in shown]), np.array([P for _, P in shown])
-    euler_rad = euler_from_dcm(np.array([later.state.dcm for _, later in kept]))
+    point_m = inputs.settings.reference_point_m
+    points = [state_at_point(*smoothed, node.rate_radps, point_m) for node, smoothed in outputs]
+    x, P = np.array([x for x, _ in points]), np.array([P for _, P in points])
+    euler_rad = euler_from_dcm(np.array([smoothed.state.dcm for _, smoothed in outputs]))
     return replace(estimate, position_m=x[:, :3], velocity_mps=x[:, 3:], covariance=P, euler_rad=euler_rad)
 
 
-def backward(nodes: Sequence[Node]) -> list[Smoothed]:
-    """Return each of ``nodes`` as all measurements see it."""
+def smooth_backward(nodes: Sequence[Node]) -> list[Smoothed]:
+    """Run the backward pass and return the smoothed solution at each node."""
     if not nodes:
         return []
     smoothed = [Smoothed(nodes[-1].posterior, nodes[-1].P)]
-    for node, later in zip(nodes[-2::-1], nodes[:0:-1], strict=True):
-        smoothed.append(_smoothed(node, later, smoothed[-1]))
+    for node, following in zip(nodes[-2::-1], nodes[:0:-1], strict=True):
+        later = smoothed[-1]
+        error = error_between(later.state, following.prior)
+        inverse_reset = np.asarray(np.linalg.inv(reset(following.prior, later.state, error[PHI])), dtype=np.float64)
+        change = transformed(later.covariance, inverse_reset) - following.P_prior
+        G = _smoother_gain(node.P, following.Phi, following.P_prior)
+        dx = G @ error
+        state = corrected(node.posterior, dx)
+        P = transformed(node.P + G @ change @ G.T, reset(node.posterior, state, dx[PHI]))
+        smoothed.append(Smoothed(state, P))
     return smoothed[::-1]
 
 
-def _smoothed(node: Node, later: Node, known: Smoothed) -> Smoothed:
-    """Return ``node`` from ``later``, the node after it, of which all is ``known``."""
-    G = gain(node.P, later.Phi, later.P_prior)
-    error = error_between(known.state, later.prior)
-    back = np.asarray(np.linalg.inv(reset(later.prior, known.state, error[PHI])), dtype=np.float64)
-    change = carried_over(known.covariance, back) - later.P_prior
-    dx = G @ error
-    state = corrected(node.posterior, dx)
-    onward = reset(node.posterior, state, dx[PHI])
-    return Smoothed(state, carried_over(node.P + G @ change @ G.T, onward))
+def _smoother_gain(P: FloatArray, Phi: FloatArray, P_prior: FloatArray) -> FloatArray:
+    """Return the smoother gain G (n, n) = P Phi' P_prior^-1.
 
-
-def gain(P: FloatArray, Phi: FloatArray, P_prior: FloatArray) -> FloatArray:
-    """Return G (n, n) = P Phi' P_prior^-1, by sigmas of P_prior so that units do not spoil its inverse."""
+    P_prior is scaled to a unit diagonal, which improves the condition of the linear system.
+    """
     sigma = np.sqrt(np.diag(P_prior))
     solved = np.linalg.solve(P_prior / np.outer(sigma, sigma), (Phi @ P) / sigma[:, None])
     return np.asarray((solved / sigma[:, None]).T)

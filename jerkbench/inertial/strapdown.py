@@ -1,104 +1,119 @@
-"""A step of the compiled navigation: nominal state and covariance of its error, of one run or of several.
+"""Compiled propagation of the nominal states and the covariances of a batch of runs over a time step.
 
-`jerkbench.inertial.mechanisation` has the equations.
+The equations are documented in `jerkbench.inertial.mechanisation`.
 """
 
 import math
 from collections.abc import Callable
 
-from jerkbench.compilation.views import Lanes, View, lane, room
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.compiled import not_inlined
+from jerkbench.compilation.vectors import anywhere, each_run
 from jerkbench.inertial.state import ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY
+from jerkbench.kinematic.arguments import Runs
 from jerkbench.recording import GRAVITY_MPS2
 
-# Rotations, one of each run.
+# Rotation matrices.
 
 SMALL = 0.01
-"""Square of an angle below which a series to the tenth power gives sine and cosine to the last digit."""
+"""Square of an angle [rad2]. For smaller squares, a power series that is exact to rounding replaces sine and cosine."""
 
 
-def fill_turn(run: Lanes, x: float, y: float, z: float) -> None:
-    """Make ``turn`` = Exp of the rotation vector (x, y, z), as in `jerkbench.inertial.state.rotation_exp`."""
+@not_inlined
+def fill_rotation_exp(run: Runs, x: float, y: float, z: float) -> None:
+    """Write Exp of the rotation vector (x, y, z) to ``rotation``, as in `jerkbench.inertial.state.rotation_exp`."""
     square = x * x + y * y + z * z
-    run.square_of_angle = square
-    run.sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))
-    run.cosine = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0 * (1.0 - square / 90.0)))
-    for k in range(run.width):
-        if lane(run, k).square_of_angle >= SMALL:
-            _fill_large(lane(run, k))
-    fill_by_factors(run, x, y, z)
+    sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))
+    cosine = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0 * (1.0 - square / 90.0)))
+    if anywhere(square - SMALL):
+        sine, cosine = each_run(_sine, square, sine), each_run(_cosine, square, cosine)
+    fill_from_factors(run, sine, cosine, x, y, z)
 
 
-def _fill_large(alone: Lanes) -> None:
-    a = math.sqrt(alone.square_of_angle)
-    half = math.sin(0.5 * a) / (0.5 * a)
-    alone.sine = math.sin(a) / a
-    alone.cosine = 0.5 * half * half
+def _sine(square: float, series: float) -> float:
+    """Return sin(a)/a for the squared angle ``square`` = a^2, or the value ``series`` if the angle is small."""
+    a = math.sqrt(square)
+    return math.sin(a) / a if square >= SMALL else series
 
 
-def fill_by_factors(run: Lanes, x: float, y: float, z: float) -> None:
-    """Make ``turn`` = I + sine [(x, y, z)] + cosine [(x, y, z)]^2."""
-    s, c, turn = run.sine, run.cosine, run.turn
-    turn[0, 0], turn[1, 1], turn[2, 2] = 1.0 - c * (y * y + z * z), 1.0 - c * (x * x + z * z), 1.0 - c * (x * x + y * y)
-    turn[0, 1], turn[1, 0] = c * x * y - s * z, c * x * y + s * z
-    turn[0, 2], turn[2, 0] = c * x * z + s * y, c * x * z - s * y
-    turn[1, 2], turn[2, 1] = c * y * z - s * x, c * y * z + s * x
+def _cosine(square: float, series: float) -> float:
+    """Return (1 - cos(a))/a^2 for the squared angle ``square`` = a^2, or the value ``series`` if the angle is small."""
+    half = 0.5 * math.sqrt(square)
+    return 0.5 * (math.sin(half) / half) * (math.sin(half) / half) if square >= SMALL else series
 
 
-def multiply(left: View, right: View, into: View) -> None:
-    """Put the product of two matrices into a third."""
+def fill_from_factors(run: Runs, s: float, c: float, x: float, y: float, z: float) -> None:
+    """Write the matrix I + s [(x, y, z)] + c [(x, y, z)]^2 to ``rotation``."""
+    C = run.rotation
+    C[0, 0], C[1, 1], C[2, 2] = 1.0 - c * (y * y + z * z), 1.0 - c * (x * x + z * z), 1.0 - c * (x * x + y * y)
+    C[0, 1], C[1, 0] = c * x * y - s * z, c * x * y + s * z
+    C[0, 2], C[2, 0] = c * x * z + s * y, c * x * z - s * y
+    C[1, 2], C[2, 1] = c * y * z - s * x, c * y * z + s * x
+
+
+def multiply(left: FloatArray, right: FloatArray, into: FloatArray) -> None:
+    """Write the product of the matrices ``left`` and ``right`` (3, 3) to ``into``."""
     for i in range(3):
         for j in range(3):
             into[i, j] = left[i, 0] * right[0, j] + left[i, 1] * right[1, j] + left[i, 2] * right[2, j]
 
 
-def multiply_transposed(left: View, right: View, into: View) -> None:
-    """Put the product of the transposed left and the right matrix into a third."""
+def multiply_transposed(left: FloatArray, right: FloatArray, into: FloatArray) -> None:
+    """Write the product of the transposed matrix ``left`` and the matrix ``right`` (3, 3) to ``into``."""
     for i in range(3):
         for j in range(3):
             into[i, j] = left[0, i] * right[0, j] + left[1, i] * right[1, j] + left[2, i] * right[2, j]
 
 
-# The nominal state.
+# Propagation of the nominal state.
 
 
-def sense(run: Lanes, accel: View, gyro: View) -> None:
-    """Make specific force and rate of a sample, without the biases of the sensors."""
+def sense(run: Runs, accel: FloatArray, gyro: FloatArray) -> None:
+    """Write specific force and angular rate of an IMU sample to ``run``, with the estimated biases subtracted."""
     for i in range(3):
         run.force[i] = accel[i] - run.accel_bias[i]
         run.rate[i] = gyro[i] - run.gyro_bias[i]
 
 
-def mechanise(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
-    """Carry the nominal states over a step of ``dt``; ``earth`` (4,) is the Earth's rate and 1/R."""
-    fill_turn(run, dt * run.rate[0], dt * run.rate[1], dt * run.rate[2])
-    multiply(run.C, run.turn, run.next)
+def mechanise(run: Runs, earth: FloatArray, rotates: bool, dt: float) -> None:
+    """Propagate the nominal states over a step, and compute ``dt_C`` and ``dt_force`` for the covariance propagation.
+
+    Args:
+        run: record of the eight runs.
+        earth: (4,) angular rate of the Earth in ENU [rad/s], and the inverse 1/R of the Earth radius [1/m].
+        rotates: whether at least one run includes the Earth's rotation.
+        dt: length of the step [s].
+    """
+    fill_rotation_exp(run, dt * run.rate[0], dt * run.rate[1], dt * run.rate[2])
+    multiply(run.C, run.rotation, run.C_next)
     if rotates:
-        fill_turn(run, -dt * earth[0], -dt * earth[1], -dt * earth[2])
+        fill_rotation_exp(run, -dt * earth[0], -dt * earth[1], -dt * earth[2])
         for i in range(3):
             for j in range(3):
-                run.before[i, j] = run.next[i, j]
-        multiply(run.turn, run.before, run.next)
-    for i in range(3):  # C in the middle of the step
-        for j in range(3):
-            run.lever[i, j] = 0.5 * (run.C[i, j] + run.next[i, j])
-            run.C[i, j] = run.next[i, j]
+                run.C_before[i, j] = run.C_next[i, j]
+        multiply(run.rotation, run.C_before, run.C_next)
+    mean, force = run.dt_C, run.dt_force
     for i in range(3):
-        run.twist[i] = run.lever[i, 0] * run.force[0] + run.lever[i, 1] * run.force[1] + run.lever[i, 2] * run.force[2]
-    _move(run, earth, rotates, dt)
-    for i in range(3):
-        run.twist[i] *= 0.0 - dt
         for j in range(3):
-            run.lever[i, j] *= 0.0 - dt
+            mean[i, j] = 0.5 * (run.C[i, j] + run.C_next[i, j])
+            run.C[i, j] = run.C_next[i, j]
+    for i in range(3):
+        force[i] = mean[i, 0] * run.force[0] + mean[i, 1] * run.force[1] + mean[i, 2] * run.force[2]
+    _integrate(run, force, earth, rotates, dt)
+    for i in range(3):
+        force[i] *= 0.0 - dt
+        for j in range(3):
+            mean[i, j] *= 0.0 - dt
 
 
-def _move(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
-    """Position and velocity; ``twist`` holds the specific force in ENU."""
-    v, a, g = room(run, "3"), room(run, "3"), GRAVITY_MPS2
+def _integrate(run: Runs, force: FloatArray, earth: FloatArray, rotates: bool, dt: float) -> None:
+    """Propagate position and velocity over a time step with the specific force ``force`` in ENU."""
+    v, a, g = run.vectors[0], run.vectors[1], GRAVITY_MPS2
     for i in range(3):
         v[i] = run.x[VELOCITY + i]
-    a[0] = run.twist[0] - g * run.x[0] * earth[3]
-    a[1] = run.twist[1] - g * run.x[1] * earth[3]
-    a[2] = run.twist[2] - g * (1.0 - 2.0 * run.x[2] * earth[3])
+    a[0] = force[0] - g * run.x[0] * earth[3]
+    a[1] = force[1] - g * run.x[1] * earth[3]
+    a[2] = force[2] - g * (1.0 - 2.0 * run.x[2] * earth[3])
     if rotates:
         a[0] -= 2.0 * (earth[1] * v[2] - earth[2] * v[1])
         a[1] -= 2.0 * (earth[2] * v[0] - earth[0] * v[2])
@@ -108,65 +123,58 @@ def _move(run: Lanes, earth: View, rotates: bool, dt: float) -> None:
         run.x[i] += (v[i] + run.x[VELOCITY + i]) * (0.5 * dt)
 
 
-# The covariance.
+# Propagation of the covariance.
 
 
-def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[Lanes, float], None]:
-    """Return a kernel that makes P = T P T'.
+def congruence(apply: Callable[..., None], first: int, last: int) -> Callable[[Runs, float], None]:
+    """Return a function that replaces P by T P T', where T changes only the states ``first`` to ``last`` - 1.
 
     Args:
-        apply: (c, run, dt) makes T c of a column c.
-        first: of the states whose rows T changes, at most nine.
-        last: the state behind them.
+        apply: function (c, run, dt) that replaces a vector c by T c.
+        first: index of the first state that T changes.
+        last: index after the last state that T changes. T may change at most nine states.
     """
 
-    def transform_covariance(run: Lanes, dt: float) -> None:
-        """First the columns, of which those of the changed states wait, then the rows."""
-        c, half = room(run, "s"), room(run, "9 9")
-        for t in range(first, last):
-            _load_column(c, run, t)
+    @not_inlined
+    def transform_covariance(run: Runs, dt: float) -> None:
+        c, half, P, s = run.column, run.half, run.P, len(run.x)
+        for t in range(s):
+            for k in range(s):
+                c[k] = P[k, t]
             apply(c, run, dt)
             for k in range(first, last):
-                half[k - first, t - first] = c[k]
-        for t in range(run.s):
-            if t < first or t >= last:
-                _load_column(c, run, t)
-                apply(c, run, dt)
-                for k in range(first, last):
-                    run.P[k, t] = c[k]
+                half[k - first, t] = c[k]
         for r in range(first, last):
-            for k in range(run.s):
-                c[k] = half[r - first, k - first] if first <= k < last else run.P[r, k]
+            for k in range(s):
+                c[k] = half[r - first, k]
             apply(c, run, dt)
-            for k in range(r, last):
-                run.P[r, k] = c[k]
+            for k in range(s):
+                half[r - first, k] = c[k]
+        for r in range(first, last):
+            for k in range(s):
+                if k < first or k >= last or k >= r:
+                    P[r, k] = P[k, r] = half[r - first, k]
 
     return transform_covariance
 
 
-def _load_column(c: View, run: Lanes, t: int) -> None:
-    for k in range(run.s):
-        c[k] = run.P[k, t]
+def _propagate_error(c: FloatArray, run: Runs, dt: float) -> None:
+    """Multiply an error of the state by the nonzero blocks of the transition matrix Phi.
 
-
-def _grow_error(c: View, run: Lanes, dt: float) -> None:
-    """Apply Phi to an error of the state, by its blocks that are not zero.
-
-    With D = -dt C and [E] = -dt [a], a = C f, g the error of the gyro's bias and h that of the accelerometer's::
+    In the following equations, D = -dt C, E = -dt C f, g is the error of the gyro bias, and h is the error of the
+    accelerometer bias::
 
         d = D g,  q = E x phi + D h,  r = E x d
         phi+ = phi + d
         dv+ = dv + q + r/2
         dp+ = dp + dt dv + dt/2 q + dt/6 r
     """
-    D, E = run.lever, run.twist
-    g, h, d, q, r = room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3"), room(run, "3")
-    for i in range(3):
-        g[i], h[i] = c[GYRO + i], c[ACCEL + i]
+    D, E, d, q, r = run.dt_C, run.dt_force, run.vectors[0], run.vectors[1], run.vectors[2]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        d[i] = D[i, 0] * g[0] + D[i, 1] * g[1] + D[i, 2] * g[2]
-        q[i] = E[j] * c[ATTITUDE + k] - E[k] * c[ATTITUDE + j] + (D[i, 0] * h[0] + D[i, 1] * h[1] + D[i, 2] * h[2])
+        d[i] = D[i, 0] * c[GYRO] + D[i, 1] * c[GYRO + 1] + D[i, 2] * c[GYRO + 2]
+        by_accel = D[i, 0] * c[ACCEL] + D[i, 1] * c[ACCEL + 1] + D[i, 2] * c[ACCEL + 2]
+        q[i] = E[j] * c[ATTITUDE + k] - E[k] * c[ATTITUDE + j] + by_accel
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         r[i] = E[j] * d[k] - E[k] * d[j]
@@ -175,16 +183,17 @@ def _grow_error(c: View, run: Lanes, dt: float) -> None:
         c[ATTITUDE + i] += d[i]
 
 
-grow = congruence(_grow_error, POSITION, GYRO)
+transform_by_transition = congruence(_propagate_error, POSITION, GYRO)
 
 
-def propagate(run: Lanes, noise: View, dt: float) -> None:
-    """Carry the covariances over a step: Phi P Phi' + Q, as in `jerkbench.inertial.mechanisation.process_noise`."""
-    grow(run, dt)
+def propagate(run: Runs, noise: FloatArray, dt: float) -> None:
+    """Propagate the covariances over a time step: Phi P Phi' + Q (`jerkbench.inertial.mechanisation.process_noise`)."""
+    transform_by_transition(run, dt)
     for i in range(3):
         p, v, phi, gyro, accel = POSITION + i, VELOCITY + i, ATTITUDE + i, GYRO + i, ACCEL + i
         run.P[p, p] += noise[1] * (dt * dt * dt / 3.0)
         run.P[p, v] += noise[1] * (dt * dt / 2.0)
+        run.P[v, p] = run.P[p, v]
         run.P[v, v] += noise[1] * dt
         run.P[phi, phi] += noise[0] * dt
         run.P[gyro, gyro] += noise[2] * dt

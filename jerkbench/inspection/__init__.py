@@ -1,1 +1,1 @@
-"""The inspection of a recording: lags between streams, real against stated noise, the grade of its IMU."""
+"""Inspection of a recording: lags between streams, measured and stated noise, IMU grade, and mistakes."""

@@ -1,4 +1,4 @@
-"""What the doctor weighs: an IMU beside a track or a wheel over the same windows, and how strongly two series agree."""
+"""Evidence for the diagnostics: comparison of the IMU with a track or a wheel speed in common time windows."""
 
 import tomllib
 from collections.abc import Callable
@@ -12,32 +12,35 @@ from jerkbench.arrays import BoolArray, FloatArray
 from jerkbench.recording import Imu, Position, Recording
 
 _LENGTHS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Noise asks for long windows, a winding track for short ones: each check takes those that say most."""
+"""Lengths of the windows [s]. Long windows reduce noise, and short windows resolve a winding track. Each check uses the
+length with the most significant result."""
 
-SLOWEST_MPS = 0.5
-"""Below, a track of fixes has no course."""
+MIN_COURSE_MPS = 0.5
+"""Minimum speed at which a track of fixes has a course [m/s]."""
 
 _MAX_ANGLE_RAD = 1.5
-"""A course that changes by more within a window may as well have turned the other way, or be noise."""
+"""Maximum change of the course in a window. A larger change is ambiguous: a turn to the other side, or noise."""
 
 MIN_WINDOWS = 20
 
 DEG_PER_RAD = float(np.degrees(1.0))
 
-WITHIN = 2.5
-"""A turning may be so many times faster or slower than expected: windows, vibration and noise bend it."""
+MAX_RATE_RATIO = 2.5
+"""Tolerance of a measured turn rate as a factor: windows, vibration and noise distort it."""
 
 GRAVITY_WINDOWS_S = (1.0, 2.0)
-"""Over shorter ones a force turns with vibration."""
+"""Lengths of the windows of the specific force [s]. In shorter windows vibration changes its direction."""
 
 MIN_FORCE_MPS2 = 1e-6
-"""A sensor that says nothing has no direction."""
+"""Minimum norm of a specific force that has a direction."""
 
 MAX_WINDOWS, MAX_WINDOWS_PER_ROW = 100_000, 10
-"""So many windows any recording may have, and a longer one for each of its rows: more are empty."""
+"""The maximum number of windows is the larger of a constant and a multiple of the number of rows. If there were more
+windows, most would be empty."""
 
-SURE = 5.0
-"""So many standard deviations from none is a relation, among the many that are tried."""
+MIN_STRENGTH = 5.0
+"""Minimum significance of a correlation, in standard deviations from zero. It is high because many correlations are
+tested."""
 
 
 MISTAKES = tomllib.loads((Path(__file__).parent / "mistakes.toml").read_text(encoding="utf-8"))
@@ -45,39 +48,39 @@ MISTAKES = tomllib.loads((Path(__file__).parent / "mistakes.toml").read_text(enc
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """One mistake in a recording.
+    """A mistake in a recording, with the measurement that shows it and the remedy.
 
     Attributes:
-        name: short, for tables: "accelerometer in g".
-        measured: what was measured, with its unit.
-        sentence: what it means.
-        remedy: the parameter that would mend it.
+        name: short name of the mistake for tables, for example "accelerometer in g".
+        measured: the measurement that shows the mistake, with its unit.
+        finding: description of the mistake, a sentence without a full stop.
+        remedy: description of the correction, a sentence without a full stop.
     """
 
     name: str
     measured: str
-    sentence: str
+    finding: str
     remedy: str
 
     def __str__(self) -> str:
-        """Return all in a line that a person reads."""
-        return f"{self.sentence}: {self.measured}. {self.remedy}."
+        return f"{self.finding}. Measured: {self.measured}. {self.remedy}."
 
 
 def diagnosis(mistake: str, measured: str, **parts: object) -> Diagnosis:
-    """Return one of `MISTAKES`, whose texts have ``parts`` in them, with what was measured."""
+    """Return the diagnosis of a ``mistake`` in `MISTAKES`. The ``parts`` replace the placeholders in its texts."""
     return Diagnosis(measured=measured, **{key: text.format(**parts) for key, text in MISTAKES[mistake].items()})
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """What the track or a wheel says, and what the IMU says of the same windows.
+    """Motion of a track or of a wheel, and measurements of the IMU, in the same n time windows.
 
     Attributes:
-        course_change_rad: (n,) of the track within each window, to the left; of a wheel: the gyro's.
-        plane_mps2: (n, 2) acceleration of the vehicle, forward and left.
-        turn_rad: (n, 3) the gyro's integral.
-        force_mps2: (n, 3) the mean specific force.
+        course_change_rad: (n,) change of the course of the track in each window, positive to the left [rad]; for a
+            wheel, the integral of the z axis of the gyro.
+        plane_mps2: (n, 2) forward and left acceleration of the vehicle, from the track or the wheel [m/s2].
+        turn_rad: (n, 3) integral of the angular rate over each window [rad].
+        force_mps2: (n, 3) mean specific force in each window [m/s2].
     """
 
     course_change_rad: FloatArray
@@ -86,36 +89,38 @@ class Windows:
     force_mps2: FloatArray
 
     def __len__(self) -> int:
-        """Return how many windows there are."""
         return len(self.course_change_rad)
 
 
 WindowsAt = Callable[[float], Windows | None]
-"""The windows, the IMU's stamps less so many seconds being right; None with fewer than 20 in motion."""
+"""A function of the delay [s] of the IMU's stamps that returns the windows; None if fewer than 20 are usable."""
 
 
 def without_nan_rows(t_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rows whose values (n, k) are all there."""
+    """Return the times and values of the rows in which all values (n, k) are finite."""
     rows = np.isfinite(values).all(axis=1)
     return t_s[rows], values[rows]
 
 
 def means_of(t_s: FloatArray, values: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Return a function of n + 1 edges that gives (n, k) means between them; each value is the mean up to its stamp."""
+    """Return a function that computes the means (n, k) of ``values`` between n + 1 window edges.
+
+    Each row of ``values`` (m, k) is the mean over the interval that ends at the stamp of the row.
+    """
     ends_s = np.concatenate([[t_s[0] - np.median(np.diff(t_s))], t_s])
     total = np.vstack([np.zeros(values.shape[1]), np.cumsum(values * np.diff(ends_s)[:, None], axis=0)])
     return lambda edges_s: mean_velocity(ends_s, total, edges_s)
 
 
 def mostly_gaps(length_s: float, t_s: FloatArray) -> bool:
-    """Whether most windows of ``length_s`` would lie in gaps of the stamps, as where a clock was set under way."""
+    """Return True if most windows of ``length_s`` would lie in gaps of the stamps, for example after a clock jump."""
     return bool(t_s[-1] - t_s[0] > length_s * max(MAX_WINDOWS, MAX_WINDOWS_PER_ROW * len(t_s)))
 
 
 def common_edges(length_s: float, *stamps_s: FloatArray) -> FloatArray:
-    """Return edges ``length_s`` apart in the time that all of the stamps have in common.
+    """Return the edges of windows of the length ``length_s`` in the time interval that all streams cover.
 
-    There are none where a stream is empty or `mostly_gaps`.
+    The returned array is empty if a stream has no rows, or if most windows would lie in gaps of a stream.
     """
     if not all(len(t_s) for t_s in stamps_s) or any(mostly_gaps(length_s, t_s) for t_s in stamps_s):
         return np.empty(0)
@@ -124,25 +129,48 @@ def common_edges(length_s: float, *stamps_s: FloatArray) -> FloatArray:
 
 
 def window_means(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
-    """Return (n, k) the means of values (m, k) between n + 1 edges."""
+    """Return the means (n, k) of ``values`` (m, k) between n + 1 window edges."""
     return means_of(t_s, values)(edges_s)
 
 
 def mean_velocity(t_s: FloatArray, places: FloatArray, edges_s: FloatArray) -> FloatArray:
-    """Return (n, k) the velocity from edge to edge, places (m, k) taken linearly between their stamps."""
+    """Return the mean velocity (n, k) between n + 1 window edges, from linearly interpolated positions (m, k)."""
     at_edges = np.column_stack([np.interp(edges_s, t_s, column) for column in places.T])
     return np.asarray(np.diff(at_edges, axis=0) / np.diff(edges_s)[:, None], dtype=np.float64)
 
 
+def mean_velocities(
+    position: Position, t_s: FloatArray, values: FloatArray, length_s: float, *, are_places: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Return the mean velocities (n, k) of the fixes and of a stream in common windows, for comparison.
+
+    Both arrays are empty if there are too few rows.
+
+    Args:
+        position: the fixes, of which the first k axes are compared.
+        t_s: (m,) stamps of the stream [s].
+        values: (m, k) velocities or positions of the stream.
+        length_s: length of the windows [s].
+        are_places: whether ``values`` are positions.
+    """
+    fix_s, places = without_nan_rows(position.t_s, position.enu_m[:, : values.shape[1]])
+    t_s, values = without_nan_rows(t_s, values)
+    edges_s = common_edges(length_s, fix_s, t_s)
+    if min(len(fix_s), len(t_s), len(edges_s)) <= MIN_WINDOWS:
+        return np.empty((0, values.shape[1])), np.empty((0, values.shape[1]))
+    mean = mean_velocity if are_places else window_means
+    return mean_velocity(fix_s, places, edges_s), mean(t_s, values, edges_s)
+
+
 def moving_speed_mps(position: Position) -> float:
-    """Return the median speed from fix to fix where it moves; NaN where it never does."""
+    """Return the median speed between consecutive fixes of the moving vehicle, or NaN if the vehicle never moves."""
     t_s, places = without_nan_rows(position.t_s, position.enu_m[:, :2])
     speed = np.linalg.norm(np.diff(places, axis=0) / np.diff(t_s)[:, None], axis=1)
-    return float(np.median(speed[speed > SLOWEST_MPS])) if (speed > SLOWEST_MPS).any() else float("nan")
+    return float(np.median(speed[speed > MIN_COURSE_MPS])) if (speed > MIN_COURSE_MPS).any() else float("nan")
 
 
 def wheel_speeds(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
-    """Return times (n,) and forward speeds (n,) of a wheel or along the body; None where there are too few."""
+    """Return times (n,) and forward speeds (n,) of a wheel or a body velocity, or None for too few rows."""
     velocity = recording.velocity
     if velocity is None or velocity.frame == "enu":
         return None
@@ -151,10 +179,11 @@ def wheel_speeds(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
 
 
 def track_windows(recording: Recording, length_s: float) -> WindowsAt | None:
-    """Return the windows of an IMU and fixes; None where fixes are further apart than a window, or too few.
+    """Return the windows of track and IMU, or None if the fixes are too few or too far apart in time.
 
-    With v_i the mean velocity from edge to edge of the fixes, taken linearly, chi_i its course and s_i its size, a
-    window goes from the middle of one interval T to that of the next::
+    The mean velocity in the interval i between two edges has the course chi_i and the norm s_i. Between the edges, the
+    fixes are interpolated linearly. A window of the length T extends from the middle of one interval to the middle of
+    the next interval::
 
         course change = chi_i+1 - chi_i,    forward = (s_i+1 - s_i)/T,    left = (s_i+1 + s_i)/2 (chi_i+1 - chi_i)/T
     """
@@ -170,14 +199,15 @@ def track_windows(recording: Recording, length_s: float) -> WindowsAt | None:
     velocity_mps = mean_velocity(t_s, places, edges_s)
     speed_mps, course_rad = np.linalg.norm(velocity_mps, axis=1), np.arctan2(velocity_mps[:, 1], velocity_mps[:, 0])
     change_rad = np.asarray((np.diff(course_rad) + np.pi) % (2 * np.pi) - np.pi, dtype=np.float64)
-    use = (np.minimum(speed_mps[1:], speed_mps[:-1]) > SLOWEST_MPS) & (np.abs(change_rad) < _MAX_ANGLE_RAD)
+    use = (np.minimum(speed_mps[1:], speed_mps[:-1]) > MIN_COURSE_MPS) & (np.abs(change_rad) < _MAX_ANGLE_RAD)
     return _windows(imu, edges_s, speed_mps, use, change_rad)
 
 
 def wheel_windows(recording: Recording, length_s: float) -> WindowsAt | None:
-    """Return what a wheel, the gyro's z axis and the accelerometer say of the same windows; None where too few.
+    """Return the windows of a wheel speed and the IMU, or None if there are too few measurements.
 
-    With s_i the mean speed over an interval T, a window goes from the middle of one to that of the next::
+    The mean speed of the wheel in the interval i between two edges is s_i. A window of the length T extends from the
+    middle of one interval to the middle of the next interval::
 
         forward = (s_i+1 - s_i)/T,    left = (s_i+1 + s_i)/2 w_z
     """
@@ -195,7 +225,7 @@ def wheel_windows(recording: Recording, length_s: float) -> WindowsAt | None:
 def _windows(
     imu: Imu, edges_s: FloatArray, speed_mps: FloatArray, use: BoolArray, change_rad: FloatArray | None = None
 ) -> WindowsAt:
-    """Return the windows of the speeds between edges; without a course its change is the gyro's."""
+    """Return the windows for the speeds between edges. If ``change_rad`` is None, the gyro gives the course change."""
     length_s, middles_s = edges_s[1] - edges_s[0], 0.5 * (edges_s[1:] + edges_s[:-1])
     means = means_of(imu.t_s, np.hstack([imu.gyro_radps, imu.accel_mps2]))
     forward, mean_mps = np.diff(speed_mps) / length_s, 0.5 * (speed_mps[1:] + speed_mps[:-1])
@@ -216,39 +246,43 @@ def _windows(
 def over_lengths(
     make: Callable[[Recording, float], WindowsAt | None], recording: Recording, late_s: float = 0.0
 ) -> dict[float, Windows]:
-    """Return the windows of each length for which there are enough."""
+    """Return the windows for each window length [s] with enough windows, as a dictionary by the length."""
     windows = {length_s: at(late_s) for length_s in _LENGTHS_S if (at := make(recording, length_s)) is not None}
     return {length_s: one for length_s, one in windows.items() if one is not None}
 
 
 def correlation_of(a: FloatArray, b: FloatArray) -> float:
-    """Return that of all columns of (n, k) or (n,) together, each less its mean; 0 where one does not change."""
-    a, b = (x - x.mean(axis=0) for x in (a.reshape(len(a), -1), b.reshape(len(b), -1)))
+    """Return the correlation of two series (n, k) or (n,) over all centred columns, or 0 if a series is constant."""
+    return cosine(*(x - x.mean(axis=0) for x in (a.reshape(len(a), -1), b.reshape(len(b), -1))))
+
+
+def cosine(a: FloatArray, b: FloatArray) -> float:
+    """Return the cosine of the angle between two series (n, k), or 0 if a series is zero or empty."""
     size = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
     return float(np.sum(a * b)) / size if size > 0 else 0.0
 
 
 def strength(correlation: float, rows: int) -> float:
-    """Return how many standard deviations from zero a correlation is: Fisher's atanh(r) sqrt(n - 3)."""
+    """Return the significance of a correlation, in standard deviations from zero: Fisher's atanh(r) sqrt(n - 3)."""
     return float(np.arctanh(np.clip(correlation, -0.9999, 0.9999)) * np.sqrt(max(rows - 3, 0)))
 
 
 def slope(of: FloatArray, on: FloatArray) -> float:
-    """Return the factor b of the least squares ``of`` = b ``on`` + a constant on each axis; 0 without any change."""
+    """Return the slope b of the least-squares fit ``of`` = b ``on`` + constant, or 0 if ``on`` is constant."""
     of, on = of - of.mean(axis=0), on - on.mean(axis=0)
     size = float(np.sum(on**2))
     return float(np.sum(of * on)) / size if size > 0 else 0.0
 
 
 class Turning(NamedTuple):
-    """A turning that was measured beside the gyro.
+    """Comparison of a turn rate with the gyro.
 
     Attributes:
-        basis: what turns.
-        correlation: with what the gyro says.
-        factor: how many times as fast as that it turns.
-        strength: of the correlation, in standard deviations from none.
-        length_s: of the windows.
+        basis: the source of the turn rate, for example "the track".
+        correlation: correlation of the turn rate with the gyro.
+        factor: ratio of the turn rate to the angular rate of the gyro.
+        strength: significance of the correlation, in standard deviations from zero.
+        length_s: length of the compared windows [s].
     """
 
     basis: str
@@ -258,20 +292,20 @@ class Turning(NamedTuple):
     length_s: float
 
     def is_about(self, factor: float) -> bool:
-        """Whether it turns about so many times as fast, whichever way."""
-        return 1 / WITHIN < abs(self.factor) / factor < WITHIN
+        """Return True if the absolute ratio of the turn rate to the gyro is ``factor``, within a tolerance."""
+        return 1 / MAX_RATE_RATIO < abs(self.factor) / factor < MAX_RATE_RATIO
 
 
 def sure_turnings(recording: Recording) -> list[Turning]:
-    """Return what surely turns with the gyro, or against it: the track, gravity, or both."""
+    """Return the turn rates of track and gravity that have a significant correlation (of either sign) with the gyro."""
     if recording.imu is None:
         return []
     turnings = (turning_track(recording), turning_gravity(recording.imu))
-    return [turning for turning in turnings if turning and abs(turning.strength) >= SURE]
+    return [turning for turning in turnings if turning and abs(turning.strength) >= MIN_STRENGTH]
 
 
 def turning_track(recording: Recording) -> Turning | None:
-    """Return how the course of the track turns with the gyro's z axis, over the windows that say most."""
+    """Compare the course of the track with the z axis of the gyro, for the most significant window length."""
     turnings = [
         _turning("the track", windows.course_change_rad, windows.turn_rad[:, 2], length_s)
         for length_s, windows in over_lengths(track_windows, recording).items()
@@ -281,9 +315,10 @@ def turning_track(recording: Recording) -> Turning | None:
 
 
 def turning_gravity(imu: Imu) -> Turning | None:
-    """Return how the direction of the specific force turns with the gyro.
+    """Compare the rotation of the specific force, which is mostly gravity, with the gyro.
 
-    With u = f/|f|, both averaged over windows of 1 and 2 s::
+    The direction u = f/|f| of the specific force and the angular rate omega are averaged over windows of 1 and 2 s. If
+    gravity is the dominant force, the direction follows the rotation::
 
         du/dt = -omega x u
     """
@@ -299,6 +334,6 @@ def turning_gravity(imu: Imu) -> Turning | None:
     return max(turnings, key=lambda turning: abs(turning.strength), default=None)
 
 
-def _turning(basis: str, turned: FloatArray, expected: FloatArray, length_s: float) -> Turning:
-    correlation = correlation_of(turned, expected)
-    return Turning(basis, correlation, slope(turned, expected), strength(correlation, len(turned)), length_s)
+def _turning(basis: str, measured: FloatArray, expected: FloatArray, length_s: float) -> Turning:
+    correlation = correlation_of(measured, expected)
+    return Turning(basis, correlation, slope(measured, expected), strength(correlation, len(measured)), length_s)

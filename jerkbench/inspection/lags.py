@@ -1,4 +1,4 @@
-"""The lags between the streams of a recording."""
+"""Estimation of the time lags between the streams of a recording."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jerkbench.arrays import FloatArray
+from jerkbench.geometry import dcm_from_euler
 from jerkbench.inspection.evidence import (
     Diagnosis,
     Windows,
@@ -20,6 +21,7 @@ from jerkbench.inspection.evidence import (
     track_windows,
     wheel_speeds,
     wheel_windows,
+    window_means,
     without_nan_rows,
 )
 from jerkbench.io.frames import felt_axis
@@ -29,48 +31,49 @@ _NAN = float("nan")
 
 MAX_LAG_S = 3.0
 STEP_S = 0.02
-"""The lags that are tried: every step from -largest to largest; between them a parabola."""
+"""Maximum lag and step of the search [s]; a parabola interpolates between the steps."""
 
 PART = 0.1
-"""Of a short recording no larger part is tried as a lag: little would be left to compare."""
+"""Maximum lag as a fraction of the duration of a short recording. With a longer lag too few rows could be compared."""
 
 _MIN_ROWS = 20
 MIN_CORRELATION = 0.5
-"""With fewer rows, or a weaker relation at the best lag, none is stated."""
+"""Minimum number of rows and minimum correlation at the best lag; otherwise the lag is unknown."""
 
-ROWS_OF_A_DRAW = 10
-"""So many rows are worth one of a white residual: what is left at the best lag follows itself."""
+ROWS_PER_INDEPENDENT_ROW = 10
+"""Assumed number of rows per independent row. The residual at the best lag is autocorrelated."""
 
-LIKELY = 3.84
+CHI2_95 = 3.84
 """Chi-square of one degree of freedom, 95 %."""
 
-WORST_S = 0.1
-"""A lag of which no more than this is known is none."""
+MAX_UNCERTAINTY_S = 0.1
+"""Maximum uncertainty of a lag [s]. A lag with a larger uncertainty is unknown."""
 
 _MARGIN_S = 1.0
-"""At the ends of the positions a spline's slope is poor."""
+"""Margin at both ends of the positions, where the slope of a spline is inaccurate."""
 
 FAST_MPS = 1.0
-"""Below, the speed's change is mostly noise."""
+"""Minimum speed. Below it the change of the speed is mostly noise."""
 
 MIN_STEP_S, MAX_STEP_S = 0.2, 1.5
-"""Over shorter steps a speed's change is mostly noise; over longer ones little is left to compare."""
+"""Range of the time steps over which changes are compared [s]. In a shorter step the change of a speed is mostly noise.
+With longer steps there are too few changes."""
 
 
 @dataclass(frozen=True)
 class Lag:
-    """The lag of one stream behind another.
+    """Time lag of one stream behind another stream.
 
     Attributes:
-        stream: what is late: "position", "velocity, horizontal", "velocity, up", "speed", "imu".
-        against: what it was compared with.
-        lag_s: how old its values are at their stamps; the stamps less this are right. NaN where it is not well known.
-        correlation: of the two at the best lag; NaN with too few rows.
-        within_s: half the width of the lags that fit hardly worse (95 %).
-        edge_s: the largest or smallest lag that was tried, where it fits best: the true one may be beyond; else NaN.
-        best_s: the lag that fits best, however badly; NaN at an edge.
-        at_none: the correlation without any lag.
-        sure: whether nothing else than late stamps explains it.
+        stream: stream with the lag: "position", "velocity, horizontal", "velocity, up", "speed" or "imu".
+        against: stream relative to which the lag was estimated.
+        lag_s: lag, which is subtracted from the stamps to correct them [s]; NaN if the uncertainty is too large.
+        correlation: correlation of the two streams at the best lag; NaN if there are too few rows.
+        within_s: half the width of the 95 % interval of the lag [s].
+        edge_s: limit of the search if the best lag is at this limit, so that the true lag may be larger; else NaN [s].
+        best_s: lag with the largest correlation, even if it is not significant; NaN at a limit of the search [s].
+        at_none: correlation of the two streams without a time shift.
+        sure: true if wrong stamps are the only explanation of the lag.
     """
 
     stream: str
@@ -85,23 +88,25 @@ class Lag:
 
 
 def estimated_lags(recording: Recording) -> list[Lag]:
-    """Return the lag of each stream that can be compared: of position, velocity and IMU, up to 3 s.
+    """Return the lags of up to 3 s of position, velocity and IMU, as far as they can be compared.
 
-    Position, with r(t) the cubic spline through the places of a reference that is not the fixes themselves::
+    The lag of the position is computed from r(t), the cubic spline through the positions of the reference::
 
         lag = argmax over tau of corr(r(t_i+1 - tau) - r(t_i - tau), p_i+1 - p_i)
 
-    Velocity, with s(t) the cubic spline through the positions; horizontal and up apart::
+    The lags of horizontal and vertical velocity are computed from s(t), the cubic spline through the positions::
 
         lag = argmax over tau of corr(s'(t_i - tau), v_i)
 
-    A speed is compared with |s'| likewise. IMU, with v the velocity at its stamps less its own lag, or, without
-    velocities, the reference's, or else that from place to place::
+    The lag of a speed is computed in the same way from |s'|. The lag of the IMU is computed from the velocity v with
+    lag-corrected stamps. Without a velocity, v is the velocity of the reference, or else the difference quotient of
+    positions::
 
         lag = argmax over tau of corr(int over (t_i + tau, t_i+1 + tau) of f_x dt, |v_i+1| - |v_i|)
 
-    where it is faster than 1 m/s: what accelerates a vehicle forwards is felt on its x axis, whatever its yaw; a slope
-    adds a part that changes slowly. The accelerometer must be in the body's axes.
+    Only speeds above 1 m/s are used for the lag of the IMU. The forward acceleration of a vehicle is on its x axis,
+    independently of the yaw. On a slope, gravity adds a component that changes slowly. The accelerometer must be in
+    body axes. A reference that is a copy of the fixes is not used for the lag of the position.
     """
     position, velocity, reference = recording.position, recording.velocity, recording.reference
     lags, of_velocity = [], []
@@ -119,9 +124,10 @@ def estimated_lags(recording: Recording) -> list[Lag]:
 def best_lag(
     stream: str, against: str, correlation: Callable[[float], float], rows: int, largest_s: float = MAX_LAG_S
 ) -> Lag:
-    """Return where ``correlation`` of a lag [s], over ``rows``, is largest up to ``largest_s``.
+    """Return the lag between -``largest_s`` and ``largest_s`` [s] with the largest ``correlation``.
 
-    A lag tau fits hardly worse than the best where (n/10) ln((1 - r(tau)^2)/(1 - r(best)^2)) < 3.84, r of n rows.
+    The 95 % interval contains the lags tau with (n/10) ln((1 - r(tau)^2)/(1 - r(best)^2)) < 3.84, where r is the
+    correlation and n is the number of compared rows.
     """
     if rows < _MIN_ROWS:
         return Lag(stream, against)
@@ -132,18 +138,18 @@ def best_lag(
     lag = Lag(stream, against, _NAN, float(values[best]), _within(lags_s, values, rows), at_none=float(values[steps]))
     if best in (0, len(values) - 1):
         return replace(lag, edge_s=float(lags_s[best])) if lag.correlation >= MIN_CORRELATION else lag
-    before, peak, after = values[best - 1 : best + 2]  # the top of the parabola through them
+    before, peak, after = values[best - 1 : best + 2]  # a parabola through these values gives the maximum
     bend = before - 2 * peak + after
     offset = 0.5 * (before - after) / bend if bend < 0 else 0.0
     lag = replace(lag, best_s=float(lags_s[best] + offset * (lags_s[1] - lags_s[0])))
-    is_known = lag.correlation >= MIN_CORRELATION and lag.within_s <= WORST_S
+    is_known = lag.correlation >= MIN_CORRELATION and lag.within_s <= MAX_UNCERTAINTY_S
     return replace(lag, lag_s=lag.best_s) if is_known else lag
 
 
 def _within(lags_s: FloatArray, values: FloatArray, rows: int) -> float:
-    """Return half the width of the lags that fit hardly worse than the best; at least half a step."""
+    """Return half the width of the 95 % interval of the lag, which is at least half a step of the search."""
     misfit = np.maximum(1.0 - values**2, 1e-12)
-    likely = np.log(misfit / misfit[int(np.argmax(values))]) < LIKELY * ROWS_OF_A_DRAW / rows
+    likely = np.log(misfit / misfit[int(np.argmax(values))]) < CHI2_95 * ROWS_PER_INDEPENDENT_ROW / rows
     likely &= values > 0
     return float(0.5 * (np.ptp(lags_s[likely]) + lags_s[1] - lags_s[0])) if likely.any() else float(lags_s[-1])
 
@@ -153,7 +159,7 @@ def _largest_s(t_s: FloatArray) -> float:
 
 
 def _places(reference: Reference, position: Position) -> tuple[FloatArray, FloatArray] | None:
-    """The places (k, 3) of a reference that is not the fixes, with their times; None without enough of them."""
+    """Return the times and positions (k, 3) of the reference, or None for too few rows or a copy of the fixes."""
     if reference.enu_m is None:
         return None
     if np.array_equal(reference.t_s, position.t_s) and np.array_equal(reference.enu_m, position.enu_m, equal_nan=True):
@@ -163,7 +169,7 @@ def _places(reference: Reference, position: Position) -> tuple[FloatArray, Float
 
 
 def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Lag:
-    """Compare the way from fix to fix with the reference's over the same time."""
+    """Return the lag of the fixes, from the displacements of fixes and reference between consecutive fixes."""
     from scipy.interpolate import CubicSpline
 
     largest_s, way = _largest_s(t_s), CubicSpline(t_s, enu_m[:, :2])
@@ -179,7 +185,7 @@ def _position_lag(position: Position, t_s: FloatArray, enu_m: FloatArray) -> Lag
 
 
 def _velocity_lag(name: str, position: Position, velocity: Velocity, axes: tuple[int, ...]) -> Lag:
-    """Compare the velocity with the slope of the positions on ``axes``; a speed with the slope's length."""
+    """Return the lag of a velocity or a speed behind the derivative of the positions, for the columns ``axes``."""
     from scipy.interpolate import CubicSpline
 
     fix_s, enu_m = without_nan_rows(position.t_s, position.enu_m)
@@ -197,7 +203,7 @@ def _velocity_lag(name: str, position: Position, velocity: Velocity, axes: tuple
 
 
 def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, FloatArray] | None:
-    """Return a name, the true times (m,) and the speeds (m,) over ground to compare the IMU with, or None."""
+    """Return the name, corrected times (m,) and speeds (m,) of the stream with which the IMU is compared."""
     velocity, reference, position = recording.velocity, recording.reference, recording.position
     if velocity is not None:
         enu = velocity.frame == "enu"
@@ -209,21 +215,23 @@ def _speeds(recording: Recording, lags: list[Lag]) -> tuple[str, FloatArray, Flo
         t_s, mps = without_nan_rows(reference.t_s, reference.velocity_mps[:, :2])
         return "the reference's differentiated velocity", t_s, np.linalg.norm(mps, axis=1)
     if reference.enu_m is not None:
-        return "the reference's places, differentiated twice", *_from_place_to_place(reference.t_s, reference.enu_m)
+        return "the reference's positions, differentiated twice", *_speed_between_positions(
+            reference.t_s, reference.enu_m
+        )
     if position is not None:
-        return "positions, differentiated twice", *_from_place_to_place(position.t_s, position.enu_m)
+        return "positions, differentiated twice", *_speed_between_positions(position.t_s, position.enu_m)
     return None
 
 
-def _from_place_to_place(t_s: FloatArray, enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times half-way between places, and the mean speed there."""
+def _speed_between_positions(t_s: FloatArray, enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the middle times between consecutive positions, and the mean speeds between these positions."""
     t_s, places = without_nan_rows(t_s, enu_m[:, :2])
     t_s, places = t_s[:: _every(t_s)], places[:: _every(t_s)]
     return 0.5 * (t_s[1:] + t_s[:-1]), np.linalg.norm(mean_velocity(t_s, places, t_s), axis=1)
 
 
 def _imu_lag(imu: Imu, against: str, t_s: FloatArray, speed_mps: FloatArray) -> Lag:
-    """Compare the speed's changes with the integral of the forward force over the same time."""
+    """Return the lag of the IMU, from the changes of a speed and from the integral of the forward specific force."""
     every, largest_s = _every(t_s), _largest_s(imu.t_s)
     t_s, speed_mps = t_s[::every], speed_mps[::every]
     gained = np.concatenate([[0.0], np.cumsum(imu.accel_mps2[1:, 0] * np.diff(imu.t_s))])
@@ -240,77 +248,101 @@ def _imu_lag(imu: Imu, against: str, t_s: FloatArray, speed_mps: FloatArray) -> 
 
 
 def _every(t_s: FloatArray) -> int:
-    """Every so many rows the steps are long enough for a change to show."""
+    """Return the stride between rows that gives time steps of about `MIN_STEP_S` for the changes of the speed."""
     return max(1, round(MIN_STEP_S / float(np.median(np.diff(t_s))))) if len(t_s) > 1 else 1
 
 
-# An IMU that is late by its turning or its force, and the clocks that are off by more than a filter forgives.
+# Lag of the IMU from its angular rate or specific force, and clock offsets that are too large for a filter.
 
 FILTER_S = 0.05
-"""A sensor's own low-pass filter delays its rates by up to so much, which is no fault of the stamps. The rates of
-KITTI's OXTS unit are 0.05 s behind its attitude, and its forces are not."""
+"""Maximum delay of a sensor's internal low-pass filter [s], which is not an error of the stamps. In the OXTS unit of
+KITTI, the angular rates are 0.05 s behind the attitude, but the specific forces are not."""
 
 LEVER_M = 0.5
-"""A place so far ahead of the point about which a vehicle turns has a course that is early by this over the speed."""
+"""Assumed distance of the antenna ahead of the point about which a vehicle turns [m]. The course of the antenna is
+early by distance/speed."""
 
-CLOCK_S, CLOCK_CORRELATION, CLOCK_SURE = 0.4, 0.8, 4.0
-"""A smaller lag is latency; a clock that is off has to show by so much, and fit so many sigmas better than none."""
+CLOCK_S, CLOCK_CORRELATION, MIN_CLOCK_GAIN = 0.4, 0.8, 4.0
+"""Minimum lag [s] of a clock offset (a smaller lag is a latency), its minimum correlation, and the minimum increase of
+the significance over the significance without a shift, in standard deviations."""
 
-WHEEL_SURE = 10.0
-"""A wheel's acceleration against the noisy force may correlate less, but by so many sigmas."""
+MIN_WHEEL_STRENGTH = 10.0
+"""Minimum significance, in standard deviations, of the correlation with a wheel's acceleration. It replaces the minimum
+correlation, because this correlation is lower."""
 
-FELT_SURE, FELT_AGAINST = 2.0, -1.0
-"""The accelerometer confirms a lag of the gyro's by so many sigmas over no lag, and contradicts it on no axis."""
+MIN_CONFIRMING_GAIN, MIN_AXIS_GAIN = 2.0, -1.0
+"""Minimum increase of the significance, in standard deviations, with which the accelerometer confirms a lag of the
+gyro: for both axes together, and for each axis."""
 
 MAX_GAP_S = 0.5
-"""Over longer steps an attitude is not interpolated."""
+"""Maximum step over which an attitude is interpolated."""
 
 WINDOWS_S = (0.5, 1.0, 2.0)
 
-OF_THE_TRACK, OF_A_WHEEL = "the turning of the track", "the acceleration of a wheel"
+OF_THE_TRACK, OF_A_WHEEL = "the turn rate of the track", "the acceleration of a wheel"
 
 SHIFT_PARAMETERS = {"position": "position_shift_s", "imu": "imu_shift_s"}
 SHIFT_PARAMETERS |= dict.fromkeys(("velocity, horizontal", "velocity, up", "speed"), "velocity_shift_s")
 LATENCIES = {"position_shift_s": "position_latency_s={0:.2f}", "velocity_shift_s": "velocity_latency_s=[{0:.2f}, ...]"}
-"""The parameters of the data sets that read tables, and of those that read bags."""
+"""Parameter that corrects the lag of each stream in data sets that read tables, and the corresponding setting of data
+sets that read bags."""
 
 Pairs = Callable[[float], tuple[FloatArray, FloatArray] | None]
-"""What another stream says of the windows, and what the IMU says so much later; None: too few."""
+"""A function of the delay [s] of the IMU that returns values of another stream and of the IMU in the same windows; None
+if there are too few windows."""
+
+
+MAX_STEP_IN_BUNCH, MIN_STAMPS_IN_BUNCH = 0.1, 0.5
+"""Maximum step of the stamps in a bunch, as a fraction of the mean step, and minimum fraction of such steps."""
+
+
+def bunched_stamps(recording: Recording) -> list[Diagnosis]:
+    """Report IMU stamps in bunches: they are times of arrival, and the sensor measured at equal intervals."""
+    if recording.imu is None or len(recording.imu.t_s) <= _MIN_ROWS:
+        return []
+    steps_s = np.diff(recording.imu.t_s)
+    rate_hz = 1.0 / float(steps_s.mean())
+    short = steps_s < MAX_STEP_IN_BUNCH / rate_hz
+    if short.mean() < MIN_STAMPS_IN_BUNCH:
+        return []
+    count, gap_ms = 1.0 / (1.0 - short.mean()), 1e3 * np.median(steps_s[~short])
+    measured = f"about {count:.0f} stamps at once, then a gap of {gap_ms:.3g} ms; the mean rate is {rate_hz:.0f} Hz"
+    return [diagnosis("bunched_stamps", measured, rate_hz=rate_hz)]
 
 
 def clock_offsets(lags: list[Lag]) -> list[Diagnosis]:
-    """Return the streams whose stamps are off by .4 s or more; each parameter once."""
+    """Return the diagnoses of clock offsets of at least 0.4 s, at most one for each parameter."""
     offsets: dict[str, Diagnosis] = {}
     for lag in lags:
         strong = lag.correlation >= CLOCK_CORRELATION or lag.against == OF_A_WHEEL
         if not lag.sure or not strong or not abs(lag.lag_s) >= CLOCK_S:
             continue
-        measured = f"lag {lag.lag_s:+.2f} s against {lag.against}, give or take {lag.within_s:.2f} s"
+        measured = f"lag {lag.lag_s:+.2f} s +- {lag.within_s:.2f} s against {lag.against}"
         parts = {"stream": lag.stream, "size": abs(lag.lag_s), "side": "late" if lag.lag_s > 0 else "early"}
         parts |= {"shift": -lag.lag_s, "parameter": (parameter := SHIFT_PARAMETERS[lag.stream])}
         if parameter in LATENCIES:
             parts["parameter"] = (
-                f"{parameter} (dataset=table), or set {LATENCIES[parameter].format(lag.lag_s)} of a bag"
+                f"{parameter} (dataset=table), or set {LATENCIES[parameter].format(lag.lag_s)} for a bag"
             )
         offsets.setdefault(parameter, diagnosis("clock", f"{measured} (correlation {lag.correlation:.2f})", **parts))
     return list(offsets.values())
 
 
 def all_lags(recording: Recording) -> list[Lag]:
-    """Return those of `estimated_lags` and that of `late_imu`; of late fixes that of the fixes alone."""
+    """Return the lags of `estimated_lags` and `late_imu`, or only the lag of the fixes if the fixes are late."""
     late = late_imu(recording)
     return of_late_fixes([*estimated_lags(recording), *([late] if late else [])])
 
 
 def of_late_fixes(lags: list[Lag]) -> list[Lag]:
-    """Return the lag of the fixes alone where several sensors differ from the fixes by one time, each in its own way.
+    """Return ``lags``, or only the lag of the fixes if several streams have the same lag relative to the fixes.
 
-    The lags of velocity and IMU are relative to the fixes, directly or by a velocity at its corrected stamps. If both,
-    or one of them and the reference, say that the fixes are late by one time, the fixes are late and nothing else is.
+    The lags of velocity and IMU are relative to the fixes, directly or through a velocity with corrected stamps. If at
+    least two of the streams velocity, IMU and reference imply the same lag of the fixes, only the fixes are late.
     """
     late_s = [(lag.lag_s if lag.stream == "position" else -lag.lag_s, lag) for lag in lags if np.isfinite(lag.lag_s)]
     for first_s, first in late_s:
-        agreed = [lag for one_s, lag in late_s if abs(one_s - first_s) <= WORST_S]
+        agreed = [lag for one_s, lag in late_s if abs(one_s - first_s) <= MAX_UNCERTAINTY_S]
         kinds = {lag.stream.partition(",")[0] for lag in agreed}
         witnesses = first.stream == "position" or (first.stream != "imu" and "imu" in kinds)
         if abs(first_s) >= CLOCK_S and witnesses and len(kinds) > 1:
@@ -320,19 +352,21 @@ def of_late_fixes(lags: list[Lag]) -> list[Lag]:
 
 
 def late_imu(recording: Recording) -> Lag | None:
-    """Return how late the IMU is, by its turning or by its force; None where neither shows it.
+    """Return the lag of the IMU from its angular rate or its specific force, or None if the lag is not identified.
 
-    Over windows of half a second to two, r(tau) is the correlation of the gyro, tau later, with the turning of the
-    reference's attitude or with the course, or of the forward force with a wheel's acceleration. It counts where r is
-    .8 and more, of the noisy force ten standard deviations from none. The windows that tell the lag best count.
+    In windows of 0.5 to 2 s, r(tau) is the correlation of the IMU at the time t + tau with another stream at the time
+    t. The gyro is compared with the rotation of the reference attitude or with the change of the course. The forward
+    specific force is compared with the acceleration of a wheel. A lag is used if r is at least 0.8. For the noisy
+    specific force, it is sufficient that r is ten standard deviations from zero. The window length with the smallest
+    uncertainty is used.
 
-    The interval has .05 s for the sensor's own filter and, where the track is compared, what half a metre between the
-    antenna and the point about which the vehicle turns does to a course.
+    The uncertainty of the lag includes 0.05 s for the internal filter of the sensor. For the track, the uncertainty
+    also includes the effect of a distance of 0.5 m between the antenna and the point about which the vehicle turns.
 
-    A lag of .4 s and more is sure where it fits so much better than none that Fisher's atanh(r) is 4 standard
-    deviations above that of no lag. A course tells of stamps only if the body cannot turn before it goes, as a hand or
-    a drone does: there has to be a wheel, or the accelerometer has to agree with the track better at that lag than at
-    none. While gravity is not on +z, the axes are wrong, and nothing is said.
+    A lag of 0.4 s or more is certain if Fisher's atanh(r) is 4 standard deviations above its value without a shift. A
+    hand-held sensor or a drone may turn before it moves. Therefore, the lag from a course is certain only if the
+    recording has a wheel, or if the accelerometer agrees with the track better at this lag than without a shift. If
+    gravity is not on +z, the axes are wrong, and the function returns None.
     """
     if recording.imu is None or felt_axis(recording.imu.accel_mps2) != "+z":
         return None
@@ -344,7 +378,7 @@ def late_imu(recording: Recording) -> Lag | None:
 
 
 def _turning_lag(against: str, pairs: Pairs) -> Lag:
-    """Return the best lag, which is no number where the relation is weak."""
+    """Return the lag with the largest correlation. If the correlation is weak, the attribute ``lag_s`` is NaN."""
 
     def agreement(late_s: float) -> tuple[float, int]:
         pair = pairs(late_s)
@@ -354,13 +388,17 @@ def _turning_lag(against: str, pairs: Pairs) -> Lag:
     if np.isnan(lag.best_s):
         return replace(lag, lag_s=_NAN)
     found = strength(*agreement(lag.best_s))
-    strong = lag.correlation >= CLOCK_CORRELATION or (against == OF_A_WHEEL and found >= WHEEL_SURE)
-    sure = abs(lag.best_s) < CLOCK_S or found - strength(*agreement(0.0)) > CLOCK_SURE
+    strong = lag.correlation >= CLOCK_CORRELATION or (against == OF_A_WHEEL and found >= MIN_WHEEL_STRENGTH)
+    sure = abs(lag.best_s) < CLOCK_S or found - strength(*agreement(0.0)) > MIN_CLOCK_GAIN
     return replace(lag, lag_s=lag.best_s if strong else _NAN, sure=sure)
 
 
 def _judged(recording: Recording, lag: Lag) -> Lag:
-    """Widen the interval by what stamps do not cause, and ask whether the body can have turned before it went."""
+    """Add the effects of the internal filter and of the antenna position to the uncertainty of the lag.
+
+    A lag that was computed from the course is uncertain if the body may turn before it moves. This function also
+    tests for this case.
+    """
     if lag.against != OF_THE_TRACK or recording.position is None:
         return replace(lag, within_s=lag.within_s + FILTER_S)
     within_s = lag.within_s + FILTER_S + LEVER_M / moving_speed_mps(recording.position)
@@ -369,7 +407,7 @@ def _judged(recording: Recording, lag: Lag) -> Lag:
 
 
 def _is_felt(recording: Recording, lag_s: float) -> bool:
-    """Whether the accelerometer agrees with the track's acceleration better at a lag than at none."""
+    """Return True if the accelerometer agrees better with the acceleration of the track if the lag is corrected."""
     at_none, at_lag = over_lengths(track_windows, recording), over_lengths(track_windows, recording, lag_s)
     both = at_none.keys() & at_lag.keys()
     agreed = [np.array([_fits(windows[length_s]) for windows in (at_none, at_lag)]) for length_s in both]
@@ -377,11 +415,11 @@ def _is_felt(recording: Recording, lag_s: float) -> bool:
         return False
     none, best = max(agreed, key=lambda both: float(both.sum(axis=1).max()))
     gain = best - none
-    return bool(gain.sum() / np.sqrt(2.0) >= FELT_SURE and gain.min() > FELT_AGAINST)
+    return bool(gain.sum() / np.sqrt(2.0) >= MIN_CONFIRMING_GAIN and gain.min() > MIN_AXIS_GAIN)
 
 
 def _fits(w: Windows) -> list[float]:
-    """Forward and left, in standard deviations from none."""
+    """Return the significance of the correlations of the forward and left axes, in standard deviations from zero."""
     return [strength(correlation_of(w.plane_mps2[:, axis], w.force_mps2[:, axis]), len(w)) for axis in (0, 1)]
 
 
@@ -413,24 +451,20 @@ def _attitude_and_gyro(recording: Recording, length_s: float) -> Pairs | None:
 
 
 TURNINGS: dict[str, Callable[[Recording, float], Pairs | None]] = {
-    "the turning of the reference's attitude": _attitude_and_gyro,
+    "the turn rate of the reference's attitude": _attitude_and_gyro,
     OF_THE_TRACK: _course_and_gyro,
     OF_A_WHEEL: _wheel_and_force,
 }
-"""What the IMU is compared with."""
+"""Functions that compare the IMU with another stream, by the name of this stream, in the order of preference."""
 
 
 def attitude_rates(t_s: FloatArray, euler_rad: FloatArray, edges_s: FloatArray) -> FloatArray:
-    """Return the rates (n, 3) in the body of an attitude (m, 3), over the windows between n + 1 edges.
+    """Return the body rates (n, 3) [rad/s] of an attitude (m, 3), averaged between n + 1 window edges.
 
-    With phi, theta, psi for Rz(psi) Ry(theta) Rx(phi)::
-
-        p = phi' - psi' sin(theta),  q = theta' cos(phi) + psi' sin(phi) cos(theta),
-        r = psi' cos(theta) cos(phi) - theta' sin(phi)
+    The rate between two rows is the rotation vector from one attitude to the next, divided by their interval.
     """
-    unwrapped = np.unwrap(euler_rad, axis=0)
-    angles = np.column_stack([np.interp(edges_s, t_s, column) for column in unwrapped.T])
-    phi, theta, _ = (0.5 * (angles[1:] + angles[:-1])).T
-    dphi, dtheta, dpsi = (np.diff(angles, axis=0) / np.diff(edges_s)[:, None]).T
-    p, q = dphi - dpsi * np.sin(theta), dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta)
-    return np.column_stack([p, q, dpsi * np.cos(theta) * np.cos(phi) - dtheta * np.sin(phi)])
+    from scipy.spatial.transform import Rotation
+
+    attitude = Rotation.from_matrix(dcm_from_euler(euler_rad))
+    rates = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / np.diff(t_s)[:, None]
+    return window_means(t_s[1:], rates, edges_s)

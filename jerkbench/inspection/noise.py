@@ -1,4 +1,4 @@
-"""A rest of the IMU and its noise there; the real errors of a receiver against its stated sigmas."""
+"""Rest periods of the IMU, its noise at rest, and comparison of measured errors with stated sigmas."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -21,37 +21,39 @@ from jerkbench.simulation.imu import ALLAN_FLOOR, GRADES
 MIN_REST_S = 5.0
 _POINTS = 40
 MAX_AVERAGED_FRACTION = 0.25
-"""Averages over more than this part of the rest are too few to say anything."""
+"""Maximum averaging time as a fraction of the rest. For a longer time there are too few averages."""
 
 WHITE_S = (0.05, 1.0)
-"""The averaging times for the white noise: below the drift, above a resonance of the mounting."""
+"""Range of averaging times for the white noise [s]. Shorter times contain resonances of the mounting, longer times
+contain drift."""
 
 FLOOR_NEEDS_S = 60.0
-"""A rest that is shorter does not reach the floor of the Allan deviation."""
+"""Minimum length of a rest [s] from which the minimum of the Allan deviation can be measured."""
 
 _WINDOW_S = 0.5
-"""A rest is looked for in windows of so long."""
+"""Length of the windows in the search for a rest."""
 
 QUIET_RADPS, QUIET_MPS2 = 0.01, 0.1
-"""Below these (root of the sum of the axes' variances) a window may be a rest, whatever the others are."""
+"""Maximum scatter of gyro and accelerometer (root of the sum of the axes' variances) in a window at rest."""
 
-QUIET_PART, LOUD = 0.2, 0.8
-"""Or below this part of the windows that are louder than so many: an engine idles."""
+QUIET_FRACTION, LOUD = 0.2, 0.8
+"""Alternative maximum, for an idling engine: this fraction of this quantile of the scatter of all windows. The larger
+of both maxima is used."""
 
 TURNS_RADPS = 0.03
-"""At rest a gyro shows its bias, which is smaller."""
+"""Maximum angular rate at rest. The bias of a gyro is smaller."""
 
 _MOVES_MPS = 0.3
-"""Fixes or velocities that move by more contradict a rest."""
+"""Maximum speed of fixes or velocities during a rest."""
 
 
 class Rest(NamedTuple):
-    """A rest of the IMU.
+    """A time interval in which the IMU is at rest.
 
     Attributes:
-        begin_s: its begin.
-        end_s: its end.
-        stated: whether the recording says so; else it was found in the IMU.
+        begin_s: start time of the rest [s].
+        end_s: end time of the rest [s].
+        stated: true if the recording states the rest, false if the rest was found in the IMU samples.
     """
 
     begin_s: float
@@ -59,23 +61,24 @@ class Rest(NamedTuple):
     stated: bool
 
     def rows_of(self, t_s: FloatArray, values: FloatArray) -> FloatArray:
-        """Return the rows of values within the rest."""
+        """Return the rows of ``values`` whose times are within the rest."""
         return values[(t_s >= self.begin_s) & (t_s <= self.end_s)]
 
 
 class RestNoise(NamedTuple):
-    """The noise of an IMU, measured at rest.
+    """Noise of an IMU, measured at rest.
 
     Attributes:
-        rest: where it was measured.
-        tau_s: (k,) averaging times.
-        gyro_radps: (k, 3) Allan deviation.
-        accel_mps2: (k, 3) Allan deviation.
-        angle_random_walk_deg_per_sqrt_h: the largest of the axes.
-        velocity_random_walk_mps_per_sqrt_h: the largest of the axes.
-        gyro_instability_deg_per_h: lowest Allan deviation over `ALLAN_FLOOR`, the largest of the axes; NaN: too short.
-        accel_instability_mg: likewise.
-        grade: the preset of the simulator's IMU (``dataset.imu``) whose white noise is nearest.
+        rest: rest in which the noise was measured.
+        tau_s: (k,) averaging times of the Allan deviation [s].
+        gyro_radps: (k, 3) Allan deviation of the gyro [rad/s].
+        accel_mps2: (k, 3) Allan deviation of the accelerometer [m/s2].
+        angle_random_walk_deg_per_sqrt_h: angle random walk of the noisiest gyro axis [deg/sqrt(h)].
+        velocity_random_walk_mps_per_sqrt_h: velocity random walk of the noisiest accelerometer axis [m/s/sqrt(h)].
+        gyro_instability_deg_per_h: bias instability of the worst gyro axis [deg/h], which is the minimum of the Allan
+            deviation divided by `ALLAN_FLOOR`; NaN if the rest is too short.
+        accel_instability_mg: bias instability of the worst accelerometer axis, computed in the same way [mg].
+        grade: grade of the simulated IMU (parameter ``dataset.imu``) with the most similar white noise.
     """
 
     rest: Rest
@@ -90,24 +93,25 @@ class RestNoise(NamedTuple):
 
 
 def stated_rest(recording: Recording) -> Rest | None:
-    """Return the rest at the start that the recording states; None: it is shorter than 5 s."""
+    """Return the rest at the start that the recording states, or None if this rest is shorter than 5 s."""
     begin_s = float(recording.clock_s[0])
     long = recording.static_start_s >= MIN_REST_S
     return Rest(begin_s, begin_s + recording.static_start_s, stated=True) if long else None
 
 
 def longest_rest(recording: Recording) -> Rest | None:
-    """Return the rest that the recording states, or else the longest that its IMU shows; None: none of 5 s.
+    """Return the stated rest, or else the longest rest in the IMU samples, or None without a rest of at least 5 s.
 
-    A window of half a second may be a rest where gyro and accelerometer scatter little and the gyro hardly turns.
-    Fixes and velocities may contradict: a smooth road is quiet, too.
+    The IMU may be at rest in a window of half a second if the scatter of gyro and accelerometer and the mean angular
+    rate are small. A drive on a smooth road may also meet this condition, so fixes and velocities must not contradict
+    the rest.
     """
     imu, stated = recording.imu, stated_rest(recording)
     edges_s = np.empty(0) if imu is None else common_edges(_WINDOW_S, imu.t_s)
     if imu is None or stated or len(edges_s) < 2:
         return stated
     steps = np.diff(np.concatenate([[False], _quiet(imu, edges_s), [False]]).astype(int))
-    rests = [  # without its first and last window, in which the motion may end and begin
+    rests = [  # the motion may end and start in the outer windows, which are omitted
         Rest(float(edges_s[first + (first > 0)]), float(edges_s[last - (last < len(edges_s) - 1)]), stated=False)
         for first, last in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True)
     ]
@@ -116,7 +120,7 @@ def longest_rest(recording: Recording) -> Rest | None:
 
 
 def _quiet(imu: Imu, edges_s: FloatArray) -> BoolArray:
-    """Whether each window between edges may be one of a rest."""
+    """Return a mask of the windows between edges in which the IMU may be at rest."""
     counts = np.diff(np.searchsorted(imu.t_s, edges_s))
     mean = window_means(imu.t_s, imu.gyro_radps, edges_s)
     quiet = (counts > 0.5 * np.median(counts)) & (np.linalg.norm(mean, axis=1) < TURNS_RADPS)
@@ -124,12 +128,12 @@ def _quiet(imu: Imu, edges_s: FloatArray) -> BoolArray:
         centred = values - values.mean(axis=0)
         variance = window_means(imu.t_s, centred**2, edges_s) - window_means(imu.t_s, centred, edges_s) ** 2
         scatter = np.sqrt(np.maximum(variance, 0.0).sum(axis=1))
-        quiet &= scatter < max(least, QUIET_PART * float(np.quantile(scatter, LOUD)))
+        quiet &= scatter < max(least, QUIET_FRACTION * float(np.quantile(scatter, LOUD)))
     return np.asarray(quiet)
 
 
 def _moves(recording: Recording, rest: Rest) -> bool:
-    """Whether velocities or fixes move during a rest."""
+    """Return True if velocities or fixes indicate a motion during ``rest``."""
     position, velocity = recording.position, recording.velocity
     if velocity is not None:
         mps = rest.rows_of(*without_nan_rows(velocity.t_s, velocity.mps[:, : 2 if velocity.frame == "enu" else 1]))
@@ -144,9 +148,10 @@ def _moves(recording: Recording, rest: Rest) -> bool:
 
 
 def rest_noise(recording: Recording, rest: Rest | None = None) -> RestNoise | None:
-    """Return what a rest tells, if None the one that the recording states; None where that is shorter than 5 s.
+    """Return the IMU noise during ``rest`` (by default the rest stated in the recording), or None without IMU or rest.
 
-    White noise N is the mean of adev(tau) sqrt(tau) over tau from 0.05 to 1 s. An engine that idles counts as noise.
+    The white noise N is the mean of adev(tau) sqrt(tau) over averaging times tau from 0.05 to 1 s. The white noise
+    includes the vibration of an idling engine.
     """
     imu, rest = recording.imu, rest or stated_rest(recording)
     if imu is None or rest is None:
@@ -162,9 +167,9 @@ def rest_noise(recording: Recording, rest: Rest | None = None) -> RestNoise | No
 
 
 def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return averaging times (k,) and the overlapping Allan deviation (k, m) of samples (n, m).
+    """Return the averaging times (k,) and the overlapping Allan deviation (k, m) of ``samples`` (n, m).
 
-    With theta the running integral and tau = j dt::
+    The Allan deviation at the averaging time tau = j dt is computed from theta, the running integral of the samples::
 
         adev(tau)^2 = mean over i of (theta_{i+2j} - 2 theta_{i+j} + theta_i)^2 / (2 tau^2)
 
@@ -179,7 +184,7 @@ def allan_deviation(samples: FloatArray, interval_s: float) -> tuple[FloatArray,
 
 
 def nearest_grade(angle_random_walk_deg_per_sqrt_h: float, velocity_random_walk_mps_per_sqrt_h: float) -> str:
-    """Return the grade whose two random walks are nearest, as ratios."""
+    """Return the IMU grade whose two random walks are nearest to the arguments on a logarithmic scale."""
     measured = [angle_random_walk_deg_per_sqrt_h, velocity_random_walk_mps_per_sqrt_h]
     walks = [(g.angle_random_walk_deg_per_sqrt_h, g.velocity_random_walk_mps_per_sqrt_h) for g in GRADES.values()]
     with np.errstate(divide="ignore"):
@@ -188,7 +193,7 @@ def nearest_grade(angle_random_walk_deg_per_sqrt_h: float, velocity_random_walk_
 
 
 def _white(tau_s: FloatArray, deviation: FloatArray) -> float:
-    """N, the largest of the axes."""
+    """Return the white noise N of the noisiest axis, from the Allan ``deviation``."""
     rows = (tau_s >= WHITE_S[0]) & (tau_s <= WHITE_S[1])
     rows = rows if rows.any() else np.ones(len(tau_s), dtype=bool)
     return float((deviation[rows] * np.sqrt(tau_s[rows])[:, None]).mean(axis=0).max())
@@ -206,50 +211,49 @@ MEDIAN_OF_SQUARE = 0.455
 REST, _REFERENCE = "scatter at rest", "error against the reference"
 
 _NEAR_S = 0.5
-"""Over a longer interval of the reference a straight line says little."""
+"""Maximum interval of the reference over which it is interpolated linearly."""
 
 MIN_RATIO = 4.0
-"""A receiver among towers errs 3.2 times as much as it says, in the middle of its errors; a mistake is more."""
+"""Minimum ratio of measured to stated sigma that is reported as a mistake. In urban canyons the median ratio of
+receivers is up to 3.2."""
 
 MIN_SPREAD = 2.0
-"""About its median a receiver among towers errs 1.2 times as much as it says; this is less than a mistake by 10 leaves
-of sigmas that are four times too large."""
+"""Minimum ratio of measured to stated sigma for errors about their median. In urban canyons this ratio of receivers is
+up to 1.2. If sigmas that are four times too large are divided by ten, the ratio is 2.5, which is reported."""
 
 MAX_FIX_GAP_S = 1.1
 
 MIDDLE_ROWS = 30
-"""The middle of fewer errors is no scale."""
+"""Minimum number of errors for a median."""
 
 FAST_SHARE = 1.5
-"""Variance of x_i - (x_i-1 + x_i+1)/2 of white noise with variance 1."""
+"""Variance of x_i - (x_i-1 + x_i+1)/2 if x is white noise with variance 1."""
 
 WHITE = -0.3
-"""Fast changes of white noise correlate by -2/3 from row to row, those of motion hardly or by more than 0.
-Of few rows the correlation is known to one over their root."""
+"""Maximum correlation between consecutive values of x_i - (x_i-1 + x_i+1)/2 that indicates white noise. The theoretical
+value is -2/3 for white noise, and about 0 or positive for motion. With n rows the standard deviation of the correlation
+is 1/sqrt(n)."""
 
 JITTER, AT_REST = "the jitter from row to row", "the scatter at rest"
 _MEDIAN = "the median error against the reference"
-SPREAD = "the middle of the error against the reference, about its median"
+SPREAD = "the scatter of the error against the reference about its median"
 BY_REFERENCE = (_MEDIAN, SPREAD)
-"""What the errors are measured by."""
-
-SHIFTS = range(-2, 3)
-"""By so many rows a velocity may be older or younger than the slope that it was computed from."""
+"""Error measures that need a reference."""
 
 
 class Sigma(NamedTuple):
-    """One standard deviation of a stream, stated and real.
+    """Stated and measured standard deviations of a stream.
 
     Attributes:
-        stream: "position" or "velocity".
-        unit: "m" or "m/s".
-        basis: where the real one comes from: the scatter at rest, which a slow error does not show in, or the error
-            against the reference.
-        stated: (3,) root of the mean stated variance on each axis.
-        real: (3,) root mean square on each axis.
-        ratio: root of the mean of e' R^-1 e an axis; 1: as stated, 2: twice as large.
-        median_ratio: the same of the middle of the errors east and north: no tail counts.
-        rows: over how many.
+        stream: name of the stream, "position" or "velocity".
+        unit: unit of the standard deviations, "m" or "m/s".
+        basis: source of the measured errors: the scatter at rest (without slow errors) or the error against the
+            reference.
+        stated: (3,) root of the mean stated variance of each axis.
+        real: (3,) root mean square error of each axis.
+        ratio: ratio of measured to stated standard deviation: the root of the mean of e' R^-1 e per axis.
+        median_ratio: robust ratio of measured to stated standard deviation, from the median of the horizontal errors.
+        rows: number of rows with errors.
     """
 
     stream: str
@@ -263,14 +267,14 @@ class Sigma(NamedTuple):
 
 
 def stated_against_real_sigma(recording: Recording, rest: Rest | None = None) -> list[Sigma]:
-    """Return what can be told of position and ENU velocity: at rest, and against the reference.
+    """Return the stated and measured sigmas of position and ENU velocity, at rest and against the reference.
 
-    A reference whose places are the fixes themselves says nothing of them; it is left out. The reference is taken
-    linearly between its stamps, where these are no further apart than 0.5 s. A row need not have all axes.
+    A reference that is a copy of the fixes is not used. The reference is interpolated linearly between stamps with an
+    interval of at most 0.5 s. Rows in which an axis was not measured are also used.
 
     Args:
-        recording: the recording.
-        rest: where it stands still; None: at the start, for as long as the recording states.
+        recording: recording with position fixes or velocities.
+        rest: rest in which the scatter is measured; None for the stated rest at the start.
     """
     sigmas = []
     begin_s, end_s = (0.0, recording.static_start_s) if rest is None else rest[:2]
@@ -287,12 +291,12 @@ def stated_against_real_sigma(recording: Recording, rest: Rest | None = None) ->
 
 
 def _enough(values: FloatArray) -> bool:
-    """Whether each axis is there often enough."""
+    """Return True if each axis was measured in at least `_MIN_ROWS` rows."""
     return bool((np.isfinite(values).sum(axis=0) >= _MIN_ROWS).all())
 
 
 def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, FloatArray, FloatArray]]:
-    """Return name, unit, times (m,), values (m, 3) and covariances (m, 3, 3) of position and ENU velocity."""
+    """Return the name, unit, times, values (m, 3) and covariances (m, 3, 3) of position and ENU velocity."""
     p, v = recording.position, recording.velocity
     streams = [] if p is None else [("position", "m", p.t_s, p.enu_m, p.covariance_m2)]
     if v is not None and v.frame == "enu":
@@ -301,7 +305,7 @@ def stated_streams(recording: Recording) -> list[tuple[str, str, FloatArray, Flo
 
 
 def truth_at(recording: Recording, stream: str, t_s: FloatArray, near_s: float = _NEAR_S) -> FloatArray:
-    """Return (m, 3) the reference at ``t_s``; NaN where it is not known near."""
+    """Return the reference values (m, 3) at ``t_s``, interpolated over at most ``near_s`` [s], or NaN elsewhere."""
     reference = recording.reference
     values = reference.enu_m if stream == "position" else reference.velocity_mps
     if values is None or len(reference.t_s) < 2:
@@ -310,7 +314,7 @@ def truth_at(recording: Recording, stream: str, t_s: FloatArray, near_s: float =
 
 
 def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: FloatArray) -> Sigma:
-    """Of errors (k, 3), NaN where an axis was not measured."""
+    """Return the stated and measured sigmas of ``error`` (k, 3), which is NaN for an axis that was not measured."""
     measured = np.isfinite(error)
     filled, both_measured = np.where(measured, error, 0.0), measured[:, :, None] & measured[:, None, :]
     weighed = np.linalg.solve(np.where(both_measured, covariance, np.eye(3)), filled[:, :, None])[:, :, 0]
@@ -322,38 +326,40 @@ def _sigma(name: str, unit: str, basis: str, error: FloatArray, covariance: Floa
 
 
 def _middle(error: FloatArray, sigmas: FloatArray) -> float:
-    """The middle of errors against their sigmas; 1: as stated."""
+    """Return the robust ratio of errors to their sigmas, from the median of the squared normalised errors."""
     return float(np.sqrt(np.nanmedian((error / sigmas) ** 2) / MEDIAN_OF_SQUARE))
 
 
 def understated_noise(recording: Recording, *, reference: bool = True) -> list[Diagnosis]:
-    """Return the streams that err at least four times as much as they say, fixes about their offset at least twice.
+    """Return a diagnosis for each stream whose measured sigma is at least four times the stated sigma.
 
-    By the scatter at rest, by the error against a reference, and by the jitter from row to row; of errors with a long
-    tail only the middle counts, for a false fix is no matter of scale.
+    The ratio of measured to stated sigma is computed from the scatter at rest, from the error against a reference, and
+    from the jitter between rows. For the scatter of the errors of the fixes about their median, a ratio of two is
+    sufficient. Medians are used, because outliers do not indicate that all sigmas are too small.
 
     Args:
-        recording: the recording.
-        reference: whether the reference may be asked: its axes are those of the fixes.
+        recording: recording with position fixes or velocities.
+        reference: if true, the reference has the same axes as the fixes and is used.
     """
     ratios = [*_jitter(recording, white=True), *(_ratio(sigma) for sigma in stated_against_real_sigma(recording))]
     least = [(entry, MIN_RATIO) for entry in ratios] + [(entry, MIN_SPREAD) for entry in _spread(recording)]
     worst: dict[str, tuple[float, str]] = {}
     for (stream, ratio, basis), limit in least:
-        asked = reference or basis not in BY_REFERENCE
-        if asked and ratio >= limit and ratio > worst.get(stream, (0.0, ""))[0]:
+        usable = reference or basis not in BY_REFERENCE
+        if usable and ratio >= limit and ratio > worst.get(stream, (0.0, ""))[0]:
             worst[stream] = ratio, basis
     return [
         diagnosis("understated", measured, stream=stream, ratio=ratio, square=ratio**2)
         for stream, (ratio, basis) in worst.items()
-        for measured in [f"{basis} is {ratio:.1f} times as large as stated"]
+        for measured in [f"{basis} is {ratio:.1f} times the stated value"]
     ]
 
 
 def overstated_noise(recording: Recording, rest: Rest | None) -> Iterator[str]:
-    """Tell which stated sigmas are at least four times as large as the errors that show; that is never sure.
+    """Yield a note for each stream whose stated sigma is at least four times the measured sigma.
 
-    By the error against the reference, or else the scatter at rest, or else the jitter from row to row.
+    The measured sigma is computed from the error against the reference, or else from the scatter at rest, or else from
+    the jitter between rows.
     """
     sigmas = sorted(stated_against_real_sigma(recording, rest), key=lambda sigma: sigma.basis == REST)
     ratios = [*(_ratio(sigma) for sigma in sigmas), *_spread(recording), *_jitter(recording)]
@@ -365,19 +371,20 @@ def overstated_noise(recording: Recording, rest: Rest | None) -> Iterator[str]:
             continue
         deviations = np.where(np.isfinite(values), np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), np.nan)
         stated = float(np.nanmedian(deviations[:, :2]))
-        slow = "" if against else " An error that changes slowly does not show in that, so they may be right."
+        slow = "" if against else " Slow errors are not included in this measurement, so the stated value may be right."
         yield (
-            f"The standard deviations of {stream} may be too large: {stated:.3g} {unit} is stated, {stated * ratio:.2g}"
-            f" {unit} measured, {1 / ratio:.3g} times less ({basis}).{slow} To correct them, scale them by {ratio:.2g}:"
-            f" r_scale.{stream}={ratio**2:.2g}."
+            f"The standard deviations of {stream} may be too large: stated {stated:.3g} {unit}, measured"
+            f" {stated * ratio:.2g} {unit}, which is {1 / ratio:.3g} times smaller ({basis}).{slow} To correct them,"
+            f" multiply them by {ratio:.2g}: r_scale.{stream}={ratio**2:.2g}."
         )
 
 
 def _spread(recording: Recording) -> Iterator[tuple[str, float, str]]:
-    """The middle of the fixes' errors about their median against their sigmas, all axes together.
+    """Yield the ratio of the errors of the fixes about their median to the stated sigmas, over all axes.
 
-    The reference is taken linearly between stamps a second apart, too: an offset, which a reference may have, is gone,
-    and half a metre of a bend within a second is nothing to the sigma of a receiver at 1 Hz.
+    The subtraction of the median removes an offset of the reference. The reference is interpolated over intervals of up
+    to 1.1 s. The interpolation error in a bend, half a metre within a second, is small compared with the sigma of a
+    receiver at 1 Hz.
     """
     position = recording.position
     if position is None or len(recording.reference.t_s) < MIDDLE_ROWS:
@@ -396,13 +403,14 @@ def _ratio(sigma: Sigma) -> tuple[str, float, str]:
 
 
 def _jitter(recording: Recording, *, white: bool = False) -> Iterator[tuple[str, float, str]]:
-    """Of each stream the middle of |x_i - (x_i-1 + x_i+1)/2| against its sigma, east and north together.
+    """Yield for each stream the ratio of the jitter |x_i - (x_i-1 + x_i+1)/2| to its sigma, over east and north.
 
     Args:
-        recording: the recording.
-        white: only what is surely noise. What the accelerometer explains is taken off. The rest has to be larger than
-            that, and to change its sign from row to row: fixes once a second differ more by the bends of the road than
-            by an RTK's noise.
+        recording: recording with position fixes or velocities.
+        white: if true, only streams whose jitter is certainly noise are yielded. For this test, the motion is predicted
+            from the accelerometer and subtracted. The remaining jitter must be larger than the predicted motion and
+            must change its sign between rows. The test is needed because bends of the road change fixes at 1 Hz by more
+            than the noise of an RTK receiver.
     """
     for stream, _, _, values, covariance in stated_streams(recording):
         sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[1:-1, :2]
@@ -417,13 +425,13 @@ def _jitter(recording: Recording, *, white: bool = False) -> Iterator[tuple[str,
             if np.median(np.abs(fast[rows])) < np.median(np.abs(motion[rows])):
                 continue
         fast, sigmas = fast[rows], sigmas[rows]
-        usual = np.clip(fast, *(np.median(np.abs(fast)) * np.array([[-3.0], [3.0]])))
-        if not white or correlation_of(usual[1:], usual[:-1]) < WHITE - 1 / np.sqrt(len(usual)):
+        clipped = np.clip(fast, *(np.median(np.abs(fast)) * np.array([[-3.0], [3.0]])))
+        if not white or correlation_of(clipped[1:], clipped[:-1]) < WHITE - 1 / np.sqrt(len(clipped)):
             yield stream, _middle(fast, sigmas * np.sqrt(FAST_SHARE)), JITTER
 
 
 def _felt(imu: Imu, position: Position) -> FloatArray:
-    """(n - 2, 2) what forces forward and left do to x_i - (x_i-1 + x_i+1)/2 on the way from fix to fix: -a dt^2/2."""
+    """Return the part -a dt^2/2 (n - 2, 2) of x_i - (x_i-1 + x_i+1)/2 that forward and left forces a cause."""
     t_s, places = position.t_s, np.nan_to_num(position.enu_m[:, :2])
     force = window_means(imu.t_s, imu.accel_mps2[:, :2] - np.median(imu.accel_mps2[:, :2], axis=0), t_s)
     way, step_s = places[2:] - places[:-2], 0.5 * (t_s[2:] - t_s[:-2])
@@ -434,25 +442,5 @@ def _felt(imu: Imu, position: Position) -> FloatArray:
 
 
 def second_difference(x: FloatArray) -> FloatArray:
-    """x_i - (x_i-1 + x_i+1)/2, in which a vehicle's motion is small and noise is not."""
+    """Return x_i - (x_i-1 + x_i+1)/2, which suppresses the motion of a vehicle but not white noise."""
     return x[1:-1] - 0.5 * (x[2:] + x[:-2])
-
-
-def velocity_dependence(recording: Recording) -> Iterator[tuple[str, float]]:
-    """Yield how an ENU velocity of as many rows as there are positions follows their slope; horizontal and up apart.
-
-    The correlation is near 0 for noise of its own, and 1 where the velocity is computed from the positions. With
-    s_i = (p_i - p_i-1)/(t_i - t_i-1), and x''_i = x_i - (x_i-1 + x_i+1)/2::
-
-        max over k from -2 to 2 of corr(s''_i, v''_i-k)
-    """
-    position, velocity = recording.position, recording.velocity
-    if position is None or velocity is None or velocity.frame != "enu" or np.isnan(position.enu_m).any():
-        return
-    for name, axes in (("velocity, horizontal", [0, 1]), ("velocity, up", [2])):
-        _, mps = without_nan_rows(velocity.t_s, velocity.mps[:, axes])
-        if len(mps) == len(position.t_s) >= MIDDLE_ROWS:
-            way_mps = np.diff(position.enu_m[:, axes], axis=0) / np.diff(position.t_s)[:, None]
-            inside = slice(max(SHIFTS), -max(SHIFTS))  # rolled over the ends
-            shifted = [second_difference(np.roll(mps, k, axis=0)[1:])[inside] for k in SHIFTS]
-            yield name, max(correlation_of(second_difference(way_mps)[inside], one) for one in shifted)

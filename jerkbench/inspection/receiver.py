@@ -1,4 +1,4 @@
-"""How far off a receiver's covariance is: declared sigma, scatter from fix to fix, error, its memory, gross errors."""
+"""Comparison of the declared covariance of a receiver with the scatter and the errors of its fixes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,33 +16,36 @@ from jerkbench.report.plots.style import DOTS_PER_INCH, literal, say, style_axes
 
 _AXES = ("east", "north", "up")
 LEVELS_M = (0.0, 0.05, 0.5, 5.0, np.inf)
-"""A receiver's status shows in the sigma that it declares: fixed, float, single point, lost. No more is recorded."""
+"""Limits of the declared sigma [m]. They separate the states of the receiver (fixed, float, single point, no solution),
+because a recording does not contain these states."""
 
 _MIN_FIXES = 30
 SIGMA_OF_MEDIAN = 1.4826
-"""The standard deviation of a normal law over the median of its absolute values."""
+"""Ratio of the standard deviation of a normal distribution to the median of its absolute values."""
 
 GROSS = 5.0
-"""So many robust sigmas from the median an error is gross; of normal errors one in two million is."""
+"""Distance from the median, in robust sigmas, of a gross error; one normal error in two million is that large."""
 
 MAX_LAG_FRACTION = 0.25
-"""Of the time that was compared, no larger part is tried as a lag."""
+"""Maximum lag as a fraction of the compared time."""
 
 
 class AxisErrors(NamedTuple):
-    """One axis of the fixes that declare alike.
+    """Error statistics of one axis, for the fixes whose declared sigma is in the same range.
 
     Attributes:
-        level: the declared sigma, in words.
-        axis: east, north or up.
-        fixes: how many.
-        declared_m: root of the median declared variance.
-        scatter_m: from fix to fix: the middle of x_i - (x_i-1 + x_i+1)/2, as a sigma of white noise. Slow errors do
-            not show in it, and bends of the way do.
-        error_m: the middle of the error about its median, as a sigma; NaN without a reference.
-        bias_m: the median error; NaN without a reference.
-        gross_percent: share of errors over their sigma that are further than `GROSS` times factor from the median.
-        factor: error_m/declared_m fix by fix; without a reference that of the scatter, the least that it can be.
+        level: range of the declared sigma, as text.
+        axis: name of the axis: east, north or up.
+        fixes: number of fixes in this range.
+        declared_m: root of the median of the declared variances [m].
+        scatter_m: robust sigma of the white noise [m], computed from x_i - (x_i-1 + x_i+1)/2. Bends of the track
+            increase this value, but slow errors do not.
+        error_m: robust sigma of the error about its median [m]; NaN without a reference.
+        bias_m: median of the error [m]; NaN without a reference.
+        gross_percent: percentage of gross errors, whose distance from the median, divided by the declared sigma,
+            exceeds `GROSS` times ``factor`` [%].
+        factor: robust sigma of the normalised errors (errors divided by their declared sigmas). Without a reference,
+            the factor is computed from the scatter, which gives a lower bound.
     """
 
     level: str
@@ -58,16 +61,16 @@ class AxisErrors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReceiverErrors:
-    """What the fixes of a recording say about their covariance.
+    """Errors of the fixes of a recording, compared with the declared covariances.
 
     Attributes:
-        source: what they were compared with; empty: nothing but each other.
-        step_s: the median time from fix to fix.
-        axes: three for each level of the declared sigma, and three for all.
-        lags_s: (k,) lags.
-        correlation: (k, 3) autocorrelation of the error of each axis; none without a reference, or if the fixes are
-            `mostly_gaps`.
-        standardised: (n, 3) errors about their median over the declared sigma.
+        source: source of the reference; an empty string without a reference.
+        step_s: median interval between fixes [s].
+        axes: statistics of the three axes over all fixes, then of the three axes for each range of the declared sigma.
+        lags_s: (k,) lags of the autocorrelation [s].
+        correlation: (k, 3) autocorrelation of the error of each axis; empty without a reference, or if the stamps of
+            the fixes have too many gaps.
+        standardised: (n, 3) errors about their median, divided by the declared sigmas.
     """
 
     source: str
@@ -79,12 +82,12 @@ class ReceiverErrors:
 
     @property
     def overall(self) -> tuple[AxisErrors, ...]:
-        """The three axes of all fixes."""
+        """The statistics of the three axes over all fixes."""
         return self.axes[:3]
 
     @property
     def memory_s(self) -> FloatArray:
-        """(3,) the lag at which the error's autocorrelation falls below 1/e; NaN where it does not, or is not known."""
+        """The lags (3,) at which the autocorrelations of the errors fall below 1/e, or NaN without such a lag [s]."""
         below, times = self.correlation < np.exp(-1.0), np.full(3, np.nan)
         for axis in np.flatnonzero(below.any(axis=0)):
             k = int(np.argmax(below[:, axis]))
@@ -95,10 +98,10 @@ class ReceiverErrors:
 
 
 def receiver_errors(recording: Recording) -> ReceiverErrors | None:
-    """Return what the fixes say; None if there are fewer than `_MIN_FIXES`.
+    """Return the error statistics of the fixes, or None if the recording has fewer than `_MIN_FIXES` fixes.
 
-    The reference is taken linearly between stamps that are at most 1.1 s apart. Fixes that are the reference
-    themselves say nothing about their errors.
+    The reference is interpolated linearly between stamps with an interval of at most 1.1 s. A reference that is a copy
+    of the fixes is not used.
     """
     position = recording.position
     if position is None or np.isfinite(position.enu_m).all(axis=1).sum() < _MIN_FIXES:
@@ -115,7 +118,7 @@ def receiver_errors(recording: Recording) -> ReceiverErrors | None:
     groups = [("all", np.ones(len(t_s), dtype=np.bool_))]
     for low, high in pairwise(LEVELS_M):
         rows = (declared_m >= low) & (declared_m < high)
-        name = f"below {high:g} m" if np.isfinite(high) else f"from {low:g} m on"
+        name = f"below {high:g} m" if np.isfinite(high) else f"{low:g} m or more"
         groups += [(name, rows)] if _MIN_FIXES <= rows.sum() < len(t_s) else []
     columns = list(enumerate(zip(sigma_m.T, second_m.T, error_m.T, strict=True)))
     axes = tuple(_axis(level, k, *(one[rows] for one in three)) for level, rows in groups for k, three in columns)
@@ -141,33 +144,33 @@ def _axis(level: str, axis: int, sigma_m: FloatArray, second_m: FloatArray, erro
 
 
 def _middle(values: FloatArray) -> float:
-    """The standard deviation of a normal law whose absolute values have the same median: no tail counts."""
+    """Return a robust standard deviation of ``values``, computed from the median of their absolute values."""
     return SIGMA_OF_MEDIAN * float(np.median(np.abs(values))) if len(values) else float("nan")
 
 
 def _autocorrelation(
     t_s: FloatArray, error_m: FloatArray, step_s: float, compared: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Lags (k,) and the autocorrelation (k, 3) of errors on a grid of the usual step; gross errors are cut off."""
+    """Return lags (k,) and autocorrelations (k, 3) of the errors on a regular time grid, with clipped gross errors."""
     if not compared.any() or mostly_gaps(step_s, t_s):
         return np.empty(0), np.empty((0, 3))
-    place = np.round((t_s - t_s[0]) / step_s).astype(int)
-    grid = np.full((place[-1] + 1, 3), np.nan)
+    index = np.round((t_s - t_s[0]) / step_s).astype(int)
+    grid = np.full((index[-1] + 1, 3), np.nan)
     limit_m = GROSS * np.array([_middle(error[np.isfinite(error)]) for error in error_m.T])
-    grid[place] = np.clip(error_m, -limit_m, limit_m)
+    grid[index] = np.clip(error_m, -limit_m, limit_m)
     both = np.hstack([np.nan_to_num(grid), np.isfinite(grid)])
-    size = 1 << int(np.ceil(np.log2(2 * len(grid))))  # by the Wiener-Khinchin theorem, gaps left out of both sums
+    size = 1 << int(np.ceil(np.log2(2 * len(grid))))  # Wiener-Khinchin theorem, gaps are omitted from both sums
     power, pairs = np.hsplit(np.fft.irfft(np.abs(np.fft.rfft(both, size, axis=0)) ** 2, axis=0), 2)
     most = max(2, int(MAX_LAG_FRACTION * len(grid)))
     mean = power[:most] / np.maximum(np.round(pairs[:most]), 1)
     return step_s * np.arange(most, dtype=np.float64), mean / np.where(mean[0] > 0, mean[0], np.nan)
 
 
-# The page: a table, and what to put into a filter.
+# Report with a table and with advice for the parameters of a filter.
 
 
 def table_rows(errors: ReceiverErrors) -> Iterator[list[str]]:
-    """Yield the rows of the table as texts, under `HEADER`."""
+    """Yield the rows of the table as texts. The names of the columns are in `HEADER`."""
     for e in errors.axes:
         memory = dict(zip(_AXES, errors.memory_s, strict=True))[e.axis] if e.level == "all" else np.nan
         numbers = (e.declared_m, e.scatter_m, e.error_m, e.bias_m, e.factor, memory, e.gross_percent)
@@ -183,12 +186,12 @@ HEADER = (
 
 
 def advice(errors: ReceiverErrors) -> Iterator[str]:
-    """Yield what to put into a filter: factors, sigmas and the time constant."""
+    """Yield advice for the parameters of a filter: factors on the sigmas, and the time constant of the errors."""
     horizontal, up = horizontal_and_up(errors.overall)
     if not errors.source:
-        yield "There is no reference: the factor is that of the scatter from fix to fix. Slow errors come on top."
+        yield "No reference: the factor is computed from the scatter between fixes and does not include slow errors."
         if horizontal < 1:
-            yield "Nothing shows that the declared sigmas are too small. Only a reference shows if they are too large."
+            yield "The declared sigmas are not too small. Only with a reference can they be tested for being too large."
             return
     yield f"Multiply the declared sigmas by {horizontal:.3g} (east, north) and {up:.3g} (up)."
     yield (
@@ -201,21 +204,25 @@ def advice(errors: ReceiverErrors) -> Iterator[str]:
         share = np.exp(-errors.step_s / memory_s)
         more = (1 + share) / (1 - share)
         yield (
-            f"The errors have a memory of {memory_s:.3g} s, and fixes come each {errors.step_s:.3g} s. A filter that"
-            f" takes them as independent is right on average with {more:.3g} times that covariance"
-            f" ({more * horizontal**2:.3g}); or give it a Gauss-Markov state with {memory_s:.3g} s."
+            f"The correlation time of the errors is {memory_s:.3g} s; the interval of the fixes is"
+            f" {errors.step_s:.3g} s. In a filter that assumes independent errors, multiply the covariance by another"
+            f" {more:.3g} (total {more * horizontal**2:.3g}), or model the errors as a Gauss-Markov state with"
+            f" {memory_s:.3g} s."
         )
 
 
 def horizontal_and_up(axes: Sequence[AxisErrors]) -> tuple[float, float]:
-    """Return the root mean square of the factors east and north, and the factor up, or the first where it is 0."""
+    """Return the root mean square of the east and north factors, and the up factor.
+
+    If the up factor is 0, the horizontal factor is returned for both.
+    """
     east, north, up = (axis.factor for axis in axes)
     horizontal = float(np.sqrt(0.5 * (east**2 + north**2)))
-    return horizontal, up or horizontal  # heights that are all alike were not measured
+    return horizontal, up or horizontal  # a factor of 0 means that the height is constant and was not measured
 
 
 def receiver_figure(recording: Recording, errors: ReceiverErrors) -> Figure:
-    """Draw the errors against what the declared sigmas promise, and their autocorrelation."""
+    """Draw the sizes of the errors against the sizes expected from the declared sigmas, and the autocorrelation."""
     from scipy.special import ndtri
 
     figure = Figure(figsize=(9.0, 4.0), dpi=DOTS_PER_INCH, layout="constrained")

@@ -1,4 +1,4 @@
-"""A better track from fixes alone: a smoother whose noises the log's own innovations choose."""
+"""Smoothing of a track of fixes. The noise parameters of the smoother are estimated from the innovations."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -25,41 +25,43 @@ from jerkbench.timeline import build_timeline
 MIN_FIXES = 10
 
 FIRST_STEPS = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]])
-"""Of the search, in logarithms: the walk 4.5 times as large, then the sigmas."""
+"""Initial simplex of the search, added to the logarithms of the start: a factor of 4.5 on the random walk, and a factor
+of 4.5 on the sigmas."""
 
 FREEDOMS = (4.0, 1000.0)
-"""Degrees of freedom of Student's t that are tried: heavy tails, as real receivers have them, and hardly any."""
+"""Tested degrees of freedom of Student's t: heavy tails, as for real receivers, and a nearly normal distribution."""
 
 WEIGHINGS = 10
-"""So often the weights of the fixes are found anew."""
+"""Number of iterations in which the weights of the fixes are computed."""
 
 SIGMA_SCALES = (0.01, 100.0)
-"""So much the sigmas of the fixes may be multiplied by."""
+"""Range of the factor on the sigmas of the fixes."""
 
 WALKS = {
     "constant_velocity": ("velocity_walk_mps_per_sqrt_s",),
     "acceleration": ("accel_walk_mps2_per_sqrt_s",),
     "constant_turn": ("velocity_walk_mps_per_sqrt_s", "turn_walk_radps_per_sqrt_s"),
 }
-"""What is chosen of each model."""
+"""Estimated parameters of each model."""
 
 TURNS = 5
-"""So many random walks of the rate of turn are tried beside the best constant velocity."""
+"""Number of random walks of the turn rate that are tested with the best constant velocity model."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothedTrack:
-    """Fixes and the track through them.
+    """Fixes of a recording and the smoothed track.
 
     Attributes:
-        recording: the fixes, with the smoothed track as the reference.
-        smoother: with the noises that were chosen.
-        sigma_scale: what the declared sigmas of the fixes were multiplied by.
-        freedom: degrees of freedom of the fixes' errors, Student's t.
-        fixes_m: (n, 3) the fixes.
-        distance_m: (n,) of each fix from the track.
-        error_m: RMSE of the fixes and of the track (3-D) against the log's own reference; None where it has none.
-        source: what that reference is.
+        recording: recording with the fixes as position and the smoothed track as reference.
+        smoother: the smoother with the estimated noise parameters.
+        sigma_scale: estimated factor on the declared sigmas of the fixes.
+        freedom: degrees of freedom of Student's t distribution of the errors of the fixes.
+        fixes_m: (n, 3) positions of the fixes [m].
+        distance_m: (n,) distance of each fix from the smoothed track [m].
+        error_m: 3-D RMSE of the fixes and of the track relative to the reference of the log [m]; None without a
+            reference.
+        source: source of the reference of the log.
     """
 
     recording: Recording
@@ -73,28 +75,29 @@ class SmoothedTrack:
 
 
 def smooth_fixes(recording: Recording) -> SmoothedTrack:
-    """Return the track that is most likely, given all fixes; an IMU is not used.
+    """Return the most likely track for all fixes of a recording. An IMU is not used.
 
-    For each model of motion, the noise of its walk and one factor on the sigmas of the fixes minimise the mean of
-    -log p(y) over the innovations y, p Student's t with nu degrees of `FREEDOMS` and the scale S = H P H' + R. The
-    setting with the lowest mean is smoothed, with the errors of the fixes as Student's t, by expectation and
-    maximisation: of n axes, with r the distance from the smoothed place and Ps its covariance, again and again::
+    The random walks of the motion models and one factor on the sigmas of the fixes are estimated. The estimates
+    minimise the mean of -log p(y) over the innovations y, where p is Student's t distribution with nu degrees of
+    freedom (`FREEDOMS`) and the scale S = H P H' + R. Expectation maximisation smooths the fixes with the best setting
+    and with Student's t distribution of the errors. For a fix with n axes, the distance r from the smoothed position
+    with the covariance Ps determines a weight w::
 
         w = (nu + n) / (nu + r' R^-1 r + tr(R^-1 Ps)),    R = R / w
 
     Source: G. Agamennoni, J. I. Nieto, E. M. Nebot, "An outlier-robust Kalman filter", IEEE International Conference on
-    Robotics and Automation, 2011, doi:10.1109/ICRA.2011.5979605, whose R is estimated too.
+    Robotics and Automation, 2011, doi:10.1109/ICRA.2011.5979605. Unlike this function, the paper also estimates R.
 
     Raises:
-        RecordingError: there are fewer than `MIN_FIXES` fixes, or no model explains them.
+        RecordingError: the recording has fewer than `MIN_FIXES` fixes, or the smoother fails.
     """
     position, velocity = _fixes(recording), recording.velocity
     if velocity is not None and velocity.frame != "enu":
-        velocity = None  # without an attitude nothing says where it points
-    own = Reference(position.t_s, "the fixes themselves", independent=False, enu_m=position.enu_m)
-    alone = replace(recording, position=position, imu=None, heading=None, velocity=velocity, reference=own)
-    smoother, scale, freedom = _most_likely(alone)
-    estimate = _robust(alone, smoother, scale, freedom)
+        velocity = None  # without an attitude, the direction of the velocity is unknown
+    reference = Reference(position.t_s, "the fixes themselves", independent=False, enu_m=position.enu_m)
+    fixes_only = replace(recording, position=position, imu=None, heading=None, velocity=velocity, reference=reference)
+    smoother, scale, freedom = _most_likely(fixes_only)
+    estimate = _robust(fixes_only, smoother, scale, freedom)
     distance_m = np.sqrt(np.nansum((position.enu_m - estimate.position_m) ** 2, axis=1))
     places_m, mps = estimate.position_m, estimate.velocity_mps
     source = f"smoothed by {smoother.model}"
@@ -103,21 +106,21 @@ def smooth_fixes(recording: Recording) -> SmoothedTrack:
     errors_m = [np.linalg.norm(places - truth_m, axis=1) for places in (position.enu_m, estimate.position_m)]
     known = np.isfinite(errors_m[0])
     fixes_m, track_m = (float(np.sqrt(np.mean(error_m[known] ** 2))) if known.any() else 0.0 for error_m in errors_m)
-    error_m = (fixes_m, track_m) if fixes_m else None  # fixes that are their own reference have no error
-    chosen, source = (smoother, scale, freedom), recording.reference.source
-    return SmoothedTrack(replace(alone, reference=track), *chosen, position.enu_m, distance_m, error_m, source)
+    error_m = (fixes_m, track_m) if fixes_m else None  # None if the reference is a copy of the fixes
+    setting, source = (smoother, scale, freedom), recording.reference.source
+    return SmoothedTrack(replace(fixes_only, reference=track), *setting, position.enu_m, distance_m, error_m, source)
 
 
-def _robust(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: float) -> Estimate:
-    """Smooth again and again, each time with the weights that the last pass gave the fixes."""
-    attitude, rule, fixes = no_attitude(alone.clock_s), NoAdaptation(), _fixes(alone)
+def _robust(fixes_only: Recording, smoother: SmoothedFixes, scale: float, freedom: float) -> Estimate:
+    """Smooth the fixes repeatedly. Each pass uses weights of the fixes that are computed from the previous pass."""
+    attitude, rule, fixes = no_attitude(fixes_only.clock_s), NoAdaptation(), _fixes(fixes_only)
     R = scale**2 * fixes.covariance_m2
     weight = np.ones(len(R))
     for _ in range(WEIGHINGS):
-        recording = _declaring(alone, R / weight[:, None, None])
+        recording = _declaring(fixes_only, R / weight[:, None, None])
         estimate = smoother.estimate_compiled(recording, attitude, rule) or smoother.estimate(recording, attitude, rule)
         if estimate.failure:
-            raise RecordingError(f"{alone.name} cannot be smoothed: {estimate.failure}.")
+            raise RecordingError(f"{fixes_only.name} cannot be smoothed: {estimate.failure}.")
         r = fixes.enu_m - estimate.position_m
         spread = np.nan_to_num(r[:, :, None] * r[:, None, :]) + estimate.covariance[:, :3, :3]
         distance = np.trace(np.linalg.solve(R, spread), axis1=1, axis2=2)
@@ -126,40 +129,39 @@ def _robust(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: fl
 
 
 def _fixes(recording: Recording) -> Position:
-    """The fixes from the first one with all axes on, where a filter starts."""
+    """Return the fixes from the first complete fix on, because the filter starts at a complete fix."""
     position = recording.position
     if position is not None:
         first = int(np.argmax(np.isfinite(position.enu_m).all(axis=1)))
         parts = {name: values[first:] for name, values in vars(position).items() if values is not None}
         position = Position(**parts)
     if position is None or len(position.t_s) < MIN_FIXES:
-        raise RecordingError(f"{recording.name} has fewer than {MIN_FIXES} fixes: there is no track to smooth.")
+        raise RecordingError(f"{recording.name} has fewer than {MIN_FIXES} fixes; a smoothed track needs more fixes.")
     return position
 
 
-def _declaring(alone: Recording, covariance_m2: FloatArray) -> Recording:
-    """The same fixes with other covariances."""
-    return replace(alone, position=replace(_fixes(alone), covariance_m2=covariance_m2))
+def _declaring(fixes_only: Recording, covariance_m2: FloatArray) -> Recording:
+    return replace(fixes_only, position=replace(_fixes(fixes_only), covariance_m2=covariance_m2))
 
 
 TrackSetting = tuple[SmoothedFixes, float, float]
 """The smoother, the factor on the sigmas, and the degrees of freedom."""
 
 
-def _most_likely(alone: Recording) -> TrackSetting:
-    """The setting whose innovations are the most likely."""
+def _most_likely(fixes_only: Recording) -> TrackSetting:
+    """Return the setting with the lowest mean of -log p over the innovations."""
     tried: list[TrackSetting] = []
     for freedom in FREEDOMS:
-        straight, scale, _ = _searched(alone, "constant_velocity", freedom)
+        straight, scale, _ = _searched(fixes_only, "constant_velocity", freedom)
         walks = [TURN_WALK.value(share) for share in np.linspace(0.0, 1.0, TURNS).tolist()]
         turning = [replace(straight, model="constant_turn", turn_walk_radps_per_sqrt_s=walk) for walk in walks]
         tried += [(smoother, scale, freedom) for smoother in (straight, *turning)]
-        tried.append(_searched(alone, "acceleration", freedom))
-    return min(tried, key=lambda setting: _surprise(alone, *setting))
+        tried.append(_searched(fixes_only, "acceleration", freedom))
+    return min(tried, key=lambda setting: _surprise(fixes_only, *setting))
 
 
-def _searched(alone: Recording, model: str, freedom: float) -> TrackSetting:
-    """The best walk of a model, and the best factor on the sigmas beside it (Nelder and Mead, over logarithms)."""
+def _searched(fixes_only: Recording, model: str, freedom: float) -> TrackSetting:
+    """Search the most likely random walk and factor on the sigmas of a motion model (Nelder-Mead in logarithms)."""
     (walk,) = WALKS[model]
     bounds = ranges_of(SmoothedFixes)[walk]
 
@@ -169,7 +171,7 @@ def _searched(alone: Recording, model: str, freedom: float) -> TrackSetting:
 
     start = np.array([np.log(getattr(SmoothedFixes(), walk)), 0.0])
     found = minimize(
-        lambda logs: _surprise(alone, *setting(logs)),
+        lambda logs: _surprise(fixes_only, *setting(logs)),
         start,
         method="Nelder-Mead",
         bounds=np.log([(bounds.low, bounds.high), SIGMA_SCALES]),
@@ -178,9 +180,9 @@ def _searched(alone: Recording, model: str, freedom: float) -> TrackSetting:
     return setting(found.x)
 
 
-def _surprise(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: float) -> float:
-    """The mean of -log p over the innovations of the forward pass; infinite where it stops."""
-    recording = _declaring(alone, scale**2 * _fixes(alone).covariance_m2)
+def _surprise(fixes_only: Recording, smoother: SmoothedFixes, scale: float, freedom: float) -> float:
+    """Return the mean of -log p over the innovations of the forward pass, or infinity if the filter fails."""
+    recording = _declaring(fixes_only, scale**2 * _fixes(fixes_only).covariance_m2)
     timeline, model = build_timeline(recording, no_attitude(recording.clock_s)), smoother.kinematic_filter()
     rule = plugins.create("adaptation", {"name": "student_t_r", "nu": freedom})
     if isinstance(model, ConstantTurn):
@@ -191,41 +193,43 @@ def _surprise(alone: Recording, smoother: SmoothedFixes, scale: float, freedom: 
 
 
 def surprises(updates: Updates, nu: float) -> FloatArray:
-    """Return (m,) -log p of each innovation y, Student's t of d = len(y) rows and nu degrees of freedom.
+    """Return -log p (m,) of each innovation y for Student's t distribution with nu degrees of freedom.
 
-    1/2 log det S + (nu + d)/2 log(1 + y' S^-1 y / nu) + d/2 log(nu pi) + log Gamma(nu/2) - log Gamma((nu + d)/2)
+    An innovation y with d rows and the scale S has the negative log density::
+
+        1/2 log det S + (nu + d)/2 log(1 + y' S^-1 y / nu) + d/2 log(nu pi) + log Gamma(nu/2) - log Gamma((nu + d)/2)
     """
     d = updates.rows
     constant = 0.5 * d * np.log(nu * np.pi) + gammaln(0.5 * nu) - gammaln(0.5 * (nu + d))
     return np.asarray(0.5 * updates.log_det + 0.5 * (nu + d) * np.log1p(updates.nis / nu) + constant)
 
 
-# What is printed and drawn of it.
+# Text and figure that show a smoothed track.
 
 
 def track_lines(track: SmoothedTrack) -> Iterator[str]:
-    """Yield what was chosen, which fixes are far from the track, and how much better it is."""
+    """Yield lines of text: estimated parameters, distances of the fixes from the track, errors of fixes and track."""
     smoother, distance_m = track.smoother, track.distance_m
     noises = ", ".join(f"filter.{name}={getattr(smoother, name):.3g}" for name in WALKS[smoother.model])
-    chosen = f"filter.model={smoother.model}, {noises}, r_scale.position={track.sigma_scale**2:.3g}"
+    parameters = f"filter.model={smoother.model}, {noises}, r_scale.position={track.sigma_scale**2:.3g}"
     tails = "heavy tails" if track.freedom == FREEDOMS[0] else "no heavy tails"
-    yield f"Most likely over {len(distance_m)} fixes: {chosen}, {tails}."
-    yield f"The fixes are {np.median(distance_m):.3g} m from the track in the median, {distance_m.max():.3g} m at most."
+    yield f"Most likely over {len(distance_m)} fixes: {parameters}, {tails}."
+    yield f"Distance of the fixes from the track: median {np.median(distance_m):.3g} m, max {distance_m.max():.3g} m."
     if track.error_m is not None:
         fixes_m, track_m = track.error_m
-        yield f"Against {track.source}: fixes {fixes_m:.3g} m, track {track_m:.3g} m (RMSE, 3-D)."
+        yield f"3-D RMSE against {track.source}: fixes {fixes_m:.3g} m, track {track_m:.3g} m."
 
 
 def track_figure(track: SmoothedTrack) -> Figure:
-    """Draw the fixes and the track from above, and how far each fix is from the track."""
+    """Draw the horizontal positions of the fixes and of the track, and the distance of each fix from the track."""
     figure = Figure(figsize=(9.0, 4.5), dpi=DOTS_PER_INCH, layout="constrained")
     plane, distance = figure.subplots(1, 2)
     places = np.asarray(track.recording.reference.enu_m)
-    low, high = places.min(axis=0), places.max(axis=0)  # a wild fix shall not make the track a dot
-    room = 0.1 * (high - low).max() + 1.0
+    low, high = places.min(axis=0), places.max(axis=0)  # limits without outliers, which would shrink the track
+    margin = 0.1 * (high - low).max() + 1.0
     plane.plot(*track.fixes_m.T[:2], linestyle="none", marker=".", markersize=2.5, color="0.6", label="fixes")
     plane.plot(*places.T[:2], linewidth=1.2, label="track")
-    plane.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
+    plane.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
     plane.set(xlabel="East [m]", ylabel="North [m]")
     plane.legend(frameon=False, fontsize="small")
     distance.semilogy(track.recording.reference.t_s, track.distance_m, linestyle="none", marker=".", markersize=2.5)

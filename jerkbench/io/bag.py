@@ -1,16 +1,16 @@
-"""ROS bags: finding the files, the error of a damaged one, and the messages of topics as arrays. rosbags decodes."""
+"""ROS bags: the files of a bag, the errors of damaged bags, and the messages as arrays, decoded by rosbags."""
 
 import hashlib
 import os
+import pickle
 import re
 import warnings
-import zipfile
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cache
 from importlib.metadata import version
+from itertools import islice
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +19,9 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import JerkbenchError, RecordingError, unknown
-from jerkbench.files import cache_folder, forget_oldest, write_atomically
-from jerkbench.io.files import NO_ARRAY, fingerprint
+from jerkbench.files import Distrusted, cache_folder, forget_oldest, read_trusted, write_trusted
+from jerkbench.io.files import fingerprint
+from jerkbench.io.text import require_content
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -28,46 +29,45 @@ if TYPE_CHECKING:
 STRING = "std_msgs/msg/String"
 
 _MAGIC = {b"#ROSBAG V": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0": ".mcap"}
-"""The first bytes of a bag, and the suffix that rosbags expects."""
+"""First bytes of each bag format, and the suffix that rosbags expects for this format."""
 
 _PART = re.compile(r"^(.*?)(_?\d{4}(-\d\d){5})?_(\d+)$")
-"""Name of a part of a split bag: NAME_NUMBER; `rosbag record` writes the start of each part before the number."""
+"""File name of a part of a split bag: NAME_NUMBER, or NAME_TIME_NUMBER as written by `rosbag record`.
 
-
-class BagError(RecordingError):
-    """A bag that cannot be read: which file, which topic, and how to repair it."""
+TIME is the start of the part.
+"""
 
 
 @contextmanager
 def bag_errors(path: Path, topics: str = "") -> Iterator[None]:
-    """Turn every error into a BagError that names ``path`` and ``topics``.
+    """Convert exceptions, except those of jerkbench, to a RecordingError that names ``path`` and ``topics``.
 
-    rosbags raises a dozen unrelated types on damage: its own, those of lz4, bz2, zstd, SQLite and YAML, and those of
-    failed assertions and structs. Only errors of jerkbench pass unchanged.
+    For a damaged bag, rosbags raises many unrelated exceptions: its exceptions, exceptions of lz4, bz2, zstd, SQLite
+    and YAML, assertion errors and struct errors.
     """
     try:
         yield
     except JerkbenchError:
         raise
     except PermissionError as error:
-        raise BagError(f"{path} cannot be read: {error.strerror}; give yourself the right to read it.") from error
+        raise RecordingError(f"{path} cannot be read: {error.strerror}; change the permissions of the file.") from error
     except Exception as error:
         where, message = f"{path}, topic {topics}" if topics else f"{path}", " ".join(str(error).split()).rstrip(".")
         reason = f"{type(error).__name__}{': ' if message else ''}{message}"
-        raise BagError(f"{where} cannot be read: {reason}. {repair_advice(path)}") from error
+        raise RecordingError(f"{where} cannot be read: {reason}. {repair_advice(path)}") from error
 
 
 def repair_advice(path: Path) -> str:
-    """Return how to repair a damaged bag."""
+    """Return advice for the repair of a damaged bag, which depends on the suffix of ``path``."""
     tool = {".bag": "`rosbag reindex`", ".mcap": "`mcap recover`"}.get(path.suffix, "`ros2 bag reindex`")
-    return f"Copy it again from where it was recorded, or repair it with {tool}."
+    return f"Copy the bag again from its source, or repair the bag with {tool}."
 
 
 def bag_files(path: Path) -> tuple[Path, ...]:
     """Return the paths to open: a file, the parts of a split ROS 1 bag in a folder, or the folder of a ROS 2 bag.
 
     Raises:
-        BagError: there is no bag, a file is empty, or its content does not fit its suffix.
+        RecordingError: the bag does not exist, a file is empty, or the content of a file does not match its suffix.
     """
     if not path.is_dir():
         return (_checked(path),)
@@ -75,32 +75,35 @@ def bag_files(path: Path) -> tuple[Path, ...]:
         return (path,)
     parts = sorted(path.glob("*.bag"), key=_number) or sorted(path.glob("*.mcap")) or sorted(path.glob("*.db3"))
     if not parts:
-        raise BagError(f"{path} holds no metadata.yaml and no .bag, .mcap or .db3; give the bag itself.")
+        raise RecordingError(
+            f"The folder {path} contains no metadata.yaml and no .bag, .mcap or .db3 file; give a bag."
+        )
     if parts[0].suffix != ".bag" and len(parts) > 1:
-        raise BagError(
-            f"{path} holds {len(parts)} files ending in {parts[0].suffix} but no metadata.yaml; copy it there, or let"
-            " `ros2 bag reindex` write it."
+        raise RecordingError(
+            f"The folder {path} contains {len(parts)} files that end in {parts[0].suffix}, but no metadata.yaml; copy"
+            " metadata.yaml to this folder, or create metadata.yaml with `ros2 bag reindex`."
         )
     if len({match[1] if (match := _PART.match(part.stem)) else part.name for part in parts}) > 1:
-        raise BagError(
-            f"{path} holds {len(parts)} bags that are no parts of one ({', '.join(part.name for part in parts)}):"
-            " give one of them; the parts of one are called NAME_0.bag, NAME_1.bag, ..."
+        raise RecordingError(
+            f"The folder {path} contains {len(parts)} bags that are not parts of one split bag"
+            f" ({', '.join(part.name for part in parts)}). Give one of these bags. The parts of a split bag have the"
+            " names NAME_0.bag, NAME_1.bag, ..."
         )
     return tuple(map(_checked, parts))
 
 
 def content_files(path: Path) -> tuple[Path, ...]:
-    """Return all files of the bag, for its fingerprint.
+    """Return all files of the bag, for the fingerprint of the bag.
 
     Raises:
-        BagError: as in `bag_files`.
+        RecordingError: the bag does not exist, a file is empty, or the content of a file does not match its suffix.
     """
     inside = [file for top in bag_files(path) for file in (sorted(top.iterdir()) if top.is_dir() else [top])]
     return tuple(file for file in inside if file.is_file())
 
 
 def missing_parts(paths: tuple[Path, ...]) -> list[int]:
-    """Return the numbers that are missing between the parts of a split bag (name_0.bag, name_1.bag, ...)."""
+    """Return the numbers of missing parts of a split bag (name_0.bag, name_1.bag, ...)."""
     numbers = [_number(path)[0] for path in paths]
     return sorted(set(range(max(numbers) + 1)) - set(numbers)) if len(numbers) > 1 else []
 
@@ -111,28 +114,24 @@ def _number(path: Path) -> tuple[int, str]:
 
 
 def _checked(path: Path) -> Path:
-    """Return the path of a file whose content is what its suffix says."""
-    try:
-        with path.open("rb") as file:
-            first = file.read(16)
-    except FileNotFoundError as error:
-        raise BagError(f"There is no bag {path}; correct the path.") from error
-    except OSError as error:
-        raise BagError(f"{path} cannot be read: {error.strerror}.") from error
-    if not first:
-        raise BagError(f"{path} is empty; copy it again from where it was recorded.")
+    """Return the path, after a check that the content of the file matches its suffix."""
+    require_content(path)
+    with path.open("rb") as file:
+        first = file.read(16)
     suffix = next((suffix for magic, suffix in _MAGIC.items() if first.startswith(magic)), "")
     if not suffix:
-        raise BagError(
-            f"{path} begins neither like a ROS 1 bag nor like SQLite (.db3) or mcap; it is another kind of file,"
-            " compressed as a whole, or damaged at its start: unpack it or copy it again."
+        raise RecordingError(
+            f"{path} is neither a ROS 1 bag nor SQLite (.db3) nor mcap. The file is of another type, compressed, or"
+            " damaged at its start; unpack the file or copy the file again."
         )
     if path.suffix != suffix:
-        raise BagError(f"{path} is a {suffix} file by its content; rename it so that it ends in {suffix}.")
+        raise RecordingError(
+            f"The content of {path} is a {suffix} file; rename the file so that its name ends in {suffix}."
+        )
     return path
 
 
-# The numbers of a message behind its header.
+# Functions that return the numerical fields of a message.
 
 Getter = Callable[[Any], Any]
 
@@ -184,7 +183,7 @@ FIELDS: dict[str, dict[str, Getter]] = {
     TWIST_COVARIANCE: _TWIST,
     VECTOR: {"linear": _axes("vector")},
 }
-"""The fields that are read of each type of message."""
+"""Fields that are read from each message type, each with its getter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,12 +192,12 @@ class Messages:
 
     Attributes:
         topic: name of the topic.
-        msgtype: type as in ROS 2: sensor_msgs/msg/Imu.
-        frame_id: of the first message; empty if there is none.
-        child_frame_id: of the first message; empty if there is none.
-        bag_ns: (n,) times of recording, by the recording computer's clock.
-        stamp_ns: (n,) stamps of the headers, nanoseconds since 1970.
-        values: the fields by the names of `FIELDS`, (n, k) each.
+        msgtype: message type in the notation of ROS 2, for example sensor_msgs/msg/Imu.
+        frame_id: frame of the first message, or an empty string.
+        child_frame_id: child frame of the first message, or an empty string.
+        bag_ns: (n,) times at which the messages were recorded, by the clock of the recording computer.
+        stamp_ns: (n,) stamps of the headers, in nanoseconds since 1970.
+        values: arrays (n, k) of the fields, by the name of the field in `FIELDS`.
     """
 
     topic: str
@@ -210,34 +209,27 @@ class Messages:
     values: Mapping[str, FloatArray]
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.bag_ns)
 
     def __getitem__(self, name: str) -> FloatArray:
-        """Return the field ``name``."""
         return self.values[name]
 
     def rows(self, rows: BoolArray | IntArray) -> "Messages":
-        """Return only ``rows``."""
+        """Return the messages that the mask or the indices ``rows`` select."""
         values = {name: value[rows] for name, value in self.values.items()}
         return replace(self, bag_ns=self.bag_ns[rows], stamp_ns=self.stamp_ns[rows], values=values)
 
     def stamped(self, stamp_ns: IntArray) -> "Messages":
-        """Return the same messages with other stamps."""
+        """Return a copy of the messages with other stamps, ``stamp_ns`` (n,)."""
         return replace(self, stamp_ns=stamp_ns)
 
     def with_values(self, **changed: FloatArray) -> "Messages":
-        """Return the same messages with other, or more, fields."""
+        """Return a copy of the messages in which the fields ``changed`` are replaced or added."""
         return replace(self, values={**self.values, **changed})
-
-    def rate_hz(self) -> float:
-        """Return the mean rate of the recording; 0 for fewer than two messages."""
-        duration_ns = int(np.ptp(self.bag_ns)) if len(self) > 1 else 0
-        return 1e9 * (len(self) - 1) / duration_ns if duration_ns > 0 else 0.0
 
 
 class _Columns:
-    """Buffers of a topic's messages, eight bytes per number."""
+    """Growing buffers for the messages of a topic. Each number needs only eight bytes."""
 
     def __init__(self, fields: Mapping[str, Getter]) -> None:
         self.getters = fields
@@ -270,9 +262,9 @@ class Topic:
     """A topic of a bag.
 
     Attributes:
-        name: with its namespace.
-        msgtype: as ROS 2 writes it: sensor_msgs/msg/Imu.
-        count: the number of messages.
+        name: name of the topic, with its namespace.
+        msgtype: message type in the notation of ROS 2, for example sensor_msgs/msg/Imu.
+        count: number of messages.
     """
 
     name: str
@@ -281,10 +273,10 @@ class Topic:
 
 
 class Bag:
-    """An open bag; `open_bag` opens it."""
+    """An open bag, which the function `open_bag` creates."""
 
     def __init__(self, path: Path, reader: "AnyReader") -> None:
-        """Take over an open ``reader``."""
+        """Store an open ``reader``, and list its topics."""
         self.path, self._reader = path, reader
         infos = sorted(reader.topics.items())
         self.topics = tuple(Topic(name, info.msgtype or "several types", info.msgcount) for name, info in infos)
@@ -293,95 +285,95 @@ class Bag:
         """Return the topic ``name``.
 
         Raises:
-            BagError: there is no such topic; lists the topics.
+            RecordingError: the topic does not exist. The error message lists the topics of the bag.
         """
         topics = {topic.name: topic for topic in self.topics}
         if name not in topics:
-            raise BagError(f"{self.path}: {unknown('topic', name, topics)}")
+            raise RecordingError(f"{self.path}: {unknown('topic', name, topics)}")
         return topics[name]
 
     def first(self, name: str, field: str, count: int) -> FloatArray:
-        """Return (n, k) a field of the first ``count`` messages of a topic.
+        """Return a field (n, k) of the first ``count`` messages of a topic.
 
         Raises:
-            BagError: the topic is missing or damaged.
+            RecordingError: the topic is missing or damaged.
         """
         return self._decoded({name: (field,)}, count)[name][field]
 
     def read(self, wanted: Mapping[str, Sequence[str]]) -> dict[str, Messages]:
-        """Return the messages of each topic with the fields ``wanted``; those of a large bag are cached.
+        """Return the messages of each topic in ``wanted``, which maps each topic to the fields to read.
+
+        The messages of a large bag are cached.
 
         Raises:
-            BagError: a topic is missing, its type cannot be read, or it is damaged.
+            RecordingError: a topic is missing or damaged, or has an unsupported type.
         """
         files = content_files(self.path)
         if sum(file.stat().st_size for file in files) < MIN_CACHED_BYTES:
             return self._decoded(wanted)
         mark = fingerprint(files)
-        paths = {name: _cache_path(mark, name, fields) for name, fields in wanted.items()}
-        stored = {name: messages for name, path in paths.items() if (messages := read_stored(path))}
-        decoded = self._decoded({name: fields for name, fields in wanted.items() if name not in stored})
-        if fingerprint(content_files(self.path)) == mark:  # otherwise the bag changed while it was read
-            for name, messages in decoded.items():
-                _store(messages, paths[name])
-        return {name: stored.get(name) or decoded[name] for name in wanted}
+        key = f"{mark} {sorted(wanted.items())} {fingerprint((Path(__file__),))} {version('rosbags')}"
+        path = cache_folder(BAGS) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.pickle"
+        messages = read_stored(path)
+        if messages is None:
+            messages = self._decoded(wanted)
+            if fingerprint(content_files(self.path)) == mark:  # otherwise, the bag was changed during reading
+                _store(messages, path)
+        return messages
 
     def text(self, name: str) -> str:
         """Return the last message of a topic of type std_msgs/msg/String.
 
         Raises:
-            BagError: there is no message, or it is damaged.
+            RecordingError: the topic has no message, or the message is damaged.
         """
         with bag_errors(self.path, name):
             texts = [self._reader.deserialize(raw, STRING).data for _, _, raw in self._messages([name])]  # type: ignore[attr-defined]
         if not texts:
-            raise BagError(f"{self.path}: the topic {name} has no message.")
+            raise RecordingError(f"{self.path}: the topic {name} has no message.")
         return str(texts[-1])
 
     def _decoded(self, wanted: Mapping[str, Sequence[str]], most: int | None = None) -> dict[str, Messages]:
-        """Read the topics in one pass over the bag, or only the first ``most`` messages of each."""
+        """Read the bag once, and return the messages of the topics, or only the first ``most`` messages."""
         types = {name: self._type_of(name) for name in wanted}
         columns = {
             name: _Columns({field: FIELDS[types[name]][field] for field in fields}) for name, fields in wanted.items()
         }
         with bag_errors(self.path, ", ".join(wanted)):
-            for name, bag_ns, raw in self._messages(list(wanted)):
-                if most is None or len(columns[name].bag_ns) < most:
-                    columns[name].append(bag_ns, self._reader.deserialize(raw, types[name]))
-                elif all(len(column.bag_ns) >= most for column in columns.values()):
-                    break
+            for name, bag_ns, raw in islice(self._messages(list(wanted)), most):
+                columns[name].append(bag_ns, self._reader.deserialize(raw, types[name]))
             read = {name: column.messages(name, types[name]) for name, column in columns.items()}
-        for name, messages in read.items():  # some damage raises no error and ends the reading
+        for name, messages in read.items():  # in some damaged bags, rosbags stops reading without an exception
             promised = self.topic(name).count
             if most is None and len(messages) != promised:
-                raise BagError(
-                    f"{self.path}, topic {name}: {len(messages)} messages can be read, and its index promises"
-                    f" {promised}. {repair_advice(self.path)}"
+                raise RecordingError(
+                    f"{self.path}, topic {name}: {len(messages)} messages can be read, but the index of the bag lists"
+                    f" {promised} messages. {repair_advice(self.path)}"
                 )
         return read
 
     def _messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
         connections = [c for c in self._reader.connections if c.topic in names]
-        if connections:  # rosbags takes an empty list as all of them
+        if connections:  # for an empty list, rosbags returns the messages of all topics
             for connection, bag_ns, raw in self._reader.messages(connections):
                 yield connection.topic, bag_ns, raw
 
     def _type_of(self, name: str) -> str:
         topic = self.topic(name)
         if topic.msgtype not in FIELDS:
-            raise BagError(
-                f"{self.path}, topic {name} is of type {topic.msgtype}; read are {', '.join(sorted(FIELDS))}:"
-                " choose another topic."
+            raise RecordingError(
+                f"{self.path}: the topic {name} has the type {topic.msgtype}. Choose a topic with a supported type:"
+                f" {', '.join(sorted(FIELDS))}."
             )
         return topic.msgtype
 
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Bag]:
-    """Open a ROS 1 bag (also a folder of split ones) or a ROS 2 bag (folder, .db3, .mcap).
+    """Open a ROS 1 bag (a file, or a folder with the parts of a split bag) or a ROS 2 bag (folder, .db3, .mcap).
 
     Raises:
-        BagError: it is missing, empty, damaged, or holds no message.
+        RecordingError: the bag is missing, empty or damaged, or has no message.
     """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -395,7 +387,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
         with bag_errors(path):
             bag = Bag(path, reader)
         if not any(topic.count for topic in bag.topics):
-            raise BagError(f"{path} holds {len(bag.topics)} topics and no message; record it again.")
+            raise RecordingError(f"{path} contains {len(bag.topics)} topics but no message; record the bag again.")
         yield bag
     finally:
         reader.close()
@@ -403,48 +395,27 @@ def open_bag(path: Path) -> Iterator[Bag]:
 
 # The cache of decoded messages.
 
-BAGS, PATTERN = "bags", "*.npz"
-"""The kind of cache, and its files."""
+BAGS, PATTERN = "bags", "*.pickle"
+"""Name of the cache, and the pattern of its files."""
 
 MIN_CACHED_BYTES, MAX_CACHED_BYTES = 4_000_000, 2_000_000_000
-"""A smaller bag is read quickly enough; the files that were not used for the longest time are deleted first."""
-
-DAMAGE = (*NO_ARRAY, KeyError, AttributeError, RuntimeError, zipfile.BadZipFile)
-"""Errors of a damaged or deleted file of the cache; the bag itself is read again."""
+"""Minimum size of a bag that is cached, and maximum size of the cache. The least recently used files are deleted."""
 
 
-def _cache_path(mark: str, topic: str, fields: Sequence[str]) -> Path:
-    key = f"{mark} {topic} {' '.join(fields)} {_reader_digest()}"
-    return cache_folder(BAGS) / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.npz"
-
-
-def _store(messages: Messages, path: Path) -> None:
-    names = [messages.topic, messages.msgtype, messages.frame_id, messages.child_frame_id]
-    arrays: dict[str, Any] = {"names": np.array(names), "bag_ns": messages.bag_ns, "stamp_ns": messages.stamp_ns}
-    arrays |= {f"value {name}": value for name, value in messages.values.items()}
+def _store(messages: dict[str, Messages], path: Path) -> None:
     try:
-        write_atomically(path, lambda partial: np.savez(partial, **arrays))
+        write_trusted(path, pickle.dumps(messages, 5))
         forget_oldest(path.parent, PATTERN, MAX_CACHED_BYTES)
     except OSError as error:
-        warnings.warn(f"{path.parent} cannot be written ({error}); bags are read anew each time.", stacklevel=2)
+        warnings.warn(f"{path.parent} cannot be written ({error}), so each run decodes bags again.", stacklevel=2)
 
 
-def read_stored(path: Path) -> Messages | None:
-    """Return the messages in a file of the cache; None if it does not exist or is damaged."""
-    try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:  # closed on damage too
-            arrays = {name: file[name] for name in file.files}
-        topic, msgtype, frame, child = arrays.pop("names").tolist()
-        bag_ns, stamp_ns = arrays.pop("bag_ns"), arrays.pop("stamp_ns")
-        with suppress(OSError):
-            os.utime(path)  # the file was used just now; a read-only cache stays as it is
-        values = {name.removeprefix("value "): value for name, value in arrays.items()}
-        return Messages(topic, msgtype, frame, child, bag_ns, stamp_ns, values)
-    except DAMAGE:
-        return None
-
-
-@cache
-def _reader_digest() -> str:
-    """Hash of this module: messages that another version stored are not read."""
-    return hashlib.sha256(Path(__file__).read_bytes()).hexdigest() + version("rosbags")
+def read_stored(path: Path) -> dict[str, Messages] | None:
+    """Return the messages in a file of the cache, or None if the file does not exist or is not trusted."""
+    with suppress(Distrusted):
+        if content := read_trusted(path):
+            with suppress(OSError):
+                os.utime(path)  # set the time of the last use, unless the cache is read-only
+            messages: dict[str, Messages] = pickle.loads(content)  # noqa: S301 - only this user can have written it
+            return messages
+    return None

@@ -1,8 +1,8 @@
-"""A data set that reads a ROS bag: its parameters, and the way from messages to a recording."""
+"""Data sets that read ROS bags: their parameters, and the conversion of messages to a recording."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import Literal
 
@@ -24,9 +24,9 @@ from jerkbench.geometry import (
     euler_from_dcm,
 )
 from jerkbench.io.bag import Bag, Messages, bag_files, content_files, missing_parts, open_bag
-from jerkbench.io.bag_cleaning import MODES, Ledger, clean_topics, report_jumps, sound_covariances
+from jerkbench.io.bag_cleaning import BagNotes, clean_topics, places_of, sound_covariances, steady_fixes
 from jerkbench.io.bag_topics import Metadata, TopicPlan, is_ecef
-from jerkbench.io.clocks import UNIX_EPOCH, velocity_when_true, with_common_time, with_own_outages
+from jerkbench.io.clocks import UNIX_EPOCH, velocity_when_true, with_common_time, with_recorded_outages
 from jerkbench.io.files import FETCHED, FromFiles, named_folder
 from jerkbench.io.frames import (
     ACCEL_UNITS,
@@ -41,26 +41,25 @@ from jerkbench.io.frames import (
     gravity_notes,
     in_enu,
     origin_of,
+    rotated_covariance,
     swapped,
-    turned_covariance,
 )
-from jerkbench.io.sanitiser import HELD, held_rows, leaping_rows, require_origin, unit_quaternions
+from jerkbench.io.sanitiser import require_origin, unit_quaternions
 from jerkbench.recording import Heading, Imu, Origin, Position, Recording, Reference, Velocity
 
 BagFrame = Literal["geodetic", "ecef", "enu", "ned"]
 POSE_FRAMES = ("auto", "ecef", "enu", "ned")
 VELOCITY_FRAMES = ("body", "course", "enu", "frd", "ned", "speed")
 ROTATIONS = {"ned": ENU_FROM_NED, "frd": FLU_FROM_FRD}
-"""The rotation of a velocity into ENU, or into the body's axes."""
+"""The rotation of a velocity from NED to ENU, and from FRD to body axes (FLU)."""
 
 MAX_HEADING_SIGMA_RAD = float(np.pi)
 """A heading with a larger sigma carries no information."""
 
-NO_REFERENCE = "none was named in the bag, so that errors are n/a and only the innovations (NIS) can judge"
-OTHER_CLOCK = "check that all topics are of one drive, or take the times of recording with time_source=bag"
+NO_REFERENCE = "none was given for the bag, so errors are n/a and only innovations (NIS) can be evaluated"
+OTHER_CLOCK = "check that all topics are of the same drive, or use the recording times with time_source=bag"
 
 _CHOICES = {
-    "sanitise": MODES,
     "time_source": ("bag", "header"),
     "covariance_order": ("enu", "neu"),
     "accel_unit": tuple(ACCEL_UNITS),
@@ -74,45 +73,46 @@ LENGTHS |= dict.fromkeys(("position_sigma_m", "velocity_sigma_mps"), (0, 3))
 class BagOptions:
     """The parameters of every recording from a ROS bag.
 
-    Everything stands at the time when it was true: the stamp less its latency. The IMU is turned into the body::
+    The time of each measurement is its stamp minus its latency. The IMU is rotated into body axes::
 
         f_body = (Rz(yaw) Ry(pitch) Rx(roll))' A f_sensor,  A from imu_axes          and the same for the gyro
 
-    Whatever is wrong with the messages is counted, and each kind of trouble is a note of the recording: stamps before
-    ``earliest_utc``, repeated, backwards or far from the time of recording; gaps; values that are NaN or impossible;
-    quaternions not of length 1; an angular rate that stays the same for ten samples; fixes of status -1, off the Earth
-    or leaping; covariances that are zero, NaN or not positive definite; jumps where the kind of fix changes.
+    Faulty messages are repaired or dropped, and a note of the recording counts the messages with each kind of fault.
+    Stamps must not be before the year 2000, repeated, backwards or far from the recording time. Gaps between stamps are
+    only counted. Values must be finite and plausible, and the norm of a quaternion must be 1. An angular rate must not
+    be constant for ten samples. Fixes must have a status other than -1, be on Earth, and neither leap nor repeat the
+    previous fix. Covariances must be positive definite.
 
     Attributes:
-        file: a .bag, .db3 or .mcap file, a ROS 2 bag's folder, or a folder with the parts of a split .bag;
-            "fetched:NAME/FILE" is what `jerkbench data fetch NAME` has fetched.
-        sanitise: repair (mend what can be mended, drop the rest), drop, or refuse (the first trouble is an error).
-        earliest_utc: a stamp before this day is none.
-        time_source: header (the stamps), or bag (when each message was recorded).
-        accel_unit: g or m/s2: ROS says m/s2, and some drivers of laser scanners publish g.
-        gyro_unit: deg/s or rad/s.
-        imu_axes: which axes of the IMU point forward, left and up: [x, y, z], [-z, -x, y], ...
-        mounting_deg: small rotation roll, pitch, yaw from the body to the IMU's axes as named above.
-        lever_arm_m: from the body's reference point to the antenna: forward, left, up. Needs the reference's attitude.
-        covariance_order: of a NavSatFix: enu (as the message is defined), or neu (as Fixposition writes it).
-        position_sigma_m: east, north, up, for fixes without covariance; empty: the median of the others.
-        velocity_sigma_mps: the same for velocities, in their frame.
-        imu_shift_s: added to the IMU's stamps.
-        position_latency_s: how old the position is at its stamp.
-        velocity_latency_s: the same for the three axes of the velocity.
-        origin: latitude [deg], longitude [deg] and height [m] of ENU, and of the zero of local frames; empty: the first
-            fix that is used.
-        rest_s: how long it stands still from time 0; null: found in the velocity.
-        remove_gyro_bias: subtract the gyro's mean over the rest.
-        scale_accel_to_gravity: scale the accelerometer so that its mean over the rest has the magnitude 9.81 m/s2.
-        remarks: sentences that belong under every table of this recording.
-        outage_s: a gap between fixes that is longer is an outage, which the outage metrics score against the reference;
-            0: none is.
+        file: path of a .bag, .db3 or .mcap file, of the folder of a ROS 2 bag, or of a folder with the parts of a split
+            .bag; "fetched:NAME/FILE" is a file that `jerkbench data fetch NAME` has fetched.
+        time_source: source of the times: header (the stamps of the headers) or bag (the recording times).
+        accel_unit: unit of the specific force: m/s2 (as ROS defines it) or g (from some drivers of laser scanners).
+        gyro_unit: unit of the angular rate: deg/s or rad/s.
+        imu_axes: axes of the IMU that point forward, left and up: [x, y, z], [-z, -x, y], ...
+        mounting_deg: small rotation (roll, pitch, yaw) from the body to the axes defined by ``imu_axes`` [deg].
+        lever_arm_m: vector (forward, left, up) from the body's reference point to the antenna [m]. A lever arm that is
+            not zero requires a reference with an attitude.
+        covariance_order: order of the axes in the covariance of a NavSatFix: enu (by the definition of the message) or
+            neu (as Fixposition writes the covariance).
+        position_sigma_m: standard deviations (east, north, up) of fixes without covariance [m], or empty to use the
+            median covariance of the other fixes.
+        velocity_sigma_mps: standard deviations of velocities without covariance, on the axes of their frame [m/s], or
+            empty to use the median covariance of the other velocities.
+        imu_shift_s: time shift that is added to the IMU's stamps [s].
+        position_latency_s: age of each position at its stamp [s].
+        velocity_latency_s: ages of the three axes of each velocity at its stamp [s].
+        origin: latitude [deg], longitude [deg] and height [m] of the origin of ENU and of local frames, or empty to use
+            the first valid fix.
+        rest_s: duration of the rest at the start of the recording [s], or null to detect the rest in the velocity.
+        remove_gyro_bias: whether to subtract the gyro's mean over the rest.
+        scale_accel_to_gravity: whether to scale the accelerometer so that its mean over the rest is 9.81 m/s2.
+        remarks: notes that are printed below every table of this recording.
+        outage_s: minimum length of a gap between fixes that counts as an outage [s], or 0 for no outages. The outage
+            metrics compare the estimate in an outage with the reference.
     """
 
     file: str
-    sanitise: str = "repair"
-    earliest_utc: str = "2000-01-01"
     time_source: str = "header"
     accel_unit: str = "m/s2"
     gyro_unit: str = "rad/s"
@@ -133,19 +133,19 @@ class BagOptions:
     outage_s: float = 0.0
 
     def check_options(self) -> None:
-        """Check that every choice exists and every list has its length."""
+        """Require that every parameter with choices has a valid choice, and that every list has a valid length."""
         require_choices(self, _CHOICES)
         require_not_negative("dataset", self, ("outage_s",))
         require_lengths(self, LENGTHS)
         require_origin("dataset", self.origin)
-        _ = self.earliest_ns, self.body_from_imu
+        _ = self.body_from_imu
 
     @property
     def path(self) -> Path:
-        """Return the path of ``file``.
+        """The path of ``file``, also for a fetched file.
 
         Raises:
-            RecordingError: the file is one to be fetched, and was not.
+            RecordingError: the folder of a fetched file does not exist.
         """
         if not self.file.startswith(FETCHED):
             return Path(self.file).expanduser()
@@ -153,17 +153,8 @@ class BagOptions:
         return named_folder(folder, "dataset.file=FILE") / file
 
     @property
-    def earliest_ns(self) -> int:
-        """Nanoseconds from 1970 to ``earliest_utc``."""
-        try:
-            day = datetime.fromisoformat(self.earliest_utc).replace(tzinfo=UTC)
-        except ValueError as error:
-            raise PluginError(f"earliest_utc is '{self.earliest_utc}'; give a day: 2017-01-01.") from error
-        return int(day.timestamp()) * 1_000_000_000
-
-    @property
     def body_from_imu(self) -> FloatArray:
-        """The matrix (3, 3) that turns the IMU's axes into the body's."""
+        """The rotation (3, 3) from the axes of the IMU to the body axes."""
         turn = dcm_from_euler(np.radians(self.mounting_deg))
         return np.asarray(turn.T @ axes_matrix(self.imu_axes))
 
@@ -173,14 +164,14 @@ class BagDataset(FromFiles, BagOptions):
 
     @abstractmethod
     def plan(self, bag: Bag) -> TopicPlan:
-        """Return which topic has which role, and in which frames."""
+        """Return the topic of each role (imu, position, ...), and the frames of the topics."""
 
     def load(self, seed: int = 0) -> Recording:  # noqa: ARG002 - a file has no seeds
-        """Return the drive; ``seed`` changes nothing.
+        """Return the recording of the bag. ``seed`` has no effect.
 
         Raises:
-            RecordingError: the bag is damaged, a topic is missing, nothing usable is left, or ``sanitise`` refuses.
-            PluginError: a parameter does not fit.
+            RecordingError: the bag is damaged, a topic is missing, or a topic has too few usable messages.
+            PluginError: a parameter is invalid.
         """
         with open_bag(self.path) as bag:
             metadata = Metadata.of(bag)
@@ -190,21 +181,20 @@ class BagDataset(FromFiles, BagOptions):
         force = samples["linear_acceleration"] * ACCEL_UNITS[self.accel_unit]
         rate = samples["angular_velocity"] * GYRO_UNITS[self.gyro_unit]
         raw[samples.topic] = samples.with_values(linear_acceleration=force, angular_velocity=rate)
-        ledger = Ledger(self.sanitise, min((int(m.bag_ns[0]) for m in raw.values() if len(m)), default=0))
-        clean = clean_topics(raw, plan, ledger, self.earliest_ns, bag_time=self.time_source == "bag")
-        recording = with_common_time(_Assembly(self, plan, ledger, clean).recording(metadata), OTHER_CLOCK)
+        clean, found = clean_topics(raw, plan, bag_time=self.time_source == "bag")
+        recording = with_common_time(_Assembly(self, plan, found, clean).recording(metadata), OTHER_CLOCK)
         parts = missing_parts(bag_files(self.path))
         notes = [*self.remarks, *([f"Parts {parts} of the split bag are missing."] if parts else [])]
         notes += [*gravity_notes(recording.inertial.accel_mps2, "imu_axes"), *plan.notes, *recording.notes]
-        return replace(recording, notes=(*notes, *map(str, ledger.findings)))
+        return replace(recording, notes=(*notes, *found.notes))
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the bag's files."""
+        """Return the paths of all files of the bag."""
         return content_files(self.path)
 
 
 def frame_of(messages: Messages, stated: str) -> BagFrame:
-    """Return the frame of positions; a pose in the frame "auto" is in ECEF by its distance from the Earth's centre."""
+    """Return the frame of positions. The frame "auto" of poses is ECEF for positions on the Earth, otherwise ENU."""
     if "latitude" in messages.values:
         return "geodetic"
     require_known("position_frame", stated, POSE_FRAMES)
@@ -213,31 +203,24 @@ def frame_of(messages: Messages, stated: str) -> BagFrame:
     return stated  # type: ignore[return-value]  # checked above
 
 
-def places_of(messages: Messages) -> FloatArray:
-    """Return (n, 3) latitude, longitude [deg] and height [m], or the positions of poses [m]."""
-    if "position" in messages.values:
-        return messages["position"]
-    return np.column_stack([messages[name] for name in ("latitude", "longitude", "altitude")])
-
-
 def _body_axes(frame: BagFrame) -> FloatArray:
-    return FLU_FROM_FRD if frame == "ned" else np.eye(3)  # the body of orientations in NED is FRD
+    return FLU_FROM_FRD if frame == "ned" else np.eye(3)  # with a NED frame, the body axes are FRD
 
 
 @dataclass
 class _Assembly:
-    """The steps from cleaned messages to a recording."""
+    """Converts cleaned messages to a recording."""
 
     options: BagOptions
     plan: TopicPlan
-    ledger: Ledger
+    found: BagNotes
     clean: dict[str, Messages]
     zero_ns: int = 0
     origin: Origin | None = None
     zero_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def recording(self, metadata: Metadata | None) -> Recording:
-        """Return the recording; ``metadata`` are those of our own writer."""
+        """Return the recording. ``metadata`` is None if the bag was not written by jerkbench."""
         options = self.options
         samples, fixes, truth = (self.messages(role) for role in ("imu", "position", "reference"))
         assert samples is not None  # noqa: S101 - every plan has an IMU
@@ -264,7 +247,7 @@ class _Assembly:
             outages_s=np.array(metadata.outages_s if metadata else ()).reshape(-1, 2),
             notes=self.dependence(),
         )
-        return with_own_outages(recording, options.outage_s)
+        return with_recorded_outages(recording, options.outage_s)
 
     def messages(self, role: Literal["imu", "position", "velocity", "heading", "reference"]) -> Messages | None:
         return self.clean[self.plan.topics[role]] if role in self.plan.topics else None
@@ -273,7 +256,7 @@ class _Assembly:
         return np.asarray((messages.stamp_ns - self.zero_ns) * 1e-9)
 
     def locate(self, fixes: Messages | None, truth: Messages | None, origin: tuple[float, ...]) -> None:
-        """Choose the origin of ENU: the given one, otherwise the first position of the fixes or of the reference."""
+        """Set the origin of ENU to ``origin``, or to the first fix or reference position if ``origin`` is empty."""
         first, stated = (fixes, self.plan.position_frame) if fixes is not None else (truth, self.plan.reference_frame)
         if origin:
             self.origin = Origin(*origin)
@@ -286,17 +269,17 @@ class _Assembly:
         """Return the positions (n, 3) in ENU.
 
         Raises:
-            RecordingError: one of two topics is on the Earth, the other one is local, and no origin was given.
+            RecordingError: one topic is geodetic or in ECEF, another topic is local, and the ``origin`` is empty.
         """
         if not self.options.origin and (frame in LOCAL_FRAMES) != (self.origin is None):
             raise RecordingError(
-                f"The topic {messages.topic} is in the frame {frame}, and the fixes are not; they cannot be compared"
-                " without origin: give the latitude [deg], longitude [deg] and height [m] of the local frame's zero."
+                f"The topic {messages.topic} is in the frame {frame}, but the fixes are not. To compare the topic and"
+                " the fixes, give origin: latitude [deg], longitude [deg] and height [m] of the local frame's zero."
             )
         return in_enu(places_of(messages), frame, self.origin) - self.zero_m
 
     def axes(self, frame: BagFrame, covariance_order: str = "enu") -> FloatArray:
-        """Return the matrix (3, 3) that turns vectors of the frame, or the covariance of fixes, into ENU."""
+        """Return the rotation (3, 3) of covariances and attitudes from ``frame`` to ENU."""
         if frame == "ecef" and self.origin is not None:
             return enu_axes(self.origin)
         north_first = frame == "geodetic" and covariance_order == "neu"
@@ -308,32 +291,20 @@ class _Assembly:
         return Imu(self.seconds(shifted), messages["linear_acceleration"] @ turn, messages["angular_velocity"] @ turn)
 
     def usable_fixes(self, messages: Messages) -> Messages:
-        """Return the fixes with a sound covariance that do not leap."""
-        label, sigma = self.plan.label(messages.topic), self.options.position_sigma_m
-        messages = sound_covariances(label, messages, self.ledger, "position_covariance", sigma, "position_sigma_m")
-        frame = frame_of(messages, self.plan.position_frame)
-        places = places_of(messages)
-        middle = slice(len(places) // 2, None)  # the first may be the one that leaps
-        messages = messages.with_values(enu_m=in_enu(places, frame, origin_of(places[middle], frame)))
-        leaps = leaping_rows(np.asarray(messages.stamp_ns * 1e-9), messages["enu_m"])
-        messages = self.ledger.drop(label, messages, "a position that leaps out of its neighbours", leaps)
-        held = held_rows(places_of(messages))
-        messages = self.ledger.drop(label, messages, HELD, held)
-        status = messages["status"][:, 0] if "status" in messages.values else None
-        report_jumps(label, messages, self.ledger, "enu_m", status)
-        if len(messages) < 2:
-            raise RecordingError(f"{label}: {len(messages)} usable positions are left; at least 2 are needed.")
-        return messages
+        """Return the fixes with valid covariances, without fixes that leap or repeat the previous fix."""
+        sigma = self.options.position_sigma_m
+        messages = sound_covariances(messages, self.found, "position_covariance", sigma, "position_sigma_m")
+        return steady_fixes(messages, frame_of(messages, self.plan.position_frame), self.found)
 
     def position(self, messages: Messages) -> Position:
         frame = frame_of(messages, self.plan.position_frame)
         turn = self.axes(frame, self.plan.covariance_order)
-        covariance = turned_covariance(turn, messages["position_covariance"].reshape(-1, 3, 3))
+        covariance = rotated_covariance(turn, messages["position_covariance"].reshape(-1, 3, 3))
         t_s = self.seconds(messages) - self.options.position_latency_s
         return Position(t_s, self.enu_m(messages, frame), covariance)
 
     def velocity(self) -> Velocity | None:
-        """Return the velocities; an axis with a negative variance was not measured."""
+        """Return the velocities. An axis with a negative variance was not measured, so its velocity is NaN."""
         messages, frame = self.messages("velocity"), self.plan.velocity_frame
         if messages is None:
             return None
@@ -343,12 +314,12 @@ class _Assembly:
         covariance = messages["velocity_covariance"].reshape(-1, 3, 3)
         t_s, latency_s = self.seconds(messages), self.options.velocity_latency_s
         if frame in ROTATIONS:
-            mps, covariance = swapped(ROTATIONS[frame], mps), turned_covariance(ROTATIONS[frame], covariance)
+            mps, covariance = swapped(ROTATIONS[frame], mps), rotated_covariance(ROTATIONS[frame], covariance)
         if frame in LOCAL_FRAMES:
             return velocity_when_true(t_s, mps, covariance, latency_s)
         if len(set(latency_s)) > 1:
             raise PluginError(
-                f"velocity_latency_s is {list(latency_s)}; in the frame {frame} all three must be the same."
+                f"velocity_latency_s is {list(latency_s)}; in the frame {frame}, all three latencies must be equal."
             )
         if frame == "speed":
             sigma_mps = float(np.sqrt(np.median(covariance[:, 0, 0])))
@@ -356,19 +327,18 @@ class _Assembly:
         return Velocity(t_s - latency_s[0], mps, covariance, "speed" if frame == "course" else "body")
 
     def with_velocity_covariance(self, messages: Messages) -> tuple[Messages, BoolArray]:
-        """Return the messages with a 3 x 3 covariance, and which axes (n, 3) were not measured."""
+        """Return the messages with valid velocity covariances, and a mask (n, 3) of axes that were not measured."""
         n, sigma = len(messages), self.options.velocity_sigma_mps
         stated = messages.values.get("linear_covariance", np.zeros((n, 9)))
         absent = stated[:, [0, 4, 8]] < 0
         unused = (absent[:, :, None] | absent[:, None, :]).reshape(n, 9)
         stated = np.where(unused, np.eye(3).ravel(), stated)
         messages = messages.with_values(velocity_covariance=stated, absent=absent.astype(np.float64))
-        label = self.plan.label(messages.topic)
-        messages = sound_covariances(label, messages, self.ledger, "velocity_covariance", sigma, "velocity_sigma_mps")
+        messages = sound_covariances(messages, self.found, "velocity_covariance", sigma, "velocity_sigma_mps")
         return messages, messages["absent"] > 0
 
     def heading(self) -> Heading | None:
-        """Return the yaw of the orientations, with the sigma of their covariance."""
+        """Return the headings: the yaw of the orientations, and its standard deviation from their covariance."""
         messages, plan = self.messages("heading"), self.plan
         if messages is None:
             return None
@@ -376,16 +346,15 @@ class _Assembly:
         stated = plan.position_frame if of_fixes else plan.reference_frame
         frame: BagFrame = frame_of(messages, stated) if "position" in messages.values else "enu"
         turn = self.axes(frame)
-        variance = turned_covariance(turn, messages["orientation_covariance"].reshape(-1, 3, 3))[:, 2, 2]
+        variance = rotated_covariance(turn, messages["orientation_covariance"].reshape(-1, 3, 3))[:, 2, 2]
         good = unit_quaternions(messages["orientation"]) & (variance > 0) & (variance < MAX_HEADING_SIGMA_RAD**2)
-        label = plan.label(messages.topic)
-        messages = self.ledger.drop(label, messages, "a heading without a usable covariance", ~good)
+        messages = self.found.drop(messages, "a heading without a usable covariance", ~good)
         dcm = turn @ dcm_from_quaternion(messages["orientation"]) @ _body_axes(frame)
         yaw_rad = euler_from_dcm(dcm)[:, 2] if good.any() else np.empty(0)
         return Heading(self.seconds(messages), yaw_rad, np.sqrt(variance[good]), plan.heading_source)
 
     def reference(self, messages: Messages) -> Reference:
-        """Return positions and, where the messages have them, attitudes and velocities (twists are in the body)."""
+        """Return the positions and, if available, attitudes and velocities. Twists are rotated from body to ENU."""
         plan, frame = self.plan, frame_of(messages, self.plan.reference_frame)
         source = plan.reference_source or f"the topic {messages.topic}"
         independent = plan.reference_independent and len(plan.roles(messages.topic)) == 1
@@ -413,21 +382,24 @@ class _Assembly:
         return first_rest_s(velocity.t_s[late], np.linalg.norm(np.nan_to_num(velocity.mps[late]), axis=1), end_s)
 
     def dependence(self) -> tuple[str, ...]:
-        """Return notes about roles that share a topic."""
+        """Return a note for each topic that has several roles, because these roles are not independent."""
         sharing = {topic: self.plan.roles(topic) for topic in self.plan.topics.values()}
         listed = {topic: f"{', '.join(roles[:-1])} and {roles[-1]}" for topic, roles in sharing.items() if roles[1:]}
-        note = "{} are of one topic, {}: not independent of each other."
+        note = "{} are of the same topic, {}: they are not independent."
         return tuple(note.format(roles.capitalize(), topic) for topic, roles in listed.items())
 
 
 def _at_body(position: Position, reference: Reference, lever_arm_m: tuple[float, ...]) -> Position:
-    """Move fixes from the antenna to the body's reference point: p_body = p_antenna - Omega l (nearest attitude)."""
+    """Return fixes of the body's reference point instead of the antenna: p_body = p_antenna - Omega l.
+
+    Omega is the attitude of the reference at the stamp nearest to the fix, and l is the lever arm.
+    """
     if not any(lever_arm_m):
         return position
     if reference.euler_rad is None:
         raise RecordingError(
-            "lever_arm_m needs the attitude of a reference, and the bag has none; leave it at zero, and give it to a"
-            " filter that takes one (filter=eskf15)."
+            "lever_arm_m needs the attitude of a reference, but the bag has no such attitude; set lever_arm_m to zero,"
+            " or use a filter with a lever arm (filter=eskf15)."
         )
     known = np.isfinite(reference.euler_rad).all(axis=1)
     nearest = nearest_rows(reference.t_s[known], position.t_s)

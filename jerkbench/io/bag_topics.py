@@ -1,4 +1,4 @@
-"""The role of each topic of a bag: named by the user, stored by our own writer, or guessed."""
+"""The role of each topic of a bag, which is set by the user, stored by jerkbench's writer, or guessed."""
 
 import json
 from collections.abc import Mapping
@@ -20,20 +20,19 @@ from jerkbench.io.bag import (
     TWIST_COVARIANCE,
     VECTOR,
     Bag,
-    BagError,
     Topic,
 )
 from jerkbench.io.sanitiser import UNDATED, require_origin, undated
 
 Role = Literal["imu", "position", "velocity", "heading", "reference"]
 ROLES: tuple[Role, ...] = get_args(Role)
-HeadingSource = Literal["dual_antenna", "odometry"]
+HeadingSource = Literal["dual_antenna", "odometry", "course"]
 NONE = "none"
-"""Given as a topic: no topic has this role."""
+"""Value of a topic parameter if no topic has the role."""
 
 _COORDINATES = ("status", "latitude", "longitude", "altitude", "position_covariance")
 _POSE = ("position", "orientation")
-"""An odometry that has not started yet shows it in these fields."""
+"""Fields that are zero in the messages of an odometry that has not started."""
 
 _PLACES, _LINEAR = (*_POSE, "position_covariance"), ("linear", "linear_covariance")
 _FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
@@ -43,23 +42,23 @@ _FIELDS: dict[Role, dict[str, tuple[str, ...]]] = {
     "heading": {IMU: ("orientation", "orientation_covariance"), ODOMETRY: (*_POSE, "orientation_covariance")},
     "reference": {ODOMETRY: (*_POSE, "linear"), FIX: _COORDINATES, POSE_COVARIANCE: _POSE, POSE: _POSE},
 }
-"""The fields that each role reads of each type."""
+"""Fields that are read for each role from each message type."""
 
 
 @dataclass(frozen=True)
 class TopicPlan:
-    """The topic of each role, and how the topics are to be understood.
+    """The topic of each role, and the frames and sources of the topics.
 
     Attributes:
-        topics: the topic of each role.
-        notes: which topics were guessed, and why.
-        covariance_order: of the position's covariances: enu or neu.
-        position_frame: frame of the position's poses: auto, ecef, enu or ned.
-        velocity_frame: body, course, frd, enu, ned or speed.
-        reference_frame: frame of the reference's poses.
+        topics: name of the topic of each role.
+        notes: notes about guessed topics, with the reason for each guess.
+        covariance_order: order of the axes in the covariances of fixes: enu or neu.
+        position_frame: frame of positions that are poses: auto, ecef, enu or ned.
+        velocity_frame: frame of the velocities: body, course, frd, enu, ned or speed.
+        reference_frame: frame of reference positions that are poses: auto, ecef, enu or ned.
         heading_source: the sensor that measured the headings.
-        reference_source: where the reference comes from; empty: its topic.
-        reference_independent: whether the reference shares nothing with the measurements.
+        reference_source: source of the reference as a phrase, or an empty string to use the name of the topic.
+        reference_independent: whether the reference is independent of the measurements.
     """
 
     topics: Mapping[Role, str]
@@ -73,35 +72,36 @@ class TopicPlan:
     reference_independent: bool = False
 
     def label(self, topic: str) -> str:
-        """Return the roles and the name of a topic."""
+        """Return the roles and the name of a topic as text, for messages."""
         return f"{', '.join(self.roles(topic))} ({topic})"
 
     def roles(self, topic: str) -> tuple[Role, ...]:
-        """Return the roles of a topic."""
+        """Return all roles to which a topic is assigned."""
         return tuple(role for role, name in self.topics.items() if name == topic)
 
     def fields(self, bag: Bag) -> dict[str, tuple[str, ...]]:
-        """Return which fields of which topics are read.
+        """Return the fields that are read from each topic.
 
         Raises:
-            RecordingError: there is no such topic, or its type cannot have the role.
+            RecordingError: a topic does not exist, or its type does not support its role.
         """
         wanted: dict[str, dict[str, None]] = {}
         for role, name in self.topics.items():
             topic, types = bag.topic(name), _FIELDS[role]
             if topic.msgtype not in types:
-                suitable = ", ".join(other.name for other in bag.topics if other.msgtype in types) or "none of them"
+                suitable = ", ".join(other.name for other in bag.topics if other.msgtype in types) or "none"
                 raise RecordingError(
-                    f"{bag.path}: the topic {name} is of type {topic.msgtype}, which gives no {role}; {role}_topic must"
-                    f" be one of the types {', '.join(types)}: the bag has {suitable}."
+                    f"{bag.path}: the topic {name} has the type {topic.msgtype}, which contains no {role}. Set"
+                    f" {role}_topic to a topic of the type {' or '.join(types)}. Topics of these types: {suitable}."
                 )
             wanted.setdefault(name, {}).update(dict.fromkeys(types[topic.msgtype]))
         return {name: tuple(fields) for name, fields in wanted.items()}
 
 
-# The metadata that our own writer adds as JSON, since no ROS message holds them.
+# The metadata of a recording. jerkbench writes them as JSON, because no ROS message has fields for them.
 
 METADATA_TOPIC = "/jerkbench/about"
+_OF_PLAN = ("covariance_order", "heading_source", "reference_independent", "reference_source", "velocity_frame")
 
 
 @dataclass(frozen=True)
@@ -109,37 +109,27 @@ class Metadata:
     """The metadata that `jerkbench data convert` writes with the measurements.
 
     Attributes:
-        name: of the recording.
-        start_ns: time 0, nanoseconds since 1970.
-        static_start_s: how long the vehicle is stationary at the start.
-        origin: latitude [deg], longitude [deg], height [m]; empty where unknown.
-        reference_source: where the reference comes from.
-        reference_independent: whether it shares nothing with the measurements.
-        outages_s: intervals without aiding.
-        topics: role -> topic.
-        velocity_frame: frame of the velocity.
-        heading_source: the sensor that measured the headings.
-        covariance_order: of the fixes: neu or enu.
+        name: name of the recording.
+        start_ns: UTC at t_s = 0, in nanoseconds since 1970.
+        static_start_s: duration for which the vehicle is stationary at the start [s].
+        origin: latitude [deg], longitude [deg] and height [m] of the origin of ENU, or empty if unknown.
+        outages_s: start and end of each interval without aiding [s].
+        plan: roles, frames and sources of the written topics.
     """
 
     name: str
     start_ns: int
     static_start_s: float
     origin: tuple[float, ...]
-    reference_source: str
-    reference_independent: bool
     outages_s: tuple[tuple[float, float], ...]
-    topics: dict[str, str]
-    velocity_frame: str
-    heading_source: str
-    covariance_order: str
+    plan: TopicPlan
 
     @classmethod
     def of(cls, bag: Bag) -> Self | None:
-        """Return the metadata in a bag, or None if it has none.
+        """Return the metadata in a bag, or None if the bag has no metadata.
 
         Raises:
-            BagError: the topic exists and is damaged.
+            RecordingError: the topic with the metadata is damaged.
         """
         if not any(topic.name == METADATA_TOPIC and topic.msgtype == STRING and topic.count for topic in bag.topics):
             return None
@@ -147,9 +137,8 @@ class Metadata:
         try:
             return cls.from_plain(json.loads(text))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise BagError(
-                f"{bag.path}, topic {METADATA_TOPIC} is damaged ({type(error).__name__}); convert the recording once"
-                " more."
+            raise RecordingError(
+                f"{bag.path}: the topic {METADATA_TOPIC} is damaged ({type(error).__name__}); create the bag again."
             ) from error
 
     @classmethod
@@ -157,49 +146,39 @@ class Metadata:
         """Return the metadata from parsed JSON.
 
         Raises:
-            ValueError, TypeError, KeyError, AttributeError: something is missing or of another type.
+            ValueError, TypeError, KeyError, AttributeError: an entry is missing or has a wrong type.
         """
         topics = {str(role): str(topic) for role, topic in values["topics"].items()}
         origin = tuple(float(value) for value in values["origin"])
         require_origin(METADATA_TOPIC, origin)
-        times = {"start_ns": int(values["start_ns"]), "static_start_s": float(values["static_start_s"])}
-        if undated(times["start_ns"]):
+        start_ns = int(values["start_ns"])
+        if undated(start_ns):
             raise ValueError(UNDATED)
         outages_s = tuple((float(start), float(end)) for start, end in values["outages_s"])
-        return cls(**{**values, **times, "topics": topics, "origin": origin, "outages_s": outages_s})
+        plan = TopicPlan(topics, **{name: values[name] for name in _OF_PLAN})  # type: ignore[arg-type]  # see `fields`
+        return cls(values["name"], start_ns, float(values["static_start_s"]), origin, outages_s, plan)
 
     def to_json(self) -> str:
-        """Return the content of the message."""
-        return json.dumps(vars(self), sort_keys=True)
-
-    @property
-    def plan(self) -> TopicPlan:
-        """The plan that reads the bag as it was written."""
-        return TopicPlan(
-            topics=self.topics,  # type: ignore[arg-type]  # unknown roles and types are errors of `fields`
-            covariance_order=self.covariance_order,
-            velocity_frame=self.velocity_frame,
-            heading_source=self.heading_source,  # type: ignore[arg-type]  # checked by Heading
-            reference_source=self.reference_source,
-            reference_independent=self.reference_independent,
-        )
+        """Return the metadata as JSON, which is the content of the message."""
+        values = vars(self) | {name: getattr(self.plan, name) for name in ("topics", *_OF_PLAN)}
+        return json.dumps({name: value for name, value in values.items() if name != "plan"}, sort_keys=True)
 
 
-# The guess.
+# Functions that guess the topic of a role.
 
 _SAMPLE = 200
 """Number of messages that are read to guess a role."""
 
 GRAVITY_BETWEEN_MPS2 = (5.0, 15.0)
-"""Median length of the specific force of an IMU that feels gravity."""
+"""Range of the median norm of the specific force of an IMU that measures gravity."""
 
 ONE_G_WITHIN = 0.1
-"""Tolerance of that length around 1, where a driver publishes g."""
+"""Maximum difference between this median norm and 1 if the driver publishes the specific force in g."""
 
 OF_FIXPOSITION = ("/poiimu", "/odometry_ecef")
 LIKE_FIXPOSITION = (
-    "The topics are called like a Fixposition's: dataset=fixposition knows the order of their covariances, and what is"
-    " not independent."
+    "The topics have the names of a Fixposition: use dataset=fixposition, which uses the correct order of covariances"
+    " and marks the topics that are not independent."
 )
 
 EARTH_RADIUS_M = (6.3e6, 6.4e6)
@@ -207,23 +186,24 @@ EARTH_RADIUS_M = (6.3e6, 6.4e6)
 
 
 def is_ecef(position_m: FloatArray) -> bool:
-    """Whether positions (n, 3) [m] are in ECEF, by their distance from the Earth's centre."""
+    """Return whether positions (n, 3) [m] are in ECEF: their median norm is close to the Earth's radius."""
     with np.errstate(over="ignore"):
         radius_m = np.median(np.linalg.norm(position_m, axis=1)) if len(position_m) else 0.0
     return bool(EARTH_RADIUS_M[0] < radius_m < EARTH_RADIUS_M[1])
 
 
 def guessed_topics(bag: Bag, named: Mapping[Role, str]) -> tuple[dict[Role, str], tuple[str, ...]]:
-    """Return the topic of each role, and notes on those that were guessed.
+    """Return the topic of each role, and a note for each guessed topic.
 
-    A topic with the role of the reference is never guessed as a measurement.
+    The topic of the reference is never guessed as the topic of a measurement.
 
     Args:
-        bag: the bag.
-        named: the topic of each role, `NONE`, or empty if it is to be guessed (heading and reference never are).
+        bag: the open bag.
+        named: the topic of each role: a name, `NONE` for no topic, or an empty string for a guess. The topics of
+            heading and reference are never guessed.
 
     Raises:
-        RecordingError: there is no IMU that feels gravity, or no topic with positions.
+        RecordingError: no IMU measures gravity, or no topic has positions.
     """
     topics: dict[Role, str] = {}
     notes: list[str] = []
@@ -244,17 +224,17 @@ def _imu(bag: Bag, _: str) -> tuple[str, str]:
     candidates, in_g = _by_count(bag, IMU, ""), []
     for topic in candidates:
         force = bag.first(topic.name, "linear_acceleration", _SAMPLE)
-        with np.errstate(over="ignore"):  # damaged values do not change the median
+        with np.errstate(over="ignore"):  # damaged values may overflow
             length = float(np.median(np.linalg.norm(force, axis=1))) if len(force) else 0.0
         if GRAVITY_BETWEEN_MPS2[0] < length < GRAVITY_BETWEEN_MPS2[1]:
-            return _chosen("IMU", topic, f"it feels {length:.2f} m/s2", candidates)
+            return _guessed_topic("IMU", topic, f"it measures {length:.2f} m/s2", candidates)
         if abs(length - 1.0) < ONE_G_WITHIN:
-            in_g.append(_chosen("IMU", topic, f"it feels {length:.2f}, which is gravity in g", candidates))
+            in_g.append(_guessed_topic("IMU", topic, f"it measures {length:.2f}, which is gravity in g", candidates))
     if in_g:
         return in_g[0]
     names = ", ".join(topic.name for topic in candidates)
     raise RecordingError(
-        f"{bag.path} has no IMU topic that feels gravity ({names or 'none of type sensor_msgs/Imu'}); give imu_topic."
+        f"{bag.path} has no IMU topic that measures gravity (IMU topics: {names or 'none'}); set imu_topic."
     )
 
 
@@ -262,17 +242,19 @@ def _position(bag: Bag, reference: str) -> tuple[str, str]:
     candidates = _by_count(bag, FIX, reference)
     for topic in candidates:
         if (bag.read({topic.name: _COORDINATES})[topic.name]["status"] >= 0).any():
-            return _chosen("positions", topic, "it has fixes", candidates)
+            return _guessed_topic("positions", topic, "it has fixes", candidates)
     raise RecordingError(
-        f"{bag.path} has no topic with GNSS fixes (sensor_msgs/NavSatFix); give position_topic, an odometry in ECEF,"
-        f" ENU or NED for example. There are: {', '.join(f'{t.name} ({t.msgtype})' for t in bag.topics)}."
+        f"{bag.path} has no topic with GNSS fixes (sensor_msgs/NavSatFix); set position_topic, for example to an"
+        f" odometry in ECEF, ENU or NED. Topics: {', '.join(f'{t.name} ({t.msgtype})' for t in bag.topics)}."
     )
 
 
 def _velocity(bag: Bag, reference: str) -> tuple[str, str]:
     for msgtype in (TWIST_COVARIANCE, ODOMETRY):
-        if candidates := _by_count(bag, msgtype, reference):
-            return _chosen("velocities", candidates[0], "the most messages", candidates)
+        candidates = _by_count(bag, msgtype, reference)
+        for topic in candidates:
+            if bag.read({topic.name: ("linear",)})[topic.name]["linear"].any():  # a node of positions leaves it at 0
+                return _guessed_topic("velocities", topic, "the most messages", candidates)
     return NONE, "No topic gives velocities (an odometry or a twist with covariance)."
 
 
@@ -281,7 +263,7 @@ def _by_count(bag: Bag, msgtype: str, reference: str) -> list[Topic]:
     return sorted(topics, key=lambda topic: -topic.count)
 
 
-def _chosen(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> tuple[str, str]:
+def _guessed_topic(quantity: str, topic: Topic, why: str, candidates: list[Topic]) -> tuple[str, str]:
     rejected = [candidate.name for candidate in candidates if candidate is not topic]
     more = f"; not {', '.join(rejected)}" if rejected else ""
     return topic.name, f"Topic of the {quantity}, guessed: {topic.name} ({topic.count} messages; {why}{more})."

@@ -1,4 +1,4 @@
-"""A recording as a Fixposition-like ROS bag, which `dataset=fixposition` and `dataset=rosbag` read back as it was."""
+"""Writing of a recording as a ROS bag with the topics of a Fixposition, which the data set `fixposition` can read."""
 
 import heapq
 import shutil
@@ -17,19 +17,17 @@ from jerkbench.errors import RecordingError
 from jerkbench.files import write_atomically
 from jerkbench.geometry import dcm_from_euler, enu_axes, enu_to_ecef, enu_to_geodetic, quaternion_from_dcm
 from jerkbench.io.bag import ODOMETRY, STRING
-from jerkbench.io.bag_topics import METADATA_TOPIC, Metadata
+from jerkbench.io.bag_topics import METADATA_TOPIC, Metadata, Role, TopicPlan
 from jerkbench.recording import Heading, Imu, Origin, Recording, Reference, Velocity
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 
-# The parts of a recording as ROS messages, in the frames and orders of the Fixposition driver.
+# Conversion of a recording to ROS messages, in the frames of the Fixposition driver.
 
 NEU = [1, 0, 2]
-"""Where north, east, up stand in east, north, up."""
-
-"""Type of a reference of which everything is known."""
+"""Indices of north, east and up in a vector in ENU."""
 
 RTK_FIXED, _GPS, _KNOWN = 2, 1, 3
 """Status, service and type of covariance of a NavSatFix."""
@@ -38,16 +36,16 @@ NOT_MEASURED = -1.0
 """Variance of an axis that was not measured."""
 
 Stamped = tuple[float, str, Any]
-"""Time [s] since the start, type, message."""
+"""Time since the start [s], message type, and message."""
 
 
 class Maker(NamedTuple):
-    """Makes messages of one generation of ROS.
+    """Creates messages of ROS 1 or ROS 2.
 
     Attributes:
-        store: the types.
-        ros1: whether headers have a running number.
-        start_ns: time 0, nanoseconds since 1970.
+        store: the definitions of all message types.
+        ros1: whether the messages are of ROS 1, whose headers have a sequence number.
+        start_ns: UTC at t_s = 0, in nanoseconds since 1970.
     """
 
     store: "Typestore"
@@ -55,19 +53,19 @@ class Maker(NamedTuple):
     start_ns: int
 
     def stamp_ns(self, t_s: float) -> int:
-        """Return the stamp of a time since the start."""
+        """Return the stamp [ns since 1970] of a time since the start [s]."""
         return self.start_ns + round(t_s * 1e9)
 
     def of(self, msgtype: str, *values: Any) -> Any:  # noqa: ANN401 - a class that rosbags makes at run time
-        """Return a message."""
+        """Return a message of type ``msgtype`` with the fields ``values``."""
         return self.store.types[msgtype](*values)
 
     def xyz(self, values: FloatArray, name: str = "Vector3") -> Any:  # noqa: ANN401 - as above
-        """Return a Vector3, Point or Quaternion."""
+        """Return a message of the type Vector3, Point or Quaternion with ``values``."""
         return self.of(f"geometry_msgs/msg/{name}", *(float(value) for value in values))
 
     def stamped(self, t_s: float, frame_id: str, msgtype: str, *body: Any) -> Stamped:  # noqa: ANN401 - as above
-        """Return a message with a header."""
+        """Return the time, the type, and the message with a header and the fields ``body``."""
         stamp = self.of("builtin_interfaces/msg/Time", *divmod(self.stamp_ns(t_s), 1_000_000_000))
         header = self.of("std_msgs/msg/Header", *([0] if self.ros1 else []), stamp, frame_id)
         return t_s, msgtype, self.of(msgtype, header, *body)
@@ -75,19 +73,19 @@ class Maker(NamedTuple):
     def imu(
         self, t_s: float, frame_id: str, xyzw: FloatArray, yaw_variance: float, rate: FloatArray, force: FloatArray
     ) -> Stamped:
-        """Return an Imu; covariances of zeros are none."""
-        none, turned = np.zeros(9), np.diag([0.0, 0.0, yaw_variance]).ravel()
-        body = (self.xyz(xyzw, "Quaternion"), turned, self.xyz(rate), none, self.xyz(force), none)
+        """Return an Imu message. The covariances of rate and force are zero, which means unknown."""
+        none, orientation_covariance = np.zeros(9), np.diag([0.0, 0.0, yaw_variance]).ravel()
+        body = (self.xyz(xyzw, "Quaternion"), orientation_covariance, self.xyz(rate), none, self.xyz(force), none)
         return self.stamped(t_s, frame_id, "sensor_msgs/msg/Imu", *body)
 
     def twist(self, mps: FloatArray, covariance: FloatArray) -> Any:  # noqa: ANN401 - as above
-        """Return a TwistWithCovariance without a rotation."""
+        """Return a TwistWithCovariance with the velocity ``mps``. The angular velocity is zero."""
         twist = self.of("geometry_msgs/msg/Twist", self.xyz(mps), self.xyz(np.zeros(3)))
         return self.of("geometry_msgs/msg/TwistWithCovariance", twist, covariance.ravel())
 
 
 def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
-    """Yield what the driver calls poiimu: orientation and covariances are zeros, that is, absent."""
+    """Yield messages of the topic poiimu. Orientation and covariances are zero, which means unknown."""
     for t, force, rate in zip(imu.t_s, imu.accel_mps2, imu.gyro_radps, strict=True):
         yield make.imu(t, "FP_POI", np.zeros(4), 0.0, rate, force)
 
@@ -95,16 +93,16 @@ def imu_messages(make: Maker, imu: Imu) -> Iterator[Stamped]:
 def fix_messages(
     make: Maker, t_s: FloatArray, enu_m: FloatArray, covariance: FloatArray, origin: Origin
 ) -> Iterator[Stamped]:
-    """Yield what the driver calls gnss1: covariance in the order north, east, up."""
+    """Yield messages of the topic gnss1, with covariances in the order north, east, up."""
     covariance = covariance[:, NEU][:, :, NEU]
-    for t, place, matrix in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
+    for t, geodetic, matrix in zip(t_s, enu_to_geodetic(enu_m, origin), covariance, strict=True):
         status = make.of("sensor_msgs/msg/NavSatStatus", RTK_FIXED, _GPS)
-        where = (float(value) for value in place)
-        yield make.stamped(t, "GNSS1", "sensor_msgs/msg/NavSatFix", status, *where, matrix.ravel(), _KNOWN)
+        coordinates = (float(value) for value in geodetic)
+        yield make.stamped(t, "GNSS1", "sensor_msgs/msg/NavSatFix", status, *coordinates, matrix.ravel(), _KNOWN)
 
 
 def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
-    """Yield velocities in the recording's own frame; an axis that was not measured has the variance -1."""
+    """Yield velocities in the frame of the recording. An axis that was not measured has the variance -1."""
     present = np.isfinite(velocity.mps)
     rows = zip(velocity.t_s, velocity.mps, velocity.covariance_m2ps2, present, strict=True)
     for t, mps, covariance, measured in rows:
@@ -115,14 +113,14 @@ def velocity_messages(make: Maker, velocity: Velocity) -> Iterator[Stamped]:
 
 
 def heading_messages(make: Maker, heading: Heading) -> Iterator[Stamped]:
-    """Yield headings as u-blox's driver does: an Imu with nothing but a yaw and its variance."""
+    """Yield headings in the format of the u-blox driver: an Imu that contains only the yaw and its variance."""
     for t, yaw, sigma in zip(heading.t_s, heading.yaw_rad, heading.sigma_rad, strict=True):
-        turned = np.array([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
-        yield make.imu(t, "enu", turned, sigma**2, np.zeros(3), np.zeros(3))
+        quaternion = np.array([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
+        yield make.imu(t, "enu", quaternion, sigma**2, np.zeros(3), np.zeros(3))
 
 
-def whole_rows(reference: Reference) -> BoolArray:
-    """Return (k,) which rows know all that any row does; none of a reference without positions."""
+def complete_rows(reference: Reference) -> BoolArray:
+    """Return a mask (k,) of the rows of the reference without NaN. A reference without positions has no such rows."""
     parts = [part for part in (reference.enu_m, reference.velocity_mps, reference.euler_rad) if part is not None]
     if reference.enu_m is None:
         return np.zeros(len(reference.t_s), dtype=bool)
@@ -130,13 +128,13 @@ def whole_rows(reference: Reference) -> BoolArray:
 
 
 def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Iterator[Stamped]:
-    """Yield the reference: an odometry in ECEF where all of it is known, else a pose, else a fix.
+    """Yield the complete rows of the reference as odometry in ECEF.
 
-    Rows in which something is not known that the others have are left out.
+    If the reference has no velocity, yield poses. If the reference has no attitude, yield fixes.
     """
     if reference.enu_m is None:
         return
-    rows = whole_rows(reference)
+    rows = complete_rows(reference)
     t_s, enu_m = reference.t_s[rows], reference.enu_m[rows]
     if reference.euler_rad is None:
         yield from fix_messages(make, t_s, enu_m, np.tile(1e-4 * np.eye(3), (len(t_s), 1, 1)), origin)
@@ -155,7 +153,7 @@ def reference_messages(make: Maker, reference: Reference, origin: Origin) -> Ite
             yield make.stamped(t, "FP_ECEF", ODOMETRY, "FP_POI", posed, make.twist(v, small))
 
 
-TOPICS = {
+TOPICS: dict[Role, str] = {
     "imu": "/fixposition/poiimu",
     "position": "/fixposition/gnss1",
     "velocity": "/jerkbench/velocity",
@@ -163,26 +161,23 @@ TOPICS = {
 }
 ODOMETRY_TOPIC, REFERENCE_TOPIC = "/fixposition/odometry_ecef", "/jerkbench/reference"
 SOMETIME = datetime(2020, 1, 1, tzinfo=UTC)
-"""Time 0 of a recording of which nobody knows when it was."""
+"""Time 0 of a recording without a known date."""
 
 
 def write_bag(recording: Recording, path: Path) -> list[str]:
-    """Write a ROS 1 bag (.bag), or the one file of a ROS 2 bag (.db3, .mcap).
+    """Write a recording as a ROS 1 bag (.bag), or as the data file of a ROS 2 bag (.db3, .mcap).
 
-    What the driver has no topic for is under /jerkbench: velocities with their own frame, headings, and what belongs to
-    the recording as a whole.
+    Data for which the Fixposition driver has no topic are written to topics under /jerkbench: velocities in their
+    frame, headings, and the metadata of the recording.
 
     Returns:
-        What could not be written, a sentence each.
+        A message for each part of the recording that a bag cannot store.
 
     Raises:
-        RecordingError: it has no origin, so that nothing of it is on the Earth.
+        RecordingError: the recording has no origin on the Earth.
     """
     if recording.origin is None:
-        raise RecordingError(
-            f"{recording.name} has no origin on the Earth, and the topics of a bag are geodetic and ECEF; convert it to"
-            " .csv or .parquet."
-        )
+        raise RecordingError(f"{recording.name} has no origin on the Earth, which a bag needs; write .csv or .parquet.")
     from rosbags.typesys import Stores, get_typestore
 
     ros1 = path.suffix == ".bag"
@@ -191,49 +186,44 @@ def write_bag(recording: Recording, path: Path) -> list[str]:
     make = Maker(store, ros1, round(start.timestamp() * 1e6) * 1000)
     streams = _streams(make, recording, recording.origin)
     write_atomically(path, lambda partial: _write(make, streams, partial))
-    return list(_left_out(recording, streams))
+    return list(_left_out(recording))
 
 
-class _Written(NamedTuple):
-    """The messages of a topic; they are made when they are written, for those of hours would not fit into memory."""
-
-    rows: int
-    messages: Iterator[Stamped]
+_Streams = Mapping[str, tuple[Stamped, Iterator[Stamped]]]
+"""The first message of each topic, and an iterator that creates the other messages during writing, because they may not
+fit into memory."""
 
 
-def _streams(make: Maker, recording: Recording, origin: Origin) -> dict[str, _Written]:
+def _streams(make: Maker, recording: Recording, origin: Origin) -> _Streams:
     position, velocity = recording.position, recording.velocity
     heading, reference, imu = recording.heading, recording.reference, recording.inertial
-    streams = {TOPICS["imu"]: _Written(len(imu.t_s), imu_messages(make, imu))}
+    streams = {TOPICS["imu"]: imu_messages(make, imu)}
     if position is not None:
         rows = np.isfinite(position.enu_m).all(axis=1)
-        whole = position.t_s[rows], position.enu_m[rows], position.covariance_m2[rows]
-        streams[TOPICS["position"]] = _Written(int(rows.sum()), fix_messages(make, *whole, origin))
+        complete = position.t_s[rows], position.enu_m[rows], position.covariance_m2[rows]
+        streams[TOPICS["position"]] = fix_messages(make, *complete, origin)
     if velocity is not None:
-        streams[TOPICS["velocity"]] = _Written(len(velocity.t_s), velocity_messages(make, velocity))
+        streams[TOPICS["velocity"]] = velocity_messages(make, velocity)
     if heading is not None:
-        streams[TOPICS["heading"]] = _Written(len(heading.t_s), heading_messages(make, heading))
-    whole_odometry = reference.velocity_mps is not None and reference.euler_rad is not None
-    truth = _Written(int(whole_rows(reference).sum()), reference_messages(make, reference, origin))
-    streams[ODOMETRY_TOPIC if whole_odometry else REFERENCE_TOPIC] = truth
-    streams = {topic: stream for topic, stream in streams.items() if stream.rows}
-    metadata = make.of(STRING, _metadata(recording, origin, make.start_ns, streams).to_json())
-    return {**streams, METADATA_TOPIC: _Written(1, iter([(float(imu.t_s[0]), STRING, metadata)]))}
+        streams[TOPICS["heading"]] = heading_messages(make, heading)
+    is_odometry = reference.velocity_mps is not None and reference.euler_rad is not None
+    streams[ODOMETRY_TOPIC if is_odometry else REFERENCE_TOPIC] = reference_messages(make, reference, origin)
+    filled = {topic: (first, rest) for topic, rest in streams.items() if (first := next(rest, None))}
+    metadata = make.of(STRING, _metadata(recording, origin, make.start_ns, filled).to_json())
+    return {**filled, METADATA_TOPIC: ((float(imu.t_s[0]), STRING, metadata), iter(()))}
 
 
-def _left_out(recording: Recording, streams: Mapping[str, _Written]) -> Iterator[str]:
+def _left_out(recording: Recording) -> Iterator[str]:
     position, velocity, reference = recording.position, recording.velocity, recording.reference
-    counts = {topic: stream.rows for topic, stream in streams.items()}
-    if position is not None and (lost := len(position.t_s) - counts.get(TOPICS["position"], 0)):
-        yield f"{lost} of {len(position.t_s)} fixes lack an axis, and a NavSatFix has all three: they are left out."
-    written = counts.get(ODOMETRY_TOPIC, counts.get(REFERENCE_TOPIC, 0))
-    if not reference.empty and (lost := len(reference.t_s) - written):
-        yield f"{lost} of {len(reference.t_s)} rows of the reference lack what other rows have: they are left out."
+    if position is not None and (omitted := int((~np.isfinite(position.enu_m).all(axis=1)).sum())):
+        yield f"{omitted} of {len(position.t_s)} fixes lack an axis that a NavSatFix needs and are omitted."
+    if not reference.empty and (omitted := int((~complete_rows(reference)).sum())):
+        yield f"{omitted} of {len(reference.t_s)} rows of the reference are incomplete and are omitted."
     if not reference.scored.all():
-        yield "Which rows of the reference are scored has no place in a bag: all of them will be."
+        yield "A bag cannot store which rows of the reference are scored: all rows will be scored."
     known = position and position.true_covariance_m2, velocity and velocity.true_covariance_m2ps2
     if any(covariance is not None for covariance in known):
-        yield "True covariances have no place in a bag: an oracle will see the reported ones."
+        yield "A bag cannot store true covariances: an oracle will use the reported covariances."
 
 
 def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Iterable[str]) -> Metadata:
@@ -242,19 +232,20 @@ def _metadata(recording: Recording, origin: Origin, start_ns: int, topics: Itera
     velocity, heading = recording.velocity, recording.heading
     frame = "enu" if velocity is None else velocity.frame
     roles |= dict(zip(("reference",), references, strict=False))
-    return Metadata(
-        *(recording.name, start_ns, recording.static_start_s, astuple(origin)),
-        *(recording.reference.source, recording.reference.independent),
-        outages_s=tuple((float(begin), float(end)) for begin, end in recording.outages_s),
-        topics=roles,
+    plan = TopicPlan(
+        roles,
         velocity_frame="course" if frame == "speed" else frame,
-        heading_source="dual_antenna" if heading is None else heading.source,
+        heading_source="odometry" if heading is not None and heading.source == "odometry" else "dual_antenna",
         covariance_order="neu",
+        reference_source=recording.reference.source,
+        reference_independent=recording.reference.independent,
     )
+    outages_s = tuple((float(begin), float(end)) for begin, end in recording.outages_s)
+    return Metadata(recording.name, start_ns, recording.static_start_s, astuple(origin), outages_s, plan)
 
 
-def _write(make: Maker, streams: Mapping[str, _Written], path: Path) -> None:
-    """Write a ROS 1 bag, or the folder of a ROS 2 bag, of which its one file is kept."""
+def _write(make: Maker, streams: _Streams, path: Path) -> None:
+    """Write a ROS 1 bag, or only the data file of a ROS 2 bag, without the other files of its folder."""
     if make.ros1:
         from rosbags import rosbag1
 
@@ -271,11 +262,10 @@ def _write(make: Maker, streams: Mapping[str, _Written], path: Path) -> None:
         shutil.move(file, path)
 
 
-def _fill(make: Maker, writer: Any, serialise: Any, streams: Mapping[str, _Written]) -> None:  # noqa: ANN401 - one of two writers
+def _fill(make: Maker, writer: Any, serialise: Any, streams: _Streams) -> None:  # noqa: ANN401 - one of two writers
     bound = []
-    for topic, stream in streams.items():
-        first = next(stream.messages)
-        connection = writer.add_connection(topic, first[1], typestore=make.store)  # whose type the first message says
-        bound.append(zip(chain([first], stream.messages), repeat(connection)))
+    for topic, (first, rest) in streams.items():
+        connection = writer.add_connection(topic, first[1], typestore=make.store)  # the first message sets the type
+        bound.append(zip(chain([first], rest), repeat(connection)))
     for (t, msgtype, message), connection in heapq.merge(*bound, key=lambda pair: pair[0][0]):
         writer.write(connection, make.stamp_ns(t), serialise(message, msgtype))

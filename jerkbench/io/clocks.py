@@ -1,4 +1,4 @@
-"""Clocks and stamps: GPST and UTC, dates as text, latency of streams, and the time that streams have in common."""
+"""Clocks and stamps: GPST and UTC, dates as text, latency of streams, and the common time of streams."""
 
 import re
 from dataclasses import replace
@@ -11,10 +11,10 @@ from jerkbench.errors import RecordingError
 from jerkbench.recording import Recording, Velocity
 
 GPST_MINUS_UTC_S = 18.0
-"""GPST less UTC. Valid since 2017-01-01 and for as long as no further leap second is announced (none is by 2025)."""
+"""GPS time minus UTC. Valid from 2017-01-01 until another leap second is introduced (none was announced by 2025)."""
 
 GPS_EPOCH_NS = 315_964_800_000_000_000
-"""GPST's first moment, 1980-01-06, in nanoseconds of the calendar since 1970."""
+"""Epoch of GPS time, 1980-01-06, in nanoseconds since 1970."""
 
 WEEK_NS = 604_800_000_000_000
 
@@ -22,7 +22,7 @@ UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def utc_of(gpst_ns: int, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> datetime:
-    """Return the UTC of a GPST given as nanoseconds of its calendar since 1970 (to the microsecond).
+    """Convert a GPS time, in nanoseconds since 1970 on the GPS calendar, to UTC, rounded to microseconds.
 
     >>> utc_of(1_752_003_261_854_000_000).isoformat()
     '2025-07-08T19:34:03.854000+00:00'
@@ -31,20 +31,20 @@ def utc_of(gpst_ns: int, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> datetime
 
 
 def ns_since_1970(moment: datetime) -> int:
-    """Return nanoseconds since 1970 of a UTC."""
+    """Convert a UTC time to nanoseconds since 1970."""
     return (moment - UNIX_EPOCH) // timedelta(microseconds=1) * 1000
 
 
-# A date and a time of day, as text, to nanoseconds.
+# Conversion of a date and a time of day from text to nanoseconds.
 
 DATE = re.compile(r"(19|20|21)\d\d-\d\d-\d\d", re.ASCII)
-"""Years that fit into 64 bits of nanoseconds."""
+"""Dates that can be represented by a 64-bit number of nanoseconds since 1970."""
 
 TIME = re.compile(r"\d\d:\d\d:\d\d(\.\d{1,12})?", re.ASCII)
 
 
 def calendar_ns(date: str, time: str) -> int | None:
-    """Return nanoseconds of the calendar since 1970 of ``2011-09-26``, ``13:02:25.594``; None where it is none.
+    """Convert a date (``2011-09-26``) and time (``13:02:25.594``) to nanoseconds since 1970, or None if invalid.
 
     >>> calendar_ns("1970-01-02", "00:00:01.5")
     86401500000000
@@ -53,28 +53,28 @@ def calendar_ns(date: str, time: str) -> int | None:
         return None
     try:
         return int(np.datetime64(f"{date}T{time}", "ns").astype(np.int64))
-    except ValueError:  # the 31st of April
+    except ValueError:  # for example the 31st of April
         return None
 
 
-# Streams whose axes were true at different times before their common stamp.
+# Streams whose axes have a common stamp but different latencies.
 
 
 def velocity_when_true(
     t_s: FloatArray, enu_mps: FloatArray, covariance_m2ps2: FloatArray, latency_s: tuple[float, ...]
 ) -> Velocity:
-    """Put each axis of an ENU velocity at the time when it was true, its stamp less its latency.
+    """Assign each axis of an ENU velocity to the time at which it was valid: its stamp minus its latency.
 
-    Axes that were true at the same time share a row and keep their cross-covariance; the others are NaN there.
+    Axes that were valid at the same time are in one row, with their cross-covariance. The other axes of a row are NaN.
 
     Args:
-        t_s: (m,) stamps.
-        enu_mps: (m, 3).
-        covariance_m2ps2: (m, 3, 3).
-        latency_s: of east, north, up.
+        t_s: (m,) stamps of the velocities [s].
+        enu_mps: (m, 3) velocities in ENU [m/s].
+        covariance_m2ps2: (m, 3, 3) covariances of the velocities [m2/s2].
+        latency_s: latencies of the axes east, north and up [s].
 
     Returns:
-        Up to 3 m rows in the order of time.
+        The velocities in the order of time, with at most 3 m rows.
     """
     valid_ns = np.round((t_s[:, None] - np.array(latency_s)) * 1e9).astype(np.int64)
     grid_ns, inverse = np.unique(valid_ns, return_inverse=True)
@@ -88,49 +88,50 @@ def velocity_when_true(
     return Velocity(grid_ns * 1e-9, mps, covariance)
 
 
-# The time that streams of one recording have in common; none is a sign of another clock or another
-# drive.
+# Check that the streams of a recording overlap in time. Otherwise, they have different clocks or different drives.
 
 
 def with_common_time(recording: Recording, way_out: str) -> Recording:
-    """Return the recording, whose streams all overlap its IMU's times, or, without an IMU, its positions'.
+    """Return the recording, after a check that each stream overlaps in time with the IMU.
+
+    In a recording without an IMU, each stream must overlap in time with the positions.
 
     Args:
-        recording: the recording.
-        way_out: what to do otherwise, from "check" on.
+        recording: the recording to check.
+        way_out: advice at the end of the error message, which starts with "check".
 
     Raises:
-        RecordingError: a stream has no time in common with these; says when both were.
+        RecordingError: two streams do not overlap. The message contains the times of both streams.
     """
     known = None if recording.reference.empty else recording.reference
     measured = recording.position, recording.velocity, recording.heading
     streams = dict(zip(("positions", "velocities", "headings", "reference"), (*measured, known), strict=True))
-    clock_s, whose = recording.clock_s, "IMU is"
+    clock_s, whose = recording.clock_s, "IMU"
     if recording.imu is None and recording.position is not None:
-        clock_s, whose = recording.position.t_s, "positions are"
+        clock_s, whose = recording.position.t_s, "positions"
     for name, stream in streams.items():
         if stream is None or not len(stream.t_s):
             continue
         if stream.t_s[0] > clock_s[-1] or clock_s[0] > stream.t_s[-1]:
             raise RecordingError(
-                f"{recording.name}: the {name} are from {stream.t_s[0]:.3f} to {stream.t_s[-1]:.3f} s, and the {whose}"
-                f" from {clock_s[0]:.3f} to {clock_s[-1]:.3f} s: they have no time in common; {way_out}."
+                f"{recording.name}: the {name} ({stream.t_s[0]:.3f} to {stream.t_s[-1]:.3f} s) and the {whose}"
+                f" ({clock_s[0]:.3f} to {clock_s[-1]:.3f} s) do not overlap in time; {way_out}."
             )
     return recording
 
 
-# The log's own outages.
+# Outages that occurred during the recording.
 
 
-def with_own_outages(recording: Recording, shortest_s: float) -> Recording:
-    """Return the recording with each gap between two fixes that is longer than ``shortest_s`` as an outage.
+def with_recorded_outages(recording: Recording, shortest_s: float) -> Recording:
+    """Return the recording with an outage for each gap between two fixes that is longer than ``shortest_s``.
 
     Args:
-        recording: the recording.
-        shortest_s: 0: no gap is an outage.
+        recording: the recording, whose outages are not removed.
+        shortest_s: minimum length of an outage, or 0 to add no outages [s].
 
     Raises:
-        RecordingError: the reference knows no places in the gaps, as where it is the fixes themselves.
+        RecordingError: the reference has no positions in the gaps, for example because the fixes are the reference.
     """
     if not shortest_s or recording.position is None:
         return recording
@@ -142,7 +143,7 @@ def with_own_outages(recording: Recording, shortest_s: float) -> Recording:
     truth_s = recording.reference.t_s if recording.reference.enu_m is not None else np.empty(0)
     if len(windows_s) and not ((truth_s > windows_s[:, :1]) & (truth_s < windows_s[:, 1:])).any():
         raise RecordingError(
-            f"{recording.name}: outage_s is {shortest_s:g}, and the reference has no place in any of the"
-            f" {len(windows_s)} gaps; give a reference of its own, or outage_s=0."
+            f"{recording.name}: outage_s is {shortest_s:g}, but the reference has no position in any of the"
+            f" {len(windows_s)} gaps between fixes; give a separate reference, or set outage_s=0."
         )
     return replace(recording, outages_s=np.concatenate([recording.outages_s, windows_s]))

@@ -1,4 +1,4 @@
-"""The meaning of the names of columns: a quantity, its axis and its unit, by the spellings of common loggers."""
+"""The meaning (quantity, axis and unit) of column names, from the spellings of common loggers."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,28 +12,29 @@ UNITS, VECTORS, _AXES, SCALARS, _FILES = (
     {spelling: meaning for meaning, spellings in _KNOWN[kind].items() for spelling in spellings.split()}
     for kind in ("units", "vectors", "axes", "scalars", "files")
 )
-"""The meaning of each spelling."""
+"""The meaning of each spelling of a unit, vector, axis, scalar or file name."""
 
 _IGNORED, _PREFERRED = set(_KNOWN["ignored"].split()), _KNOWN["preferred"].lower().split()
 _SMALL = ("cm", "mm")
-"""Lengths that only a height and a standard deviation may be in: the data set has a parameter for them."""
+"""Units of length that are allowed only for heights and standard deviations, because only these have a parameter for
+the unit or the scale."""
 
 SENSOR_AXES = (("x", "y", "z"), ("forward", "left", "up"), ("forward", "right", "down"))
 """Names of an IMU's axes."""
 
 _LOCAL = {("east", "north", "up"): "enu", ("north", "east", "down"): "ned", ("x", "y", "z"): ""}
-"""Names of local axes, and their frame where the names say it."""
+"""Names of local axes, and their frame if the names identify it."""
 
 
 class Name(NamedTuple):
-    """The meaning of a name.
+    """The meaning of a column name.
 
     Attributes:
-        column: the name.
+        column: the column name.
         quantity: accel, gyro, velocity, position, sigma (of a position), covariance, time, tow (time of week), week,
             latitude, longitude, height, roll, pitch, yaw or instance.
-        axis: x, y, z, east, north, up, down, forward, left, right, horizontal, vertical, or nothing.
-        unit: that the name says, or nothing.
+        axis: x, y, z, east, north, up, down, forward, left, right, horizontal, vertical, or an empty string.
+        unit: the unit in the name, or an empty string.
     """
 
     column: str
@@ -43,11 +44,11 @@ class Name(NamedTuple):
 
 
 class Triple(NamedTuple):
-    """Three columns.
+    """Three columns that form a vector.
 
     Attributes:
-        names: of the columns.
-        frame: that the names say, or nothing.
+        names: names of the columns, with their meanings.
+        frame: the frame that the names identify, or an empty string.
     """
 
     names: tuple[Name, ...]
@@ -55,7 +56,7 @@ class Triple(NamedTuple):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The columns."""
+        """The names of the columns in the file."""
         return tuple(name.column for name in self.names)
 
 
@@ -72,21 +73,21 @@ _COMPLETE = dict(_complete_names())
 
 
 def parse_name(column: str, file: str = "") -> Name | None:
-    """Return the meaning of the name of a column in a file; None if it is not known."""
+    """Return the meaning of a column name, or None if it is unknown. The name of ``file`` may identify the sensor."""
     plain = column.strip().lower()
     for spelling in (plain, re.sub(r"\s*[\[(].*", "", plain)):
         if spelling in _COMPLETE:
             return Name(column, *_COMPLETE[spelling])
-    words, unit = _words(column)
-    quantity, axis = _meaning("".join(words))
-    if plain in ("x", "y", "z") and (sensor := _FILES.get("".join(_words(file)[0]))):
+    parts, unit = _parts(column)
+    quantity, axis = _meaning("".join(parts))
+    if plain in ("x", "y", "z") and (sensor := _FILES.get("".join(_parts(file)[0]))):
         quantity, axis = sensor, plain
     allowed = unit not in _SMALL or quantity in ("sigma", "height")
     return Name(column, quantity, axis, unit) if quantity and allowed else None
 
 
 def _meaning(text: str) -> tuple[str, str]:
-    """Quantity and axis of a name without its unit; nothing where it is not known."""
+    """Return the quantity and the axis of a column name without its unit, or empty strings if the name is unknown."""
     if text in SCALARS:
         return SCALARS[text], ""
     if text in _AXES.values() and text not in ("forward", "left"):
@@ -99,65 +100,70 @@ def _meaning(text: str) -> tuple[str, str]:
     return "", ""
 
 
-def _words(column: str) -> tuple[list[str], str]:
-    """Lower-case words of a name without those of sensors and units, and the unit."""
+def _parts(column: str) -> tuple[list[str], str]:
+    """Split a column name, and return its lower-case parts (without ignored parts and the unit) and its unit."""
     bracketed = re.search(r"[\[(]([^\])]*)[\])]", column)
     text = re.sub(r"[\[(].*", "", column)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower() if not text.startswith(("iTOW", "hMSL")) else text.lower()
-    words = [word for word in re.split(r"[^a-z0-9]+", text) if word and word not in _IGNORED]
+    parts = [part for part in re.split(r"[^a-z0-9]+", text) if part and part not in _IGNORED]
     if bracketed:
-        return words, UNITS.get(bracketed[1].strip().lower().replace(" ", ""), "")
-    return (words[:-1], UNITS[words[-1]]) if len(words) > 1 and words[-1] in UNITS else (words, "")
+        return parts, UNITS.get(bracketed[1].strip().lower().replace(" ", ""), "")
+    return (parts[:-1], UNITS[parts[-1]]) if len(parts) > 1 and parts[-1] in UNITS else (parts, "")
 
 
 def with_meaning(names: Sequence[Name], quantity: str, axis: str = "") -> Name | None:
-    """Return the column with a meaning; None if there is none, or several of which none is preferred."""
+    """Return the column with the given quantity and axis.
+
+    Return None if no column has this meaning, or if several columns have it and none of these columns is preferred.
+    """
     fitting = [name for name in names if (name.quantity, name.axis) == (quantity, axis)]
     preferred = [name for known in _PREFERRED for name in fitting if name.column.lower() == known]
     return preferred[0] if preferred else fitting[0] if len(fitting) == 1 else None
 
 
 def triple(names: Sequence[Name], quantity: str, axes: Sequence[str]) -> tuple[Name, ...]:
-    """Return the columns of a quantity on ``axes``, in their order; nothing where one is missing or ambiguous."""
-    chosen = [name for axis in axes if (name := with_meaning(names, quantity, axis)) is not None]
-    return tuple(chosen) if len(chosen) == len(axes) else ()
+    """Return the columns of a quantity in the order of ``axes``, or () if a column is missing or ambiguous."""
+    columns = [name for axis in axes if (name := with_meaning(names, quantity, axis)) is not None]
+    return tuple(columns) if len(columns) == len(axes) else ()
 
 
 def common_unit(names: Sequence[Name], allowed: Mapping[str, object]) -> str:
-    """Return the unit that all the names say, if it is an allowed one."""
+    """Return the unit of all names if the names have the same allowed unit, otherwise an empty string."""
     units = {name.unit for name in names}
     return units.pop() if len(units) == 1 and units <= set(allowed) else ""
 
 
 def accel_columns(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of the specific force."""
+    """Return the columns of the specific force, or None if a column is missing or ambiguous."""
     return _first(names, "accel", dict.fromkeys(SENSOR_AXES, ""))
 
 
 def gyro_columns(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of the angular rate."""
+    """Return the columns of the angular rate, or None if a column is missing or ambiguous."""
     return _first(names, "gyro", dict.fromkeys(SENSOR_AXES, ""))
 
 
 def position_columns(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of places: latitude, longitude and height before local axes."""
-    places = [name for word in ("latitude", "longitude", "height") if (name := with_meaning(names, word)) is not None]
+    """Return the columns of positions or None. Latitude, longitude and height are preferred to local axes."""
+    places = [
+        name for quantity in ("latitude", "longitude", "height") if (name := with_meaning(names, quantity)) is not None
+    ]
     return Triple(tuple(places), "geodetic") if len(places) == 3 else _first(names, "position", _LOCAL)
 
 
 def velocity_columns(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of velocities."""
+    """Return the columns of velocities, or None if a column is missing or ambiguous."""
     return _first(names, "velocity", _LOCAL | {("forward", "left", "up"): "body"})
 
 
 def sigma_of(names: Sequence[Name]) -> Triple | None:
-    """Return the columns of the standard deviations of places, where they say their axes."""
+    """Return the columns of the standard deviations of positions, or None if their names do not contain the axes."""
     local = _first(names, "sigma", {axes: frame for axes, frame in _LOCAL.items() if frame})
     return local or _first(names, "sigma", {("horizontal", "horizontal", "vertical"): "enu"})
 
 
 def covariance_columns(names: Sequence[Name]) -> tuple[str, ...]:
-    """Return the nine columns of a covariance of places, or none."""
+    """Return the nine columns of a covariance of positions, or an empty tuple if a column is missing or ambiguous."""
     return tuple(name.column for name in triple(names, "covariance", [str(k) for k in range(9)]))
 
 

@@ -1,4 +1,4 @@
-"""Any table, CSV, Parquet or MATLAB, one file or many -> columns of numbers, by name or number."""
+"""Columns of numbers, selected by name or number, from one or several files (CSV, Parquet, MATLAB and others)."""
 
 import math
 import zlib
@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import RecordingError, unknown
-from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, calendar_ns
+from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS
 from jerkbench.io.rtklib import read_pos
-from jerkbench.io.sanitiser import MAX_DATE_NS, MIN_DATE_NS, require_size
-from jerkbench.io.text import MAX_NUMBER, TextFormat, is_number, read_lines, read_text, require_content
+from jerkbench.io.sanitiser import MAX_DATE_NS, MIN_DATE_NS, ordered_rows, require_fractions, require_size
+from jerkbench.io.text import MAX_NUMBER, TextFormat, is_number, read_text, require_content
 from jerkbench.io.tracks import track_reader
 
 if TYPE_CHECKING:
@@ -24,26 +24,25 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-# A MATLAB file (version 5 to 7, or 7.3, which is HDF5) -> a table of its numeric vectors and
-# matrices.
+# MATLAB files of the versions 5 to 7, and 7.3 (HDF5). Numeric vectors and matrices become columns of a table.
 
 _COMPRESSED = 15
-"""The type of a compressed variable in a file of version 5."""
+"""Type code of a compressed variable in a file of version 5."""
 
 MAX_COLUMNS = 64
-"""A matrix with more columns is no stream of measurements."""
+"""Maximum number of columns of a matrix of measurements. Matrices with more columns are ignored."""
 
 Array = np.ndarray[Any, Any]
 
 
 def read_matlab(path: Path) -> "pd.DataFrame":
-    """Return a column for each vector, and for each column of a matrix, of the file.
+    """Return a table with a column for each vector and for each column of a matrix in the file.
 
-    The columns of a matrix ``acc`` are ``acc_1``, ``acc_2`` ...; a field ``t`` of a structure ``imu`` is ``imu.t``.
-    Variables may be of different lengths, each with a time of its own: the shorter ones end with empty cells.
+    The columns of a matrix ``acc`` are named ``acc_1``, ``acc_2``, ... A field ``t`` of a structure ``imu`` is named
+    ``imu.t``. If variables have different lengths, the shorter columns end with empty cells.
 
     Raises:
-        RecordingError: no such file, it is damaged, or it holds no numeric array of two rows or more.
+        RecordingError: the file does not exist, is damaged, or has no numeric array of two rows or more.
     """
     import h5py
     import pandas as pd
@@ -53,23 +52,22 @@ def read_matlab(path: Path) -> "pd.DataFrame":
         arrays = dict(_version_7_3(path)) if h5py.is_hdf5(path) else dict(_version_5(path))
     except RecordingError:
         raise
-    except Exception as error:  # scipy and h5py document none of what a damaged file makes them raise
+    except Exception as error:  # scipy and h5py raise undocumented errors for damaged files
         raise RecordingError(
-            f"{path} cannot be read as a MATLAB file ({type(error).__name__}: {error}); copy it again, or save it anew."
+            f"{path} cannot be read as a MATLAB file ({type(error).__name__}: {error}); copy or save the file again."
         ) from error
     columns = dict(_columns(arrays))
     if not columns:
         raise RecordingError(
-            f"{path} holds no numeric vector or matrix; save the measurements as such (a timetable: its columns)."
+            f"{path} has no numeric vector or matrix; save the data (or the columns of a timetable) as numeric arrays."
         )
-    rows = max(map(len, columns.values()))
-    require_size(path, rows * len(columns))
-    return pd.DataFrame({name: _padded(values, rows) for name, values in columns.items()})
+    require_size(path, max(map(len, columns.values())) * len(columns))
+    return pd.DataFrame({name: _series(values) for name, values in columns.items()})
 
 
 def _version_5(path: Path) -> Iterator[tuple[str, Array]]:
     def walk(prefix: str, value: object) -> Iterator[tuple[str, Array]]:
-        """Yield the numeric arrays of a variable, those of a structure's fields too."""
+        """Yield the numeric arrays of a variable and of the fields of a structure."""
         if isinstance(value, dict):
             for name, field in value.items():
                 if not name.startswith("__"):
@@ -80,11 +78,11 @@ def _version_5(path: Path) -> Iterator[tuple[str, Array]]:
     yield from walk("", load_matlab_5(path, simplify_cells=True))
 
 
-def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401 - those of loadmat
-    """Return the variables of a MATLAB file of version 5, whose compressed variables are not too large.
+def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401 - options of loadmat
+    """Return the variables of a MATLAB file of version 5, after a check of the size of compressed variables.
 
     Raises:
-        RecordingError: they are far larger than the file.
+        RecordingError: the variables are far larger than the file.
     """
     from scipy.io import loadmat
 
@@ -92,11 +90,11 @@ def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
     order: Literal["little", "big"] = "little" if content[126:128] == b"IM" else "big"
     while at < len(content):
         kind, length = (int.from_bytes(content[k : k + 4], order) for k in (at, at + 4))
-        if kind == 0:  # no element; loadmat raises an error
+        if kind == 0:  # this is no data element of a MAT-file, so loadmat raises an error below
             break
         if kind == _COMPRESSED:
             unpacker, packed = zlib.decompressobj(), content[at + 8 : at + 8 + length]
-            with suppress(zlib.error):  # of damaged data, for which loadmat raises an error too
+            with suppress(zlib.error):  # for damaged data, loadmat raises an error below
                 while packed and not unpacker.eof:
                     size += len(unpacker.decompress(packed, 1 << 24))
                     require_size(path, size // 8)
@@ -106,7 +104,7 @@ def load_matlab_5(path: Path, **options: Any) -> dict[str, Any]:  # noqa: ANN401
 
 
 def _version_7_3(path: Path) -> Iterator[tuple[str, Array]]:
-    """The arrays, which MATLAB stores with their axes the other way round; its own tables of references aside."""
+    """Yield all arrays except internal reference tables. MATLAB stores transposed arrays, which are transposed here."""
     import h5py
 
     with h5py.File(path) as file:
@@ -119,7 +117,7 @@ def hdf5_arrays(path: Path, file: "h5py.File") -> dict[str, Array]:
     """Return the numeric arrays of an open HDF5 file by their names.
 
     Raises:
-        RecordingError: data are in another file, or the arrays are far larger than the file.
+        RecordingError: the data of an array are in another file, or the arrays are far larger than the file.
     """
     import h5py
 
@@ -146,18 +144,19 @@ def _columns(arrays: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
             yield from ((f"{name}_{k + 1}", column) for k, column in enumerate(matrix.T))
 
 
-def _padded(values: Array, rows: int) -> "pd.Series[Any]":
+def _series(values: Array) -> "pd.Series[Any]":
+    """Return a series whose type allows for empty cells, which a data frame appends to shorter columns."""
     import pandas as pd
 
     plain = values.astype(np.int64 if values.dtype.kind == "b" else values.dtype.newbyteorder("="))
-    return pd.Series(plain, dtype={"i": "Int64", "u": "UInt64"}.get(values.dtype.kind)).reindex(range(rows))
+    return pd.Series(plain, dtype={"i": "Int64", "u": "UInt64"}.get(values.dtype.kind))
 
 
 TIME_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 """Nanoseconds in each unit of time."""
 
 MAX_NANOSECONDS = 9.2e18
-"""Nanoseconds that fit into 64 bits: 292 years."""
+"""Maximum number of nanoseconds in 64 bits: 292 years."""
 
 
 WEEK_AND_TIME = r"\d{1,4}:\d{1,6}(\.\d{1,9})?"
@@ -165,87 +164,123 @@ DATE_AND_TIME = r"\d{4}-\d\d-\d\d[T ]\d\d"
 
 
 class Columns:
-    """A table that was read."""
+    """A table that was read from files, with the stamps of its rows."""
 
-    def __init__(self, where: str, table: "pd.DataFrame", notes: tuple[str, ...] = ()) -> None:
-        """Keep the table; ``where`` names it in errors, ``notes`` say what was dropped of it."""
+    def __init__(
+        self, where: str, table: "pd.DataFrame", notes: tuple[str, ...] = (), t_ns: IntArray | None = None
+    ) -> None:
+        """Create a table. If the columns of ``table`` have no names, they are numbered from 1.
+
+        Args:
+            where: name of the table in messages.
+            table: data frame with the columns.
+            notes: notes about dropped rows.
+            t_ns: (n,) stamps of the rows [ns], or None if the stamps are unknown.
+        """
         self.where, self.notes = where, notes
+        self.t_ns = np.arange(len(table)) if t_ns is None else t_ns
         numbered = all(not isinstance(name, str) for name in table.columns)
         names = [str(k + 1) if numbered else str(n).strip().lstrip("#").strip() for k, n in enumerate(table.columns)]
         self._table, self._names = table, names
 
     def __len__(self) -> int:
-        """Return the number of rows."""
         return len(self._table)
 
     @property
     def names(self) -> list[str]:
-        """The names of the header, or numbers from 1."""
+        """The names of the columns from the header, or numbers from 1 without a header."""
         return list(self._names)
 
     def has(self, names: Sequence[str]) -> bool:
-        """Whether the header names all of ``names``, and there is one."""
+        """Return whether the table has all columns ``names``, and ``names`` is not empty."""
         return bool(names) and set(names) <= set(self._names)
 
     def rows_of(self, names: Sequence[str]) -> BoolArray:
-        """Return (n,) in which rows at least one of the columns ``names`` has an entry.
+        """Return a mask (n,) of the rows in which at least one of the columns ``names`` has an entry.
 
         Raises:
-            RecordingError: there is no such column.
+            RecordingError: a column does not exist.
         """
-        entries = self._table.iloc[:, [self._place(name) for name in names]].notna()
+        entries = self._table.iloc[:, [self._index(name) for name in names]].notna()
         return np.asarray(entries.any(axis=1), dtype=np.bool_)
 
-    def only(self, rows: BoolArray | IntArray) -> "Columns":
-        """Return the table with only ``rows``; they keep their numbers in errors."""
-        return Columns(self.where, self._table.iloc[rows], self.notes)
+    def only(self, rows: BoolArray | IntArray, notes: tuple[str, ...] = ()) -> "Columns":
+        """Return a table with only ``rows``, and with additional ``notes``. Errors contain the original row numbers."""
+        return Columns(self.where, self._table.iloc[rows], (*self.notes, *notes), self.t_ns[rows])
 
-    def noted(self, notes: tuple[str, ...]) -> "Columns":
-        """Return the table with ``notes`` beside those that it has."""
-        return Columns(self.where, self._table, (*self.notes, *notes))
+    def stamped(self, t_ns: IntArray) -> "Columns":
+        """Return a copy of the table whose rows have the stamps ``t_ns`` (n,)."""
+        return Columns(self.where, self._table, self.notes, t_ns)
 
-    def numbers(self, names: Sequence[str], most: float = MAX_NUMBER) -> FloatArray:
-        """Return (n, len(names)); an empty cell is NaN.
+    def with_entries(self, names: Sequence[str]) -> "Columns":
+        """Return the rows in which at least one of the columns ``names`` has an entry, sorted by their stamps.
+
+        Rows without such an entry belong to other streams.
 
         Raises:
-            RecordingError: there is no such column, or a cell is no number, or larger than ``most``.
+            RecordingError: a column does not exist, or all columns are empty.
+        """
+        rows = self.rows_of(names)
+        if not rows.any():
+            raise RecordingError(f"{self.where} has no values in the columns {', '.join(names)}; select other columns.")
+        columns = self.only(rows)
+        entries = self._table.iloc[np.flatnonzero(rows), [self._index(name) for name in names]]
+        require_fractions(self.where, columns.t_ns, (entries != entries.shift()).any(axis=1).to_numpy())
+        return columns.only(*ordered_rows(self.name, columns.t_ns))
+
+    @property
+    def name(self) -> str:
+        """The name of the file, for notes."""
+        return Path(self.where).name
+
+    def t_s(self, zero_ns: int) -> FloatArray:
+        """Return the stamps (n,) in seconds since ``zero_ns``."""
+        return np.asarray((self.t_ns - zero_ns) * 1e-9, dtype=np.float64)
+
+    def numbers(self, names: Sequence[str], most: float = MAX_NUMBER) -> FloatArray:
+        """Return the values (n, len(names)) of columns, with NaN for empty cells.
+
+        Raises:
+            RecordingError: a column does not exist, or a cell is not a number or is larger than ``most``.
         """
         columns = [self._numeric(name) for name in names]
         table = np.column_stack(columns).astype(np.float64) if columns else np.empty((len(self), 0))
         for name, column in zip(names, table.T, strict=True):
-            self._require(~(np.abs(column) > most), name, column, "{:g} is no measurement")
+            self._require(~(np.abs(column) > most), name, column, "{:g} is too large for a measurement")
         return table
 
     def stamps_ns(self, name: str, unit: str) -> IntArray:
-        """Return (n,) a column of times in ``unit`` as whole nanoseconds; whole numbers stay exact.
+        """Convert a column of times in ``unit`` to integer nanoseconds (n,). Integers are converted exactly.
 
-        If all are unsigned numbers from 2^63 on, they count from there.
+        If all values are integers of at least 2^63, 2^63 is subtracted from all values.
 
         Raises:
-            RecordingError: as in `numbers`, or a time is missing or does not fit.
+            RecordingError: the column does not exist, or a cell is not a number, empty or too large.
         """
         values = self._numeric(name)
-        if values.dtype == np.uint64:  # a counter that started at 2^63: the differences count
+        if values.dtype == np.uint64:  # a counter that started at 2^63, of which only differences are used
             values = (values - np.uint64(2**63)).astype(np.int64)
         scale = WEEK_NS if unit == "week" else TIME_UNITS[unit]
-        fits = np.abs(values.astype(np.float64)) <= MAX_NANOSECONDS / scale  # NaN does not
-        self._require(fits, name, values, f"'{{}}' is no time in {unit}, at most {MAX_NANOSECONDS / scale:.2g}")
+        fits = np.abs(values.astype(np.float64)) <= MAX_NANOSECONDS / scale  # NaN fails this comparison
+        reason = f"'{{}}' is not a time in {unit} (maximum: {MAX_NANOSECONDS / scale:.2g})"
+        self._require(fits, name, values, reason)
         if np.issubdtype(values.dtype, np.integer):
             return np.asarray(values.astype(np.int64) * scale)
         return np.round(values.astype(np.float64) * scale).astype(np.int64)
 
     def dates_ns(self, name: str, gpst_minus_utc_s: float) -> IntArray | None:
-        """Return (n,) UTC nanoseconds since 1970 of a column of dates; None where it holds numbers.
+        """Convert a column of dates to UTC nanoseconds since 1970 (n,). Return None if the column has no dates.
 
-        A cell is a date and time as in ISO 8601 (without a zone: UTC), or GPS week and time of week, ``2374:243258.5``.
-        A date that is not between 1980 and 2100 becomes the first moment of 2100, which is not either.
+        A cell is a date and time as in ISO 8601 (UTC if it has no time zone), or a GPS week and time of week, for
+        example ``2374:243258.5``. A date that is not between 1980 and 2100 is replaced by the start of 2100, which is
+        also outside the valid range.
 
         Raises:
-            RecordingError: there is no such column, or some cells are dates and another one is none.
+            RecordingError: the column does not exist, or only some cells are dates.
         """
         import pandas as pd
 
-        column = self._table.iloc[:, self._place(name)]
+        column = self._table.iloc[:, self._index(name)]
         if pd.api.types.is_numeric_dtype(column) or column.empty:
             return None
         if pd.api.types.is_datetime64_any_dtype(column):
@@ -259,11 +294,11 @@ class Columns:
         if not dates.any():
             return None
         stamps = pd.to_datetime(column.where(dates), format="ISO8601", utc=True, errors="coerce")
-        self._require(stamps.notna(), name, column, "'{}' is no date, others are")
+        self._require(stamps.notna(), name, column, "'{}' is not a date, but other cells are dates")
         return _date_ns(stamps)
 
     def _require(self, fits: npt.ArrayLike, name: str, values: Any, reason: str) -> None:  # noqa: ANN401 - a column
-        """Raise a RecordingError that names the first row, by its number when it was read, where ``fits`` is False."""
+        """Raise a RecordingError with the number of the first row for which ``fits`` is False."""
         wrong = np.flatnonzero(~np.asarray(fits, dtype=np.bool_))
         if wrong.size:
             number, said = int(self._table.index[wrong[0]]) + 1, reason.format(np.asarray(values)[wrong[0]])
@@ -272,31 +307,31 @@ class Columns:
     def _numeric(self, name: str) -> np.ndarray[Any, Any]:
         import pandas as pd
 
-        column = self._table.iloc[:, self._place(name)]
+        column = self._table.iloc[:, self._index(name)]
         if pd.api.types.is_bool_dtype(column) or pd.api.types.is_complex_dtype(column):
             raise RecordingError(f"{self.where}, column {name} holds {column.dtype} values; numbers are expected.")
         try:
             numeric = pd.to_numeric(column, errors="coerce")
-        except OverflowError:  # a whole number with hundreds of digits
+        except OverflowError:  # an integer with hundreds of digits
             numeric = column.map(lambda cell: float(str(cell)) if is_number(str(cell)) else math.nan)
-        self._require(numeric.notna() | column.isna(), name, column, "'{}' is no number")
-        whole = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
-        fits = whole and (numeric.empty or numeric.max() <= np.iinfo(np.int64).max)
-        if whole and not fits and numeric.min() > np.iinfo(np.int64).max:
+        self._require(numeric.notna() | column.isna(), name, column, "'{}' is not a number")
+        integer = pd.api.types.is_integer_dtype(numeric) and not numeric.isna().any()
+        fits = integer and (numeric.empty or numeric.max() <= np.iinfo(np.int64).max)
+        if integer and not fits and numeric.min() > np.iinfo(np.int64).max:
             return numeric.to_numpy(dtype=np.uint64)
         return numeric.to_numpy(dtype=np.int64 if fits else np.float64)
 
-    def _place(self, name: str) -> int:
-        """A name of the header, or a number from 1."""
+    def _index(self, name: str) -> int:
+        """Return the index of the column with this name, or with this number from 1."""
         if name in self._names:
             return self._names.index(name)
         if name.isascii() and name.isdigit() and 1 <= int(name) <= len(self._names):
             return int(name) - 1
-        raise RecordingError(f"{self.where}: {unknown('column', name, self._names)} Numbers count from 1.")
+        raise RecordingError(f"{self.where}: {unknown('column', name, self._names)} Column numbers start at 1.")
 
 
 def _date_ns(stamps: "pd.Series[Any]") -> IntArray:
-    """Nanoseconds since 1970 of UTC dates; `MAX_DATE_NS` where these do not fit, or the date is missing."""
+    """Convert UTC dates to nanoseconds since 1970. Missing dates and dates out of range become `MAX_DATE_NS`."""
     seconds = stamps.dt.tz_localize(None).to_numpy(dtype="datetime64[s]").astype(np.int64)
     fits = (seconds >= MIN_DATE_NS // 10**9) & (seconds < MAX_DATE_NS // 10**9)
     ns = stamps.where(fits).dt.tz_localize(None).to_numpy(dtype="datetime64[ns]").astype(np.int64)
@@ -304,10 +339,10 @@ def _date_ns(stamps: "pd.Series[Any]") -> IntArray:
 
 
 def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
-    """Return (n,) a column of times as nanoseconds; of a time of week with those of the weeks in the column ``week``.
+    """Convert a column of times to nanoseconds (n,). If ``week`` is not empty, the weeks in this column are added.
 
     Raises:
-        RecordingError: there is no such column, or a time is none.
+        RecordingError: a column does not exist, or a cell is not a time.
     """
     t_ns = columns.stamps_ns(name, unit)
     return t_ns + columns.stamps_ns(week, "week") if week else t_ns
@@ -316,76 +351,34 @@ def times_ns(columns: Columns, name: str, unit: str, week: str) -> IntArray:
 SOLUTION = ".pos"
 """Ending of RTKLIB's solutions."""
 
-_MARKS = "_events.pos"
-
-
-def find_tables(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
-    """Return the files of ``folder`` that fit ``pattern`` (a name, or a glob such as ``data/*.txt``), sorted.
-
-    The marks of events that RTKLIB writes beside a solution (name_events.pos) fit no pattern but their own name.
-
-    Raises:
-        RecordingError: there is no such folder or file.
-    """
-    if not folder.is_dir():
-        raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
-    try:
-        fitting = [path for path in folder.glob(pattern) if path.is_file()]
-        paths = tuple(sorted(p for p in fitting if not p.name.endswith(_MARKS) or pattern.endswith(_MARKS)))
-    except (ValueError, NotImplementedError, OSError) as error:
-        raise RecordingError(
-            f"{parameter} is '{pattern}': {error}; give a name or a pattern below {folder}."
-        ) from error
-    if not paths:
-        raise RecordingError(f"There is no file {folder / pattern}; correct '{parameter}' or copy the file there.")
-    return paths
-
 
 def read_columns(paths: Sequence[Path], text: TextFormat, gpst_minus_utc_s: float = GPST_MINUS_UTC_S) -> Columns:
-    """Read the files one after the other into one table.
+    """Read one or several files, and return one table with the rows of all files in their order.
 
     Args:
-        paths: CSV, other text, Parquet, MATLAB, RTKLIB's .pos, or a receiver's own format.
-        text: the format of a text of columns.
-        gpst_minus_utc_s: leap seconds of the times in a .pos.
+        paths: files with CSV, other text, Parquet, MATLAB, RTKLIB's .pos, or the native format of a receiver.
+        text: the format of text files.
+        gpst_minus_utc_s: GPS time minus UTC, for the times in a .pos file [s].
 
     Raises:
-        RecordingError: a file is missing, empty, or no table; the files have different columns.
+        RecordingError: a file is missing, empty or not a table, or the files have different columns.
     """
     import pandas as pd
 
     read = [_read(path, text, gpst_minus_utc_s) for path in paths]
-    tables, notes = [table for table, _ in read], tuple(note for _, remarks in read for note in remarks)
+    tables, notes = [table for table, _ in read], tuple(note for _, of_file in read for note in of_file)
     for path, table in zip(paths, tables, strict=True):
         if len(table.columns) != len(tables[0].columns):
             raise RecordingError(
-                f"{paths[0]} and the files beside it have different numbers of columns; remove the odd one."
+                f"{paths[0]} and {path} have different numbers of columns; remove the file with the wrong columns."
             )
         if missing := [str(name) for name in tables[0].columns if name not in table.columns]:
             raise RecordingError(
-                f"{path} has no column {', '.join(missing)}, which {paths[0]} has, so that they are no one table; name"
-                " one of them, or remove the odd one."
+                f"{path} cannot be combined with {paths[0]}, because the columns {', '.join(missing)} of {paths[0]} are"
+                " missing; select one of the two files, or remove the file that does not belong to the recording."
             )
-    where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} files more"
+    where = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more files"
     return Columns(where, tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True), notes)
-
-
-def read_datetimes_ns(path: Path) -> IntArray:
-    """Read a file of UTC times, one a line, ``2011-09-26 13:02:25.594360375``, as nanoseconds since 1970.
-
-    Raises:
-        RecordingError: no such file, or a line is no time.
-    """
-    stamps = []
-    for number, line in read_lines(path):
-        date, _, time = line.strip().removesuffix("Z").replace("T", " ").partition(" ")
-        stamps.append(calendar_ns(date, time))
-        if stamps[-1] is None:
-            raise RecordingError(
-                f"{path}, line {number}: '{line.strip()}' is no date and time in UTC; it must look like 2011-09-26"
-                " 13:02:25.594."
-            )
-    return np.array(stamps, dtype=np.int64)
 
 
 def _read(path: Path, text: TextFormat, gpst_minus_utc_s: float) -> tuple["pd.DataFrame", tuple[str, ...]]:
@@ -404,13 +397,13 @@ def _read(path: Path, text: TextFormat, gpst_minus_utc_s: float) -> tuple["pd.Da
         return _read_parquet(path), ()
     except RecordingError:
         raise
-    except Exception as error:  # pandas and pyarrow raise a dozen kinds on damaged files
+    except Exception as error:  # for damaged files, pandas and pyarrow raise many types of exceptions
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise RecordingError(f"{path} cannot be read as {kind} ({reason}); correct it.") from error
+        raise RecordingError(f"{path} cannot be read as {kind} ({reason}); correct the file.") from error
 
 
 def _read_parquet(path: Path) -> "pd.DataFrame":
-    """Return the flat columns; text stays coded by its dictionary, so that a small file cannot fill the memory."""
+    """Return the columns that are not nested. Text remains dictionary-encoded to save memory."""
     import pyarrow as pa
     from pyarrow.parquet import ParquetFile
 

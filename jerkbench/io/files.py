@@ -1,4 +1,4 @@
-"""Files of a recording: finding them, the hash of their bytes, and the folder of what was fetched."""
+"""Files of a recording: search for the files, their fingerprint (hash), and the folder of fetched recordings."""
 
 import hashlib
 import os
@@ -12,102 +12,115 @@ from jerkbench.errors import RecordingError
 from jerkbench.files import user_cache_folder
 
 NO_ARRAY = (ValueError, EOFError, OSError, TypeError, SyntaxError, TokenError, MemoryError, OverflowError)
-"""Errors of a damaged NumPy file."""
+"""Exceptions that NumPy raises for a damaged file."""
 
 RESTING_NS = 2_000_000_000
-"""A file that was changed more recently could change again within the resolution of its time stamp."""
+"""Minimum time since the last change of a file. After a more recent change, the file could change again within the
+resolution of its time stamp."""
+
+
+_MARKS = "_events.pos"
+"""Ending of the event marks that RTKLIB writes with a solution."""
+
+
+def find_files(folder: Path, pattern: str, parameter: str) -> tuple[Path, ...]:
+    """Return the sorted files in ``folder`` that match ``pattern`` (a name, or a glob such as ``data/*.txt``).
+
+    The event marks that RTKLIB writes with a solution (name_events.pos) match only a pattern with this ending.
+
+    Raises:
+        RecordingError: the folder does not exist, or no file matches.
+    """
+    if not folder.is_dir():
+        raise RecordingError(f"There is no folder {folder}; give the folder that the recording was copied to.")
+    try:
+        fitting = [path for path in folder.glob(pattern) if path.is_file()]
+        paths = tuple(sorted(p for p in fitting if not p.name.endswith(_MARKS) or pattern.endswith(_MARKS)))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise RecordingError(
+            f"{parameter} is '{pattern}', which is invalid ({error}); give a name or a pattern below {folder}."
+        ) from error
+    if not paths:
+        raise RecordingError(f"There is no file {folder / pattern}; correct '{parameter}' or copy the file there.")
+    return paths
 
 
 def find_file(folder: Path, name: str, suffix: str, parameter: str) -> Path:
-    """Return ``folder / name``, or, where ``name`` is empty, the one file of ``folder`` that ends in ``suffix``.
+    """Return ``folder / name``. If ``name`` is empty, return the only file in ``folder`` that ends in ``suffix``.
 
     Raises:
-        RecordingError: the folder or the file is missing, or several files fit; says which ``parameter`` names one.
+        RecordingError: the folder or the file is missing, or several files match. The message names ``parameter``.
     """
-    if not folder.is_dir():
-        raise RecordingError(f"There is no folder {folder}; give the one that the recording was copied to.")
-    if name:
-        if not (folder / name).is_file():
-            raise RecordingError(f"There is no file {folder / name}; correct '{parameter}' or copy the file there.")
-        return folder / name
-    names = sorted(path.name for path in folder.iterdir() if path.name.endswith(suffix) and path.is_file())
-    if len(names) != 1:
-        candidates = f"{len(names)} files ({', '.join(names)})" if names else "no file"
-        raise RecordingError(f"{folder} has {candidates} ending in {suffix}; give the name as '{parameter}'.")
-    return folder / names[0]
+    paths = find_files(folder, name or f"*{suffix}", parameter)
+    if len(paths) > 1:
+        names = ", ".join(path.name for path in paths)
+        raise RecordingError(
+            f"{folder} contains {len(paths)} files that end in {suffix} ({names}); set '{parameter}' to one of them."
+        )
+    return paths[0]
 
 
 def fingerprint(paths: tuple[Path, ...]) -> str:
-    """Return the SHA-256 over the bytes of ``paths``, one after the other."""
+    """Return the SHA-256 of the concatenated SHA-256 hashes of the files ``paths``."""
     return hashlib.sha256("".join(_sha256(path, _version(path)) for path in paths).encode()).hexdigest()
 
 
 class FromFiles:
-    """A data set that is read from files: another seed changes nothing, and its data are their bytes."""
+    """A data set that is read from files, so that its recording does not depend on the seed."""
 
     seeded: ClassVar[bool] = False
     default_attitude: ClassVar[str] = "real"
 
     def paths(self) -> tuple[Path, ...]:
-        """Return the files that are read."""
+        """Return the paths of all files that the data set reads."""
         raise NotImplementedError
 
     def fingerprint(self) -> str:
-        """Return the SHA-256 over the bytes of the files."""
+        """Return a hash of the content of all files that the data set reads."""
         return fingerprint(self.paths())
 
 
 def _version(path: Path) -> tuple[int, ...]:
-    """What changes with a file; one that has not rested since it was changed has another version each time."""
+    """Return a cache key that changes with the file. For a recently changed file, the key differs in each call."""
     stat, now_ns = path.stat(), time.time_ns()
     unrested = now_ns if now_ns - stat.st_ctime_ns < RESTING_NS else 0
     return stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size, unrested
 
 
 @lru_cache(maxsize=64)
-def _sha256(path: Path, version: tuple[int, ...]) -> str:  # noqa: ARG001 - it says when to read it again
+def _sha256(path: Path, version: tuple[int, ...]) -> str:  # noqa: ARG001 - the key of the cache
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-# The folder of fetched recordings, and the default folder of a recording.
+# The folders of fetched recordings.
 
 VARIABLE = "JERKBENCH_DATA"
 """Environment variable that names the folder of all fetched recordings."""
 
 
 def fetched_folder(name: str) -> Path:
-    """Return the folder of the fetched recording ``name``, whether it was fetched or not."""
+    """Return the folder of the fetched recording ``name``. The folder may be missing."""
     root = os.environ.get(VARIABLE)
     return (Path(root).expanduser() if root else user_cache_folder()) / name
 
 
 FETCHED = "fetched:"
-"""Before the name of a fetched recording, in the place of a folder."""
+"""Prefix of the name of a fetched recording, instead of a folder."""
 
 FOLDER = "dataset.folder=FOLDER"
-"""What a message offers beside fetching."""
+"""The alternative to fetching that error messages suggest."""
 
 
 def named_folder(folder: str, otherwise: str = FOLDER) -> Path:
-    """Return the path of ``folder``: itself a path, or ``fetched:NAME``.
+    """Return the path of ``folder``, which is a path or ``fetched:NAME``.
 
     Raises:
-        RecordingError: the recording of that name was not fetched.
+        RecordingError: the recording NAME was not fetched. The message suggests ``otherwise`` as the alternative.
     """
-    if folder.startswith(FETCHED):
-        return recording_folder("", folder.removeprefix(FETCHED), otherwise)
-    return Path(folder).expanduser()
-
-
-def recording_folder(folder: str, name: str, otherwise: str = FOLDER) -> Path:
-    """Return ``folder`` where it is not empty, else that of the fetched recording ``name``.
-
-    Raises:
-        RecordingError: ``folder`` is empty, and the recording was not fetched.
-    """
-    if folder:
+    if not folder.startswith(FETCHED):
         return Path(folder).expanduser()
+    name = folder.removeprefix(FETCHED)
     fetched = fetched_folder(name)
     if not fetched.is_dir():
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""Impossible measurements in arrays from any reader: places, dates, stamps, repeated values, and sizes of files."""
+"""Checks of arrays from any reader: impossible positions, dates and stamps, repeated values, and sizes of files."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,86 +9,98 @@ import numpy.typing as npt
 from jerkbench.arrays import BoolArray, FloatArray, IntArray
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import ecef_to_geodetic
+from jerkbench.io.frames import ACCEL_UNITS, GYRO_UNITS, axes_to_judge, gravity_notes
 from jerkbench.io.text import require_possible
 from jerkbench.recording import Imu
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 360.0
 MIN_HEIGHT_M, MAX_HEIGHT_M = -1000.0, 20_000.0
 MAX_LOCAL_M = 1e8
-"""No local or UTM coordinate is larger."""
+"""Maximum local or UTM coordinate."""
 
 MIN_DATE_NS, MAX_DATE_NS = (int(np.datetime64(year, "ns").astype(np.int64)) for year in ("1980", "2100"))
-"""The dates of recordings, in nanoseconds since 1970."""
+"""Range of the dates of recordings, in nanoseconds since 1970."""
 
-NO_FIX = "a place of zeros (no fix)"
+NO_FIX = "a position of zeros (no fix)"
 OFF_EARTH = (
-    f"a place that is not on Earth (latitude within {MAX_LATITUDE_DEG:g} deg, longitude within"
+    f"a position that is not on Earth (latitude within {MAX_LATITUDE_DEG:g} deg, longitude within"
     f" {MAX_LONGITUDE_DEG:g} deg, height {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m)"
 )
-HELD = "the values of the row before, held until the next measurement"
+HELD = "the values of the previous row, held until the next measurement"
 UNDATED = "a date that is not between 1980 and 2100"
 
 MAX_MPS2, MAX_RADPS, MAX_MPS = 1000.0, 100.0, 200.0
-"""Larger values are damage: 100 g, 5700 deg/s, 720 km/h."""
+"""Maximum plausible values: 100 g, 5700 deg/s, 720 km/h."""
 
 MAX_DAMAGED = 0.1
-"""If a larger part of the values is too large, they are in another unit and not damaged."""
+"""Maximum fraction of damaged values. If more values are too large, they are in another unit."""
 
 FROZEN_ROWS = 10
-"""An angular rate that is the same so often in a row is not measured: noise alone would change the last digit."""
+"""Minimum number of equal consecutive angular rates that are frozen. The noise of measurements changes the last digit.
+"""
 
 REPEATED = 0.05
-"""A larger part of repeated samples is reported: the logger asks more often than the sensor measures."""
+"""Maximum fraction of repeated samples that is not reported. A logger that is faster than the sensor repeats samples.
+"""
 
 UNIT_WITHIN = 0.02
-"""The largest difference of a unit quaternion's length from 1."""
+"""Maximum deviation of a unit quaternion's norm from 1."""
 
 LEAP_M, LEAP_MPS = 50.0, 100.0
-"""A fix that is further from the median of its neighbours than this, plus this per second, is damage."""
+"""Maximum distance of a fix from the median of its neighbours: a constant, plus a speed times their time span."""
 
 IMU_GAP_S = 0.2
-"""A longer step between two samples of the IMU is reported: in it a vehicle turns and brakes."""
+"""Maximum step of the IMU that is not reported. In a longer step a vehicle may turn or brake."""
 
 MIN_HELD_RUNS, HELD_WITHIN = 10, 0.2
-"""So many runs of equal values, half of them of the same length within this part, show that a logger holds a value."""
+"""Conditions for a logger that holds values: minimum number of runs of equal values, and relative tolerance of the run
+length. The length of at least half of the runs must be the median length, within this tolerance."""
+
+MAX_ROUNDED = 0.5
+"""Maximum fraction of different rows with the stamp of the previous row, if all stamps are whole seconds."""
 
 LATE_NS = 1_000_000_000
-"""A row that is older than the one before by less came late; by more, a clock was set back."""
+"""Maximum time by which a late row is older than the previous row. With a larger difference a clock was set back."""
 
 MAX_NUMBERS, MAX_RATIO = 16_000_000, 20
-"""The numbers (of 8 bytes) that any file may hold, and the bytes of numbers for each byte of a larger file: measured
-values can hardly be compressed, and a file of two kilobytes can promise gigabytes."""
+"""Number of values (of 8 bytes) that is allowed in any file. If a file has more, MAX_RATIO is the maximum ratio of the
+size of its values to the size of the file. Measurements are hardly compressible, but a header of two kilobytes can
+declare gigabytes."""
 
 
 def require_size(path: Path, numbers: int) -> None:
-    """Check, before memory is allocated, how many numbers a file promises.
+    """Check the number of values that a file declares, before the reader allocates memory for them.
 
     Raises:
-        RecordingError: they are far more than a file of this size can hold.
+        RecordingError: a file of this size cannot contain this number of values.
     """
     size = path.stat().st_size
     if numbers > max(MAX_NUMBERS, MAX_RATIO * size // 8):
         raise RecordingError(
-            f"{path} has {size} bytes and promises {numbers:.3g} numbers, which need {numbers / 1.25e8:.3g} GB: it is"
-            " damaged, or its arrays are empty; write only the measured rows."
+            f"{path} has {size} bytes but declares {numbers:.3g} numbers, which need {numbers / 1.25e8:.3g} GB. The"
+            " file is damaged, or its arrays are empty; write only the measured rows."
         )
 
 
 def require_origin(owner: str, origin: tuple[float, ...]) -> None:
-    """Raise a PluginError unless there is no origin, or one on Earth."""
-    given, parts = f"{owner}: origin is {origin}", "give latitude [deg], longitude [deg] and height [m]"
+    """Raise a PluginError if ``origin`` is not empty and not a position on Earth."""
     if len(origin) not in (0, 3):
-        raise PluginError(f"{given}; {parts}, or none.")
+        raise PluginError(
+            f"{owner}: origin is {origin}; give latitude [deg], longitude [deg] and height [m], or leave origin empty."
+        )
     if origin and (np.isnan(origin).any() or off_earth(np.array([origin]), "geodetic").any()):
-        raise PluginError(f"{given}, which is not on Earth; {parts}, in this order.")
+        raise PluginError(
+            f"{owner}: origin is {origin}, which is not on Earth; give latitude [deg], longitude [deg] and height [m]."
+        )
 
 
 def off_earth(places: FloatArray, frame: str) -> BoolArray:
-    """Return (n,) which places (n, 3) are impossible; a coordinate that is NaN was not measured.
+    """Return a mask (n,) of impossible positions (n, 3). Coordinates that are NaN are not checked.
 
     Args:
-        places: latitude, longitude [deg] and height [m] in the frame "geodetic"; ECEF; or local coordinates [m].
-        frame: of the places.
+        places: (n, 3) positions: latitude [deg], longitude [deg] and height [m], or coordinates in ECEF or a local
+            frame [m].
+        frame: frame of the positions.
     """
     if frame not in ("geodetic", "ecef"):
         return np.asarray((np.abs(places) > MAX_LOCAL_M).any(axis=1))
@@ -99,13 +111,13 @@ def off_earth(places: FloatArray, frame: str) -> BoolArray:
 
 
 def without_fix(places: FloatArray, frame: str) -> BoolArray:
-    """Return (n,) which places (n, 3) on the Earth are zeros that a logger wrote without a fix."""
+    """Return a mask (n,) of geodetic or ECEF positions (n, 3) that are zero, because the receiver had no fix."""
     axes = {"geodetic": 2, "ecef": 3}.get(frame)
     return np.zeros(len(places), dtype=np.bool_) if axes is None else np.asarray((places[:, :axes] == 0).all(axis=1))
 
 
 def undated(utc_ns: npt.ArrayLike) -> BoolArray:
-    """Return (n,) which UTC times, in nanoseconds since 1970, are impossible."""
+    """Return a mask (n,) of UTC times, in nanoseconds since 1970, that are not between 1980 and 2100."""
     return ~((np.asarray(utc_ns) >= MIN_DATE_NS) & (np.asarray(utc_ns) < MAX_DATE_NS))
 
 
@@ -116,16 +128,16 @@ def possible_rows(
     frame: str = "geodetic",
     utc_ns: npt.ArrayLike | None = None,
 ) -> tuple[BoolArray, tuple[str, ...]]:
-    """Return (n,) which rows are possible, and a note for each fault that counts the others.
+    """Return a mask (n,) of the rows with a possible position and time, and a note for each fault of other rows.
 
     Args:
-        where: the file.
-        places: (n, 3) as `off_earth` takes them.
-        frame: of the places.
-        utc_ns: (n,) as `undated` takes them.
+        where: name of the file, or of the topic of a bag, for messages.
+        places: (n, 3) positions in ``frame``, or None to check only the times.
+        frame: frame of the positions: geodetic [deg, deg, m], ecef [m] or a local frame [m].
+        utc_ns: (n,) UTC times in nanoseconds since 1970, or None to check only the positions.
 
     Raises:
-        RecordingError: no row is possible.
+        RecordingError: all rows are impossible.
     """
     faults = {} if places is None else {NO_FIX: without_fix(places, frame), OFF_EARTH: off_earth(places, frame)}
     faults |= {} if utc_ns is None else {UNDATED: undated(utc_ns)}
@@ -136,54 +148,87 @@ def possible_rows(
     return ~bad, drop_notes(where, faults)
 
 
-def drop_notes(where: str, faults: Mapping[str, BoolArray]) -> tuple[str, ...]:
-    """Return a note for each fault that some rows have."""
-    counts = {fault: (int(rows.sum()), len(rows)) for fault, rows in faults.items()}
-    return tuple(
-        f"{where}: {count} of {n} rows have {fault}: dropped." for fault, (count, n) in counts.items() if count
-    )
+def drop_notes(
+    where: str, faults: Mapping[str, BoolArray], done: str = "dropped", since_s: FloatArray | None = None
+) -> tuple[str, ...]:
+    """Return a note for each fault that at least one row has. The note counts the rows with this fault.
+
+    Args:
+        where: name of the file, or of the topic of a bag, for the notes.
+        faults: for each fault, a mask (n,) of the rows with this fault.
+        done: the treatment of the rows with a fault.
+        since_s: (n,) times of the rows since the start of a bag [s].
+    """
+    notes = []
+    for fault, rows in faults.items():
+        if count := int(rows.sum()):
+            first = "" if since_s is None else f", the first {since_s[int(np.argmax(rows))]:.2f} s into the bag"
+            notes.append(f"{where}: {count} of {len(rows)} rows have {fault}{first}: {done}.")
+    return tuple(notes)
+
+
+def require_fractions(where: str, t_ns: IntArray, changed: BoolArray) -> None:
+    """Check that the stamps were not rounded to whole seconds when they were written.
+
+    Args:
+        where: name of the file for the message.
+        t_ns: (n,) stamps in order.
+        changed: (n,) whether each row has other values than the previous row.
+
+    Raises:
+        RecordingError: most rows have the stamp of the previous row but other values, and all stamps are whole seconds.
+    """
+    rounded = (np.diff(t_ns) == 0) & changed[1:]
+    if len(rounded) and rounded.mean() > MAX_ROUNDED and not (t_ns % 1_000_000_000).any():
+        rows = round(len(t_ns) / len(np.unique(t_ns)))
+        raise RecordingError(
+            f"{where}: the stamps are rounded to whole seconds (about {rows} different rows with each); write them with"
+            " more digits."
+        )
 
 
 def ordered_rows(where: str, t_ns: IntArray) -> tuple[IntArray, tuple[str, ...]]:
-    """Return the rows in the order of their stamps, each stamp once, and notes that count what was done.
+    """Return the indices of the rows sorted by their stamps, and notes about late and dropped rows.
 
-    Rows that came late are sorted in; those after a clock was set back by more than a second are dropped.
+    Rows that are late by less than a second are sorted. Rows are dropped if their stamp is repeated, or if a clock was
+    set back by a second or more.
 
     Raises:
-        RecordingError: they are so many that the rows are those of several logs.
+        RecordingError: a clock was set back for more than 10 % of the rows, because the rows are of several logs.
     """
-    highest = highest_before(t_ns)
-    repeated, set_back = repeats_before(t_ns), t_ns <= highest - LATE_NS
-    if len(t_ns) and set_back.mean() > MAX_DAMAGED:
+    highest = np.maximum.accumulate(t_ns)
+    set_back = t_ns <= highest - LATE_NS
+    if set_back.sum() > MAX_DAMAGED * len(t_ns):
         raise RecordingError(
-            f"{where}: {int(set_back.sum())} of {len(t_ns)} rows are more than a second older than rows before them:"
-            " they are of several logs or clocks; name one file, or cut the log where its clock was set."
+            f"{where}: {int(set_back.sum())} of {len(t_ns)} rows are more than 1 s older than previous rows. The rows"
+            " are from several logs or clocks; select one file, or split the log at the time when its clock was set."
         )
-    order = np.flatnonzero(~set_back & ~repeated)
-    late = int((t_ns[order] < highest[order]).sum())
+    order = np.flatnonzero(~set_back)
     order = order[np.argsort(t_ns[order], kind="stable")]
-    again = repeats_before(t_ns[order])
+    again = np.concatenate([[False], np.diff(t_ns[order]) == 0])[: len(order)]
+    repeated, late = np.zeros((2, len(t_ns)), dtype=np.bool_)
     repeated[order[again]] = True
+    order = order[~again]
+    late[order] = t_ns[order] < highest[order]
     faults = {"the stamp of another row": repeated, "a stamp that was set back by seconds": set_back}
-    notes = drop_notes(where, faults)
-    if late:
-        notes += (f"{where}: {late} of {len(t_ns)} rows are older than a row before them: sorted in.",)
-    return order[~again], notes
+    of_late = drop_notes(where, {"a stamp older than a previous row": late}, "sorted")
+    return order, (*drop_notes(where, faults), *of_late)
 
 
 def held_rows(values: FloatArray) -> BoolArray:
-    """Return (n,) which rows repeat a measurement that a logger held until the next one.
+    """Return a mask (n,) of the rows in which a logger repeats the previous measurement.
 
-    Measurements (n, k) come at a lower rate than the rows if they are equal to the bit in runs of nearly one length.
-    The first row of each run counts, and in a longer run, as at rest, one row for each such length.
+    The measurements (n, k) have a lower rate than the rows if equal consecutive rows form runs of nearly the same
+    length. The first row of each run is a measurement. In a longer run of equal values, for example at standstill, one
+    new measurement is assumed for each typical run length.
     """
     n = len(values)
     new = np.concatenate([[True], (values[1:] != values[:-1]).any(axis=1)])[:n]
     starts = np.flatnonzero(new)
     lengths = np.diff(np.append(starts, n))
     period = int(np.median(lengths)) if len(lengths) else 0
-    alike = np.abs(lengths - period) <= max(1.0, HELD_WITHIN * period)
-    if period < 2 or len(starts) < MIN_HELD_RUNS or np.mean(alike) < 0.5:
+    typical = np.abs(lengths - period) <= max(1.0, HELD_WITHIN * period)
+    if period < 2 or len(starts) < MIN_HELD_RUNS or np.mean(typical) < 0.5:
         return np.zeros(n, dtype=np.bool_)
     run = np.cumsum(new) - 1
     since = np.arange(n) - starts[run]
@@ -191,44 +236,68 @@ def held_rows(values: FloatArray) -> BoolArray:
     return np.asarray(~measured)
 
 
-def possible_imu(where: str, imu: Imu) -> tuple[Imu, tuple[str, ...]]:
-    """Return the samples without those that no IMU measures, and a note that counts these.
-
-    Raises:
-        RecordingError: they are so many that the unit is wrong; names ``where`` and the first row.
-    """
-    beyond = (np.abs(imu.accel_mps2) > MAX_MPS2).any(axis=1) | (np.abs(imu.gyro_radps) > MAX_RADPS).any(axis=1)
-    if beyond.mean() > MAX_DAMAGED:
-        require_possible(f"{where}, specific force", imu.accel_mps2, MAX_MPS2)
-        require_possible(f"{where}, angular rate", imu.gyro_radps, MAX_RADPS)
-    if not beyond.any():
-        return imu, ()
-    fault = f"a specific force beyond {MAX_MPS2:g} m/s2 or an angular rate beyond {MAX_RADPS:g} rad/s"
-    kept = Imu(imu.t_s[~beyond], imu.accel_mps2[~beyond], imu.gyro_radps[~beyond])
-    return kept, drop_notes(Path(where).name, {fault: np.asarray(beyond)})
+def beyond(values: FloatArray, most: float) -> BoolArray:
+    """Return a mask (n,) of the rows of ``values`` (n, k) with an absolute value larger than ``most``."""
+    return np.asarray((np.abs(values) > most).any(axis=1))
 
 
 def impossible_speeds(mps: FloatArray) -> BoolArray:
-    """Return (n,) which velocities (n, k) no land vehicle has, unless many rows have them."""
-    beyond = np.asarray((np.abs(mps) > MAX_MPS).any(axis=1))
-    return beyond if beyond.mean() <= MAX_DAMAGED else np.zeros(len(mps), dtype=np.bool_)
+    """Return a mask (n,) of velocities (n, k) that are impossible for a land vehicle.
+
+    If more than 10 % of the velocities are impossible, the mask is False everywhere, because the unit is wrong.
+    """
+    rows = beyond(mps, MAX_MPS)
+    return rows if rows.mean() <= MAX_DAMAGED else np.zeros(len(mps), dtype=np.bool_)
+
+
+def imu_in_body(
+    where: str, t_s: FloatArray, accel: FloatArray, gyro: FloatArray, units: tuple[str, str], turn: FloatArray
+) -> tuple[Imu, tuple[str, ...]]:
+    """Return the plausible IMU samples in body axes, m/s2 and rad/s, and notes about gravity and faulty samples.
+
+    Args:
+        where: path of the file, for messages.
+        t_s: (n,) times of the samples [s].
+        accel: (n, 3) specific force in the sensor's axes and unit.
+        gyro: (n, 3) angular rate in the sensor's axes and unit.
+        units: units of the specific force and of the angular rate.
+        turn: (3, 3) matrix M with f_body = M f_sensor.
+
+    Raises:
+        RecordingError: more than 10 % of the samples are impossible, because the unit is wrong. The message names
+            ``where`` and the first impossible sample.
+    """
+    force, rate = accel * ACCEL_UNITS[units[0]] @ turn.T, gyro * GYRO_UNITS[units[1]] @ turn.T
+    finite = np.asarray(np.isfinite(np.hstack([force, rate])).all(axis=1))
+    faults = {
+        "a specific force or an angular rate that is NaN or infinite": ~finite,
+        f"a specific force beyond {MAX_MPS2:g} m/s2": beyond(force, MAX_MPS2),
+        f"an angular rate beyond {MAX_RADPS:g} rad/s": beyond(rate, MAX_RADPS),
+    }
+    good = ~np.logical_or.reduce(list(faults.values()))
+    if (~good).mean() > MAX_DAMAGED:
+        require_possible(f"{where}, specific force", force, MAX_MPS2)
+        require_possible(f"{where}, angular rate", rate, MAX_RADPS)
+    imu = Imu(t_s[good], force[good], rate[good])
+    of_axes = gravity_notes(imu.accel_mps2, "imu_axes")
+    return imu, (*of_axes, *repeat_notes(imu), *drop_notes(Path(where).name, faults))
 
 
 def repeated_samples(imu: Imu) -> int:
-    """Return how many samples repeat all six values of the one before."""
+    """Return the number of IMU samples that repeat all six values of the previous sample."""
     same = (np.diff(imu.accel_mps2, axis=0) == 0).all(axis=1) & (np.diff(imu.gyro_radps, axis=0) == 0).all(axis=1)
     return int(same.sum())
 
 
 def repeat_notes(imu: Imu) -> tuple[str, ...]:
-    """Return a note where more than a twentieth of the samples repeat the one before, else none."""
+    """Return a note if more than 5 % of the samples repeat the previous sample, otherwise an empty tuple."""
     count, n = repeated_samples(imu), len(imu.t_s)
-    few = f"{count} of {n} IMU samples ({count / n:.0%}) repeat all values of the one before"
-    return (f"{few}: they measure nothing new.",) if count > REPEATED * n else ()
+    few = f"{count} of {n} IMU samples ({count / n:.0%}) repeat all values of the previous sample"
+    return (f"{few}: they contain no new measurement.",) if count > REPEATED * n else ()
 
 
 def imu_gap_notes(imu: Imu | None) -> tuple[str, ...]:
-    """Return a note that counts the gaps of the IMU, or none."""
+    """Return a note that counts the gaps between IMU samples, or an empty tuple if there are no gaps."""
     if imu is None or imu.largest_interval_s <= IMU_GAP_S:
         return ()
     steps_s = np.diff(imu.t_s)
@@ -236,14 +305,15 @@ def imu_gap_notes(imu: Imu | None) -> tuple[str, ...]:
     if not len(gaps_s):
         return ()
     count = "1 gap" if len(gaps_s) == 1 else f"{len(gaps_s)} gaps"
-    lost = "one sample stands for all: a turn or a change of speed there is lost, for every filter that uses the IMU"
-    return (f"the IMU has {count} of up to {gaps_s.max():.2f} s, in which {lost}. Cut the recording there.",)
+    effect = "Filters that use the IMU miss turns and changes of speed in a gap"
+    return (f"the IMU has {count} of up to {gaps_s.max():.2f} s. {effect}. Cut the recording there.",)
 
 
 def frozen_rows(values: FloatArray) -> BoolArray:
-    """Return (n,) which of (n, k) repeat the row before, within runs of at least `FROZEN_ROWS`.
+    """Return a mask (n,) of the rows of ``values`` (n, k) that repeat the previous row in a long run of equal rows.
 
-    A run at the very start is frozen as a whole: nothing was measured yet.
+    A long run has at least `FROZEN_ROWS` rows. A long run at the start is masked completely, because the sensor has not
+    measured yet.
     """
     same = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])[: len(values)]
     run = np.cumsum(~same)
@@ -252,34 +322,39 @@ def frozen_rows(values: FloatArray) -> BoolArray:
 
 
 def unit_quaternions(quaternions: FloatArray) -> BoolArray:
-    """Return (n,) which of (n, 4) are of length 1."""
+    """Return a mask (n,) of the quaternions (n, 4) whose norm is 1, within `UNIT_WITHIN`."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= UNIT_WITHIN)
 
 
-def steady_rows(t_s: FloatArray, position_m: FloatArray) -> tuple[BoolArray, tuple[str, ...]]:
-    """Return (n,) which fixes do not leap, and a note that counts the others, or none.
+def steady_rows(
+    where: str, t_s: FloatArray, places: FloatArray, frame: str = "geodetic"
+) -> tuple[BoolArray, tuple[str, ...]]:
+    """Return a mask (n,) of the fixes that do not leap, and a note that counts the leaping fixes, if any.
+
+    Args:
+        where: name of the file, or of the topic of a bag, for messages.
+        t_s: (n,) stamps of the fixes [s].
+        places: (n, 3) positions in ``frame``.
+        frame: frame of the positions: geodetic [deg, deg, m], ecef [m] or a local frame [m].
 
     Raises:
-        RecordingError: all of them leap.
+        RecordingError: all fixes leap.
     """
-    leaps = leaping_rows(t_s, position_m)
-    count, n = int(leaps.sum()), len(leaps)
-    if count and count == n:
+    leaps = leaping_rows(t_s, axes_to_judge(places, frame))
+    if len(leaps) and leaps.all():
         raise RecordingError(
-            f"All {n} fixes leap out of their neighbours by more than {LEAP_M:g} m; check the columns of the places,"
-            " their frame and unit, and the times."
+            f"{where}: all {len(leaps)} fixes are more than {LEAP_M:g} m away from their neighbours; check the columns"
+            " of the positions, their frame and unit, and the times."
         )
-    predicate = "leaps out of its" if count == 1 else "leap out of their"
-    notes = (f"{count} of {n} fixes {predicate} neighbours by more than {LEAP_M:g} m: dropped.",) if count else ()
-    return ~leaps, notes
+    return ~leaps, drop_notes(where, {f"a position more than {LEAP_M:g} m from its neighbours": leaps})
 
 
 def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
-    """Return (n,) which are too far from the median of the five positions around them.
+    """Return a mask (n,) of the positions that are too far from the median of the five nearest rows.
 
-    An axis that is NaN was not measured: a position is judged by its other axes, each of them beside the nearest five
-    that were. It leaps where, with the time that the five take::
+    Axes that were not measured are NaN. Each axis is compared with the nearest five rows in which it was measured. A
+    position is too far if, with the distance from the median and the time span of the five rows::
 
         sum over the axes of (distance / (50 m + 100 m/s time))^2 > 1
     """
@@ -291,22 +366,10 @@ def leaping_rows(t_s: FloatArray, position_m: FloatArray) -> BoolArray:
 
 
 def _over_limit(t_s: FloatArray, axis_m: FloatArray) -> FloatArray:
-    """Return (n,) each value's distance from the median of the five around it, over its limit; of fewer than 5, 0."""
+    """Return the distance (n,) from the median of the nearest five values, divided by its limit, or 0 if n < 5."""
     n = len(axis_m)
     if n < 5:
         return np.zeros(n)
-    around = np.clip(np.arange(n), 2, n - 3)[:, None] + np.arange(-2, 3)  # at the ends the nearest five
+    around = np.clip(np.arange(n), 2, n - 3)[:, None] + np.arange(-2, 3)  # the five nearest rows
     span_s = t_s[around[:, -1]] - t_s[around[:, 0]]
     return np.asarray(np.abs(axis_m - np.median(axis_m[around], axis=1)) / (LEAP_M + LEAP_MPS * span_s))
-
-
-def repeats_before(stamp_ns: IntArray) -> BoolArray:
-    """Return (n,) which stamps equal the one before."""
-    return np.concatenate([[False], np.diff(stamp_ns) == 0])[: len(stamp_ns)]
-
-
-def highest_before(stamp_ns: IntArray) -> IntArray:
-    """Return (n,) the highest stamp before each row; of the first, one less than itself."""
-    if not len(stamp_ns):
-        return stamp_ns
-    return np.concatenate([[stamp_ns[0] - 1], np.maximum.accumulate(stamp_ns)[:-1]])

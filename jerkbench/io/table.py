@@ -1,4 +1,4 @@
-"""Streams of a table: times, covariances, attitudes and the columns that contain them."""
+"""The streams of a table: the column parameters of each stream, and its times, covariances and attitudes."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -13,8 +13,8 @@ from jerkbench.arrays import BoolArray, FloatArray, IntArray, positive_definite,
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, enu_axes, euler_from_dcm
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, UNIX_EPOCH
-from jerkbench.io.columns import SOLUTION, TIME_UNITS, Columns, find_tables, read_columns, read_datetimes_ns, times_ns
-from jerkbench.io.files import named_folder
+from jerkbench.io.columns import SOLUTION, TIME_UNITS, Columns, read_columns, times_ns
+from jerkbench.io.files import find_files, named_folder
 from jerkbench.io.frames import (
     ACCEL_UNITS,
     ANGLE_UNITS,
@@ -26,129 +26,127 @@ from jerkbench.io.frames import (
     axes_matrix,
     covariance_in_enu,
     enu_from,
-    turned_covariance,
+    rotated_covariance,
 )
-from jerkbench.io.rtklib import POS_COVARIANCE, POS_PLACE, POS_VELOCITY, POS_VELOCITY_COVARIANCE
-from jerkbench.io.sanitiser import MIN_DATE_NS, ordered_rows, possible_rows
+from jerkbench.io.rtklib import POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE
+from jerkbench.io.sanitiser import MIN_DATE_NS, drop_notes, possible_rows
 from jerkbench.io.text import TextFormat, cut_note
 from jerkbench.recording import Origin, Reference
 
 _RTKLIB = [0, 3, 5, 3, 1, 4, 5, 4, 2]
 _UPPER = [0, 3, 4, 3, 1, 5, 4, 5, 2]
-"""Where the nine elements of a matrix stand: of RTKLIB's six (11 22 33 12 23 31), of the upper half's six."""
-
-
-class CovarianceMap(NamedTuple):
-    """Which columns of a table are the covariance of three axes.
-
-    Attributes:
-        sigma: standard deviations: one for all axes, three, or RTKLIB's six (11, 22, 33, 12, 23, 31; each the root of
-            the covariance's absolute value with its sign).
-        covariance: one variance for all axes, three variances, six elements (11, 22, 33, 12, 13, 23), or nine, row by
-            row.
-        frame: of the axes: enu, ned or ecef.
-        sigma_otherwise: one standard deviation of an axis, where there are no columns.
-        scale: what the columns of standard deviations are multiplied with: of a DOP, one standard deviation of a range.
-    """
-
-    sigma: tuple[str, ...]
-    covariance: tuple[str, ...]
-    frame: str
-    sigma_otherwise: float
-    scale: float = 1.0
+"""Indices of the nine elements of a symmetric matrix in a list of six elements: in the order of RTKLIB (11, 22, 33, 12,
+23, 31), and in the order of the upper triangle (11, 22, 33, 12, 13, 23)."""
 
 
 def covariances_of(
-    columns: Columns, mapping: CovarianceMap, origin: Origin | None
+    columns: Columns,
+    sigma: Sequence[str],
+    covariance: Sequence[str],
+    frame: str,
+    otherwise: float,
+    origin: Origin | None,
+    scale: float = 1.0,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return (n, 3, 3) in ENU, and notes that count those that are not positive definite, and rows that have none.
+    """Return covariances (n, 3, 3) in ENU, and notes that count invalid and missing covariances.
 
-    Of the first the sizes of the variances alone are used: rounding makes them so, or a solution that was no minimum,
-    of which RTKLIB writes a negative standard deviation. A row with empty cells has ``sigma_otherwise``.
+    If a covariance is not positive definite, only the absolute values of its variances are used. The causes are
+    rounding, and solutions that are not a minimum, for which RTKLIB writes a negative standard deviation. A row without
+    any entry in the columns of the covariance has the standard deviation ``otherwise``.
+
+    Args:
+        columns: the table.
+        sigma: columns of standard deviations: one for all axes, three, or six in the order of RTKLIB (11, 22, 33, 12,
+            23, 31), each of which is the square root of |c| with the sign of the covariance c.
+        covariance: columns of one variance for all axes, three variances, six elements (11, 22, 33, 12, 13, 23), or
+            nine elements row by row.
+        frame: frame of the axes: enu, ned or ecef.
+        otherwise: standard deviation of rows without a covariance [m or m/s].
+        origin: origin of ENU, or None if it is unknown.
+        scale: factor on the columns of standard deviations. For DOP values, the factor is the standard deviation of a
+            range [m].
 
     Raises:
-        RecordingError: there is no such column, a cell is no number, or the axes are those of ECEF and the place on
-            Earth is not known.
+        RecordingError: a column does not exist, a cell is not a number, or the axes are in ECEF and the origin is
+            unknown.
     """
-    otherwise = mapping.sigma_otherwise**2 * np.eye(3)
-    if not mapping.covariance and not mapping.sigma:
-        return np.tile(otherwise, (len(columns), 1, 1)), ()
-    matrices = _matrices(columns, mapping)
-    empty = ~columns.rows_of(mapping.covariance or mapping.sigma)
-    matrices = np.where(empty[:, None, None], otherwise, matrices)
-    diagonal = np.abs(matrices * np.eye(3))
-    sound = positive_definite(matrices) | ~positive_definite(diagonal)
-    turned = _in_enu(columns.where, np.where(sound[:, None, None], matrices, diagonal), mapping.frame, origin)
-    count = int((~sound).sum())
-    name, notes = Path(columns.where).name, []
-    if count:
-        few = f"{count} of {len(columns)} covariances of {name} are not positive definite"
-        notes.append(f"{few}: the sizes of their variances alone are used.")
-    if empty.any():
-        few = f"{int(empty.sum())} of {len(columns)} rows of {name} have no standard deviation"
-        notes.append(f"{few}: {mapping.sigma_otherwise:g} is taken.")
-    return turned, tuple(notes)
-
-
-def _matrices(columns: Columns, mapping: CovarianceMap) -> FloatArray:
-    """(n, 3, 3) in the file's axes."""
-    if mapping.covariance:
-        values, six = columns.numbers(mapping.covariance), _UPPER
+    default = otherwise**2 * np.eye(3)
+    if not covariance and not sigma:
+        return np.tile(default, (len(columns), 1, 1)), ()
+    if frame == "ecef" and origin is None:
+        raise RecordingError(
+            f"{columns.where} has covariances in ECEF, but the origin of ENU on the Earth is unknown; give origin."
+        )
+    if covariance:
+        values, six = columns.numbers(covariance), _UPPER
     else:
-        sd = mapping.scale * columns.numbers(mapping.sigma)
+        sd = scale * columns.numbers(sigma)
         values, six = sd * np.abs(sd), _RTKLIB
     if values.shape[1] in (1, 3):
-        return np.asarray(np.broadcast_to(values, (len(values), 3))[:, :, None] * np.eye(3))
-    return np.asarray(values[:, six if values.shape[1] == 6 else list(range(9))].reshape(-1, 3, 3))
+        matrices = np.broadcast_to(values, (len(values), 3))[:, :, None] * np.eye(3)
+    else:
+        matrices = values[:, six if values.shape[1] == 6 else list(range(9))].reshape(-1, 3, 3)
+    zero = (np.einsum("nii->ni", matrices) == 0.0).any(axis=1)
+    if len(zero) and zero.all():
+        names = ", ".join(covariance or sigma)
+        raise RecordingError(
+            f"{columns.where}: none of the {len(zero)} rows has a standard deviation above 0 in the columns {names};"
+            " leave these columns out, and give one standard deviation (position_sigma_m, velocity_sigma_mps)."
+        )
+    empty = zero | ~columns.rows_of(covariance or sigma)
+    matrices = np.where(empty[:, None, None], default, matrices)
+    diagonal = np.abs(matrices * np.eye(3))
+    sound = positive_definite(matrices) | ~positive_definite(diagonal)
+    matrices = np.where(sound[:, None, None], matrices, diagonal)
+    if frame == "ecef" and origin is not None:
+        matrices = rotated_covariance(enu_axes(origin), matrices)
+    else:
+        matrices = covariance_in_enu(matrices, frame)
+    faults = {
+        "a covariance that is not positive definite": (~sound, "only the sizes of their variances are used"),
+        "no standard deviation": (empty, f"{otherwise:g} is used"),
+    }
+    notes = [note for fault, (rows, done) in faults.items() for note in drop_notes(columns.name, {fault: rows}, done)]
+    return matrices, tuple(notes)
 
 
-def _in_enu(where: str, matrices: FloatArray, frame: str, origin: Origin | None) -> FloatArray:
-    """Turned into ENU and symmetric to the bit; of local axes one that is NaN stays alone."""
-    if frame in ("enu", "ned"):
-        return covariance_in_enu(matrices, frame)
-    if origin is None:
-        raise RecordingError(f"{where} has axes of ECEF, and where it is on the Earth is not known; give origin.")
-    return turned_covariance(enu_axes(origin), matrices)
+def read_attitude(
+    columns: Columns,
+    angles: Sequence[str],
+    unit: str,
+    frame: str,
+    body: str,
+    imu_axes: tuple[str, ...] = ("x", "y", "z"),
+) -> FloatArray | None:
+    """Return roll, pitch, yaw (n, 3) [rad] from FLU body axes to ENU, or None if ``angles`` is empty.
 
+    The angles are NaN in rows without a known attitude.
 
-class AttitudeMap(NamedTuple):
-    """Which columns of a table are an attitude.
-
-    Attributes:
-        angles: three columns (roll, pitch, yaw) or four (w, x, y, z), body to local frame, or none.
-        unit: of roll, pitch and yaw: rad or deg.
-        frame: the local frame.
-        body: whose attitude it is: flu, frd or sensor.
-        imu_axes: what the body's x, y, z are on the sensor.
-    """
-
-    angles: tuple[str, ...]
-    unit: str
-    frame: str
-    body: str
-    imu_axes: tuple[str, ...]
-
-
-def read_attitude(columns: Columns, mapping: AttitudeMap) -> FloatArray | None:
-    """Return (n, 3) roll, pitch, yaw [rad] of the FLU body in ENU, NaN where they are unknown; None without columns.
+    Args:
+        columns: the table.
+        angles: three columns (roll, pitch, yaw) or four columns (w, x, y, z) of the rotation from the body to the local
+            frame, or an empty tuple.
+        unit: unit of roll, pitch and yaw: rad or deg.
+        frame: local frame of the attitude: enu or ned.
+        body: the axes that the attitude describes: flu, frd or sensor.
+        imu_axes: the axes of the sensor that point along the body's x, y and z axes.
 
     Raises:
-        RecordingError: there is no such column, or a cell is no number.
+        RecordingError: a column does not exist, or a cell is not a number.
     """
-    if not mapping.angles:
+    if not angles:
         return None
-    attitude, by_angles = columns.numbers(mapping.angles), len(mapping.angles) == 3
-    if by_angles and mapping.unit == "deg":
+    attitude, by_angles = columns.numbers(angles), len(angles) == 3
+    if by_angles and unit == "deg":
         attitude = np.radians(attitude)
     known = np.isfinite(attitude).all(axis=1)
     if not by_angles:
-        known &= np.linalg.norm(np.nan_to_num(attitude), axis=1) > 0  # a quaternion of zeros is none
+        known &= np.linalg.norm(np.nan_to_num(attitude), axis=1) > 0  # a quaternion of zeros means "unknown"
     euler_rad = np.full((len(attitude), 3), np.nan)
     if known.any():
         turns = dcm_from_euler(attitude[known]) if by_angles else dcm_from_quaternion(attitude[known][:, [1, 2, 3, 0]])
-        axes = axes_matrix(mapping.imu_axes) if mapping.body == "sensor" else np.eye(3)
-        flu_from_body = FLU_FROM_FRD if mapping.body == "frd" else axes
-        euler_rad[known] = euler_from_dcm(enu_from(mapping.frame) @ turns @ flu_from_body.T)
+        flu_from_body = {"flu": np.eye(3), "frd": FLU_FROM_FRD, "sensor": axes_matrix(imu_axes)}[body]
+        euler_rad[known] = euler_from_dcm(enu_from(frame) @ turns @ flu_from_body.T)
     return euler_rad
 
 
@@ -173,30 +171,29 @@ CHOICES = {
     "velocity_frame": ("enu", "ned", "ecef", "body", "speed"),
     "reference_body": ("flu", "frd", "sensor"),
 }
-"""What each parameter may be."""
+"""Allowed values of each parameter."""
 
 _SIGMAS = (0, 1, 3, 6)
 _COVARIANCES = (0, 1, 3, 6, 9)
-"""How many columns there may be of standard deviations and of variances and covariances."""
+"""Allowed numbers of columns of standard deviations, and of variances and covariances."""
 
 _COUNTS: dict[str, tuple[int, ...]] = {
-    **dict.fromkeys(("imu_accel", "imu_gyro", "position_columns"), (3,)),
-    "position_sigma": _SIGMAS,
-    "position_covariance": _COVARIANCES,
-    "velocity_columns": (3,),
-    "velocity_sigma": _SIGMAS,
-    "velocity_covariance": _COVARIANCES,
-    "reference_position": (0, 3),
+    **dict.fromkeys(("imu_accel", "imu_gyro", "position_columns", "velocity_columns", "reference_offset_m"), (3,)),
+    **dict.fromkeys(("position_sigma", "velocity_sigma"), _SIGMAS),
+    **dict.fromkeys(("position_covariance", "velocity_covariance"), _COVARIANCES),
+    **dict.fromkeys(("reference_position", "reference_velocity"), (0, 3)),
     "reference_sigma": (0, 1, 3),
-    "reference_velocity": (0, 3),
     "reference_attitude": (0, 3, 4),
-    "reference_offset_m": (3,),
 }
-"""How many columns or numbers each parameter may have."""
+"""Allowed number of entries (columns or numbers) of each parameter."""
 
 
 def require_columns(table: object, velocity_frame: str) -> None:
-    """Raise a PluginError that names the first of the parameters with another number of columns than it may have."""
+    """Check the number of columns in each parameter of the data set `table`.
+
+    Raises:
+        PluginError: a parameter has a wrong number of columns, or a stream has columns of sigma and of covariance.
+    """
     speed = {"velocity_columns": (1,), "velocity_sigma": (0, 1), "velocity_covariance": (0, 1)}
     require_lengths(table, _COUNTS | (speed if velocity_frame == "speed" else {}))
     for stream in ("position", "velocity"):
@@ -207,44 +204,38 @@ def require_columns(table: object, velocity_frame: str) -> None:
 
 
 MIN_STEPS = 4
-"""Of fewer steps nobody can say which is odd."""
+"""Minimum number of time steps among which an unusual step can be identified."""
 
-SOLUTION_SETTINGS: dict[str, dict[str, Any]] = {
-    "position": {
-        "position_columns": POS_PLACE,
-        "position_frame": "geodetic",
-        "position_sigma": (),
-        "position_covariance": POS_COVARIANCE,
-        "position_covariance_frame": "enu",
-    },
-    "velocity": {
-        "velocity_columns": POS_VELOCITY,
-        "velocity_frame": "enu",
-        "velocity_sigma": (),
-        "velocity_covariance": POS_VELOCITY_COVARIANCE,
-    },
-    "reference": {
-        "reference_position": POS_PLACE,
-        "reference_velocity": POS_VELOCITY,
-        "reference_attitude": (),
-        "reference_frame": "geodetic",
-        "reference_sigma": (),
-    },
+SOLUTION_SETTINGS: dict[str, Any] = {
+    "position_columns": POS_POSITION,
+    "position_frame": "geodetic",
+    "position_sigma": (),
+    "position_covariance": POS_COVARIANCE,
+    "position_covariance_frame": "enu",
+    "velocity_columns": POS_VELOCITY,
+    "velocity_frame": "enu",
+    "velocity_sigma": (),
+    "velocity_covariance": POS_VELOCITY_COVARIANCE,
+    "reference_position": POS_POSITION,
+    "reference_velocity": POS_VELOCITY,
+    "reference_attitude": (),
+    "reference_frame": "geodetic",
+    "reference_sigma": (),
 }
-"""The parameters of a stream whose file is a solution of RTKLIB."""
+"""Parameters of each stream if its file is a solution of RTKLIB."""
 
 
 class Source(NamedTuple):
-    """Where a stream stands.
+    """The file of a stream, and its columns for time and quality.
 
     Attributes:
-        name: imu, position, velocity or reference.
-        file: a name, or a pattern of several; empty: there is no such stream.
-        time: column of its times; empty: they are in a file of dates.
-        shift_s: added to its stamps.
-        unit: of its times; empty: that of all streams.
-        qualities: of a solution of RTKLIB, or in the column ``quality``, the values that are used; empty: all.
-        quality: column of the kind of each fix; empty: there is none.
+        name: name of the stream: imu, position, velocity or reference.
+        file: name of the file, or a pattern of several files, or empty if the recording does not have this stream.
+        time: column of the times, or empty if the times are in the file ``time_file`` of `TimedColumns`.
+        shift_s: time shift that is added to the stamps [s].
+        unit: unit of the times, or empty to use ``time_unit`` of `TimedColumns`.
+        qualities: accepted values of the column ``quality``, or empty to accept all values.
+        quality: column with the quality of each row, or empty if the file has no such column.
     """
 
     name: str
@@ -257,107 +248,59 @@ class Source(NamedTuple):
 
     @property
     def solved(self) -> bool:
-        """Whether it is a solution of RTKLIB."""
+        """True if the file is a solution of RTKLIB."""
         return self.file.endswith(SOLUTION)
-
-    @property
-    def parameter(self) -> str:
-        """The parameter that names the file."""
-        return f"{self.name}_file"
-
-    @property
-    def shift_ns(self) -> int:
-        """Nanoseconds that are added to its stamps."""
-        return round(self.shift_s * 1e9)
 
 
 def accepted(where: str, quality: FloatArray, qualities: tuple[float, ...], parameter: str) -> BoolArray:
-    """Return (n,) which rows have one of the ``qualities``.
+    """Return a mask (n,) of the rows whose quality is among the ``qualities``.
 
     Raises:
-        RecordingError: no row has; lists the qualities of the file.
+        RecordingError: no row has an accepted quality. The message lists the qualities in the file.
     """
     rows = np.isin(quality, qualities)
     if not rows.any():
         there = ", ".join(f"{q:g}" for q in np.unique(quality))
-        raise RecordingError(f"{where} has no fix with Q in {qualities}; there is Q {there}: add it to {parameter}.")
+        raise RecordingError(f"{where} has no fix with Q in {qualities}, only with Q {there}; extend {parameter}.")
     return rows
 
 
-class TableStream(NamedTuple):
-    """A file's columns with their stamps.
+def _without_cut_times(columns: Columns) -> Columns:
+    """Drop the first or the last row if its time is truncated, and add a note that counts the dropped rows.
 
-    Attributes:
-        columns: the table, in the file's order.
-        t_ns: (n,) stamps of the rows, shifted, since the files' own zero.
+    If the first time lacks its first digits, it is so early that the next step is longer than the rest of the log. If
+    the last time lacks its last digits, it is earlier than the previous time.
     """
-
-    columns: Columns
-    t_ns: IntArray
-
-    def only(self, names: Sequence[str]) -> "TableStream":
-        """Return the rows in which the stream's columns ``names`` are not all empty, in the order of their stamps.
-
-        The other rows belong to other streams.
-
-        Raises:
-            RecordingError: there is no such column, or it has no entry at all.
-        """
-        rows = self.columns.rows_of(names)
-        if not rows.any():
-            raise RecordingError(f"{self.columns.where} has no entry in {', '.join(names)}; name other columns.")
-        stream = self.at(rows)
-        return stream.at(*ordered_rows(stream.name, stream.t_ns))
-
-    def at(self, rows: BoolArray | IntArray, notes: tuple[str, ...] = ()) -> "TableStream":
-        """Return only ``rows``, with ``notes`` that say why."""
-        return TableStream(self.columns.only(rows).noted(notes), self.t_ns[rows])
-
-    def whole(self) -> "TableStream":
-        """Return the stream without a first and a last row whose time alone was cut, and with a note that counts them.
-
-        A time that lost its first digits is so early that the step after it is longer than all the rest; one that lost
-        its last ones is before the row above.
-        """
-        steps = np.diff(self.t_ns)
-        if len(steps) < MIN_STEPS or (steps[1:-1] <= 0).any():
-            return self
-        first, last = bool(steps[0] > steps[1:-1].sum() + abs(steps[-1])), bool(steps[-1] < 0)
-        rows = np.arange(len(self.t_ns))
-        keep = (rows >= first) & (rows < len(rows) - last)
-        return self.at(keep, cut_note(self.name, first=first, last=last))
-
-    @property
-    def name(self) -> str:
-        """The name of the file, for notes."""
-        return Path(self.columns.where).name
-
-    def t_s(self, zero_ns: int) -> FloatArray:
-        """Return (n,) seconds since ``zero_ns``."""
-        return np.asarray((self.t_ns - zero_ns) * 1e-9, dtype=np.float64)
+    steps = np.diff(columns.t_ns)
+    if len(steps) < MIN_STEPS or (steps[1:-1] <= 0).any():
+        return columns
+    first, last = bool(steps[0] > steps[1:-1].sum() + abs(steps[-1])), bool(steps[-1] < 0)
+    rows = np.arange(first, len(columns) - last)
+    return columns.only(rows, cut_note(columns.name, first=first, last=last))
 
 
 MATLAB = ".mat"
-"""Ending of MATLAB's files, whose variables may be of different lengths."""
+"""Ending of MATLAB files. Their variables may have different lengths."""
 
 
 @dataclass(frozen=True)
 class TimedColumns:
-    """What all streams of a table share: the folder, how text is cut, and the time.
+    """Parameters that all streams of a table share: the folder, the format of the text, and the time.
 
     Attributes:
-        folder: where the files are; "fetched:NAME" is what `jerkbench data fetch NAME` has fetched.
-        separator: between the columns of a text; empty: white space. Parquet needs none.
-        header: whether a line above the data names the columns: the first of as many fields (others, a title or units,
-            are left out). If not, and in a file without such a line, they are numbered from 1.
-        comment: what a line to be left out begins with.
-        time_unit: of every column of times: s, ms, us or ns; a stream may have one of its own.
-        time_week: the column of GPS weeks, where the times are those of the week; empty: they are not. Dates (ISO 8601)
-            and stamps such as 2374:243258.5 (week and time of week) say all themselves.
-        time_file: a file, or a pattern, of UTC dates and times, one a row, for a stream whose column of times is empty.
-        epoch: what the times count from: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
-        gpst_minus_utc_s: leap seconds; 18 since 2017.
-        drop_leaps: drop fixes that no vehicle can have reached from their neighbours; false: they are what is studied.
+        folder: folder of the files; "fetched:NAME" is the recording that `jerkbench data fetch NAME` has fetched.
+        separator: separator of the columns of a text file, or empty for white space.
+        header: whether a line above the data names the columns. The header is the first line with as many fields as the
+            data, so a title or a line of units is ignored. Without a header, the columns are numbered from 1.
+        comment: start of the lines that are ignored.
+        time_unit: unit of all columns of times: s, ms, us or ns. A stream may have a different unit.
+        time_week: column with the GPS week, or empty if the times do not restart each week. Dates (ISO 8601) and stamps
+            such as 2374:243258.5 (week and time of week) do not need this column.
+        time_file: a file, or a pattern, with one UTC date and time per row, for a stream without a column of times.
+        epoch: epoch of the times: unix (1970, UTC), gps (1980, GPS time), or none (unknown).
+        gpst_minus_utc_s: GPS time minus UTC, which is 18 s since 2017 [s].
+        drop_leaps: whether to drop fixes that no vehicle could have reached from the neighbouring fixes. Use false to
+            study fixes that leap.
     """
 
     folder: str
@@ -372,21 +315,21 @@ class TimedColumns:
     drop_leaps: bool = True
 
     def files(self, pattern: str, parameter: str) -> tuple[Path, ...]:
-        """Return the files that fit the pattern.
+        """Return the files in the folder that match the pattern.
 
         Raises:
-            RecordingError: there is none; names the ``parameter`` that the pattern is from.
+            RecordingError: no file matches. The message names ``parameter``.
         """
-        return find_tables(named_folder(self.folder), pattern, parameter)
+        return find_files(named_folder(self.folder), pattern, parameter)
 
-    def read(self, source: Source) -> TableStream:
-        """Return a stream.
+    def read(self, source: Source) -> Columns:
+        """Return the rows of a stream with their stamps.
 
         Raises:
-            RecordingError: a file is missing or damaged, or there are not as many dates as rows.
+            RecordingError: a file is missing or damaged, or the number of dates differs from the number of rows.
         """
         text = TextFormat(self.separator, self.header, self.comment)
-        columns = read_columns(self.files(source.file, source.parameter), text, self.gpst_minus_utc_s)
+        columns = read_columns(self.files(source.file, f"{source.name}_file"), text, self.gpst_minus_utc_s)
         if source.file.endswith(MATLAB) and source.time:
             columns = columns.only(columns.rows_of([source.time]))
         if source.quality and source.qualities:
@@ -394,61 +337,55 @@ class TimedColumns:
             columns = columns.only(accepted(columns.where, quality, source.qualities, f"{source.name}_quality"))
         t_ns = self._stamps_ns(columns, source)
         if len(t_ns) != len(columns):
-            rows = f"{columns.where} has {len(columns)} rows, {self.time_file} has {len(t_ns)} times"
-            raise RecordingError(f"{rows}; they must be the same.")
-        stream = TableStream(columns, t_ns + source.shift_ns).whole()
-        utc_ns = self._utc_ns(stream.t_ns)
-        return stream if utc_ns is None else stream.at(*possible_rows(stream.name, utc_ns=utc_ns))
-
-    def _zero_gpst_ns(self, source: Source) -> int:
-        """The GPST, in nanoseconds of its calendar since 1970, from which the tables' times count.
-
-        Raises:
-            PluginError: nobody knows.
-        """
-        if self.epoch == "none":
-            raise PluginError(
-                f"dataset table: {source.parameter} is '{source.file}', in GPS time or UTC; epoch must be gps or unix."
+            raise RecordingError(
+                f"{columns.where} has {len(columns)} rows, but {self.time_file} has {len(t_ns)} times; the numbers must"
+                " be equal."
             )
-        return GPS_EPOCH_NS if self.epoch == "gps" else round(self.gpst_minus_utc_s * 1e9)
+        columns = _without_cut_times(columns.stamped(t_ns + round(source.shift_s * 1e9)))
+        epoch_ns = self._epoch_ns
+        if epoch_ns is None or (columns.t_ns + epoch_ns < MIN_DATE_NS).all():  # relative times
+            return columns
+        return columns.only(*possible_rows(columns.name, utc_ns=columns.t_ns + epoch_ns))
 
     def start_utc(self, zero_ns: int) -> datetime | None:
-        """Return the UTC of ``zero_ns``, or None if the epoch is "none".
+        """Convert the time ``zero_ns`` to UTC. Return None if the epoch is "none".
 
-        Relative times give a date in 1970. It is not printed, but trajectories with the same times are aligned by it.
+        Relative times give a date close to the epoch. This date is not printed, but it aligns trajectories with the
+        same relative times.
         """
         epoch_ns = self._epoch_ns
         return None if epoch_ns is None else UNIX_EPOCH + timedelta(microseconds=(zero_ns + epoch_ns) // 1000)
 
     @property
     def _epoch_ns(self) -> int | None:
-        """UTC of time 0 since 1970."""
+        """UTC of time 0 in nanoseconds since 1970, or None if the epoch is "none"."""
         return {"unix": 0, "gps": GPS_EPOCH_NS - round(self.gpst_minus_utc_s * 1e9)}.get(self.epoch)
 
-    def _utc_ns(self, t_ns: IntArray) -> IntArray | None:
-        """UTC since 1970; None where it is unknown: the epoch is "none", or no stamp is as late as a date."""
-        zero_ns = self._epoch_ns
-        return None if zero_ns is None or (t_ns + zero_ns < MIN_DATE_NS).all() else t_ns + zero_ns
-
     def _stamps_ns(self, columns: Columns, source: Source) -> IntArray:
-        if source.time:
-            dates_ns = columns.dates_ns(source.time, self.gpst_minus_utc_s)
-            if dates_ns is not None:
-                return dates_ns + round(self.gpst_minus_utc_s * 1e9) - self._zero_gpst_ns(source)
-            return times_ns(columns, source.time, source.unit or self.time_unit, self.time_week)
-        return np.concatenate([read_datetimes_ns(path) for path in self.files(self.time_file, "time_file")])
+        if not source.time:
+            text = TextFormat(header=False)
+            columns = read_columns(self.files(self.time_file, "time_file"), text, self.gpst_minus_utc_s)
+        name = source.time or "1"
+        dates_ns = columns.dates_ns(name, self.gpst_minus_utc_s)
+        if dates_ns is None:
+            return times_ns(columns, name, source.unit or self.time_unit, self.time_week)
+        if self._epoch_ns is None:
+            raise PluginError(
+                f"dataset table: the times of {source.name}_file '{source.file}' are dates; set epoch to gps or unix."
+            )
+        return dates_ns - self._epoch_ns
 
 
-# How good the reference is: its own sigma, and the epochs at which it is too bad to count.
+# The accuracy of the reference, and its epochs that are too inaccurate to be scored.
 
 
 def with_sigma(reference: Reference, sigma_m: FloatArray | None, worst_m: float) -> tuple[Reference, tuple[str, ...]]:
-    """Return the reference with its sigma (k, 3), and what a reader of a table has to know of it.
+    """Return the reference with standard deviations, and notes about its accuracy.
 
     Args:
-        reference: with its k stamps.
-        sigma_m: one standard deviation of east, north and up; None: not known.
-        worst_m: errors do not count where sqrt(sum of sigma^2) is larger, or is no number; 0: they count everywhere.
+        reference: the reference with k stamps.
+        sigma_m: (k, 3) standard deviations of east, north and up [m], or None if they are unknown.
+        worst_m: maximum 3-D standard deviation at which errors are scored [m], or 0 for no limit.
     """
     if sigma_m is None:
         return reference, ()
@@ -456,8 +393,8 @@ def with_sigma(reference: Reference, sigma_m: FloatArray | None, worst_m: float)
     good = np.isfinite(size_m) & ((size_m <= worst_m) if worst_m else True)
     reference = dataclasses.replace(reference, sigma_m=sigma_m, scored=reference.scored & good)
     floor_m = float(np.sqrt(np.mean(size_m[good] ** 2))) if good.any() else float("nan")
-    known = f"The reference is known to {floor_m:.3g} m (3-D, one sigma)"
-    notes = [f"{known}: a perfect estimate has that RMSE, and smaller differences get no verdict."]
+    known = f"The reference has a 3-D standard deviation of {floor_m:.3g} m"
+    notes = [f"{known}. A perfect estimate would have this RMSE, and smaller differences are not tested."]
     if not good.all():
-        notes.append(f"{int((~good).sum())} of {len(good)} epochs of the reference are too bad: they do not count.")
+        notes.append(f"{int((~good).sum())} of {len(good)} epochs of the reference are too inaccurate and not scored.")
     return reference, tuple(notes)

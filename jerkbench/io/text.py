@@ -1,4 +1,4 @@
-"""Text of numbers: errors that name file and line, lines that were cut at either end, lines that name the columns."""
+"""Readers of text files of numbers, which drop truncated lines at both ends and name the file and line in errors."""
 
 import re
 from collections.abc import Sequence
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MAX_NUMBER = 1e15
-"""Nothing that is measured on a vehicle is larger; what is larger is damage, and would overflow once squared."""
+"""Maximum plausible measurement on a vehicle. A larger value is damaged and may overflow when it is squared."""
 
 MAX_LINE_BYTES = 1 << 16
-"""Bytes: a row of measurements is shorter by far, and one of megabytes takes minutes and gigabytes to cut up."""
+"""Maximum length of a line. Splitting a line of megabytes takes minutes and gigabytes."""
 
 Line = tuple[int, str]
 """A line's number in its file (from 1) and its text."""
 
 
 def require_content(path: Path, *, text: bool = False) -> None:
-    """Check in bounded memory that ``path`` can be read and is not empty; of a ``text``, that its lines are lines.
+    """Check that the file is readable and not empty. If ``text`` is True, also check that no line is too long.
 
     Raises:
-        RecordingError: there is no such file, it cannot be read, it is empty, or a line has more than 64 KiB.
+        RecordingError: the file does not exist, cannot be read, is empty, or has a line of more than 64 KiB.
     """
     blank, number = True, 0
     try:
@@ -40,32 +40,32 @@ def require_content(path: Path, *, text: bool = False) -> None:
                     return
                 if text and len(line.rstrip("\n")) > MAX_LINE_BYTES:
                     raise RecordingError(
-                        f"{path}, line {number} has more than {MAX_LINE_BYTES // 1024} KiB: this is no text of rows and"
-                        " columns, or its line ends are lost; write it again, or name another file."
+                        f"{path}, line {number} has more than {MAX_LINE_BYTES // 1024} KiB. The file is not a text"
+                        " table, or has no line breaks; write the file again, or give another file."
                     )
     except FileNotFoundError as error:
         raise RecordingError(f"There is no file {path}; check the folder and the file's name.") from error
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror}.") from error
     if blank:
-        raise RecordingError(f"{path} is empty; copy it again from where it was recorded.")
+        raise RecordingError(f"{path} is empty; copy the file again from its source.")
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of ``path``.
+    """Return the content of a file, which must not be empty.
 
     Raises:
-        RecordingError: there is no such file, it cannot be read, or it is empty.
+        RecordingError: the file does not exist, cannot be read, or is empty.
     """
     require_content(path)
     return path.read_bytes()
 
 
 def read_lines(path: Path) -> list[Line]:
-    """Return the lines of ``path`` that are not blank; bytes that are no ASCII become a replacement character.
+    """Return the lines of a file that are not blank. Non-ASCII bytes become a replacement character.
 
     Raises:
-        RecordingError: as in `require_content`, of a text.
+        RecordingError: the file does not exist, cannot be read, is empty, or has a line of more than 64 KiB.
     """
     require_content(path, text=True)
     text = path.read_bytes().decode("ascii", errors="replace")
@@ -73,15 +73,15 @@ def read_lines(path: Path) -> list[Line]:
 
 
 def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | None = None) -> FloatArray:
-    """Return the numbers of ``lines`` as (n, columns); ``separator`` None: white space.
+    """Return the numbers in ``lines``, shape (n, columns). The ``separator`` None is white space.
 
     Raises:
-        RecordingError: there is no line, or one has another number of fields or a field that is no finite number.
+        RecordingError: ``lines`` is empty, or a line has a wrong number of fields or a field that is not finite.
     """
     if not lines:
         raise RecordingError(f"{path} has no rows of data; {columns} columns of numbers are expected.")
     table = np.empty((0, 0))
-    if any(text.strip() for _, text in lines):  # else numpy warns
+    if any(text.strip() for _, text in lines):  # otherwise, NumPy warns about empty input
         with suppress(ValueError):
             table = np.loadtxt([text for _, text in lines], delimiter=separator, comments=None, ndmin=2)
     if table.shape != (len(lines), columns) or not (np.abs(table) <= MAX_NUMBER).all():
@@ -90,10 +90,10 @@ def parse_numbers(path: Path, lines: list[Line], columns: int, separator: str | 
 
 
 def require_increasing(path: Path, lines: list[Line], times: np.ndarray, quantity: str) -> None:
-    """Check that ``times``, one a line, increase.
+    """Check that ``times`` increase from line to line.
 
     Raises:
-        RecordingError: names the first line whose time does not.
+        RecordingError: a time does not increase. The message contains the number of the first such line.
     """
     back = np.flatnonzero(np.diff(times) <= 0)
     if back.size:
@@ -103,47 +103,48 @@ def require_increasing(path: Path, lines: list[Line], times: np.ndarray, quantit
 
 
 def require_possible(where: str, values: FloatArray, most: float = MAX_NUMBER) -> None:
-    """Check that no value (NaN aside) is beyond ``most``.
+    """Check that no absolute value exceeds ``most``. NaN is allowed.
 
     Raises:
-        RecordingError: names ``where`` and the first row.
+        RecordingError: an absolute value exceeds ``most``. The message names ``where`` and the first such row.
     """
     beyond = np.abs(values.reshape(len(values), -1)) > most
     if beyond.any():
         row = int(np.argmax(beyond.any(axis=1)))
-        raise RecordingError(f"{where}, row {row + 1} holds a value beyond {most:g}, which is damage or another unit.")
+        raise RecordingError(f"{where}, row {row + 1} has a value beyond {most:g}; it is damaged or in another unit.")
 
 
 def _first_fault(path: Path, lines: list[Line], columns: int, separator: str | None) -> str:
     for number, text in lines:
         fields = text.split(separator)
         if len(fields) != columns:
-            return f"{path}, line {number} has {len(fields)} fields; it must have {columns}: correct or remove it."
+            return f"{path}, line {number} has {len(fields)} fields, but needs {columns}; correct or remove the line."
         for column, entry in enumerate(fields, start=1):
             if not (is_number(entry) and abs(float(entry)) <= MAX_NUMBER):
                 field = f"{path}, line {number}, field {column} is '{entry.strip()}'"
-                return f"{field}, not a finite number up to {MAX_NUMBER:g}: correct it."
-    return f"{path} cannot be read as {columns} columns of numbers; copy it again from where it was recorded."
+                return f"{field}, which is not a finite number up to {MAX_NUMBER:g}; correct the field."
+    return f"{path} cannot be read as {columns} columns of numbers; copy the file again from its source."
 
 
-# The first and the last line of a log: the logger was switched on or off in the middle of them.
+# The first and the last line of a log may be truncated, because the logger was switched on or off.
 
 AROUND = 20
-"""With so many lines beside it the first or the last one is compared."""
+"""Number of neighbouring lines that the first and the last line are compared with."""
 
 MIN_LINES = 4
-"""Of fewer lines nobody can say which is whole."""
+"""Minimum number of lines in which a truncated line can be identified."""
 
 
 def cut_ends(lines: Sequence[str], separator: str | None) -> tuple[bool, bool]:
-    """Return whether the first and whether the last of ``lines`` is a part of one only.
+    """Return whether the first and the last of ``lines`` are truncated.
 
-    A line is cut where it has fewer fields than each of its neighbours, or where its field at the cut, the first of the
-    first line, the last of the last one, is no number and that of each neighbour is. A line of names is not cut.
+    A line is truncated if it has fewer fields than each of its neighbours. A line is also truncated if its outer field
+    (the first field of the first line, the last field of the last line) is not a number, but the same field of each
+    neighbour is a number. A line of names is not truncated.
 
     Args:
-        lines: of data, in the order of the file.
-        separator: between the fields; None: white space.
+        lines: lines of data, in the order of the file.
+        separator: separator of the fields, or None for white space.
     """
     if len(lines) < MIN_LINES:
         return False, False
@@ -153,23 +154,23 @@ def cut_ends(lines: Sequence[str], separator: str | None) -> tuple[bool, bool]:
     return _cut(after[0], after[1:], 0), _cut(before[-1], before[:-1], -1)
 
 
-def whole_lines(path: Path, lines: list[Line], separator: str | None = None) -> tuple[list[Line], tuple[str, ...]]:
-    """Return the lines of ``path`` without a first and a last one that were cut, and a note that counts these."""
+def complete_lines(path: Path, lines: list[Line], separator: str | None = None) -> tuple[list[Line], tuple[str, ...]]:
+    """Return ``lines`` without a truncated first or last line, and a note that counts the dropped lines."""
     first, last = cut_ends([text for _, text in lines], separator)
     return lines[first : len(lines) - last], cut_note(path.name, first=first, last=last)
 
 
 def cut_note(name: str, *, first: bool, last: bool) -> tuple[str, ...]:
-    """Return the note that counts the rows of the file ``name`` that were dropped, or none."""
-    which = [word for word, cut in (("first", first), ("last", last)) if cut]
+    """Return a note about the dropped ``first`` and ``last`` row of the file ``name``, or an empty tuple."""
+    which = [end for end, cut in (("first", first), ("last", last)) if cut]
     if not which:
         return ()
     rows = "rows are" if which[1:] else "row is"
-    return (f"{name}: the {' and the '.join(which)} {rows} not whole, as where a log was cut: {len(which)} dropped.",)
+    return (f"{name}: the {' and the '.join(which)} {rows} truncated: {len(which)} dropped.",)
 
 
 def is_number(entry: str) -> bool:
-    """Whether an entry is a number."""
+    """Return whether an entry is a number, without underscores between the digits."""
     try:
         float(entry)
     except ValueError:
@@ -184,30 +185,31 @@ def _cut(row: Sequence[str], neighbours: Sequence[Sequence[str]], end: int) -> b
     return not names and not is_number(row[end]) and all(is_number(neighbour[end]) for neighbour in neighbours)
 
 
-# A text of columns: lines that name the columns, lines of data, and lines that were cut.
+# A text file of columns: header lines, lines of data, and truncated lines.
 
 _SAMPLE = 1 << 17
-"""Bytes of each end of a file that are looked at before it is read."""
+"""Number of bytes at each end of a file that are examined before it is read."""
 
 HEADER_LINES = 100
-"""So many lines may stand above the data."""
+"""Maximum number of lines above the data."""
 
 PART_OF_NUMBERS = 0.5
-"""A line is of data where more than this part of its fields are numbers or empty."""
+"""Minimum fraction of fields of a line of data that are numbers or empty."""
 
 _MARKS = "#%/! "
-"""Letters that a line of names may begin with."""
+"""Characters that a line of names may start with."""
 
 
 @dataclass(frozen=True)
 class TextFormat:
-    """The format of a text of columns; Parquet and MATLAB files need none.
+    """The format of a text file of columns, which is not used for Parquet and MATLAB files.
 
     Attributes:
-        separator: between columns; empty: white space.
-        header: whether a line may name the columns: the first above the data that has as many fields; others, such as
-            a title or the units, are left out. Without a line above the data the columns are numbered.
-        comment: what a line to be left out begins with; empty: nothing.
+        separator: separator of the columns, or empty for white space.
+        header: whether a line above the data names the columns. The header is the first line with as many fields as the
+            data. Other lines above the data, such as a title or the units, are ignored. Without a line above the data,
+            the columns are numbered.
+        comment: start of the lines that are ignored, or empty to ignore no lines.
     """
 
     separator: str = ","
@@ -215,16 +217,16 @@ class TextFormat:
     comment: str = ""
 
     def fields(self, line: str) -> list[str]:
-        """Return the fields of a line."""
+        """Return the fields of a line without surrounding white space."""
         return [field.strip() for field in line.strip("\r\n").split(self.separator or None)]
 
 
 def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, ...]]:
-    """Return the table, and a note that counts rows that were cut, or none.
+    """Read a text file of columns. Return the table, and a note that counts truncated rows, if any.
 
     Raises:
-        RecordingError: the file is missing or empty, or a line of it is none.
-        ValueError: pandas cannot read it; so are its ParserError, UnicodeError and others.
+        RecordingError: the file is missing or empty, or a line is too long.
+        ValueError: pandas cannot read the file (ParserError, UnicodeError and others are subclasses).
     """
     import pandas as pd
 
@@ -238,7 +240,7 @@ def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, 
         above = [k for k in use if k < data]
         names = _naming(above, lines, data, text) if text.header else None
         rows = [lines[k] for k in use if k >= data] + [line for line in tail if line.strip()]
-        named = names is not None  # below a line of names a log begins with a whole row
+        named = names is not None  # the first row below a header is never truncated
         first, last = (cut and not (named and k == 0) for k, cut in enumerate(cut_ends(rows, text.separator or None)))
         skipped = [k for k in above if k != names] + ([data] if first else [])
     table = pd.read_csv(
@@ -257,7 +259,7 @@ def read_text(path: Path, text: TextFormat) -> tuple["pd.DataFrame", tuple[str, 
 
 
 def _sample(path: Path) -> tuple[list[str], list[str]]:
-    """Lines of the beginning, and, of a long file, whole lines of the end."""
+    """Return complete lines from the start of a file and, if the file is long, complete lines from its end."""
     with path.open("rb") as file:
         head = file.read(_SAMPLE)
         file.seek(max(len(head), path.stat().st_size - _SAMPLE))
@@ -272,7 +274,7 @@ def _is_data(line: str, text: TextFormat) -> bool:
 
 
 def _naming(above: Sequence[int], lines: Sequence[str], data: int, text: TextFormat) -> int | None:
-    """Return the line above the data that names the columns: the first of as many fields, else the last of all."""
+    """Return the index of the header: the first line with as many fields as the data, or the last line above them."""
     count = len(text.fields(lines[data]))
     fitting = [k for k in above if len(text.fields(lines[k].lstrip(_MARKS))) == count]
     return fitting[0] if fitting else above[-1] if above else None

@@ -1,7 +1,7 @@
-"""Fixes in a receiver's own formats (NMEA 0183, GPX, gpsd's JSON) -> a table with the columns of `dataset=table`.
+"""Readers of fixes in native formats of receivers (NMEA 0183, GPX, gpsd's JSON), for the data set `table`.
 
-Columns: t (UTC), latitude, longitude [deg], height [m]; where the format says them sigma_east, sigma_north, sigma_up
-[m], hdop, quality, and ve, vn, vu [m/s]. What a row does not say is empty.
+Each reader returns a table with the columns t (UTC), latitude, longitude [deg] and height [m]. If the format has them,
+the table also has sigma_east, sigma_north, sigma_up [m], hdop, quality, and ve, vn, vu [m/s]. Missing values are empty.
 """
 
 import json
@@ -30,16 +30,16 @@ TrackRow = dict[str, Any]
 
 MPS_PER_KNOT = 1852.0 / 3600.0
 DAY_MS = 86_400_000
-_PLACE = ("latitude", "longitude", "height")
-ORDER = ("t", *_PLACE, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
+_POSITION = ("latitude", "longitude", "height")
+ORDER = ("t", *_POSITION, "sigma_east", "sigma_north", "sigma_up", "hdop", "quality", "ve", "vn", "vu")
 
 
 MIXED = ".ubx"
-"""Ending of logs in which sentences of NMEA are between binary messages."""
+"""Ending of logs with NMEA sentences between binary messages."""
 
 
 def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
-    """Return what reads the file, by its first bytes; None: it is no track."""
+    """Return the reader for the format of the first bytes of a file, or None if the file is not a track."""
     if not path.is_file():
         return None
     if path.suffix.lower() == MIXED:
@@ -54,7 +54,7 @@ def track_reader(path: Path) -> Callable[[Path], "TrackTable"] | None:
 
 
 def _number(value: object) -> float | None:
-    """The finite number that a field holds, or None."""
+    """Return the finite number in a field, or None if the field is not a finite number."""
     try:
         number = float(value) if isinstance(value, str | int | float) and "_" not in str(value)[:64] else math.nan
     except (ValueError, OverflowError):
@@ -63,7 +63,7 @@ def _number(value: object) -> float | None:
 
 
 def _utc_ns(value: object) -> int | None:
-    """Nanoseconds since 1970 of a date and time as in ISO 8601 (without a zone: UTC), or None."""
+    """Convert an ISO 8601 date and time to nanoseconds since 1970, or to None if it is invalid."""
     try:
         moment = datetime.fromisoformat(value) if isinstance(value, str) else None
         return ns_since_1970(moment if moment.tzinfo else moment.replace(tzinfo=UTC)) if moment else None
@@ -72,45 +72,45 @@ def _utc_ns(value: object) -> int | None:
 
 
 def _table(path: Path, rows: list[TrackRow], notes: tuple[str, ...], what: str) -> "TrackTable":
-    """The rows that have a place on the Earth and a time, in their order, without columns that none has."""
+    """Return a table of the rows with a position on the Earth and a time, without empty columns, and notes."""
     import pandas as pd
 
     rows = [row for row in rows if row]
     placed = [row for row in rows if None not in map(row.get, ("latitude", "longitude", "t"))]
     if not placed:
-        raise RecordingError(f"{path} has no fix with a time in {len(rows)} reports: {what}.")
+        raise RecordingError(f"{path} has {len(rows)} reports, but no report has both a position and a time; {what}.")
     utc_ns = np.array([row["t"] for row in placed], dtype=np.float64)
     table = pd.DataFrame(placed).reindex(columns=list(ORDER))
-    places = table[[*_PLACE]].to_numpy(dtype=np.float64)
+    places = table[[*_POSITION]].to_numpy(dtype=np.float64)
     possible, impossible = possible_rows(path.name, places=places, utc_ns=utc_ns)
     table = table[possible].astype({"t": "int64"}).reset_index(drop=True)
     table["t"], notes = pd.to_datetime(table["t"], utc=True), (*notes, *impossible)
     if table["height"].isna().all():
         table["height"] = 0.0
-        notes = (*notes, f"{path.name} has no heights: all are taken to be 0.")
-    kept = [name for name in ORDER if name in _PLACE or table[name].notna().any()]
+        notes = (*notes, f"{path.name} has no heights, so all heights are set to 0.")
+    columns = [name for name in ORDER if name in _POSITION or table[name].notna().any()]
     if others := len(rows) - len(placed):
-        notes = (*notes, f"{path.name}: {others} of {len(rows)} reports have no fix or no time: they are dropped.")
-    return table[kept], notes
+        notes = (*notes, f"{path.name}: {others} of {len(rows)} reports have no fix or no time and are dropped.")
+    return table[columns], notes
 
 
-# NMEA 0183: what the sentences GGA, RMC, GST and ZDA of one time of day say together.
+# NMEA 0183. The sentences GGA, GNS, RMC, GST and ZDA with the same time of day are combined into one row.
 
 
 def read_nmea(path: Path) -> "TrackTable":
-    """Return the fixes of the sentences GGA, GNS and RMC, with GST's standard deviations and RMC's velocity.
+    """Return the fixes in NMEA sentences: positions of GGA, GNS and RMC, sigmas of GST, velocities of RMC.
 
-    A sentence with a wrong checksum is dropped. Heights are above the ellipsoid where GGA or GNS says how far
-    the geoid is above it. The dates are RMC's or ZDA's; a time of day that begins anew is the next day's.
+    A sentence with a wrong checksum is dropped. Heights are above the ellipsoid if GGA or GNS contains the height of
+    the geoid. The dates are from RMC or ZDA. If the time of day restarts, the next day begins.
 
     Raises:
-        RecordingError: the file is missing, or no sentence has a place, or none has a date.
+        RecordingError: the file is missing, no sentence has a position, or no sentence has a date.
     """
     epochs: dict[int, TrackRow] = {}
     dates: dict[int, int] = {}
     damaged, invalid, day, last_ms = 0, 0, 0, 0
     for line in _sentences(path):
-        fields, sound = _sentence(line)
+        fields, sound = _parsed(line)
         damaged += not sound
         kind = fields[0][-3:] if sound and fields[0].startswith("$") else ""
         least, read = READ.get(kind, (2, None))
@@ -128,40 +128,38 @@ def read_nmea(path: Path) -> "TrackTable":
             dates.setdefault(day, said["date"])
     if not dates:
         damage = f" ({invalid} sentences have no valid time or date)" if invalid else ""
-        raise RecordingError(f"{path} has no date{damage}: let the receiver write RMC or ZDA besides GGA.")
+        raise RecordingError(f"{path} has no date{damage}; let the receiver write RMC or ZDA in addition to GGA.")
     first, date_ns = next(iter(dates.items()))
     for since_ms, row in epochs.items():
         if row.get("quality") != 0 and row.get("status") != "V":
             row["t"] = date_ns + 1_000_000 * (since_ms - DAY_MS * first)
     counts = {"a wrong checksum": damaged, "no valid time or date": invalid}
-    notes = [
-        f"{path.name}: {count} sentences have {what}: they are dropped." for what, count in counts.items() if count
-    ]
+    notes = [f"{path.name}: {count} sentences have {what} and are dropped." for what, count in counts.items() if count]
     return _table(path, list(epochs.values()), tuple(notes), "let the receiver write GGA and RMC")
 
 
 def _sentences(path: Path) -> list[str]:
     if path.suffix.lower() == MIXED:
         found = re.findall(rb"[$][A-Z]{5},[ -)+-~]{0,100}[*][0-9A-Fa-f]{2}", read_bytes(path))
-        return [sentence.decode("ascii") for sentence in found]
+        return [match.decode("ascii") for match in found]
     return [line for _, line in read_lines(path)]
 
 
-def _sentence(line: str) -> tuple[list[str], bool]:
-    """Its fields, and whether its checksum, the exclusive or of what is between $ and *, is right."""
+def _parsed(line: str) -> tuple[list[str], bool]:
+    """Return the fields of a sentence, and whether its checksum (XOR of the characters between $ and *) is correct."""
     body, star, given = line.strip().partition("*")
     checksum = reduce(lambda a, b: a ^ b, body[1:].encode(), 0)
     return body.split(","), not star or given.upper() == f"{checksum:02X}"
 
 
 def _time_ms(text: str) -> int | None:
-    """Milliseconds of the day of hhmmss.ss, or None."""
+    """Convert a time of day hhmmss.ss to milliseconds, or to None if it is invalid."""
     seconds_ns = calendar_ns("1970-01-01", f"{text[:2]}:{text[2:4]}:{text[4:].rstrip('.')}")
     return None if seconds_ns is None else round(seconds_ns / 1e6)
 
 
-def _place(*fields: str) -> TrackRow:
-    """Of ddmm.mmmm or dddmm.mmmm and a letter N, S, E or W, twice."""
+def _latitude_longitude(*fields: str) -> TrackRow:
+    """Return latitude and longitude [deg] from two pairs of fields: ddmm.mmmm with N or S, dddmm.mmmm with E or W."""
     row: TrackRow = {}
     for name, text, side in zip(("latitude", "longitude"), fields[::2], fields[1::2], strict=True):
         value = _number(text)
@@ -170,22 +168,19 @@ def _place(*fields: str) -> TrackRow:
     return row
 
 
-def _gga(fields: list[str]) -> TrackRow:
-    height_m, geoid_m = _number(fields[9]), _number(fields[11])
-    row = _place(*fields[2:6]) | {"quality": _number(fields[6]), "hdop": _number(fields[8])}
-    return row | {"height": None if height_m is None else height_m + (geoid_m or 0.0)}
-
-
-def _gns(fields: list[str]) -> TrackRow:
-    height_m, geoid_m = _number(fields[9]), _number(fields[10])
-    quality = max((GNS_QUALITY.get(letter, 0.0) for letter in fields[6]), default=0.0)
-    row = _place(*fields[2:6]) | {"quality": quality, "hdop": _number(fields[8])}
+def _fix(fields: list[str]) -> TrackRow:
+    """Return the fix of GGA or GNS, which differ in the quality and in the index of the height of the geoid."""
+    is_gga = fields[0].endswith("GGA")
+    letters = (GNS_QUALITY.get(letter, 0.0) for letter in fields[6])
+    quality = _number(fields[6]) if is_gga else max(letters, default=0.0)
+    height_m, geoid_m = _number(fields[9]), _number(fields[11 if is_gga else 10])
+    row = _latitude_longitude(*fields[2:6]) | {"quality": quality, "hdop": _number(fields[8])}
     return row | {"height": None if height_m is None else height_m + (geoid_m or 0.0)}
 
 
 def _rmc(fields: list[str]) -> TrackRow:
     speed, course = _number(fields[7]), _number(fields[8])
-    row: TrackRow = {"status": fields[2], **_place(*fields[3:7])}
+    row: TrackRow = {"status": fields[2], **_latitude_longitude(*fields[3:7])}
     if date := fields[9]:
         row["date"] = calendar_ns(f"20{date[4:]}-{date[2:4]}-{date[:2]}", "00:00:00")
     if speed is not None and (course is not None or speed == 0):
@@ -205,28 +200,28 @@ def _zda(fields: list[str]) -> TrackRow:
 GNS_QUALITY = {"A": 1.0, "D": 2.0, "R": 4.0, "F": 5.0}
 """The quality, as in GGA, of each letter of GNS's mode."""
 
-READ = {"GGA": (12, _gga), "GNS": (11, _gns), "RMC": (10, _rmc), "GST": (9, _gst), "ZDA": (5, _zda)}
-"""The least number of fields of each sentence, and what they say."""
+READ = {"GGA": (12, _fix), "GNS": (11, _fix), "RMC": (10, _rmc), "GST": (9, _gst), "ZDA": (5, _zda)}
+"""Minimum number of fields of each sentence, and the function that parses them."""
 
 
 def _along(speed_mps: float, course_deg: float) -> tuple[float, float]:
-    """East and north of a speed along a course from north, clockwise."""
+    """Return the east and north components of a speed. The course is clockwise from north."""
     course = np.radians(course_deg)
     return float(speed_mps * np.sin(course)), float(speed_mps * np.cos(course))
 
 
-# GPX 1.0 and 1.1: the points of all tracks, one after the other.
+# GPX 1.0 and 1.1. The points of all tracks become the rows of one table.
 
 
 def read_gpx(path: Path) -> "TrackTable":
-    """Return the points of all tracks that have a time.
+    """Return the points of all tracks in a GPX file. Points without a time are dropped.
 
     Raises:
         RecordingError: the file is missing or damaged, or no point has a time.
     """
     require_content(path)
     if b"<!ENTITY" in path.read_bytes():
-        raise RecordingError(f"{path} has entities of XML, which no track needs; remove them.")
+        raise RecordingError(f"{path} has XML entities, which are not allowed in tracks; remove the entities.")
     rows = []
     try:
         for _, node in ET.iterparse(path):  # noqa: S314 - a file without entities
@@ -237,16 +232,16 @@ def read_gpx(path: Path) -> "TrackTable":
                 rows.append({name: _utc_ns(text) if name == "t" else _number(text) for name, text in row.items()})
                 node.clear()
     except ET.ParseError as error:
-        raise RecordingError(f"{path} cannot be read as GPX: {error}; export it again.") from error
-    return _table(path, rows, (), "a recorded track has a <time> in each <trkpt>")
+        raise RecordingError(f"{path} cannot be read as GPX ({error}); export the track again.") from error
+    return _table(path, rows, (), "each <trkpt> of a recorded track needs a <time>")
 
 
 def _tag(node: ET.Element) -> str:
-    """The name of an element without its namespace."""
+    """Return the name of an element without its namespace."""
     return node.tag.rpartition("}")[2]
 
 
-# gpsd's JSON (`gpspipe -w`): the reports of the class TPV.
+# JSON of gpsd (`gpspipe -w`). Only reports of the class TPV (time, position, velocity) are read.
 
 TPV = dict(
     zip(
@@ -255,15 +250,15 @@ TPV = dict(
         strict=True,
     )
 )
-"""Where each column stands in a report: the first of these that it has. What gpsd means by an error (epx) it leaves
-open: `data receiver` measures it."""
+"""Keys of each column in a report; the first existing key is used. gpsd does not define the meaning of its error
+estimates (epx, epy, epv); `data receiver` measures the errors."""
 
 
 def read_gpsd(path: Path) -> "TrackTable":
-    """Return the reports TPV that have a fix, as gpsd writes them, one a line.
+    """Return the fixes in the TPV reports of gpsd. The file has one report per line.
 
     Raises:
-        RecordingError: the file is missing, or a line but the last is no JSON, or there is no fix.
+        RecordingError: the file is missing, no report has a fix, or a line is not JSON and is not the last line.
     """
     rows: dict[int, TrackRow] = {}
     lines = read_lines(path)
@@ -273,7 +268,7 @@ def read_gpsd(path: Path) -> "TrackTable":
         except (ValueError, RecursionError) as error:
             if (number, line) == lines[-1]:
                 continue
-            raise RecordingError(f"{path}, line {number} is no JSON: {error}; remove it.") from error
+            raise RecordingError(f"{path}, line {number} is not valid JSON ({error}); remove the line.") from error
         if not isinstance(report, dict) or report.get("class") != "TPV":
             continue
         said = {
@@ -287,5 +282,5 @@ def read_gpsd(path: Path) -> "TrackTable":
         speed, track = said.get("speed"), said.get("track")
         if row["ve"] is None and speed is not None and track is not None:
             row["ve"], row["vn"] = _along(speed, track)
-        rows[int(row["t"] or -number)] = row if mode else {"t": None}  # a device reports a time again as it learns more
-    return _table(path, list(rows.values()), (), "it needs reports of the class TPV with time, lat and lon")
+        rows[int(row["t"] or -number)] = row if mode else {"t": None}  # a later report of an epoch is more complete
+    return _table(path, list(rows.values()), (), "reports of the class TPV with time, lat and lon are needed")

@@ -1,4 +1,4 @@
-"""An estimated trajectory, of a file's columns or a bag's odometry, in ENU on the recording's clock."""
+"""Readers of estimated trajectories, from columns of a file or the odometry of a bag, and their interpolation."""
 
 import glob
 import hashlib
@@ -10,35 +10,35 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import FloatArray, IntArray, require_choices, require_lengths, require_not_negative
+from jerkbench.arrays import FloatArray, nearest_rows, require_choices, require_lengths, require_not_negative
 from jerkbench.errors import RecordingError
 from jerkbench.estimate import Estimate
 from jerkbench.geometry import dcm_from_euler, dcm_from_quaternion, euler_from_dcm
-from jerkbench.io.bag import ODOMETRY, Bag, Messages, open_bag
+from jerkbench.io.bag import ODOMETRY, POSE, POSE_COVARIANCE, Messages, open_bag
 from jerkbench.io.bag_writing import SOMETIME
 from jerkbench.io.clocks import GPS_EPOCH_NS, GPST_MINUS_UTC_S, WEEK_NS, ns_since_1970
 from jerkbench.io.columns import TIME_UNITS, Columns, read_columns, times_ns
 from jerkbench.io.frames import ANGLE_UNITS, FRAMES, LOCAL_FRAMES, axes_in_enu, covariance_in_enu, in_degrees, in_enu
-from jerkbench.io.sanitiser import OFF_EARTH, off_earth
-from jerkbench.io.table import AttitudeMap, read_attitude
+from jerkbench.io.sanitiser import OFF_EARTH, off_earth, require_fractions
+from jerkbench.io.table import read_attitude
 from jerkbench.io.text import TextFormat
 from jerkbench.io.writing import POSITIONS, VELOCITIES
 from jerkbench.recording import Recording
 
 _SAME_S = 1e-6
-"""Stamps that are nearer are the same: seconds since 1970 in 64 bits are known to a quarter of that."""
+"""Maximum difference of equal stamps. As 64-bit numbers, seconds since 1970 have a resolution of a quarter of this."""
 
 
 class Trajectory(NamedTuple):
-    """Estimates at stamps of their own.
+    """An estimated trajectory.
 
     Attributes:
-        where: the file, for errors.
-        t_s: (n,) seconds from the recording's start; increasing.
-        enu_m: (n, 3) finite.
-        velocity_mps: (n, 3) in ENU, finite, or None.
-        euler_rad: (n, 3) roll, pitch, yaw; NaN where unknown; or None.
-        covariance: (n, 6, 6) of position and velocity in ENU, NaN where unknown; or None.
+        where: name of the file for messages.
+        t_s: (n,) increasing times since the start of the recording [s].
+        enu_m: (n, 3) finite positions in ENU [m].
+        velocity_mps: (n, 3) finite velocities in ENU [m/s], or None.
+        euler_rad: (n, 3) roll, pitch, yaw [rad], with NaN in rows without an attitude, or None.
+        covariance: (n, 6, 6) covariance of position and velocity in ENU, with NaN for unknown elements, or None.
     """
 
     where: str
@@ -50,140 +50,131 @@ class Trajectory(NamedTuple):
 
 
 def estimate_at_reference(trajectory: Trajectory, recording: Recording, max_gap_s: float) -> Estimate:
-    """Return the estimate at the reference's stamps from the trajectory's first sample to its last; nothing is aligned.
+    """Interpolate a trajectory at the stamps of the reference that the trajectory covers, without alignment.
 
-    A stamp between two samples that are no more than ``max_gap_s`` [s] apart is interpolated between them: position,
-    velocity and covariance on a straight line, the attitude by the shortest turn. A trajectory that ends earlier than
-    the reference, by more than that, is a run that stopped.
+    Position, velocity and covariance are interpolated linearly, and the attitude along the shortest rotation. If the
+    trajectory ends more than ``max_gap_s`` seconds before the reference, the estimate is marked as failed.
 
     Raises:
-        RecordingError: it leaves a stamp in a longer gap.
+        RecordingError: a stamp is between two samples whose interval is longer than ``max_gap_s``.
     """
-    stamps_s = recording.reference.t_s
-    begin, end = trajectory.t_s[[0, -1]] + [-_SAME_S, _SAME_S]
-    index = np.flatnonzero((stamps_s >= begin) & (stamps_s <= end)).astype(np.int64)
-    before, share = _between(trajectory, stamps_s[index], max_gap_s)
-    absent, failure, last_s = np.full((len(index), 3), np.nan), "", float(trajectory.t_s[-1])
-    if len(stamps_s) and stamps_s[-1] > last_s + max_gap_s:
-        failure = f"The trajectory ends at {last_s:.2f} s, the reference at {stamps_s[-1]:.2f} s."
-    velocity, covariance, euler = trajectory.velocity_mps, trajectory.covariance, trajectory.euler_rad
+    t_s, stamps_s = trajectory.t_s, recording.reference.t_s
+    nearest_s = t_s[nearest_rows(t_s, stamps_s)]
+    stamps_s = np.where(np.abs(stamps_s - nearest_s) <= _SAME_S, nearest_s, stamps_s)
+    index = np.flatnonzero((stamps_s >= t_s[0]) & (stamps_s <= t_s[-1])).astype(np.int64)
+    stamps_s = stamps_s[index]
+    _require_near(trajectory, stamps_s, max_gap_s)
+    failure, last_s, end_s = "", float(t_s[-1]), float(recording.reference.t_s[-1:].max(initial=-np.inf))
+    if end_s > last_s + max_gap_s:
+        failure = f"The trajectory ends at {last_s:.2f} s, but the reference ends at {end_s:.2f} s."
+
+    def at_stamps(values: FloatArray | None, *shape: int) -> FloatArray:
+        if values is None:
+            return np.full((len(index), *shape), np.nan)
+        columns = values.reshape(len(t_s), -1).T
+        return np.column_stack([np.interp(stamps_s, t_s, column) for column in columns]).reshape(-1, *shape)
+
     return Estimate(
         index=index,
-        position_m=_on_line(trajectory.enu_m, before, share),
-        velocity_mps=absent if velocity is None else _on_line(velocity, before, share),
-        covariance=np.full((len(index), 6, 6), np.nan) if covariance is None else _on_line(covariance, before, share),
-        euler_rad=absent if euler is None else _turned(euler, before, share),
+        position_m=at_stamps(trajectory.enu_m, 3),
+        velocity_mps=at_stamps(trajectory.velocity_mps, 3),
+        covariance=at_stamps(trajectory.covariance, 6, 6),
+        euler_rad=_interpolated_angles(t_s, trajectory.euler_rad, stamps_s),
         failure=failure,
-        position_only=velocity is None,
+        position_only=trajectory.velocity_mps is None,
     )
 
 
-def _between(trajectory: Trajectory, stamps_s: FloatArray, gap_s: float) -> tuple[IntArray, FloatArray]:
-    """Return (k,) the sample before each stamp, and how far (0 to 1) it is to the next; a sample at the stamp is taken.
+def _require_near(trajectory: Trajectory, stamps_s: FloatArray, gap_s: float) -> None:
+    """Check that no stamp is between two samples whose interval is longer than ``gap_s``.
 
     Raises:
-        RecordingError: the samples around a stamp are further apart than ``gap_s``.
+        RecordingError: there is such a stamp.
     """
-    t_s, last = trajectory.t_s, len(trajectory.t_s) - 1
-    before = np.clip(np.searchsorted(t_s, stamps_s + _SAME_S, side="right") - 1, 0, last)
-    after = np.minimum(before + 1, last)
-    since_s, length_s = stamps_s - t_s[before], t_s[after] - t_s[before]
-    between = np.abs(since_s) > _SAME_S
-    wide = between & (length_s > gap_s + _SAME_S)
+    t_s = trajectory.t_s
+    after = np.searchsorted(t_s, stamps_s)
+    wide = (t_s[after] > stamps_s) & (t_s[after] - t_s[after - 1] > gap_s + _SAME_S)
     if wide.any():
         k = int(np.argmax(wide))
         raise RecordingError(
-            f"{trajectory.where} has no estimate between {t_s[before[k]]:.2f} and {t_s[after[k]]:.2f} s, where the"
-            f" reference has one at {stamps_s[k]:.2f} s ({int(wide.sum())} such stamps, {last + 1} estimates in all);"
-            f" write an estimate at each stamp, or allow longer gaps than {gap_s:g} s (filter.max_gap_s)."
+            f"{trajectory.where} has no estimate between {t_s[after[k] - 1]:.2f} and {t_s[after[k]]:.2f} s, but the"
+            f" reference has a stamp at {stamps_s[k]:.2f} s. There are {int(wide.sum())} such stamps and {len(t_s)}"
+            f" estimates in total. Write an estimate at each stamp, or increase filter.max_gap_s (now {gap_s:g} s)."
         )
-    return before.astype(np.int64), np.where(between, since_s / np.where(length_s > 0, length_s, 1.0), 0.0)
 
 
-def _on_line(values: FloatArray, before: IntArray, share: FloatArray) -> FloatArray:
-    """(k, ...) values on the straight line from the sample before to the one after; at a sample its own, to the bit."""
-    after = np.minimum(before + 1, len(values) - 1)
-    weight = share.reshape(-1, *[1] * (values.ndim - 1))
-    return np.where(weight == 0.0, values[before], (1.0 - weight) * values[before] + weight * values[after])
+def _interpolated_angles(t_s: FloatArray, euler_rad: FloatArray | None, stamps_s: FloatArray) -> FloatArray:
+    """Interpolate angles (k, 3) along the shortest rotation. The result is NaN if one of the two samples is unknown."""
+    from scipy.spatial.transform import Rotation, Slerp
+
+    angles_rad = np.full((len(stamps_s), 3), np.nan)
+    if euler_rad is None:
+        return angles_rad
+    known = np.isfinite(euler_rad).all(axis=1)
+    rows = np.isfinite(np.interp(stamps_s, t_s, np.where(known, 0.0, np.nan)))
+    if known.sum() > 1:
+        turn = Slerp(t_s[known], Rotation.from_matrix(dcm_from_euler(euler_rad[known])))
+        angles_rad[rows] = euler_from_dcm(turn(stamps_s[rows]).as_matrix())
+    return angles_rad
 
 
-def _turned(euler_rad: FloatArray, before: IntArray, share: FloatArray) -> FloatArray:
-    """(k, 3) angles on the shortest turn from the sample before to the one after; NaN where one of them is unknown."""
-    from scipy.spatial.transform import Rotation
-
-    turned, second_rad = euler_rad[before], euler_rad[np.minimum(before + 1, len(euler_rad) - 1)]
-    turned[(share > 0) & ~np.isfinite(second_rad).all(axis=1)] = np.nan
-    rows = np.flatnonzero((share > 0) & np.isfinite(turned).all(axis=1))
-    if len(rows):
-        first, second = (Rotation.from_matrix(dcm_from_euler(angles[rows])) for angles in (turned, second_rad))
-        part = Rotation.from_rotvec((first.inv() * second).as_rotvec() * share[rows, None])
-        turned[rows] = euler_from_dcm((first * part).as_matrix())
-    return turned
-
-
-# A topic of a ROS bag -> the trajectory that a node has published.
+# A trajectory that a ROS node has published, from a topic of a bag.
 
 _BAGS = (".bag", ".db3", ".mcap")
 """Endings of bags."""
 
-POSES = ("geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseStamped")
 _POSE = ("position", "orientation")
 _FIELDS = {
     ODOMETRY: (*_POSE, "linear", "position_covariance", "linear_covariance"),
-    POSES[0]: (*_POSE, "position_covariance"),
-    POSES[1]: _POSE,
+    POSE_COVARIANCE: (*_POSE, "position_covariance"),
+    POSE: _POSE,
 }
-"""What is read of each type."""
+"""Fields that are read from each type."""
 
 
 def read_odometry(path: Path, topic: str, recording: Recording) -> Trajectory:
-    """Read what a node has published: poses in the recording's ENU, the twist in the body, with their covariances.
+    """Read a trajectory from a topic of a bag. Poses must be in the ENU frame of the recording, twists in body axes.
 
     Args:
-        path: the bag.
-        topic: its name; empty: the only odometry of the bag.
-        recording: what the node has run over; where nobody knows when it began, an exported bag begins in 2020.
+        path: path of the bag.
+        topic: name of the topic, or empty for the only odometry of the bag.
+        recording: the recording that the node has processed. If the recording has no date, it is assumed to start on 1
+            January 2020, as in a bag that jerkbench exports.
 
     Raises:
-        RecordingError: there is no such topic, it has no poses, or its stamps do not increase.
+        RecordingError: the topic does not exist, has no poses, or has stamps that do not increase.
     """
     with open_bag(path) as bag:
-        name = topic or _only_odometry(bag)
+        odometries = [topic.name for topic in bag.topics if topic.msgtype == ODOMETRY]
+        if not topic and len(odometries) != 1:
+            raise RecordingError(
+                f"{path} has {len(odometries)} topics of the type {ODOMETRY} ({', '.join(odometries) or 'none'});"
+                " select one topic with filter.topic=NAME."
+            )
+        name = topic or odometries[0]
         msgtype = bag.topic(name).msgtype
         if msgtype not in _FIELDS:
-            advice = "name a topic of Odometry or of poses: filter.topic=..."
-            raise RecordingError(f"{path}: {name} is a {msgtype}; {advice}")
+            raise RecordingError(
+                f"{path}: {name} has the type {msgtype}; select a topic of Odometry or poses with filter.topic=NAME."
+            )
         messages = bag.read({name: _FIELDS[msgtype]})[name]
-    where = f"{path}, {name}"
-    t_s = _odometry_s(where, messages, recording)
-    dcm = dcm_from_quaternion(messages["orientation"])
-    velocity = np.einsum("nij,nj->ni", dcm, messages["linear"]) if msgtype == ODOMETRY else None
-    return Trajectory(
-        where, t_s, messages["position"], velocity, euler_from_dcm(dcm), _odometry_covariance(messages, dcm)
-    )
-
-
-def _only_odometry(bag: Bag) -> str:
-    names = [topic.name for topic in bag.topics if topic.msgtype == ODOMETRY]
-    if len(names) != 1:
-        raise RecordingError(
-            f"{bag.path} has {len(names)} topics of {ODOMETRY}{': ' if names else ''}{', '.join(names)}; name the one "
-            "to score: filter.topic=..."
-        )
-    return names[0]
-
-
-def _odometry_s(where: str, messages: Messages, recording: Recording) -> FloatArray:
-    start_ns = ns_since_1970(recording.start_utc or SOMETIME)
     if count := int((np.diff(messages.stamp_ns) <= 0).sum()):
         raise RecordingError(
-            f"{where}: {count} of {len(messages)} messages are not later than the one before; publish each stamp once."
+            f"{path}, {name}: {count} of {len(messages)} stamps do not increase; publish each stamp once and in order."
         )
-    return np.asarray((messages.stamp_ns - start_ns) * 1e-9)
+    t_s = np.asarray((messages.stamp_ns - ns_since_1970(recording.start_utc or SOMETIME)) * 1e-9)
+    dcm = dcm_from_quaternion(messages["orientation"])
+    velocity = np.einsum("nij,nj->ni", dcm, messages["linear"]) if msgtype == ODOMETRY else None
+    covariance = _odometry_covariance(messages, dcm)
+    return Trajectory(f"{path}, {name}", t_s, messages["position"], velocity, euler_from_dcm(dcm), covariance)
 
 
 def _odometry_covariance(messages: Messages, dcm: FloatArray) -> FloatArray | None:
-    """(n, 6, 6) in ENU; between position and velocity a message has none: zero; all zeros mean that it has nothing."""
+    """Return covariances (n, 6, 6) in ENU, or None if all position covariances are zero.
+
+    The cross-covariances of position and velocity are zero. If all velocity covariances in the messages are zero, they
+    are unknown, and all elements except the position covariances are NaN.
+    """
     position, linear = (messages.values.get(f"{part}_covariance", np.zeros(1)) for part in ("position", "linear"))
     if not position.any():
         return None
@@ -195,7 +186,7 @@ def _odometry_covariance(messages: Messages, dcm: FloatArray) -> FloatArray | No
     return covariance
 
 
-# The form of a trajectory's file: which columns are what, in which frame and unit, on which clock.
+# The format of a file with a trajectory: the columns, their frames and units, and the clock.
 
 _CLOCKS = ("", "start", "unix")
 _CHOICES = {
@@ -208,55 +199,57 @@ _CHOICES = {
     "body": ("flu", "frd"),
 }
 _COUNTS = {"position": (0, 3), "velocity": (0, 3), "attitude": (0, 3, 4), "covariance": (0, 3, 6, 21, 36)}
-"""How many columns each parameter may name."""
+"""Allowed numbers of columns of each parameter."""
 
 TEXT: dict[str, Any] = {"separator": "", "header": False, "time_unit": "s", "covariance": ()}
 TUM = TEXT | {"comment": "#", "time": "1", "time_week": "", "position": tuple("234"), "velocity": ()}
 TUM |= {"attitude": tuple("8567")}
-"""A line ``t x y z qx qy qz qw``; the frame is the user's."""
+"""A line is ``t x y z qx qy qz qw``; the user chooses the frame."""
 
 KF_GINS = TEXT | {"time_week": "1", "time": "2", "position": tuple("345"), "velocity": tuple("678")}
 KF_GINS |= {"frame": "geodetic", "angle_unit": "deg", "attitude_frame": "ned", "body": "frd"}
 KF_GINS |= {"attitude": ("9", "10", "11"), "attitude_unit": "deg"}
-"""A line ``week second latitude longitude height vn ve vd roll pitch yaw``."""
+"""A line is ``week second latitude longitude height vn ve vd roll pitch yaw``."""
 
 _KNOWN: dict[str, dict[str, Any]] = {".tum": TUM, ".nav": KF_GINS}
-"""Endings of files whose columns need no map."""
+"""Endings of files with known columns."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryForm:
-    """The columns of a trajectory, by the header's names or by numbers from 1.
+    """The columns of a trajectory, by the names in the header or by numbers from 1.
 
-    A file that ends in .tum (``t x y z qx qy qz qw``) or .nav (KF-GINS) needs no map. Of any other table (CSV, Parquet,
-    .mat) the columns that are not named are looked for by the names that an exported recording has: t_s, east_m,
-    north_m, up_m (by frame: north_m, east_m, down_m, or latitude_deg, longitude_deg, height_m), and, where they are
-    there, east_mps, north_mps, up_mps (of NED, and of geodetic places: north_mps, east_mps, down_mps), roll_rad,
-    pitch_rad, yaw_rad, and P11, P12, ..., P16, P22, ..., P66.
+    A file that ends in .tum (``t x y z qx qy qz qw``) or .nav (KF-GINS) needs no columns. In any other table (CSV,
+    Parquet, .mat), the default columns have the names of an exported recording. The required columns are t_s and the
+    position: east_m, north_m, up_m (ENU), north_m, east_m, down_m (NED), or latitude_deg, longitude_deg, height_m
+    (geodetic). Optional columns are east_mps, north_mps, up_mps (for NED and geodetic positions: north_mps, east_mps,
+    down_mps), roll_rad, pitch_rad, yaw_rad, and P11, P12, ..., P16, P22, ..., P66.
 
     Attributes:
-        time: the column of times.
-        time_unit: s, ms, us or ns.
-        time_week: the column of GPS weeks, where the times are GPS seconds of the week; empty: they are not.
-        clock: what times count from: start (of the recording), unix (1970, UTC); empty: unix where the first is beyond
-            100 000 000 s.
-        position: three columns, in the order of the frame.
-        frame: of position and covariance, and of velocity: enu, ned, geodetic (velocity, covariance and attitude: NED)
-            or ecef (position alone).
-        angle_unit: of latitude and longitude: deg or rad.
-        velocity: three columns.
-        attitude: three columns (roll, pitch, yaw) or four (w, x, y, z), body to local frame.
-        attitude_unit: of roll, pitch and yaw: rad or deg.
-        attitude_frame: the local frame of the attitude: enu or ned; empty: that of the velocity.
-        body: whose attitude it is: flu or frd.
-        covariance: columns of variances: three (position) or six (and velocity); or of the whole matrix of both: 21
-            (11, 12, ..., 16, 22, ..., 66) or 36, row by row.
-        separator: between the columns of a text; empty: white space.
+        time: column of the times.
+        time_unit: unit of the times: s, ms, us or ns.
+        time_week: column with the GPS week, or empty if the times do not restart each week.
+        clock: epoch of the times: start (of the recording) or unix (1970, UTC). If ``clock`` is empty, times are since
+            1970 if the first time is larger than 100 000 000 s.
+        position: three columns of positions, in the order of the frame.
+        frame: frame of position, covariance and velocity: enu, ned, geodetic (velocity, covariance and attitude are in
+            NED) or ecef (only for positions).
+        angle_unit: unit of latitude and longitude: deg or rad.
+        velocity: three columns of velocities [m/s].
+        attitude: three columns (roll, pitch, yaw) or four columns (w, x, y, z) of the rotation from the body to the
+            local frame.
+        attitude_unit: unit of roll, pitch and yaw: rad or deg.
+        attitude_frame: local frame of the attitude: enu or ned, or empty for the frame of the velocity.
+        body: axes that the attitude describes: flu or frd.
+        covariance: columns of three (position) or six (position and velocity) variances, or of the covariance matrix
+            with 21 (11, 12, ..., 16, 22, ..., 66) or 36 elements, row by row.
+        separator: separator of the columns of a text file, or empty for white space.
         header: whether a line names the columns.
-        comment: what a line to be left out begins with.
-        topic: of a ROS bag, the Odometry or poses to take; empty: its only Odometry. Poses are in the recording's ENU,
-            the body is forward, left, up, the twist is in it, and nothing of the above is asked.
-        max_gap_s: between two samples that are further apart nothing is interpolated.
+        comment: start of the lines that are ignored.
+        topic: topic of a ROS bag with Odometry or poses, or empty for the only Odometry of the bag. Poses must be in
+            the ENU frame of the recording, with body axes forward, left and up. Twists must be in body axes. The
+            parameters above are not used for a bag.
+        max_gap_s: maximum interval between two samples that is interpolated [s].
     """
 
     time: str = "t_s"
@@ -279,14 +272,13 @@ class TrajectoryForm:
     max_gap_s: float = 0.2
 
     def __post_init__(self) -> None:
-        """Check every choice and every number of columns."""
         require_choices(self, _CHOICES)
         require_lengths(self, _COUNTS)
         require_not_negative("trajectory", self, ("max_gap_s",))
 
     @property
     def local_frame(self) -> str:
-        """The axes of the velocity and the covariance."""
+        """The frame of the velocity and the covariance, which is NED for geodetic positions."""
         return "ned" if self.frame == "geodetic" else self.frame
 
 
@@ -294,35 +286,36 @@ _PLACES = POSITIONS | {"ecef": ("x_m", "y_m", "z_m")}
 _ATTITUDE = ("roll_rad", "pitch_rad", "yaw_rad")
 _UPPER = [(i, j) for i in range(6) for j in range(i, 6)]
 COVARIANCE = tuple(f"P{i + 1}{j + 1}" for i, j in _UPPER)
-"""Names of columns that nobody has to give."""
+"""Default names of the columns of the covariance."""
 
 LATER_THAN_NS = 100_000_000 * 1_000_000_000
-"""Stamps beyond this count from 1970: no recording lasts three years."""
+"""Stamps larger than this are times since 1970, because no recording lasts three years."""
 
 STILL = np.array([0.0, 0.0, 0.0])
 
 
 def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) -> Trajectory:
-    """Read the trajectory in ``path``.
+    """Read an estimated trajectory from a file.
 
     Args:
-        path: .tum, .nav, .csv, .parquet, .mat, a ROS bag (.bag, .db3, .mcap), or any text of columns.
-        declared: the form of files that do not say it themselves.
-        recording: on whose clock, and in whose ENU, it is read.
+        path: path of a .tum, .nav, .csv, .parquet or .mat file, of a ROS bag (.bag, .db3, .mcap), or of any text file
+            with columns.
+        declared: the format of files whose ending does not define the format.
+        recording: the recording with the clock and the ENU frame of the result.
 
     Raises:
-        RecordingError: there is no such file or column, a cell is no finite number, times do not increase, or clock or
-            frame cannot be told.
+        RecordingError: the file or a column does not exist, a cell is not a finite number, times do not increase, or
+            the recording has no start or origin to convert the times or positions.
     """
     if not path.is_file():
-        raise RecordingError(f"There is no trajectory {path}; correct its name.")
+        raise RecordingError(f"The trajectory {path} does not exist; correct the path.")
     if path.suffix in _BAGS:
         return read_odometry(path, declared.topic, recording)
-    own = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
-    form = replace(own, **_KNOWN.get(path.suffix, {}))
+    base = TrajectoryForm(**{f.name: getattr(declared, f.name) for f in fields(TrajectoryForm)})
+    form = replace(base, **_KNOWN.get(path.suffix, {}))
     columns = read_columns([path], TextFormat(form.separator, form.header, form.comment))
     if len(columns) == 0:
-        raise RecordingError(f"{path} has no estimate in it; write one line for each stamp.")
+        raise RecordingError(f"{path} contains no estimate; write one line for each stamp.")
     t_s = _seconds(columns, form, recording)
     enu_m = _places(columns, form, recording)
     velocity = _velocity(columns, form)
@@ -330,41 +323,37 @@ def read_trajectory(path: Path, declared: TrajectoryForm, recording: Recording) 
 
 
 def _seconds(columns: Columns, form: TrajectoryForm, recording: Recording) -> FloatArray:
-    t_ns = times_ns(columns, form.time, form.time_unit, form.time_week) - _zero_ns(columns, form, recording)
+    t_ns = times_ns(columns, form.time, form.time_unit, form.time_week)
     steps = np.diff(t_ns)
+    require_fractions(columns.where, t_ns, np.full(len(t_ns), fill_value=True))
     if (steps <= 0).any():
         row = int(np.argmax(steps <= 0)) + 2
-        raise RecordingError(f"{columns.where}, row {row}: its time is not after that of the row above; sort the rows.")
-    return np.asarray(t_ns * 1e-9)
-
-
-def _zero_ns(columns: Columns, form: TrajectoryForm, recording: Recording) -> int:
-    """The recording's start on the clock of the file."""
-    first_ns = int(times_ns(columns, form.time, form.time_unit, form.time_week)[0])
-    if form.clock == "start" or not (form.clock or form.time_week or first_ns > LATER_THAN_NS):
-        return 0
+        raise RecordingError(f"{columns.where}, row {row}: the time is not later than in the row above; sort the rows.")
+    if form.clock == "start" or not (form.clock or form.time_week or t_ns[0] > LATER_THAN_NS):
+        return np.asarray(t_ns * 1e-9)
     if recording.start_utc is None:
         raise RecordingError(
-            f"{columns.where} has stamps of a calendar, and nobody knows when {recording.name} began; write seconds"
-            " from its start (filter.clock=start)."
+            f"{columns.where} has absolute stamps, but {recording.name} has no date; write seconds since the start of"
+            " the recording (filter.clock=start)."
         )
-    unix_ns = ns_since_1970(recording.start_utc)
-    if not form.time_week:
-        return unix_ns
-    gps_ns = unix_ns - GPS_EPOCH_NS + round(GPST_MINUS_UTC_S * 1e9)
-    return gps_ns if first_ns >= WEEK_NS else gps_ns % WEEK_NS  # week 0 is KF-GINS's for one that it does not know
+    zero_ns = ns_since_1970(recording.start_utc)
+    if form.time_week:
+        zero_ns += round(GPST_MINUS_UTC_S * 1e9) - GPS_EPOCH_NS
+        if t_ns[0] < WEEK_NS:  # KF-GINS writes week 0 for an unknown week
+            zero_ns %= WEEK_NS
+    return np.asarray((t_ns - zero_ns) * 1e-9)
 
 
 def _places(columns: Columns, form: TrajectoryForm, recording: Recording) -> FloatArray:
     if form.frame not in LOCAL_FRAMES and recording.origin is None:
         raise RecordingError(
-            f"{columns.where} is in the frame {form.frame}, and {recording.name} has no origin on the Earth; write its"
-            " local axes (filter.frame=enu or ned)."
+            f"{columns.where} has the frame {form.frame}, but {recording.name} has no origin; write local coordinates"
+            " (filter.frame=enu or filter.frame=ned)."
         )
     values = _finite(columns, form.position or _PLACES[form.frame], "position")
     places = in_degrees(values, form.frame, form.angle_unit)
     for row in np.flatnonzero(off_earth(places, form.frame)):
-        raise RecordingError(f"{columns.where}, row {row + 1} has {OFF_EARTH}; correct it, or frame and unit.")
+        raise RecordingError(f"{columns.where}, row {row + 1} has {OFF_EARTH}; correct the row, the frame or the unit.")
     return in_enu(places, form.frame, recording.origin)
 
 
@@ -374,7 +363,7 @@ def _velocity(columns: Columns, form: TrajectoryForm) -> FloatArray | None:
         return None
     if form.frame == "ecef":
         raise RecordingError(
-            f"{columns.where} is in ECEF, of which positions are read alone; write ENU, NED or geodetic."
+            f"{columns.where} has velocities in ECEF, but frame=ecef supports only positions; use enu, ned or geodetic."
         )
     return axes_in_enu(_finite(columns, names, "velocity"), form.local_frame)
 
@@ -383,14 +372,13 @@ def _attitude(path: Path, columns: Columns, form: TrajectoryForm) -> FloatArray 
     angles = form.attitude or _there(columns, _ATTITUDE)
     frame = form.attitude_frame or ("ned" if form.local_frame == "ned" else "enu")
     unit = form.attitude_unit if form.attitude else "rad"
-    mapping = AttitudeMap(tuple(angles), unit, frame, form.body, ("x", "y", "z"))
-    euler_rad = read_attitude(columns, mapping)
-    nothing = path.suffix == ".tum" and euler_rad is not None and bool((np.nan_to_num(euler_rad) == STILL).all())
-    return None if nothing else euler_rad  # TUM has no way to leave a rotation out: the identity stands for it
+    euler_rad = read_attitude(columns, angles, unit, frame, form.body)
+    unknown = path.suffix == ".tum" and euler_rad is not None and bool((np.nan_to_num(euler_rad) == STILL).all())
+    return None if unknown else euler_rad  # in TUM files, the identity means "unknown"
 
 
 def _covariance(columns: Columns, form: TrajectoryForm, t_s: FloatArray) -> FloatArray | None:
-    """(n, 6, 6) in ENU; what is not given of it is NaN."""
+    """Return covariances (n, 6, 6) in ENU, with NaN for elements that the table does not contain."""
     names = form.covariance or _there(columns, COVARIANCE)
     if not names:
         return None
@@ -408,32 +396,32 @@ def _covariance(columns: Columns, form: TrajectoryForm, t_s: FloatArray) -> Floa
 
 
 def _there(columns: Columns, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return ``names`` if the table has all of them, else none."""
+    """Return ``names`` if the table has all these columns, otherwise an empty tuple."""
     return names if columns.has(names) else ()
 
 
 def _finite(columns: Columns, names: tuple[str, ...], quantity: str) -> FloatArray:
     values = columns.numbers(names)
-    for row, place in np.argwhere(~np.isfinite(values)):
+    for row, column in np.argwhere(~np.isfinite(values)):
         raise RecordingError(
-            f"{columns.where}, row {row + 1}: the {quantity} ({names[place]}) is no finite number; write one at each"
-            " stamp, or end the file where the estimate ends."
+            f"{columns.where}, row {row + 1}: the {quantity} ({names[column]}) is not a finite number; write a"
+            " finite number at each stamp, or end the file where the estimate ends."
         )
     return values
 
 
-# Files of which each seed has one: a pattern with ``{seed}`` in the place of the number.
+# Patterns of files with one file for each seed. A pattern contains ``{seed}`` instead of the number.
 
 SEED = "{seed}"
 
 
 def path_of_seed(pattern: str, seed: int) -> Path:
-    """Return the file of one seed."""
+    """Return the path of the file of one seed."""
     return Path(pattern.replace(SEED, str(seed))).expanduser()
 
 
 def seeds_of(pattern: str) -> dict[int, Path]:
-    """Return the files that there are by their seeds, in order; without ``{seed}`` there are none to tell apart."""
+    """Return the existing files by their seeds, sorted, or an empty dictionary if the pattern has no ``{seed}``."""
     pattern = str(Path(pattern).expanduser())
     first, *others = map(re.escape, pattern.split(SEED))
     expression = re.compile(first + r"(\d+)" + r"\1".join(others) if others else "(?!)")
@@ -442,14 +430,14 @@ def seeds_of(pattern: str) -> dict[int, Path]:
 
 
 def files_digest(pattern: str) -> str:
-    """Return the SHA-256 over the files of all seeds, and their seeds.
+    """Return the SHA-256 hash of the seeds and of the content of the files of all seeds.
 
     Raises:
-        RecordingError: there is no file.
+        RecordingError: a file does not exist.
     """
     paths = seeds_of(pattern) if SEED in pattern else {0: Path(pattern).expanduser()}
     if not paths or not all(path.is_file() for path in paths.values()):
-        raise RecordingError(f"There is no trajectory {pattern}; correct its name.")
+        raise RecordingError(f"The trajectory {pattern} does not exist; correct the path.")
     sha = hashlib.sha256()
     for seed, path in paths.items():
         sha.update(f"{seed} {len(content := path.read_bytes())} ".encode() + content)
@@ -457,21 +445,23 @@ def files_digest(pattern: str) -> str:
 
 
 def pattern_of(names: Sequence[str]) -> str:
-    """Return the pattern of files that one number tells apart: ``run_0.tum``, ``run_1.tum`` -> ``run_{seed}.tum``.
+    """Return the pattern of file names that differ in one number, for example ``run_{seed}.tum`` for ``run_0.tum``.
 
     Raises:
-        RecordingError: something else tells them apart, or the pattern would mean other files.
+        RecordingError: the names differ in more than one number, or the pattern would match other files.
     """
     if len(set(names)) == 1:
         return names[0]
     parts = [re.split(r"(\d+)", name) for name in names]
     if len({len(split) for split in parts}) == 1:
-        places = [k for k, column in enumerate(zip(*parts, strict=True)) if len(set(column)) > 1]
-        pattern = "".join(SEED if k in places else part for k, part in enumerate(parts[0]))
-        numbers = [split[places[0]] for split in parts if split[places[0]].isdigit()]  # leading zeros would be lost
+        differing = [k for k, column in enumerate(zip(*parts, strict=True)) if len(set(column)) > 1]
+        pattern = "".join(SEED if k in differing else part for k, part in enumerate(parts[0]))
+        numbers = [
+            split[differing[0]] for split in parts if split[differing[0]].isdigit()
+        ]  # names with leading zeros fail the comparison below
         if pattern.count(SEED) == 1 and {pattern.replace(SEED, str(int(n))) for n in numbers} == set(names):
             return pattern
     raise RecordingError(
-        f"{', '.join(names[:3])}{', ...' if len(names) > 3 else ''}: files of several seeds must differ in one number,"
-        " the seed; or give a pattern with {seed} in its place."
+        f"{', '.join(names[:3])}{', ...' if len(names) > 3 else ''}: the names of files of several seeds must differ in"
+        " one number, the seed. Rename the files, or give a pattern with {seed} instead of the number."
     )

@@ -1,18 +1,24 @@
-"""A recording or a trajectory as a table: one row for each stamp of any stream; TUM, KML and GPX."""
+"""Writing of recordings as tables and as the input of other programs, and writing of trajectories."""
 
+import json
+import tomllib
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jerkbench.arrays import FloatArray
 from jerkbench.errors import RecordingError
+from jerkbench.estimate import Attitude
 from jerkbench.files import write_atomically, write_text
 from jerkbench.geometry import dcm_from_euler, enu_to_geodetic, quaternion_from_dcm
+from jerkbench.io.bag_writing import write_bag
 from jerkbench.io.frames import axes_in_enu, covariance_in_enu
-from jerkbench.recording import Recording
+from jerkbench.recording import GRAVITY_MPS2, Recording, Reference
 from jerkbench.timeline import nanoseconds
 
 if TYPE_CHECKING:
@@ -24,7 +30,7 @@ POSITIONS = {
     "ned": ("north_m", "east_m", "down_m"),
     "geodetic": ("latitude_deg", "longitude_deg", "height_m"),
 }
-"""Columns of a position in each kind of coordinates."""
+"""Columns of a position in each coordinate system."""
 
 VELOCITIES = {"enu": ("east_mps", "north_mps", "up_mps"), "ned": ("north_mps", "east_mps", "down_mps")}
 _BODY = ("forward_mps", "left_mps", "up_mps")
@@ -33,17 +39,20 @@ _UPPER = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 WrittenColumns = dict[str, FloatArray]
 
 
-def recording_table(recording: Recording, coordinates: str = "enu") -> "pd.DataFrame":
-    """Return the table; times are seconds since the recording's start, units are in the names.
+def recording_table(
+    recording: Recording, coordinates: str = "enu", more: Sequence[tuple[FloatArray, WrittenColumns]] = ()
+) -> "pd.DataFrame":
+    """Return a table of all streams of a recording and of ``more`` streams. Times are seconds since the start.
 
-    Variances stay in the order of the columns of their stream; with "geodetic" they are of east, north and up.
+    The names of the columns contain the units. Variances have the order of the position or velocity columns. With
+    geodetic coordinates, variances are in the order east, north, up.
 
     Raises:
-        RecordingError: "geodetic" without an origin.
+        RecordingError: ``coordinates`` is "geodetic", and the recording has no origin.
     """
     import pandas as pd
 
-    streams = _streams(recording, coordinates)
+    streams = [*_streams(recording, coordinates), *more]
     t_ns = np.unique(np.concatenate([nanoseconds(t_s) for t_s, _ in streams]))
     table: WrittenColumns = {"t_s": t_ns * 1e-9}
     for t_s, columns in streams:
@@ -55,12 +64,12 @@ def recording_table(recording: Recording, coordinates: str = "enu") -> "pd.DataF
 
 
 def write_table(recording: Recording, path: Path, coordinates: str = "enu") -> None:
-    """Write a .csv or .parquet file."""
+    """Write all streams of a recording to a .csv or .parquet file."""
     write_frame(recording_table(recording, coordinates), path)
 
 
 def write_frame(table: "pd.DataFrame", path: Path) -> None:
-    """Write any table to a .csv or .parquet file."""
+    """Write a data frame to a .csv or .parquet file."""
     if path.suffix == ".parquet":
         write_atomically(path, lambda partial: table.to_parquet(partial, index=False))
     else:
@@ -89,7 +98,7 @@ def _streams(recording: Recording, coordinates: str) -> list[tuple[FloatArray, W
 
 
 def reference_columns(recording: Recording, coordinates: str) -> WrittenColumns:
-    """Return what the reference knows, by column, at its own stamps."""
+    """Return the columns of the reference, with one value for each stamp of the reference."""
     reference = recording.reference
     columns: WrittenColumns = {}
     if reference.enu_m is not None:
@@ -119,24 +128,133 @@ def _covariance(stream: str, covariance: FloatArray, unit: str) -> WrittenColumn
     return {f"{stream}_variance_{i + 1}{j + 1}_{unit}": covariance[:, i, j] for i, j in _UPPER}
 
 
-# A trajectory as text: TUM, KML and GPX.
+# A recording without its reference, as the input of other programs.
 
-_STREAMS = ("position", "reference")
+EVALUATED = "evaluated"
+_ANGLES = ("attitude_roll_rad", "attitude_pitch_rad", "attitude_yaw_rad")
+INPUTS = ("attitude_accel_east_mps2", "attitude_accel_north_mps2", "attitude_accel_up_mps2")
+"""Columns that the attitude filter computes from the IMU."""
+
+_UNITS = {"mps": "m/s", "mps2": "m/s2", "radps": "rad/s", "m2ps2": "m2/s2"}
+"""The unit for each ending of a column name that differs from the unit."""
+
+_SAID = tomllib.loads(Path(__file__).with_name("recording.toml").read_text(encoding="utf-8"))
 
 
-class Path3D(NamedTuple):
-    """A trajectory: times, positions (n, 3) in ENU, quaternions (n, 4) scalar last, body -> ENU."""
+def input_table(recording: Recording, attitude: Attitude | None = None) -> "pd.DataFrame":
+    """Return a table of all streams except the reference, with a row for each stamp of any stream or the reference.
 
-    t_s: FloatArray
-    enu_m: FloatArray
-    xyzw: FloatArray
+    The column ``evaluated`` is 1 at stamps of the reference. Missing values are empty.
+    """
+    more: list[tuple[FloatArray, WrittenColumns]] = []
+    if attitude is not None and recording.imu is not None:
+        values = np.hstack([attitude.euler_rad, attitude.accel_enu_mps2])
+        more.append((attitude.t_s, dict(zip((*_ANGLES, *INPUTS), values.T, strict=True))))
+    table = recording_table(_bare(recording), "enu", more)
+    evaluated = np.isin(nanoseconds(table["t_s"].to_numpy()), nanoseconds(recording.reference.t_s))
+    table.insert(1, EVALUATED, evaluated.astype(np.int64))
+    return table
 
 
-def trajectory_of(recording: Recording, stream: str | None = None) -> Path3D:
-    """Return the reference's trajectory, or that of the fixes (with no rotation); None: the first of these there is.
+def _bare(recording: Recording) -> Recording:
+    return replace(recording, reference=Reference(recording.reference.t_s, "not given", independent=False))
+
+
+def write_reference(recording: Recording, path: Path) -> None:
+    """Write the reference to a table with a column that marks the scored stamps. Methods must not use this file."""
+    import pandas as pd
+
+    reference = recording.reference
+    columns = {"t_s": reference.t_s, **reference_columns(recording, "enu"), "scored": reference.scored.astype(int)}
+    write_frame(pd.DataFrame(columns), path)
+
+
+def described(recording: Recording, table: "pd.DataFrame", name: str) -> dict[str, Any]:
+    """Return the JSON description of a table: the frames, units, rates, origin and start."""
+    start, origin = recording.start_utc, recording.origin
+    return {
+        "format": _SAID["format"],
+        "name": recording.name,
+        "table": name,
+        "time": _SAID["time"] | {"start_utc": start.isoformat() if start else None},
+        EVALUATED: _SAID[EVALUATED],
+        "frames": _SAID["frames"],
+        "origin": asdict(origin) if origin else None,
+        "gravity_mps2": GRAVITY_MPS2,
+        "static_start_s": recording.static_start_s,
+        "streams": _described_streams(recording, [str(column) for column in table.columns]),
+        "write": _SAID["write"],
+        "notes": list(recording.notes),
+    }
+
+
+def _described_streams(recording: Recording, columns: list[str]) -> dict[str, Any]:
+    streams = {}
+    for name in ("imu", "position", "velocity", "heading", "attitude"):
+        stream = getattr(recording, "imu" if name == "attitude" else name)
+        begins = ("accel_", "gyro_") if name == "imu" else f"{name}_"
+        names = [column for column in columns if column.startswith(begins)]
+        if stream is None or not names:
+            continue
+        t_s = stream.t_s
+        rate = round(1.0 / float(np.median(np.diff(t_s))), 6) if len(t_s) > 1 else None
+        ends = {column: column.rpartition("_")[2] for column in names}
+        units = {column: _UNITS.get(end, end) for column, end in ends.items()}
+        streams[name] = {"about": _SAID["streams"][name], "rows": len(t_s), "rate_hz": rate, "columns": units}
+        if name in ("position", "velocity"):
+            streams[name]["assumed_lever_arm_m"] = [0.0, 0.0, 0.0]
+        more = {"velocity": "frame", "heading": "source"}.get(name)
+        if more:
+            streams[name][more] = getattr(stream, more)
+    return streams
+
+
+FORMATS = {name: f"recording.{name}" for name in ("csv", "parquet", "bag", "mcap")}
+"""The file name for each format."""
+
+
+def write_recording(
+    recording: Recording, attitude: Attitude | None, folder: Path, formats: Sequence[str], more: Mapping[str, Any]
+) -> list[Path]:
+    """Write a recording without its reference in each of the ``formats``, and return the paths of the files.
+
+    Args:
+        recording: the recording to write.
+        attitude: estimated attitude, which is added to tables, or None to omit the attitude.
+        folder: folder in which the files are written.
+        formats: names of the formats, which are keys of `FORMATS`.
+        more: additional entries of the JSON description of a table.
 
     Raises:
-        RecordingError: it has no such positions.
+        RecordingError: the recording lacks a stream that a format needs.
+    """
+    written: list[Path] = []
+    for name in formats:
+        path = folder / FORMATS[name]
+        if name in ("csv", "parquet"):
+            table, about = input_table(recording, attitude), path.with_suffix(".json")
+            write_frame(table, path)
+            write_text(about, json.dumps({**described(recording, table, path.name), **more}, indent=1) + "\n")
+            written += [path, about]
+        elif recording.imu is None:
+            raise RecordingError(f"{recording.name} has no IMU, which a bag needs; write csv or parquet.")
+        else:
+            write_bag(_bare(recording), path)
+            written.append(path)
+    return written
+
+
+# Writing of a trajectory in the text formats TUM, KML and GPX.
+
+
+def trajectory_of(recording: Recording, stream: str | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the trajectory of the stream "reference", or of the position fixes with the identity as rotation.
+
+    The trajectory consists of times, positions (n, 3) in ENU, and quaternions (n, 4) from body to ENU with the scalar
+    last. If ``stream`` is None, the reference is used if it has positions.
+
+    Raises:
+        RecordingError: the selected stream has no positions.
     """
     reference, position = recording.reference, recording.position
     if stream == "reference" or (stream is None and reference.enu_m is not None):
@@ -144,56 +262,55 @@ def trajectory_of(recording: Recording, stream: str | None = None) -> Path3D:
     else:
         t_s, enu_m, euler = (reference.t_s, None, None) if position is None else (position.t_s, position.enu_m, None)
     if enu_m is None:
-        raise RecordingError(f"{recording.name} has no positions in its {stream or 'streams'}: no trajectory to write.")
+        raise RecordingError(f"{recording.name} has no trajectory: there are no positions in {stream or 'any stream'}.")
     rows = np.isfinite(enu_m).all(axis=1)
     xyzw = np.tile([0.0, 0.0, 0.0, 1.0], (len(enu_m), 1))
     if euler is not None:
         rows &= np.isfinite(euler).all(axis=1)
         xyzw[rows] = quaternion_from_dcm(dcm_from_euler(euler[rows]))
-    return Path3D(t_s[rows], enu_m[rows], xyzw[rows])
+    return t_s[rows], enu_m[rows], xyzw[rows]
 
 
 def write_tum(recording: Recording, path: Path, stream: str | None = None) -> None:
-    """Write lines ``t x y z qx qy qz qw``: seconds since 1970 where that is known, ENU [m]."""
-    trajectory = trajectory_of(recording, stream)
+    """Write lines ``t x y z qx qy qz qw`` with positions in ENU [m] and times since 1970 (or the start if unknown)."""
     start_us = round(recording.start_utc.timestamp() * 1e6) if recording.start_utc else 0
     lines = ["# timestamp x y z qx qy qz qw"]
-    for t, p, q in zip(trajectory.t_s, trajectory.enu_m, trajectory.xyzw, strict=True):
+    for t, p, q in zip(*trajectory_of(recording, stream), strict=True):
         seconds, fraction_ns = divmod(start_us * 1000 + round(t * 1e9), 1_000_000_000)
         lines.append(" ".join([f"{seconds}.{fraction_ns:09d}", *(f"{value:.9g}" for value in (*p, *q))]))
     write_text(path, "\n".join([*lines, ""]))
 
 
 def write_kml(recording: Recording, path: Path, stream: str | None = None) -> None:
-    """Write the trajectory as one line on the ellipsoid.
+    """Write the trajectory as one line with heights above the ellipsoid.
 
     Raises:
-        RecordingError: it has no origin on the Earth.
+        RecordingError: the recording has no origin on the Earth.
     """
     kml = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     placemark = ET.SubElement(ET.SubElement(kml, "Document"), "Placemark")
     ET.SubElement(placemark, "name").text = recording.name
     line = ET.SubElement(placemark, "LineString")
     ET.SubElement(line, "altitudeMode").text = "absolute"
-    places = _on_earth(recording, trajectory_of(recording, stream), "KML")
+    places = _on_earth(recording, trajectory_of(recording, stream)[1], "KML")
     ET.SubElement(line, "coordinates").text = " ".join(f"{lon:.9f},{lat:.9f},{h:.4f}" for lat, lon, h in places)
     _write_xml(kml, path)
 
 
 def write_gpx(recording: Recording, path: Path, stream: str | None = None) -> None:
-    """Write the trajectory as a track of GPX 1.1, heights above the ellipsoid.
+    """Write the trajectory as a track of GPX 1.1 with heights above the ellipsoid.
 
     Raises:
-        RecordingError: it has no origin on the Earth, or no date.
+        RecordingError: the recording has no origin on the Earth, or no date.
     """
     if recording.start_utc is None:
-        raise RecordingError(f"{recording.name} has no date, and each point of a GPX has one: write .tum or .csv.")
-    trajectory = trajectory_of(recording, stream)
+        raise RecordingError(f"{recording.name} has no date, but GPX needs a date for each point; write .tum or .csv.")
+    t_s, enu_m, _ = trajectory_of(recording, stream)
     gpx = ET.Element("gpx", xmlns="http://www.topografix.com/GPX/1/1", version="1.1", creator="jerkbench")
     track = ET.SubElement(gpx, "trk")
     ET.SubElement(track, "name").text = recording.name
     segment = ET.SubElement(track, "trkseg")
-    for t, (lat, lon, h) in zip(trajectory.t_s.tolist(), _on_earth(recording, trajectory, "GPX"), strict=True):
+    for t, (lat, lon, h) in zip(t_s.tolist(), _on_earth(recording, enu_m, "GPX"), strict=True):
         point = ET.SubElement(segment, "trkpt", lat=f"{lat:.9f}", lon=f"{lon:.9f}")
         ET.SubElement(point, "ele").text = f"{h:.4f}"
         time = recording.start_utc + timedelta(seconds=t)
@@ -201,11 +318,11 @@ def write_gpx(recording: Recording, path: Path, stream: str | None = None) -> No
     _write_xml(gpx, path)
 
 
-def _on_earth(recording: Recording, trajectory: Path3D, kind: str) -> FloatArray:
-    """Latitude, longitude [deg] and height [m] of each point (n, 3)."""
+def _on_earth(recording: Recording, enu_m: FloatArray, kind: str) -> FloatArray:
+    """Return the latitude [deg], longitude [deg] and height [m] of each point of a trajectory, shape (n, 3)."""
     if recording.origin is None:
-        raise RecordingError(f"{recording.name} has no origin on the Earth; {kind} needs one: write .tum or .csv.")
-    return enu_to_geodetic(trajectory.enu_m, recording.origin)
+        raise RecordingError(f"{recording.name} has no origin on the Earth, which {kind} needs; write .tum or .csv.")
+    return enu_to_geodetic(enu_m, recording.origin)
 
 
 def _write_xml(root: ET.Element, path: Path) -> None:
@@ -213,4 +330,4 @@ def _write_xml(root: ET.Element, path: Path) -> None:
 
 
 TRAJECTORIES = {".tum": write_tum, ".kml": write_kml, ".gpx": write_gpx}
-"""What writes a trajectory into a file of each suffix."""
+"""The function that writes a trajectory, for each suffix."""

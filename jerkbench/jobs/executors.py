@@ -1,4 +1,4 @@
-"""Executors of a sweep: processes of this machine, a Dask cluster, or the jobs of a queue."""
+"""Executors of a sweep: processes of this machine, a Dask cluster, or jobs of a queueing system."""
 
 import logging
 import multiprocessing
@@ -9,29 +9,29 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import ModuleType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, TypeAlias
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.notices import shared_notices
 
 
 class ClusterError(JerkbenchError):
-    """A cluster that cannot continue. Finished runs are stored."""
+    """Raised if a cluster cannot continue. The runs that have finished are stored."""
 
 
 class Pool(NamedTuple):
     """An open executor.
 
     Attributes:
-        executor: takes calls.
-        slots: returns how many calls may be submitted at the same time.
-        trouble: returns why no result can come any more, or an empty string.
+        executor: The executor to which calls are submitted.
+        slots: Function that returns the maximum number of calls that may be submitted at the same time.
+        trouble: Function that returns the reason why the executor cannot return any more results, or an empty string.
     """
 
     executor: Executor
@@ -39,83 +39,67 @@ class Pool(NamedTuple):
     trouble: Callable[[], str] = str
 
 
-class Cluster(Protocol):
-    """A place that can run tasks."""
-
-    def open(self, workers: int) -> AbstractContextManager[Pool]:
-        """Start ``workers`` processes, or connect to those that are running.
-
-        Raises:
-            ClusterError: a package is not installed, or the scheduler does not answer.
-        """
-        ...
-
-
 class Workers(ExitStack):
-    """The workers of a command. They are started with the first task and stopped at the end of the command."""
+    """The worker processes of a command. The workers start with the first task and stop at the end of the command.
+
+    Attributes:
+        count: Number of worker processes.
+    """
 
     def __init__(self, cluster: "Cluster | None" = None, count: int = 1) -> None:
-        """Use ``count`` processes if the cluster starts them itself; one local worker is this process."""
+        """Set the cluster and the number of worker processes. For one local worker, no process is started."""
         super().__init__()
-        self._cluster, self._count = cluster or LOCAL, count
+        self._cluster, self.count = cluster or LOCAL, count
         self._pool: Pool | None = None
 
-    @property
-    def count(self) -> int:
-        """Number of processes."""
-        return self._count
-
     def pool(self, tasks: int) -> Pool | None:
-        """Return the pool for this number of tasks. None: they run in this process.
+        """Return the pool for a number of tasks, or None if the current process runs the tasks.
 
         Raises:
-            ClusterError: the cluster cannot be opened.
+            ClusterError: The cluster cannot be opened.
         """
-        if self._pool is None and (self._cluster != LOCAL or min(self._count, tasks) > 1):
+        if self._pool is None and (self._cluster != LOCAL or min(self.count, tasks) > 1):
             self.enter_context(shared_notices())
-            self._pool = self.enter_context(self._cluster.open(self._count))
+            self._pool = self.enter_context(self._cluster.open(self.count))
         return self._pool
 
 
 def processors() -> int:
-    """Return the number of processors that this process may use. It can be smaller than that of the machine."""
+    """Return the number of processors that this process may use, which can be less than the number in the machine."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
 class Local:
-    """Processes of this machine."""
+    """A cluster that consists of processes of this machine."""
 
     @contextmanager
     def open(self, workers: int) -> Iterator[Pool]:
-        """Start up to ``workers`` processes, each when it is needed."""
-        executor = LocalExecutor(workers)
-        try:
-            yield Pool(executor, lambda: workers + 1)  # one call waits, so that no worker does
-        finally:
-            executor.shutdown()
+        """Yield a pool of up to ``workers`` processes. Each process is started when it is first needed."""
+        with LocalExecutor(workers) as executor:
+            yield Pool(executor, lambda: workers + 1)  # one more call than workers, so that no worker has to wait
 
 
 LOCAL = Local()
-"""The processes of this machine."""
+"""The default cluster: processes of this machine."""
 
 GRACE_S = 5.0
-"""Time that a terminated process gets to end."""
+"""Maximum time to wait for a terminated process to end [s]."""
 
 _SPAWN = multiprocessing.get_context("spawn")
-"""A forked process may hang in libraries that hold threads."""
+"""Processes are spawned, because a forked process may hang in libraries that use threads."""
 
 
 class LocalExecutor(Executor):
-    """A process pool that starts again after one of its processes has died.
+    """An executor with a process pool, which is replaced by a new pool after one of its processes has died.
 
-    The processes end as soon as the pipe to this process is closed: by `shutdown`, or because this process has died.
+    Worker processes end as soon as the pipe to the parent process is closed. The pipe is closed by `shutdown`, or by
+    the operating system if the parent process dies.
     """
 
     def __init__(self, workers: int) -> None:
-        """Use up to ``workers`` processes."""
         self._children: set[BaseProcess] = set()
-        self._workers = min(workers, 61) if sys.platform == "win32" else workers  # the limit of Windows
+        self._workers = min(workers, 61) if sys.platform == "win32" else workers  # Windows allows at most 61 processes
         self._start()
 
     def _start(self) -> None:
@@ -123,7 +107,7 @@ class LocalExecutor(Executor):
         self._pool = ProcessPoolExecutor(self._workers, _SPAWN, _start_worker, (self._reader,))
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401 - of the call
-        """Submit a call, to a new pool if the last one is broken."""
+        """Submit a call to the process pool. If the pool is broken, a new pool is started first."""
         before = {*multiprocessing.active_children()}
         with _without_script():
             try:
@@ -136,14 +120,15 @@ class LocalExecutor(Executor):
                 self._children |= {*multiprocessing.active_children()} - before
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        """Terminate the processes: finished results have been received, and the others are not needed.
+        """Terminate the worker processes without waiting for running calls.
 
-        Nothing waits for the pool itself: a process that is terminated while it writes leaves it without an answer.
+        This method does not wait for the process pool, because the pool waits forever if a process is terminated while
+        the process writes a result.
         """
         self._writer.close()
         self._pool.shutdown(wait=False, cancel_futures=cancel_futures)
         for child in self._children:
-            child.terminate()  # also while compiled code holds the interpreter
+            child.terminate()  # termination works even if compiled code holds the interpreter lock
         for child in self._children if wait else ():
             child.join(GRACE_S)
         self._children.clear()
@@ -152,7 +137,7 @@ class LocalExecutor(Executor):
 
 @contextmanager
 def _without_script() -> Iterator[None]:
-    """Hide the user's script: `spawn` imports the parent's ``__main__``, so each new process would run it again."""
+    """Replace the module ``__main__`` temporarily, because a spawned process would otherwise run the user's script."""
     script = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -162,17 +147,17 @@ def _without_script() -> Iterator[None]:
 
 
 def _start_worker(reader: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles Ctrl-C
     threading.Thread(target=_end_with_parent, args=(reader,), daemon=True).start()
 
 
 def _end_with_parent(reader: Connection) -> None:
-    reader.poll(None)  # returns when the pipe is closed
+    reader.poll(None)  # blocks until the pipe is closed
     os._exit(1)
 
 
 ANSWER_S = 30.0
-"""Time that a Dask scheduler gets to answer."""
+"""Maximum time to wait for an answer of a Dask scheduler [s]."""
 
 
 @dataclass(frozen=True)
@@ -180,53 +165,57 @@ class Dask:
     """A Dask cluster.
 
     Attributes:
-        address: of a running scheduler, "tcp://HOST:8786"; empty: processes of this machine are started.
+        address: Address of a running Dask scheduler, for example "tcp://HOST:8786". If the address is empty, a
+            scheduler and worker processes are started on this machine.
     """
 
     address: str = ""
 
     @contextmanager
     def open(self, workers: int) -> Iterator[Pool]:
-        """Connect to the scheduler, or start processes."""
+        """Connect to the Dask scheduler, or start a scheduler and ``workers`` processes on this machine."""
         distributed = required("distributed", "dask")
-        with _quiet(), _connected(distributed, self.address or self._local_cluster(distributed, workers)) as pool:
-            yield pool
-
-    def _local_cluster(self, distributed: Any, workers: int) -> Any:  # noqa: ANN401 - Dask has no types
-        return distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,  # a run holds the interpreter
-            memory_limit=0,
-            dashboard_address=":0",  # Dask warns if its usual port is in use
-            scheduler_kwargs={"dashboard": False},
-            silence_logs=logging.CRITICAL,
-            preload=[__name__],
-        )
+        with _quiet():
+            cluster = self.address or distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,  # a run holds the interpreter lock, so threads would not run in parallel
+                memory_limit=0,
+                dashboard_address=":0",  # Dask prints a warning if its default port is in use
+                scheduler_kwargs={"dashboard": False},
+                silence_logs=logging.CRITICAL,
+                preload=[__name__],
+            )
+            with _connected(distributed, cluster) as pool:
+                yield pool
 
 
 def dask_setup(worker: object) -> None:
-    """Leave Ctrl-C to the parent, which ends its workers. Dask calls this function in each local worker."""
+    """Make a worker ignore Ctrl-C, because the parent process handles it.
+
+    Dask calls this function in each local worker.
+    """
     del worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @dataclass(frozen=True)
 class JobQueue:
-    """Jobs of a queue (SLURM, PBS or LSF), each with some Dask workers. The scheduler is this process.
+    """Jobs of a queueing system (SLURM, PBS or LSF) that run Dask workers. The current process runs the Dask scheduler.
 
     Attributes:
-        system: slurm, pbs or lsf.
-        jobs: number of jobs; one that is lost is submitted again.
-        processes: worker processes of a job, one core each.
-        memory: of a job, "8GB".
-        walltime: of a job, in the format of the queue: "01:00:00".
-        queue: partition or queue; empty: the system's default.
-        account: account that is charged; empty: the system's default.
-        interface: network interface by which workers reach this process, "ib0"; empty: Dask looks for one.
-        directives: more lines for the head of a job's script: ["--exclusive"].
-        prologue: commands of a job before its workers start: ["module load python"].
-        python: interpreter of the workers; empty: this one, at the same path.
-        logs: folder of the jobs' output; empty: the system's default.
+        system: Name of the queueing system: slurm, pbs or lsf.
+        jobs: Number of jobs. A job that ends early is submitted again.
+        processes: Number of worker processes of each job. Each worker process uses one core.
+        memory: Memory of each job, for example "8GB".
+        walltime: Time limit of each job in the format of the queueing system, for example "01:00:00".
+        queue: Name of the partition or queue (by default, the default of the queueing system).
+        account: Account that is charged for the jobs (by default, the default of the queueing system).
+        interface: Network interface by which workers reach this process, for example "ib0" (by default, selected by
+            Dask).
+        directives: Additional lines for the header of a job script, for example ["--exclusive"].
+        prologue: Commands that a job runs before its workers start, for example ["module load python"].
+        python: Path of the Python interpreter of the workers (by default, the path of the current interpreter).
+        logs: Folder for the output of the jobs (by default, the default of the queueing system).
     """
 
     system: str
@@ -244,14 +233,12 @@ class JobQueue:
 
     @contextmanager
     def open(self, workers: int) -> Iterator[Pool]:
-        """Submit the jobs. Work starts with the first one that runs."""
-        del workers  # jobs and processes give the number
+        """Submit the jobs to the queueing system. The first tasks are sent when the first job runs."""
+        del workers  # `jobs` and `processes` determine the number of workers
         distributed = required("distributed", self.system)
-        with _quiet():
-            cluster = self._cluster()
-            with _connected(distributed, cluster) as pool:
-                cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # submits another job if one is lost
-                yield pool
+        with _quiet(), _connected(distributed, cluster := self._cluster()) as pool:
+            cluster.adapt(minimum_jobs=self.jobs, maximum_jobs=self.jobs)  # jobs that end early are submitted again
+            yield pool
 
     def _cluster(self) -> Any:  # noqa: ANN401 - dask-jobqueue has no types
         jobqueue = required("dask_jobqueue", self.system)
@@ -279,9 +266,15 @@ class JobQueue:
             raise ClusterError(f"cluster={self.system} cannot start: {error}.") from error
 
 
+Cluster: TypeAlias = Local | Dask | JobQueue
+
+
 @contextmanager
 def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN401 - Dask has no types
-    """Yield the executor of a Dask scheduler, given by its address or by a cluster, which is closed at the end."""
+    """Connect to a Dask scheduler, and yield its pool.
+
+    If ``cluster`` is not an address, the cluster is closed at the end.
+    """
     with ExitStack() as stack:
         name = cluster if isinstance(cluster, str) else "of this process"
         if not isinstance(cluster, str):
@@ -291,13 +284,15 @@ def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN40
         except (OSError, TimeoutError, ValueError) as error:
             raise ClusterError(f"The Dask scheduler {cluster} does not answer: {error}.") from error
         stack.callback(client.close, timeout=5)
-        executor = client.get_executor(pure=False)  # two equal calls are two calls
-        gone = f"The Dask scheduler {name} is gone. Finished runs are stored; the same command continues the sweep."
+        executor = client.get_executor(pure=False)  # Dask must not merge calls with equal arguments
+        unreachable = (
+            f"The Dask scheduler {name} is gone. Finished runs are stored; the same command continues the sweep."
+        )
         try:
             yield Pool(
                 executor,
                 lambda: 2 * max(1, sum(client.nthreads().values())),
-                lambda: "" if client.status == "running" else gone,
+                lambda: "" if client.status == "running" else unreachable,
             )
         finally:
             if client.status == "running":
@@ -306,10 +301,10 @@ def _connected(distributed: Any, cluster: Any) -> Iterator[Pool]:  # noqa: ANN40
 
 
 def required(module: str, cluster: str) -> ModuleType:
-    """Return a module of the extra ``dask``.
+    """Import and return a module that is installed by the extra ``dask``.
 
     Raises:
-        ClusterError: it is not installed.
+        ClusterError: The module is not installed.
     """
     try:
         return import_module(module)
@@ -321,7 +316,7 @@ def required(module: str, cluster: str) -> ModuleType:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Disable logging: Dask reports each lost connection with a traceback."""
+    """Disable logging, because Dask logs a traceback for each connection that is closed."""
     logging.disable()
     try:
         yield

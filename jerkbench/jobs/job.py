@@ -1,11 +1,11 @@
-"""A job: one combination of a scenario, a method and a way to score it, with the seeds to run of it."""
+"""A job: a combination of a scenario and a method, with its metrics, its protocol and its seeds."""
 
 import dataclasses
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from jerkbench import plugins
 from jerkbench.contracts import (
@@ -19,7 +19,6 @@ from jerkbench.contracts import (
     Metric,
     ReadingFile,
     has_methods,
-    on_request,
 )
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.evaluated_run import LIMIT_M
@@ -30,53 +29,51 @@ from jerkbench.plugins import missing_member
 from jerkbench.r_scale import RScale, scale_of
 from jerkbench.report.labels import GROUPS, Labels, default_labels
 
-# The names of the metrics of a cell: those that are asked for, or those by default.
-
 WITHOUT_SEEDS = ("one_recording",)
-"""Metrics that are computed by default where a cell has no seeds, which would say how far to trust its numbers."""
+"""Metrics that are default metrics only for jobs without seeds, which have no spread over seeds."""
 
 
 def metric_names(wanted: Sequence[str], *, seeded: bool = True) -> tuple[str, ...]:
-    """Return the names that are asked for; of none or "default" our own usual ones, of "all" every one.
+    """Return the names of the metrics to compute.
 
-    One from elsewhere is never among the usual ones, or its installation would change the key of every cell.
+    Only metrics of this package are default metrics, because installing a plugin must not change the keys of jobs.
 
     Args:
-        wanted: names.
-        seeded: whether the cell has seeds; without them it has `WITHOUT_SEEDS` by default.
+        wanted: Names of metrics, "default" or "all". If ``wanted`` is empty, the default metrics are returned.
+        seeded: Whether the job has seeds. If ``seeded`` is False, the default metrics include `WITHOUT_SEEDS`.
 
     Raises:
-        PluginError: it is no list of names.
+        PluginError: ``wanted`` is not a list of names.
     """
     known = plugins.names("metric")
     if not isinstance(wanted, (list, tuple)) or not all(isinstance(name, str) for name in wanted):
-        raise PluginError(f"metrics is {wanted}; give a list of names: metrics=[position_rmse,velocity_rmse] or [all].")
-    for sentence in plugins.left_out("metric").values() if "all" in wanted else ():
-        notify(sentence)
-    alone = () if seeded else WITHOUT_SEEDS
-    usual = [name for name in known if name in alone or _by_default(plugins.get("metric", name))]
-    several = {"all": known, "default": usual}
-    return tuple(dict.fromkeys(name for asked in wanted or ["default"] for name in several.get(asked, [asked])))
+        raise PluginError(f"metrics is {wanted}; give a list of names, for example metrics=[position_rmse] or [all].")
+    for message in plugins.left_out("metric").values() if "all" in wanted else ():
+        notify(message)
+    further = () if seeded else WITHOUT_SEEDS
+    sets = {"all": known, "default": [name for name in known if name in further or _by_default(name)]}
+    return tuple(dict.fromkeys(name for given in wanted or ["default"] for name in sets.get(given, [given])))
 
 
 @cache
-def _by_default(metric: type) -> bool:
-    return plugins.is_own(metric) and not on_request(metric)
+def _by_default(name: str) -> bool:
+    metric = plugins.get("metric", name)
+    return plugins.is_builtin(metric) and getattr(metric, "default", True)
 
 
-# The group ``noise``: process noise that replaces the filter's own.
+# The configuration group ``noise``: process noise parameters that replace the defaults of the filter.
 
 
 @dataclasses.dataclass
 class Noise:
-    """Process noise parameters; one that is set replaces the filter's own field of that name.
+    """Process noise parameters. A parameter that is not None replaces the parameter of the filter with the same name.
 
     Attributes:
-        accel_mps2: sigma_a, noise of one sample of the acceleration [m/s2].
-        jerk_mps3_per_sqrt_s: random walk of the jerk [m/s3/sqrt(s)].
-        initial_jerk_mps3: one sigma of the jerk at the start [m/s3].
-        bias_mps2_per_sqrt_s: random walk of the acceleration bias [m/s2/sqrt(s)].
-        initial_bias_mps2: one sigma of the acceleration bias at the start [m/s2].
+        accel_mps2: sigma_a, standard deviation of the noise of one acceleration sample [m/s2].
+        jerk_mps3_per_sqrt_s: Random walk of the jerk [m/s3/sqrt(s)].
+        initial_jerk_mps3: Standard deviation of the jerk at the start [m/s3].
+        bias_mps2_per_sqrt_s: Random walk of the acceleration bias [m/s2/sqrt(s)].
+        initial_bias_mps2: Standard deviation of the acceleration bias at the start [m/s2].
     """
 
     accel_mps2: float | None = None
@@ -87,29 +84,27 @@ class Noise:
 
 
 def replaced(cls: type, noise: Mapping[str, Any]) -> dict[str, float]:
-    """Return the fields of `Noise` that are set and that the filter class has; nothing else of a filter is noise."""
-    own = {f.name for f in dataclasses.fields(cls)} & {f.name for f in dataclasses.fields(Noise)}
-    return {name: value for name, value in noise.items() if value is not None and name in own}
+    """Return the values of ``noise`` that are not None and belong to a field of the filter class ``cls``."""
+    common = {f.name for f in dataclasses.fields(cls)} & {f.name for f in dataclasses.fields(Noise)}
+    return {name: value for name, value in noise.items() if value is not None and name in common}
 
-
-# The protocol of a cell: its seeds, the burn-in, the limit of divergence.
 
 MAX_RUNS = 100_000
-"""Runs of one cell: their rows stay in memory until it is stored."""
+"""Maximum number of runs of a job. Its rows are in memory until they are stored."""
 LAST_SEED = 2**63
-"""Before this one: rows hold seeds as signed integers of 64 bits."""
+"""Upper limit of the seeds, not included. Rows store seeds as signed 64-bit integers."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
-    """The protocol of a cell: how it is run and scored.
+    """The protocol of a job: its seeds and the parameters of the scoring.
 
     Attributes:
-        seeds: number of runs of a cell that has anything random.
-        first_seed: the first of them.
-        burn_in_s: errors count from this time on [s].
-        divergence_limit_m: a larger position error is a divergence [m]; infinite: none is. The rule and the
-            limit where nothing is said: `jerkbench.evaluation.evaluated_run`.
+        seeds: Number of seeds of a job with random parts.
+        first_seed: The first seed of a job with random parts.
+        burn_in_s: Time after the start before which errors are not counted [s].
+        divergence_limit_m: Position error above which a run counts as diverged [m]. An infinite limit means that no run
+            counts as diverged. The rule and the default limit are defined in `jerkbench.evaluation.evaluated_run`.
     """
 
     seeds: int = 5
@@ -118,13 +113,12 @@ class Protocol:
     divergence_limit_m: float = LIMIT_M
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         if self.seeds < 1:
-            raise PluginError(f"seeds is {self.seeds}; at least one run is needed.")
+            raise PluginError(f"seeds is {self.seeds}; give 1 or more.")
         if self.first_seed < 0:
             raise PluginError(f"first_seed is {self.first_seed}; it must not be negative.")
         if self.seeds > MAX_RUNS:
-            raise PluginError(f"seeds is {self.seeds}; a cell has at most {MAX_RUNS} runs.")
+            raise PluginError(f"seeds is {self.seeds}; a combination has at most {MAX_RUNS} runs.")
         if self.first_seed + self.seeds > LAST_SEED:
             raise PluginError(f"first_seed is {self.first_seed}; a seed must be less than 2**63.")
         if not (math.isfinite(self.burn_in_s) and self.burn_in_s >= 0):
@@ -132,19 +126,29 @@ class Protocol:
         if math.isnan(self.divergence_limit_m) or self.divergence_limit_m <= 0:
             raise PluginError(f"divergence_limit_m is {self.divergence_limit_m:g}; it must be more than 0.")
 
+    @property
+    def limits(self) -> dict[str, float]:
+        """The parameters of the scoring (all values except the seeds), which are part of the key of a job."""
+        return {name: value for name, value in vars(self).items() if name not in ("seeds", "first_seed")}
+
+
+def is_random(model: object) -> bool:
+    """Return whether the runs of a filter on equal recordings may differ by seed (see `PerSeed`)."""
+    return bool(getattr(model, "random", False))
+
 
 Config = Mapping[str, Any]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scenario:
-    """What is driven, and what goes wrong.
+    """The inputs of a method: a data set, disturbances and an attitude filter.
 
     Attributes:
-        dataset: source of the recordings.
-        disturbances: applied in this order.
-        attitude: attitude filter.
-        plain: the same as plain data: kind -> {"name": ..., parameters}, of the disturbances a list.
+        dataset: The source of the recordings.
+        disturbances: The disturbances in the order of their application.
+        attitude: The attitude filter.
+        plain: The configuration as plain data: {kind: {"name": ..., parameters}}, with a list for disturbances.
     """
 
     dataset: Dataset
@@ -154,31 +158,37 @@ class Scenario:
 
     @cached_property
     def data(self) -> str:
-        """The identity of its data, when it was first asked for."""
+        """The fingerprint of the data, which is computed on first access."""
         return data_fingerprint(self.dataset, self.disturbances)
 
     @property
     def seeded(self) -> bool:
-        """Whether anything in it is random."""
+        """True if the data set or a disturbance is random."""
         return self.dataset.seeded or any(d.seeded for d in self.disturbances)
 
-    def draws(self, protocol: Protocol) -> range:
-        """Return the seeds to run; where nothing is random, the phases of its decimation."""
-        if self.seeded:
+    def draws(self, protocol: Protocol, *, random: bool = False) -> range:
+        """Return the seeds to run. If nothing is random, return the phases of the decimation.
+
+        Args:
+            protocol: The protocol with the seeds.
+            random: Whether the filter is random, for example one file of estimates for each seed.
+        """
+        phases = max((d.replicates() for d in self.disturbances), default=1)
+        if self.seeded or (random and phases == 1):
             return range(protocol.first_seed, protocol.first_seed + protocol.seeds)
-        return range(max((d.replicates() for d in self.disturbances), default=1))
+        return range(phases)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Method:
-    """What navigates.
+    """A navigation filter with its adaptation, its engine and the scale of R.
 
     Attributes:
-        filter: kinematic filter, or estimator.
-        adaptation: rule that adapts R.
-        engine: what runs a kinematic filter.
-        r_scale: what the filter is told of the reported R.
-        plain: the same as plain data, by the names of these.
+        filter: Kinematic filter or estimator.
+        adaptation: Rule that adapts R.
+        engine: Engine of a kinematic filter.
+        r_scale: Factors on the reported R.
+        plain: The configuration as plain data: {name of an attribute: {"name": ..., parameters}}.
     """
 
     filter: Filter | Estimator
@@ -189,149 +199,132 @@ class Method:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Evaluation:
-    """The metrics that are asked of each run, and from when its errors count.
-
-    Attributes:
-        metrics: what is computed from each run.
-        names: of the metrics.
-        burn_in_s: errors count from this time on [s].
-        divergence_limit_m: a larger position error is a divergence [m].
-    """
-
-    metrics: tuple[Metric, ...]
-    names: tuple[str, ...]
-    burn_in_s: float
-    divergence_limit_m: float
-
-    @property
-    def limits(self) -> dict[str, float]:
-        """The numbers, by their names."""
-        return {"burn_in_s": self.burn_in_s, "divergence_limit_m": self.divergence_limit_m}
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
 class Job:
-    """A combination, ready to run.
+    """A combination of a scenario and a method that is ready to run.
 
     Attributes:
-        labels: what tables call its parts.
-        scenario: what is driven.
-        method: what navigates.
-        evaluation: how runs are judged.
-        draws: its seeds, or phases, in order.
+        labels: Labels of the parts of the combination in tables.
+        scenario: The data set, the disturbances and the attitude filter.
+        method: The filter, the adaptation, the engine and the scale of R.
+        metrics: The metrics by name.
+        protocol: The parameters of the scoring. The seeds in the protocol are replaced by ``draws``.
+        draws: The seeds or phases to run, in order.
     """
 
     labels: Labels
     scenario: Scenario
     method: Method
-    evaluation: Evaluation
+    metrics: Mapping[str, Metric]
+    protocol: Protocol
     draws: Sequence[int]
 
     @property
+    def seeded(self) -> bool:
+        """True if the scenario or the filter is random."""
+        return self.scenario.seeded or is_random(self.method.filter)
+
+    @property
     def spec(self) -> dict[str, Any]:
-        """Its parts as plain data; `build` makes the same job from it."""
-        return {**self.scenario.plain, **self.method.plain, "metrics": list(self.evaluation.names)}
+        """The configuration of the job as plain data, from which `build` creates an equal job."""
+        return {**self.scenario.plain, **self.method.plain, "metrics": list(self.metrics)}
 
     @cached_property
     def key(self) -> str:
-        """A hash of all that its rows depend on but their seeds."""
+        """Hash of everything that determines the rows of the job, except the seeds."""
         model = self.method.filter
         data = [self.scenario.data, model.fingerprint() if has_methods(model, ReadingFile) else ""]
-        what = {"labels": self.labels, "spec": self.spec, "protocol": self.evaluation.limits, "data": data}
-        return key_of(what, (type(plugin) for _, _, plugin in self.parts()))
+        identity = {"labels": self.labels, "spec": self.spec, "protocol": self.protocol.limits, "data": data}
+        return key_of(identity, (type(plugin) for _, _, plugin in self.parts()))
 
     def part(self, kind: str) -> Any:  # noqa: ANN401 - the kind decides the contract
-        """Return the only plugin of a kind."""
+        """Return the plugin of a kind that a job has exactly once, such as the filter."""
         return getattr(self.scenario if kind in self.scenario.plain else self.method, kind)
 
     def at(self, values: Mapping[str, Config]) -> "Job":
-        """Return the job with other values of some parameters: filter, adaptation, r_scale, attitude -> values.
+        """Return a copy of the job in which some parameters have other values.
+
+        Args:
+            values: For each kind (filter, adaptation, r_scale or attitude), the new values by the name of the
+                parameter.
 
         Raises:
-            PluginError: the plugin does not take values that are each in their range.
+            PluginError: The plugin rejects the values.
         """
         owners: dict[str, Any] = {"scenario": self.scenario, "method": self.method}
-        for kind, own in values.items():
+        for kind, changes in values.items():
             name = "scenario" if kind in self.scenario.plain else "method"
             owner = owners[name]
-            plain = {**owner.plain, kind: {**owner.plain[kind], **own}}
-            plugin = dataclasses.replace(getattr(owner, kind), **own)
-            owners[name] = dataclasses.replace(owner, plain=plain, **{kind: plugin}) if own else owner
+            plain = {**owner.plain, kind: {**owner.plain[kind], **changes}}
+            plugin = dataclasses.replace(getattr(owner, kind), **changes)
+            owners[name] = dataclasses.replace(owner, plain=plain, **{kind: plugin}) if changes else owner
         return dataclasses.replace(self, **owners)
 
     def parts(self) -> Iterator[tuple[str, str, Any]]:
-        """Yield kind and name of each plugin, and itself."""
+        """Yield the kind, the name and the object of each plugin of the job."""
         spec = self.spec
         for kind in GROUPS:
             yield kind, spec[kind]["name"], self.part(kind)
-        for own, disturbance in zip(spec["disturbance"], self.scenario.disturbances, strict=True):
-            yield "disturbance", own["name"], disturbance
-        for name, metric in zip(self.evaluation.names, self.evaluation.metrics, strict=True):
-            yield "metric", name, metric
+        for part, disturbance in zip(spec["disturbance"], self.scenario.disturbances, strict=True):
+            yield "disturbance", part["name"], disturbance
+        yield from (("metric", name, metric) for name, metric in self.metrics.items())
 
 
 def build(spec: Config, protocol: Protocol, labels: Labels | None = None) -> Job:
-    """Make a job from plain data.
+    """Create a job from plain data.
 
     Args:
-        spec: dataset, attitude, filter, adaptation, engine: {"name": ..., parameters}; disturbance: a list of such;
-            noise (optional): parameters that replace the filter's own; r_scale (optional): factors on the reported R;
-            metrics (optional): names, or "all".
-        protocol: its seeds, and how runs are judged.
-        labels: what tables call its parts; default: the plugins' names.
+        spec: The configuration. The keys dataset, attitude, filter, adaptation and engine have the value {"name": ...,
+            parameters}. The key disturbance has a list of such mappings. The keys noise (parameters of the filter),
+            r_scale (factors on the reported R) and metrics (names, or "all") are optional.
+        protocol: The seeds and the parameters of the scoring.
+        labels: The labels in tables (by default, labels that are created from the names of the plugins).
 
     Raises:
-        PluginError: something is unknown or does not fit together.
+        PluginError: A plugin or parameter is unknown, or the parts are not compatible.
     """
     noise = replaced(plugins.get("filter", spec["filter"]["name"]), spec.get("noise", {}))
     plugin, plain = {}, {}
     for kind in GROUPS:
         plugin[kind], plain[kind] = _part(kind, {**spec[kind], **(noise if kind == "filter" else {})})
     several, r_scale = [_part("disturbance", part) for part in spec["disturbance"]], scale_of(spec.get("r_scale"))
-    driven = {"dataset": plain["dataset"], "disturbance": [d.plain for d in several], "attitude": plain["attitude"]}
-    scenario = Scenario(plugin["dataset"], tuple(d.plugin for d in several), plugin["attitude"], driven)
-    own = ("filter", "adaptation", "engine")
-    navigates = {**{kind: plain[kind] for kind in own}, "r_scale": dataclasses.asdict(r_scale)}
+    driven = {"dataset": plain["dataset"], "disturbance": [d for _, d in several], "attitude": plain["attitude"]}
+    scenario = Scenario(plugin["dataset"], tuple(d for d, _ in several), plugin["attitude"], driven)
+    navigates = {**{kind: plain[kind] for kind in GROUPS[2:]}, "r_scale": dataclasses.asdict(r_scale)}
     method = Method(plugin["filter"], plugin["adaptation"], plugin["engine"], r_scale, navigates)
     names = metric_names(spec.get("metrics") or (), seeded=scenario.seeded)
-    metrics = tuple(_part("metric", {"name": name}).plugin for name in names)
-    evaluation = Evaluation(metrics, names, protocol.burn_in_s, protocol.divergence_limit_m)
+    metrics = {name: _part("metric", {"name": name})[0] for name in names}
     labels = labels or default_labels({**driven, **navigates})
     if label := getattr(method.filter, "table_label", ""):
         labels = labels._replace(filter=label)
-    return Job(Labels(*map(plain_text, labels)), scenario, method, evaluation, scenario.draws(protocol))
+    draws = scenario.draws(protocol, random=is_random(method.filter))
+    return Job(Labels(*map(plain_text, labels)), scenario, method, metrics, protocol, draws)
 
 
-class _Part(NamedTuple):
-    """A plugin, and the same as plain data: its name with all its parameters."""
+def _part(kind: str, config: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Return the plugin for a configuration, and its name and parameters as plain data.
 
-    plugin: Any
-    plain: dict[str, Any]
-
-
-def _part(kind: str, config: Mapping[str, Any]) -> _Part:
-    """Make a plugin, or take the one that was made of the same values: a sweep asks for the same ones again and again.
-
-    They never change, so cells may share them.
+    Plugins are cached, because they are immutable and many jobs share them.
     """
     cls = plugins.get(kind, str(config.get("name")))
     try:
         text = json.dumps(config)
-    except TypeError:  # from Python a parameter may be anything
+    except TypeError:  # parameters from Python code may not be serialisable
         return _new_part(kind, config)
     return _made(kind, cls, text)
 
 
 @lru_cache(maxsize=4096)
-def _made(kind: str, cls: type, config: str) -> _Part:
-    del cls  # the name may stand for another one by now
+def _made(kind: str, cls: type, config: str) -> tuple[Any, dict[str, Any]]:
+    del cls  # the class is part of the cache key, because another class can have the same name
     return _new_part(kind, json.loads(config))
 
 
-def _new_part(kind: str, config: Mapping[str, Any]) -> _Part:
-    """Make a plugin; one from elsewhere that lacks a method is refused: it would show late and in nobody's words."""
+def _new_part(kind: str, config: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Create a plugin.
+
+    If a plugin of another package lacks a required method, raise an exception before the first run.
+    """
     plugin = plugins.create(kind, config)
-    if not plugins.is_own(type(plugin)) and (message := missing_member(kind, plugin)):
+    if not plugins.is_builtin(type(plugin)) and (message := missing_member(kind, plugin)):
         raise PluginError(message)
-    return _Part(plugin, {"name": config["name"], **dataclasses.asdict(plugin)})
+    return plugin, {"name": config["name"], **dataclasses.asdict(plugin)}

@@ -1,4 +1,4 @@
-"""The key of a cell: a hash of all that its rows depend on but their seeds: our code, the plugins', the data."""
+"""The key of a job: a hash of the configuration, the code and the data that determine its rows, without the seeds."""
 
 import hashlib
 import json
@@ -16,9 +16,6 @@ from typing import Any
 from jerkbench.contracts import Dataset, Disturbance, ReadingFile
 from jerkbench.errors import PluginError, RecordingError
 
-# The provenance of a result, besides its configuration: our own code, the plugins' code, the
-# libraries.
-
 PACKAGE_FOLDER = Path(__file__).parents[1]
 KEY_LIBRARIES = ("filterpy", "numba", "numpy", "scipy", "pandas", "pymap3d", "hydra-core")
 COMPUTING = (
@@ -29,12 +26,12 @@ COMPUTING = (
     *("jobs/inputs", "jobs/job", "jobs/rows", "report/labels"),
     *(f"evaluation/{name}" for name in ("counted_rows", "evaluated_run", "correlated_errors")),
 )
-"""Rooms and modules of this package that the rows of a cell depend on: their code is in every key."""
+"""Packages and modules that the rows depend on. Their code is part of every key."""
 
 
 @cache
 def code_digest(*further: str) -> str:
-    """Return the hash of the source files that rows depend on, of all traces, and of ``further`` packages."""
+    """Return a hash of the source files that rows depend on, of the shipped traces, and of ``further`` packages."""
     digest = hashlib.sha256()
     for path in sorted([*PACKAGE_FOLDER.rglob("*.py"), *PACKAGE_FOLDER.glob("simulation/shipped/*.parquet")]):
         inside = path.relative_to(PACKAGE_FOLDER)
@@ -45,17 +42,17 @@ def code_digest(*further: str) -> str:
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of Python, this package and the libraries that compute."""
+    """Return the versions of Python, this package and the libraries that affect results."""
     return {"python": platform.python_version(), **{name: version(name) for name in ("jerkbench", *KEY_LIBRARIES)}}
 
 
 ARITHMETIC = ("amx", "avx", "fma", "neon", "sse", "sve")
-"""Beginnings of the names of instructions that decide in which order, and how often, sums are rounded."""
+"""Prefixes of the names of instruction sets that affect rounding errors."""
 
 
 @cache
 def processor_kind() -> str:
-    """Return the kind of processor that computes here: its family, and its instructions for arithmetic."""
+    """Return the name of the processor model and its arithmetic instruction sets."""
     from llvmlite import binding
 
     features = binding.get_host_cpu_features()
@@ -64,94 +61,86 @@ def processor_kind() -> str:
 
 
 OF_CODE = ("--", ":/", ":(top,exclude)results")
-"""Where a change is one of the code: a run that writes results changes nothing that it depends on."""
+"""Paths for `git status`. The folder `results` is excluded, because runs change it."""
 
 
 @cache
 def git_commit() -> str:
-    """The commit of the checkout that the package runs from, with "+changes" if it has any; empty outside one."""
+    """Return the commit of the checkout, with "+changes" if there are local changes, or "" outside a checkout."""
 
-    def git(*words: str) -> str:
-        done = subprocess.run(["git", "-C", str(PACKAGE_FOLDER), *words], capture_output=True, text=True, check=False)  # noqa: S603, S607 - fixed words
-        return done.stdout.strip() if done.returncode == 0 else ""
+    def git(*options: str) -> str:
+        command = ["git", "-C", str(PACKAGE_FOLDER), *options]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - fixed options
+        return result.stdout.strip() if result.returncode == 0 else ""
 
     try:
         tracked = git("ls-files", "--", "__init__.py")
         commit = git("rev-parse", "HEAD") if tracked else ""
         return commit + ("+changes" if commit and git("status", "--porcelain", *OF_CODE) else "")
-    except FileNotFoundError:  # no git on this machine
+    except FileNotFoundError:  # git is not installed
         return ""
 
 
-WHAT = 16
-"""So many digits of a key say what is run; the others, by which code."""
+IDENTITY_DIGITS = 16
+"""Number of digits of a key that depend on the configuration and the data. The other digits depend on the code."""
 
 
-def key_of(what: Mapping[str, Any], classes: Iterable[type]) -> str:
-    """Hash what is run, then the code that runs it: ours, the libraries and the plugins'."""
+def key_of(identity: Mapping[str, Any], classes: Iterable[type]) -> str:
+    """Return the hash of ``identity``, followed by the hash of the code of jerkbench, the libraries and the plugins."""
     code = [code_digest(), *versions().values(), *map(plugin_digest, classes)]
-    return _hash(json.dumps(what, sort_keys=True))[:WHAT] + _hash("\n".join(code))[:8]
+    return _hash(json.dumps(identity, sort_keys=True))[:IDENTITY_DIGITS] + _hash("\n".join(code))[:8]
 
 
 def _hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-# The identity of a scenario's data: those of its data set, and files that its disturbances read.
-
-
 def data_fingerprint(dataset: Dataset, disturbances: Sequence[Disturbance]) -> str:
-    """Return the fingerprint of the data set, and that of each disturbance that reads a file after it."""
+    """Return the fingerprint of the data set, followed by the fingerprints of the disturbances that read a file."""
     marks = [d.fingerprint() for d in disturbances if isinstance(d, ReadingFile)]
     return "+".join([dataset.fingerprint(), *filter(None, marks)])
 
 
 def require_data(dataset: Dataset, disturbances: Sequence[Disturbance], fingerprint: str) -> None:
-    """Require that the data are still those of ``fingerprint``.
+    """Raise an exception if the data have changed since their fingerprint was computed.
 
     Raises:
-        RecordingError: they are others.
+        RecordingError: The data have changed.
     """
     current = data_fingerprint(dataset, disturbances)
     if current != fingerprint:
-        raise RecordingError(
-            f"The data of the data set {type(dataset).__name__} have changed since they were hashed: the hash was "
-            f"{fingerprint or 'empty'}, it is {current or 'empty'}. `jerkbench run` with the same words runs it with "
-            "the data that are there now."
-        )
+        hashes = f"their hash was {fingerprint or 'empty'}, and is now {current or 'empty'}"
+        data = f"The data of the data set {type(dataset).__name__}"
+        raise RecordingError(f"{data} have changed: {hashes}. Run `jerkbench run` again to use the new data.")
 
 
-# The code of a plugin that is not part of this package: the version and the files of its package, or the file of its
-# module, and whatever it names in `depends_on`. `code_digest` covers our own plugins.
+# `plugin_digest` hashes the files and the version of the package of a plugin, and the entries of `depends_on`.
+# `code_digest` hashes the plugins of this package.
 
 KNOWN_MODULES = {"jerkbench", "numpy", "scipy", "numba", "pandas", "filterpy", "pymap3d", "hydra", "omegaconf"}
-"""Modules whose version or code is in every key."""
+"""Packages that `plugin_digest` does not hash, because `key_of` already includes their version or code."""
 
 MAX_HASHED_BYTES = 64_000_000
-"""A larger file is represented by its size and the time of its last change."""
+"""A larger file is represented in the digest by its size and the time of its last change."""
 
 
 @cache
 def plugin_digest(cls: type) -> str:
-    """Hash the code of a plugin from another package and of its base classes. Empty for our own plugins.
+    """Return a hash of the code of a plugin of another package and of its base classes.
 
-    A class without a file, defined in an interactive session, has a different digest in each process, because nothing
-    tells whether it has changed.
+    The hash of a plugin of this package is an empty string, unless the plugin has `depends_on`. The hash of a class
+    without a file, from an interactive session, is different in each process, because changes of the class cannot be
+    detected.
     """
-    bases = [base for base in cls.__mro__ if _top(base) not in KNOWN_MODULES | sys.stdlib_module_names]
+    known = KNOWN_MODULES | sys.stdlib_module_names
+    bases = [base for base in cls.__mro__ if base.__module__.partition(".")[0] not in known]
     named = [line for base in cls.__mro__ for line in _named(base)]
     try:
-        lines = [
-            *(line for module in sorted({base.__module__ for base in bases}) for line in _module_lines(module)),
-            *named,
-        ]
+        modules = sorted({base.__module__ for base in bases})
+        lines = [*(line for module in modules for line in _module_lines(module)), *named]
     except LookupError:
         return _this_process()
     return _hash("\n".join(lines)) if lines else ""
-
-
-def _top(cls: type) -> str:
-    return cls.__module__.partition(".")[0]
 
 
 @cache
@@ -160,10 +149,10 @@ def _this_process() -> str:
 
 
 def _module_lines(module: str) -> Iterator[str]:
-    """Yield a line for the version of the distribution of a module, and for each file of its package.
+    """Yield text lines that identify the code of a module: the version of its distribution, and a hash of each file.
 
     Raises:
-        LookupError: it has no file.
+        LookupError: The module has no file.
     """
     top = module.partition(".")[0]
     yield from (f"{name} {version(name)}" for name in sorted(set(_distributions().get(top, ()))))
@@ -177,24 +166,20 @@ def _module_lines(module: str) -> Iterator[str]:
         yield f"{module} {_content(Path(str(file)))}"
 
 
-@cache
-def _distributions() -> Mapping[str, list[str]]:
-    return packages_distributions()
+_distributions = cache(packages_distributions)
 
 
 def _named(cls: type) -> Iterator[str]:
-    """Yield a line for each entry of `depends_on`. Paths start at the folder of the module."""
+    """Yield text lines that identify the content of each entry of `depends_on` of a class.
+
+    An entry is a file or folder relative to the folder of the module, or an environment variable ($NAME).
+    """
     names = vars(cls).get("depends_on", ())
     if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
-        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of texts, such as ("gains.csv",).')
+        raise PluginError(f'{cls.__name__}.depends_on is {names!r}; give a tuple of strings, such as ("gains.csv",).')
     file = getattr(sys.modules.get(cls.__module__), "__file__", None)
-    return named_digests(names, Path(file).parent if file else Path())
-
-
-def named_digests(names: Iterable[str], home: Path) -> Iterator[str]:
-    """Yield a line for each of ``names``: a file or folder relative to ``home``, or $NAME, a variable."""
     for name in names:
-        path = home / name
+        path = (Path(file).parent if file else Path()) / name
         if name.startswith("$"):
             yield f"{name} {os.environ.get(name[1:])!r}"
         elif path.is_dir():

@@ -1,4 +1,4 @@
-"""The manifest of a study: the jobs that were run, with which command, by which code and on which machine."""
+"""The manifest of a study: its jobs, and the command, code and machine that ran them."""
 
 import json
 import os
@@ -15,26 +15,25 @@ from jerkbench.jobs.key import git_commit, versions
 MANIFEST = "manifest.json"
 
 Stretches = Sequence[Sequence[int]]
-"""Consecutive seeds, each as the first and their number."""
+"""Blocks of consecutive seeds. Each block is the first seed and the number of seeds."""
+JobSeeds = Mapping[str, Sequence[int]]
+"""The seeds of each job by its key."""
 ShownSeeds = Mapping[str, Stretches]
-"""The seeds that are shown, by the key of their job."""
+"""The blocks of seeds that tables show, by the key of the job."""
 
 
 def write_manifest(
-    folder: Path,
-    seeds: Mapping[str, Sequence[int]],
-    notes: Sequence[str],
-    command: Sequence[str],
-    level: float | None = None,
+    folder: Path, seeds: JobSeeds, notes: Sequence[str], command: Sequence[str], level: float | None = None
 ) -> None:
-    """Add the jobs of a command to the manifest. Other processes may write to the same manifest.
+    """Add the jobs of a command to the manifest of a study. Other processes may write to the same manifest.
 
     Args:
-        folder: of the study.
-        seeds: the seeds of each job, which are shown from now on; empty for a job that is not complete.
-        notes: of the configuration.
-        command: the command line.
-        level: significance level of the last interim analysis, if seeds were added in blocks.
+        folder: The folder of the study.
+        seeds: By key, the seeds of each job that tables show after this command. An incomplete job has an empty list of
+            seeds.
+        notes: The notes of the configuration.
+        command: The command line.
+        level: Significance level of the last interim analysis, or None if seeds were not added in blocks.
     """
     from filelock import FileLock
 
@@ -44,7 +43,7 @@ def write_manifest(
         manifest = {
             "cells": list(dict.fromkeys([*before.get("cells", []), *seeds])),
             "last": list(seeds),
-            "seeds": shown | {key: _joined(shown.get(key, ()), stretches(own)) for key, own in seeds.items() if own},
+            "seeds": shown | {key: _joined(shown.get(key, ()), stretches(d)) for key, d in seeds.items() if d},
             "notes": before.get("notes", {}) | {key: list(notes) for key in seeds},
             "levels": before.get("levels", {}) | ({} if level is None else dict.fromkeys(seeds, level)),
             "command": list(command),
@@ -57,7 +56,7 @@ def write_manifest(
 
 
 def stretches(seeds: Sequence[int]) -> list[list[int]]:
-    """Return consecutive seeds as the first and their number: [0, 1, 2, 7] is [[0, 3], [7, 1]]."""
+    """Return the first seed and the number of seeds of each consecutive block: [[0, 3], [7, 1]] for [0, 1, 2, 7]."""
     found: list[list[int]] = []
     for seed in sorted(seeds):
         if found and seed == sum(found[-1]):
@@ -67,38 +66,41 @@ def stretches(seeds: Sequence[int]) -> list[list[int]]:
     return found
 
 
-def _joined(before: Stretches, own: list[list[int]]) -> list[list[int]]:
-    """Add seeds to those that are shown already. New stretches replace the old ones that they overlap."""
-    retained = [[*old] for old in before if not any(old[0] < sum(new) and new[0] < sum(old) for new in own)]
-    return sorted([*retained, *own])
+def _joined(before: Stretches, added: list[list[int]]) -> list[list[int]]:
+    """Merge the lists of seed blocks ``before`` and ``added``.
+
+    An added block replaces all old blocks that it overlaps.
+    """
+    retained = [[*old] for old in before if not any(old[0] < sum(new) and new[0] < sum(old) for new in added)]
+    return sorted([*retained, *added])
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read the manifest. It is empty if there is none."""
+    """Read the manifest of a study. The result is empty if the file does not exist or is damaged."""
     path = folder / MANIFEST
     try:
         if not path.exists():
             return {}
-        if path.is_file():  # reading a pipe would never end
+        if path.is_file():  # the path may be a pipe, and reading a pipe would never end
             manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             if _is_valid(manifest):
                 return manifest
     except FileNotFoundError:
         return {}
-    except (ValueError, AttributeError, TypeError, RecursionError):  # it is not text, not JSON or not a manifest
+    except (ValueError, AttributeError, TypeError, RecursionError):  # the file is not text, not JSON, or not a manifest
         pass
-    print(f"{path} is damaged and left aside; `jerkbench run` makes it anew.", file=sys.stderr)
+    print(f"{path} is damaged and ignored; `jerkbench run` writes the file again.", file=sys.stderr)
     return {}
 
 
 def _is_valid(manifest: Mapping[str, Any]) -> bool:
-    """Whether the entries that are read have the right types."""
+    """Return whether the entries of a manifest have the types that other functions require."""
 
     def all_of(values: object, *kinds: type) -> bool:
-        return all(isinstance(value, kinds) for value in values)  # type: ignore[attr-defined]  # or a TypeError
+        return all(isinstance(value, kinds) for value in values)  # type: ignore[attr-defined]  # may raise TypeError
 
     lists = [manifest.get(name, []) for name in ("cells", "last", "command")] + [*manifest.get("notes", {}).values()]
-    shown = [pair for own in manifest.get("seeds", {}).values() for pair in own]
+    shown = [pair for blocks in manifest.get("seeds", {}).values() for pair in blocks]
     return (
         all_of(lists, list)
         and all(all_of(texts, str) for texts in lists)

@@ -1,22 +1,23 @@
-"""The plan of what runs: which jobs, in which tasks, in an order in which what follows shares its input."""
+"""The plan of a sweep: its jobs and tasks, ordered so that consecutive tasks share their inputs."""
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from jerkbench.arrays import WIDE
 from jerkbench.errors import PluginError, RecordingError
-from jerkbench.jobs.inputs import KEPT_INPUTS
+from jerkbench.jobs.inputs import MAX_CACHED_INPUTS
 from jerkbench.jobs.job import Job, Scenario
 from jerkbench.jobs.names import refusal
 from jerkbench.jobs.preflight import require_inputs
 from jerkbench.jobs.rows import Task, shared_call, streams
 
 MIN_CHUNKS = 4
-"""Chunks for each worker, so that all workers finish at about the same time."""
+"""Minimum number of chunks for each worker, so that all workers finish at about the same time."""
+_ADAPTATIONS = "{adaptations}"
+"""The place of the names of the unsupported adaptations in a reason why combinations are left out."""
 MAX_TASKS = 64
-"""Tasks of a chunk, and jobs of a call."""
+"""Maximum number of tasks in a chunk, and of jobs in a task."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +25,8 @@ class Plan:
     """The plan of a sweep.
 
     Attributes:
-        jobs: all of them, in order.
-        refused: sentences about the combinations that make no sense and are left out.
+        jobs: All jobs of the sweep in order.
+        refused: Messages about the combinations that are left out.
     """
 
     jobs: tuple[Job, ...]
@@ -33,139 +34,140 @@ class Plan:
 
     @property
     def draws(self) -> dict[str, Sequence[int]]:
-        """The seeds of each job, by its key."""
+        """The seeds of each job by its key."""
         return {job.key: job.draws for job in self.jobs}
 
 
 def planned(jobs: Iterable[Job]) -> Plan:
-    """Leave out combinations that are refused or whose recording cannot be used, and join the seeds of equal jobs.
+    """Create the plan of a sweep: leave out combinations that cannot run, and merge the seeds of equal jobs.
+
+    A combination cannot run if its filter does not support the data set or the adaptation, or if the recording cannot
+    be used.
 
     Raises:
-        RecordingError: none of the recordings can be used.
-        PluginError: two jobs would have the same name in the table.
+        RecordingError: No recording can be used.
+        PluginError: Two different jobs have the same labels.
     """
-    left_out: Counter[str] = Counter()
+    left_out: dict[str, list[str]] = {}
     checked: set[tuple[object, object]] = set()
     usable = list[Job]()
     unusable: RecordingError | None = None
     for job in sharing_scenarios(jobs):
-        if reason := refusal(job):
-            left_out[f"{reason}."] += 1
-            continue
+        reason = refusal(job, _ADAPTATIONS)
         try:
-            require_inputs(job, checked)
-            job.key  # noqa: B018 - which reads the files of the recording
+            if not reason:
+                require_inputs(job, checked)
+                job.key  # noqa: B018 - computing the key reads the files of the recording
         except RecordingError as error:
-            left_out[f"the recording {job.labels.dataset} cannot be used: {error}"] += 1
+            reason = f"the recording {job.labels.dataset} cannot be used: {error}".rstrip(".")
             unusable = unusable or error
+        if reason:
+            left_out.setdefault(reason, []).append(job.spec["adaptation"]["name"])
         else:
             usable.append(job)
     if unusable and not usable:
         raise unusable
-    lines = tuple(f"Left out {count} combination{'s' * (count > 1)}: {reason}" for reason, count in left_out.items())
-    plan = Plan(joined_jobs(usable), lines)
-    _require_names(plan.jobs)
-    return plan
+    joined = joined_jobs(usable)
+    _require_names(joined)
+    return Plan(joined, tuple(_left_out(reason, adaptations) for reason, adaptations in left_out.items()))
+
+
+def _left_out(reason: str, adaptations: Sequence[str]) -> str:
+    """Return the message about combinations that are left out for one reason. The message lists their adaptations."""
+    names = ", ".join(dict.fromkeys(adaptations))
+    count = len(adaptations)
+    return f"Left out {count} combination{'s' * (count > 1)}: {reason.replace(_ADAPTATIONS, names)}."
 
 
 def sharing_scenarios(jobs: Iterable[Job]) -> list[Job]:
-    """Return the jobs with one object for each scenario, whose data are looked at once."""
+    """Return jobs that share one object for equal scenarios, so that the data of a scenario are hashed once."""
     first: dict[object, Scenario] = {}
     scenarios = ((job, job.scenario) for job in jobs)
     return [replace(job, scenario=first.setdefault((s.dataset, s.disturbances, s.attitude), s)) for job, s in scenarios]
 
 
 def joined_jobs(jobs: Iterable[Job]) -> tuple[Job, ...]:
-    """Return each job once, with all its seeds."""
+    """Return each job once, with the seeds of all jobs that have the same key."""
     first: dict[str, Job] = {}
     draws: dict[str, set[int]] = {}
     for job in jobs:
         first.setdefault(job.key, job)
         draws.setdefault(job.key, set()).update(job.draws)
-    ordered = {key: in_order(own) for key, own in draws.items()}
-    return tuple(  # one with these very seeds keeps what is known of it
+    ordered = {key: in_order(seeds) for key, seeds in draws.items()}
+    return tuple(  # if the seeds are equal, the job is not replaced, because a copy would lose the cached key
         job if job.draws == ordered[key] else replace(job, draws=ordered[key]) for key, job in first.items()
     )
 
 
 def in_order(draws: Collection[int]) -> Sequence[int]:
-    """Return seeds in their order, in short where none between the first and the last is missing."""
+    """Return the sorted seeds, as a range if they are consecutive."""
     first, last = min(draws), max(draws)
     return range(first, last + 1) if last - first + 1 == len(draws) else sorted(draws)
 
 
 def missing(job: Job, known: Iterable[int]) -> Sequence[int]:
-    """Return the seeds of a job that are not ``known``."""
+    """Return the seeds of a job that are not in ``known``."""
     done = set(known)
     return [draw for draw in job.draws if draw not in done] if done else job.draws
 
 
 def _require_names(jobs: Sequence[Job]) -> None:
-    """Refuse two jobs that no column of the table would tell apart."""
+    """Raise an exception if two different jobs have the same labels."""
     first: dict[object, Job] = {}
     for job in jobs:
         namesake = first.setdefault(job.labels, job)
         if namesake is not job:
             parts = [part for part in job.spec if job.spec[part] != namesake.spec[part]]
-            raise PluginError(
-                f"Two combinations would both be called {', '.join(job.labels)}: they differ in "
-                f"{' and '.join(parts or ['the protocol'])} in a way that no column shows; run them into studies of"
-                " their own (study=NAME)."
-            )
+            name, differing = ", ".join(job.labels), " and ".join(parts or ["the protocol"])
+            advice = "run the two combinations in separate studies (study=NAME)"
+            raise PluginError(f"Two combinations with the labels {name} differ in {differing}; {advice}.")
 
 
-def chunks_of(
-    jobs: Sequence[Job], remaining: Mapping[str, Collection[int]] | None = None, workers: int = 1
-) -> list[list[Task]]:
-    """Cut a plan into chunks. The tasks of a chunk share their scenario and seeds, so a worker prepares them once.
+def chunks_of(jobs: Sequence[Job], wanted: Mapping[str, set[int]], workers: int) -> list[list[Task]]:
+    """Divide the jobs of a plan into chunks of tasks that share their inputs, so that a worker loads each input once.
 
-    Scenarios of one data set follow each other, and each is finished before the next: an interrupted sweep has complete
-    combinations.
+    Scenarios of the same data set are consecutive. The chunks of a scenario are also consecutive, so that an
+    interrupted sweep has complete combinations.
 
     Args:
-        jobs: those of the plan.
-        remaining: seeds to run, by key; default: all of all jobs.
-        workers: number of processes.
+        jobs: The jobs of the plan.
+        wanted: The seeds to run, by the key of the job.
+        workers: The number of worker processes.
     """
-    wanted = {job.key: set(job.draws if remaining is None else remaining.get(job.key, ())) for job in jobs}
     data: dict[object, dict[object, list[Job]]] = {}
-    for job in jobs:
-        if wanted[job.key]:
-            scenario = job.scenario
-            scenarios = data.setdefault((scenario.dataset, scenario.data), {})
-            scenarios.setdefault((scenario.disturbances, scenario.attitude), []).append(job)
-    ordered = [own for scenarios in data.values() for own in scenarios.values()]
-    seeds = [sorted(set[int]().union(*(wanted[job.key] for job in own))) for own in ordered]
+    for job, s in ((job, job.scenario) for job in jobs if wanted[job.key]):
+        data.setdefault((s.dataset, s.data), {}).setdefault((s.disturbances, s.attitude), []).append(job)
+    ordered = [group for scenarios in data.values() for group in scenarios.values()]
+    seeds = [sorted(set[int]().union(*(wanted[job.key] for job in group))) for group in ordered]
     size = _seeds_of_chunk(sum(map(len, seeds)), sum(map(len, ordered)), workers)
-    blocks = [
-        (own, every[start : start + size])
-        for own, every in zip(ordered, seeds, strict=True)
-        for start in range(0, len(every), size)
-    ]
+    pairs = zip(ordered, seeds, strict=True)
+    blocks = [(group, every[k : k + size]) for group, every in pairs for k in range(0, len(every), size)]
     pieces = math.ceil(MIN_CHUNKS * workers / max(len(blocks), 1)) if workers > 1 else 1
     chunks = []
-    for own, block in blocks:
-        tasks = _tasks_of(own, block, wanted, min(math.ceil(len(own) / pieces), MAX_TASKS))
+    for group, block in blocks:
+        tasks = _tasks_of(group, block, wanted, min(math.ceil(len(group) / pieces), MAX_TASKS))
         length = min(math.ceil(len(tasks) / pieces), MAX_TASKS)
         chunks += [tasks[start : start + length] for start in range(0, len(tasks), length)]
     return chunks
 
 
 def _seeds_of_chunk(recordings: int, jobs: int, workers: int) -> int:
-    """As many seeds as a process caches recordings, if there are enough chunks then; else full vectors of runs.
+    """Return the number of seeds in a chunk, which is at most the number of recordings that a process caches.
 
-    Methods are divided before seeds, so that an interrupted sweep has complete combinations.
+    If there are too few chunks, the number of seeds per chunk is reduced, to a multiple of the vector width. If there
+    are fewer jobs than workers, the number of seeds may also be smaller than the vector width.
     """
     if workers == 1:
-        return KEPT_INPUTS
-    size = min(max(recordings // (MIN_CHUNKS * workers) // WIDE * WIDE, WIDE), KEPT_INPUTS)
+        return MAX_CACHED_INPUTS
+    size = min(max(recordings // (MIN_CHUNKS * workers) // WIDE * WIDE, WIDE), MAX_CACHED_INPUTS)
     return size if jobs >= workers else max(1, min(size, recordings // workers))
 
 
-def _tasks_of(
-    jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, Collection[int]], most: int
-) -> list[Task]:
-    """The tasks of one scenario and some of its seeds. Jobs that can share a call are one task, at most ``most``."""
+def _tasks_of(jobs: Sequence[Job], block: Sequence[int], wanted: Mapping[str, set[int]], maximum: int) -> list[Task]:
+    """Return the tasks of a scenario for a block of seeds.
+
+    A task has up to ``maximum`` jobs that can run in one batch.
+    """
     calls: dict[tuple[object, tuple[int, ...]], list[Job]] = {}
     tasks = []
     for job in jobs:
@@ -174,6 +176,6 @@ def _tasks_of(
             calls.setdefault((shared_call(job), draws), []).append(job)
         else:
             tasks += [Task((job,), (draw,)) for draw in draws]
-    for (_, draws), own in calls.items():
-        tasks += [Task(tuple(own[start : start + most]), draws) for start in range(0, len(own), most)]
+    for (_, draws), members in calls.items():
+        tasks += [Task(tuple(members[start : start + maximum]), draws) for start in range(0, len(members), maximum)]
     return tasks

@@ -1,4 +1,4 @@
-"""The progress of a sweep, with the time left."""
+"""Progress of a sweep, with the estimated remaining time."""
 
 import sys
 import threading
@@ -15,9 +15,6 @@ from rich.progress import Progress as Bar
 
 from jerkbench.notices import plain_output, styled
 
-# A sign of life from work that has nothing to show yet: a line after a quarter of a minute, then
-# one a minute.
-
 FIRST_S = 15.0
 EVERY_S = 60.0
 
@@ -29,14 +26,21 @@ def pulse(
     first_s: float = FIRST_S,
     every_s: float = EVERY_S,
 ) -> Iterator[None]:
-    """Say ``line`` of the seconds that have passed while the work inside ``with`` goes on; from a thread of its own."""
-    said = write or partial(print, file=sys.stderr, flush=True)
+    """Print a line at intervals while the body of ``with`` runs, to show that the program is working.
+
+    Args:
+        line: Function that returns the line to print for the elapsed time [s].
+        write: Function that prints a line (by default, on standard error).
+        first_s: Time at which the first line is printed [s].
+        every_s: Interval between further lines [s].
+    """
+    show = write or partial(print, file=sys.stderr, flush=True)
     ended, began = threading.Event(), monotonic()
 
     def beat() -> None:
         wait_s = first_s
         while not ended.wait(wait_s):
-            said(line(monotonic() - began))
+            show(line(monotonic() - began))
             wait_s = every_s
 
     thread = threading.Thread(target=beat, daemon=True)
@@ -49,7 +53,7 @@ def pulse(
 
 
 def duration(seconds: float) -> str:
-    """Return a time as a person says it: 40 s, 3 min, 2.5 h."""
+    """Format a duration with a suitable unit: 40 s, 3 min, 2.5 h."""
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 99.5 * 60 else f"{seconds / 3600:.1f} h"
@@ -58,11 +62,10 @@ def duration(seconds: float) -> str:
 class Progress:
     """A progress bar on standard error, with the number of runs that diverged or failed.
 
-    If standard error is not a terminal, one line is printed each minute instead.
+    If standard error is not a terminal, a line is printed after 15 s and then once a minute instead.
     """
 
-    def __init__(self, count: int, already: int = 0, doing: str = "Sweep", unit: str = "cells") -> None:
-        """Prepare a bar for ``count`` units, of which ``already`` are done."""
+    def __init__(self, count: int, doing: str = "Sweep", unit: str = "combinations") -> None:
         self._counts: Counter[str] = Counter()
         self._doing, self._things = doing, unit
         columns = (
@@ -75,44 +78,40 @@ class Progress:
             TimeRemainingColumn(),
             TextColumn("{task.fields[trouble]}"),
         )
-        # Each drawing takes time from the process that stores the rows.
+        # Each refresh of the bar takes time from the process that stores the rows.
         self._bar = Bar(*columns, console=Console(file=styled(sys.stderr)), refresh_per_second=2)
         self._stack = ExitStack()
-        self._left = count - already
-        self._drawn = self._left > 0
+        self._count = self._left = count
         self._task = self._bar.add_task(doing, total=self._left, trouble="")
-        if already:
-            self._bar.console.print(f"{already} of {count} {unit} are done already.")
 
     def advance(self, statuses: Sequence[str] = (), count: int = 1) -> None:
-        """Count more of them, whose runs ended with ``statuses``."""
+        """Advance the progress bar by ``count`` units, and count the statuses of their runs."""
         self._counts.update(statuses)
         trouble = ", ".join(f"{self._counts[s]} runs {s}" for s in ("diverged", "failed") if self._counts[s])
         self._bar.update(self._task, advance=count, trouble=trouble)
 
     def skip(self, count: int) -> None:
-        """Leave out some that turn out to be done already."""
-        if count and self._drawn:
+        """Reduce the total by ``count`` units that are already complete, and print the number of complete units."""
+        if count and self._left:
             self._left -= count
             self._bar.update(self._task, total=self._left)
-            self._bar.console.print(f"{count} {self._things} are done already.")
+            self._bar.console.print(f"{count} of {self._count} {self._things} are already complete.")
 
     def __enter__(self) -> Self:
-        """Start drawing, unless nothing is left to do."""
-        if self._drawn:
-            self._bar.start()  # a bar that was never there would leave an empty line
+        """Start the display of the progress bar, unless all units are already complete."""
+        if self._left:
+            self._bar.start()  # without remaining units, the bar would print an empty line
             self._stack.callback(self._bar.stop)
-            self._stack.enter_context(plain_output())  # what is printed meanwhile goes through the bar
+            self._stack.enter_context(plain_output())  # rich moves other output above the bar
             if not self._bar.console.is_terminal:
                 self._stack.enter_context(pulse(self._line, self._write))
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop drawing."""
         self._stack.close()
 
     def _line(self, seconds: float) -> str:
-        """Return the progress as a line, for a reader of a file or a pipe."""
+        """Return the progress as a line of text, for output to a file or a pipe."""
         task = self._bar.tasks[self._task]
         done = int(task.completed)
         remaining = f", about {duration(seconds / done * (self._left - done))} left" if done else ""

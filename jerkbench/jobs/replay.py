@@ -1,4 +1,4 @@
-"""The replay of a stored row from its own configuration; the time that a step of it takes; its files for others."""
+"""Repetition of stored runs from their stored configuration, and measurement of the duration of a filter step."""
 
 import json
 import math
@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jerkbench import plugins
-from jerkbench.errors import JerkbenchError
+from jerkbench.errors import JerkbenchError, shortened
 from jerkbench.estimate import Estimate
 from jerkbench.evaluation.evaluated_run import RUN_COLUMNS
-from jerkbench.filters.command import Command
+from jerkbench.filters.trajectory import Command
 from jerkbench.jobs.job import Job, Protocol, build
 from jerkbench.jobs.key import code_digest, require_data, versions
-from jerkbench.jobs.preflight import plugins_in_words
+from jerkbench.jobs.preflight import plugin_errors
 from jerkbench.jobs.rows import Row, job_rows, run_seed
 from jerkbench.jobs.store import Store, Stored
 from jerkbench.jobs.study import Study, load_study
@@ -30,21 +30,21 @@ if TYPE_CHECKING:
 
 
 MAX_SPEC_CHARACTERS = 100_000
-"""Characters of a stored specification: the longest of this project's own studies has some thousands."""
+"""Maximum length of a stored specification. The specifications of this project have a few thousand characters."""
 
 SHOWN_CHARS = 200
-"""Characters of a command that a sentence shows."""
+"""Maximum number of characters of a command that a message shows."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredRow:
-    """A row, and all that is needed to make it again.
+    """A stored row, with the job that can compute the row again.
 
     Attributes:
-        job: made from the stored specification.
-        draw: its seed, or phase.
-        row: as it was stored.
-        metadata: what else is stored of its cell.
+        job: The job, created from the stored configuration.
+        draw: The seed of the row (or the phase, if the job has no random parts).
+        row: The stored row.
+        metadata: The stored metadata of the job.
     """
 
     job: Job
@@ -53,20 +53,20 @@ class StoredRow:
     metadata: dict[str, Any]
 
     def run(self) -> tuple[Recording, Estimate]:
-        """Run it again: what the filter saw, and what it made of it.
+        """Run the row again, and return the recording and the estimate.
 
         Raises:
-            JerkbenchError: the data are other data now.
+            JerkbenchError: The data have changed since the row was stored.
         """
         self._require_data()
-        with plugins_in_words(self.job):
+        with plugin_errors(self.job):
             return run_seed(self.job, self.draw)
 
     def score(self) -> Row:
-        """Run it again as the sweep did; returns its row.
+        """Run the row again with the same functions as a sweep, and return the new row.
 
         Raises:
-            JerkbenchError: the data are other data now.
+            JerkbenchError: The data have changed since the row was stored.
         """
         self._require_data()
         (row,), _ = job_rows(self.job, [self.draw], strict=True)
@@ -77,7 +77,7 @@ class StoredRow:
 
     @property
     def code_changed(self) -> bool:
-        """Whether this package or a library is another than the one that stored the row."""
+        """True if this package or a library has changed since the row was stored."""
         return bool(self.metadata["code"] != code_digest() or self.metadata["versions"] != versions())
 
 
@@ -85,132 +85,119 @@ def stored_row(folder: Path, which: str, *, run_programs: bool = False) -> Store
     """Find a row of a study.
 
     Args:
-        folder: the study's, or a folder of cells.
-        which: the row's number in rows.csv, from 1 on; or the beginning of its cell's key, with ``:SEED`` or its first.
-        run_programs: whether a program that the stored configuration names may run.
+        folder: The folder of the study, or a folder with the stored files.
+        which: The number of the row in rows.csv (from 1), or the first characters of the key of its job. The key may be
+            followed by ``:SEED``. Without ``:SEED``, the key selects the first seed of the job.
+        run_programs: Whether a program in the stored configuration may run.
 
     Raises:
-        JerkbenchError: there is none, or several, or it needs a program that may not run.
+        JerkbenchError: No row or several rows match, or the row needs a program that may not run.
     """
     seed: int | None = None
     if which.isdecimal() and len(which) < 6:
         study, number = load_study(folder), int(which)
         if not 1 <= number <= len(study.rows):
-            raise JerkbenchError(f"{folder} has the rows 1 to {len(study.rows)}; there is no row {number}.")
+            raise JerkbenchError(f"{folder} has no row {number}; give a row from 1 to {len(study.rows)}.")
         key, seed = str(study.keys.iloc[number - 1]), int(study.rows["seed"].iloc[number - 1])
     else:
         prefix, _, typed_seed = which.partition(":")
         keys = Store(folder).keys_from(prefix)
         if len(keys) != 1 or (typed_seed and not typed_seed.isdecimal()):
-            raise JerkbenchError(
-                f"'{which}' is no row of {folder}: {len(keys)} cells begin with '{prefix}'. Give the row's number in "
-                "rows.csv (from 1), or KEY:SEED, with the name of a file in cells/."
-            )
+            found = f"'{which}' is not a row of {folder}: {len(keys)} keys begin with '{prefix}'"
+            raise JerkbenchError(f"{found}. Give the number of a row in rows.csv (the first is 1), or KEY:SEED.")
         key, seed = keys[0], int(typed_seed) if typed_seed else None
     stored, _ = Store(folder).read([key])
     if not stored:
-        raise JerkbenchError(f"The file of the cell {key} in {folder} is damaged; `jerkbench run` makes it anew.")
+        raise JerkbenchError(f"The file of {key} in {folder} is damaged; `jerkbench run` computes its results again.")
     return row_of(stored[0], seed, run_programs=run_programs)
 
 
 def row_of(stored: Stored, seed: int | None = None, *, run_programs: bool = False) -> StoredRow:
-    """Return one row of a stored cell: that of ``seed``, or its first.
+    """Return the row of a stored job for a seed. If ``seed`` is None, return the first row of the job.
 
     Raises:
-        JerkbenchError: it has no such seed, or needs a program that may not run.
+        JerkbenchError: The job does not have the seed, or needs a program that may not run.
     """
     if not run_programs and (program := program_of(stored.metadata["spec"])):
-        raise JerkbenchError(
-            f"The cell {plain(stored.key)} runs the program {program}. A stored program runs only with"
-            " --run-programs; give it if you trust these results."
-        )
+        runs = f"The combination {plain(stored.key)} runs the program {program}"
+        raise JerkbenchError(f"{runs}. Programs run only with --run-programs; give it if you trust these results.")
     seeds = [int(seed) for seed in stored.rows["seed"]]
     draw = seeds[0] if seed is None else seed
     if draw not in seeds:
-        raise JerkbenchError(f"The cell {stored.key} has no seed {draw}; it has {', '.join(map(str, seeds))}.")
+        raise JerkbenchError(f"{stored.key} has no seed {draw}; its seeds are {', '.join(map(str, seeds))}.")
     metadata = stored.metadata
     row = stored.rows.to_dict("records")[seeds.index(draw)]
     return StoredRow(_job_of(stored), draw, row, metadata)  # type: ignore[arg-type]  # keys are strings
 
 
 def program_of(spec: Mapping[str, Any]) -> str:
-    """Return the command that a stored configuration would run; empty where it runs none."""
+    """Return the external program (with arguments) that a stored configuration would run, or an empty string."""
     model = spec.get("filter") if isinstance(spec, dict) else None
     if not isinstance(model, dict):
         return ""
     name = str(model.get("name"))
     if name not in plugins.names("filter") or not issubclass(plugins.get("filter", name), Command):
         return ""
-    command = " ".join(plain(str(model.get("command"))).split()) or name
-    more = len(command) - SHOWN_CHARS
-    return f"{command[:SHOWN_CHARS]} ... ({more} more characters)" if more > 0 else command
+    return shortened(" ".join(plain(str(model.get("command"))).split()), SHOWN_CHARS) or name
 
 
 def runnable(cells: Sequence[Stored], *, run_programs: bool) -> list[Stored]:
-    """Return the cells that may run again: without ``run_programs`` those that need no program."""
+    """Return the jobs that may run again.
+
+    Jobs that run an external program are left out unless ``run_programs`` is set.
+    """
     return [cell for cell in cells if run_programs or not program_of(cell.metadata["spec"])]
 
 
-def tell_left_out(study: Study, *, run_programs: bool) -> None:
-    """Report on standard error how many jobs of a study will not run again, because they run programs."""
-    count = 0 if run_programs else sum(bool(program_of(own["spec"])) for own in study.metadata.values())
+def report_excluded_programs(study: Study, *, run_programs: bool) -> None:
+    """Print on standard error how many jobs of a study will not run again, because they run external programs."""
+    count = 0 if run_programs else sum(bool(program_of(metadata["spec"])) for metadata in study.metadata.values())
     if count:
-        cells = "1 cell runs a program. It is" if count == 1 else f"{count} cells run programs. They are"
-        print(
-            f"jerkbench: {cells} in the tables, but not in what needs a new run; give --run-programs (in Python"
-            " run_programs=True) if you trust these results.",
-            file=sys.stderr,
-        )
+        cells = "1 combination runs a program and is" if count == 1 else f"{count} combinations run programs and are"
+        allowing = "give --run-programs (in Python run_programs=True) if you trust these results"
+        print(f"jerkbench: {cells} not run again. The tables contain the stored rows; {allowing}.", file=sys.stderr)
 
 
 def _job_of(stored: Stored) -> Job:
-    """The job that the stored configuration describes.
+    """Create the job from the stored configuration.
 
     Raises:
-        JerkbenchError: it describes none, at least not for this version of the plugins, or is too large to be true.
+        JerkbenchError: The configuration is invalid for this version of the plugins, or too large.
     """
     metadata = stored.metadata
-    if (size := len(json.dumps(metadata["spec"]))) > MAX_SPEC_CHARACTERS:
-        raise JerkbenchError(
-            f"The configuration that is stored with the cell {stored.key} has {size} characters, and at most"
-            f" {MAX_SPEC_CHARACTERS} are taken: no run writes that much. It is damaged, or forged."
-        )
-    if "${" in json.dumps(metadata["spec"]):
-        raise JerkbenchError(
-            f"The configuration that is stored with the cell {stored.key} has an interpolation (${{...}}): a run stores"
-            " plain values. It is forged."
-        )
+    text, subject = json.dumps(metadata["spec"]), f"The stored configuration of the combination {stored.key}"
+    if len(text) > MAX_SPEC_CHARACTERS:
+        limit = f"the maximum is {MAX_SPEC_CHARACTERS}"
+        raise JerkbenchError(f"{subject} is damaged or forged: it has {len(text)} characters, but {limit}.")
+    if "${" in text:
+        raise JerkbenchError(f"{subject} was changed after the run: it has an interpolation, ${{...}}.")
     try:
         return build(metadata["spec"], Protocol(**metadata["protocol"]), Labels(**metadata["labels"]))
     except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
-        raise JerkbenchError(
-            f"The configuration that is stored with the cell {stored.key} makes no cell ({error}): it is damaged, or"
-            " of another version."
-        ) from error
+        raise JerkbenchError(f"{subject} is invalid ({error}). The file is damaged or from another version.") from error
 
 
 def replay_differences(stored: StoredRow) -> list[tuple[str, float, float]]:
-    """Run the row again; return each metric with its stored and its new value.
+    """Run the row again, and return each metric with its stored and its new value.
 
     Raises:
-        JerkbenchError: the run cannot be made again, or ends otherwise than it did.
+        JerkbenchError: The run cannot be repeated, or its status differs.
     """
     replayed = stored.score()
     if replayed["status"] != stored.row["status"]:
-        raise JerkbenchError(
-            f"The run was {stored.row['status']} and is {replayed['status']} now: {replayed['reason']}"
-        )
+        now = f"the status of the repeated run is {replayed['status']}: {replayed['reason']}"
+        raise JerkbenchError(f"The stored status of the run is {stored.row['status']}, but {now}")
     skip = {*stored.job.labels._fields, *RUN_COLUMNS}
-    names = [name for name in stored.row if name not in skip]  # one that is gone differs
+    names = [name for name in stored.row if name not in skip]  # a metric that is not in the new row is NaN
     return [(name, float(stored.row[name]), float(replayed.get(name, math.nan))) for name in names]
 
 
 SAME_WITHIN = 1e-9
-"""Relative difference up to which two numbers are the same: processors round differently."""
+"""Relative difference up to which two numbers count as equal, because rounding depends on the processor."""
 
 
 def relative_difference(before: float, after: float) -> float:
-    """Return the difference relative to the larger value; infinite if one of the values is missing.
+    """Return the difference relative to the larger absolute value, or infinity if exactly one of the values is NaN.
 
     >>> relative_difference(2.0, 1.0), relative_difference(math.nan, math.nan), relative_difference(1.0, math.nan)
     (0.5, 0.0, inf)
@@ -222,47 +209,49 @@ def relative_difference(before: float, after: float) -> float:
 
 
 REPEATS = 5
-"""Of so many runs the quickest counts: what else the machine does makes a run slower, never quicker."""
+"""Number of timed runs. The shortest time is used, because other processes can only make a run slower."""
 
 COLUMN = "step_ns"
 
 
 def step_costs(study: Study, *, run_programs: bool = False) -> "pd.DataFrame":
-    """Return a row for each method of a study's first scenario, with its cost in the column `COLUMN`.
+    """Return a table with the duration of a filter step of each method in the first scenario of a study [ns].
 
-    Each method runs a seed that went well again, with its trajectory, alone. A step is an IMU sample, of a recording
-    without an IMU a fix. Recording, attitude and compilation are not counted. Methods that are programs are
-    left out unless ``run_programs``.
+    For each method, the run of one successful seed is repeated without a batch and with a stored trajectory. A step is
+    an IMU sample, or a fix if the recording has no IMU. The duration does not include loading the recording, estimating
+    the attitude, and compilation. Methods that run an external program are left out unless ``run_programs`` is set.
 
     Raises:
-        JerkbenchError: no run of the scenario went well, or its data are not there any more.
+        JerkbenchError: No run of the scenario was successful, or its data no longer exist.
     """
     rows = study.rows.assign(key=study.keys.to_numpy())
     scenario = (rows[[*SCENARIO_FACTORS]] == rows[[*SCENARIO_FACTORS]].iloc[0]).all(axis=1)
-    chosen = rows[scenario & (rows["status"] == "ok")].drop_duplicates("key")
-    if chosen.empty:
-        raise JerkbenchError(f"No run of the first scenario of {study.folder} went well, so no step can be timed.")
-    cells, _ = Store(study.folder).read(list(chosen["key"]))
+    successful = rows[scenario & (rows["status"] == "ok")].drop_duplicates("key")
+    if successful.empty:
+        raise JerkbenchError(
+            f"The time of a step cannot be measured: all runs of the first scenario of {study.folder} failed."
+        )
+    cells, _ = Store(study.folder).read(list(successful["key"]))
     by_key = {cell.key: cell for cell in runnable(cells, run_programs=run_programs)}
-    chosen = chosen[chosen["key"].isin(list(by_key))]
-    stored = [
-        row_of(by_key[key], int(seed), run_programs=run_programs)
-        for key, seed in zip(chosen["key"], chosen["seed"], strict=True)
-    ]
-    timed = chosen.assign(replicate="phase", **{COLUMN: [step_ns(row) for row in stored]})
-    kept = [name for name in timed if name in {*Labels._fields, *RUN_COLUMNS}]
-    return timed[[*kept, COLUMN]].reset_index(drop=True)
+    successful = successful[successful["key"].isin(list(by_key))]
+    pairs = zip(successful["key"], successful["seed"], strict=True)
+    stored = [row_of(by_key[key], int(seed), run_programs=run_programs) for key, seed in pairs]
+    timed = successful.assign(replicate="phase", **{COLUMN: [step_ns(row) for row in stored]})
+    columns = [name for name in timed if name in {*Labels._fields, *RUN_COLUMNS}]
+    return timed[[*columns, COLUMN]].reset_index(drop=True)
 
 
 def step_ns(stored: StoredRow) -> float:
-    """Return the time a step [ns] of the quickest of `REPEATS` runs, after one that prepares everything.
+    """Return the duration of a filter step in the fastest of `REPEATS` timed runs [ns].
+
+    An additional run, which is not timed, prepares the inputs.
 
     Raises:
-        JerkbenchError: the data are other data now, or a plugin raises an error.
+        JerkbenchError: The data have changed, or a plugin raises an exception.
     """
     recording, _ = stored.run()
     seconds = []
-    with plugins_in_words(stored.job):
+    with plugin_errors(stored.job):
         for _ in range(REPEATS):
             began_s = time.perf_counter()
             run_seed(stored.job, stored.draw)

@@ -1,6 +1,7 @@
-"""The loop of a sweep: the missing runs of a plan are computed, in this process or by an executor, and stored.
+"""The main loop of a sweep, which computes the missing runs of a plan and stores their rows.
 
-Several processes may write to one study. Each writes files of its own, and a row that exists twice counts once.
+The current process or an executor computes the runs. Several processes may write to one study, because each process
+writes separate files. Duplicate rows count only once.
 """
 
 import gc
@@ -11,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
@@ -22,33 +23,35 @@ from typing import Any, Generic, Self, TypeVar
 import pyarrow as pa
 
 from jerkbench import plugins
-from jerkbench.engines import announce
 from jerkbench.errors import JerkbenchError, PluginError
 from jerkbench.jobs.executors import ClusterError, Pool, Workers
-from jerkbench.jobs.job import Job
-from jerkbench.jobs.key import code_digest, git_commit, versions
+from jerkbench.jobs.inputs import shared_inputs
+from jerkbench.jobs.key import code_digest, git_commit, processor_kind, versions
 from jerkbench.jobs.plan import Plan, chunks_of, missing
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.rows import Result, Task, failed_rows, streams, work
+from jerkbench.jobs.rows import NotedRows, Task, failed_rows, task_rows
 from jerkbench.jobs.store import SEEN_COLUMNS, RowBlock, Store, table_of
-from jerkbench.notices import keep_output_plain
+from jerkbench.notices import make_output_plain
 
 MAX_CHUNK_S = 10.0
-"""A worker returns its results after this time, and the rest of its chunk is sent again, maybe to another worker, which
-has to prepare its recordings once more. In this process each task is stored as it is finished."""
+"""Time after which a worker returns its results [s]. The rest of its chunk is sent again, possibly to another worker,
+which has to load the recordings again. Without workers, the rows of each task are stored as soon as it is finished."""
 
 MIN_FLUSH_S, MAX_FLUSH_S = 1.0, 5.0
-"""Rows are written in batches. The interval is 10 % of the elapsed time within these limits, so that a long sweep does
-not leave thousands of small files. A process that is killed loses one interval."""
+"""Limits of the interval between two files of rows [s]. Within the limits, the interval is 10 % of the elapsed time, so
+that a long sweep does not write thousands of small files. A killed process loses the rows of one interval."""
 MAX_HELD_ROWS = 20_000
-"""Rows that wait in memory to be written."""
+"""Maximum number of rows in memory."""
 
 MAX_DEATHS = 3
-"""A task has failed after so many workers have died with it: with its chunk, with its chunk alone, and by itself."""
+"""Number of dead workers after which a task has failed.
+
+The task has then run in its chunk, again in its chunk while no other chunk was running, and finally alone.
+"""
 MAX_FIRST_DEATHS = 100
-"""If so many workers die before the first result, none of them can start."""
+"""Maximum number of workers that may die before the first result. If more die, workers probably cannot start."""
 POLL_S = 2.0
-"""Time without a result after which the executor is checked."""
+"""Time to wait for a result before the state of the executor is checked [s]."""
 
 
 def run_missing(
@@ -60,29 +63,28 @@ def run_missing(
     progress: Progress | None = None,
     threads: int = 1,
 ) -> None:
-    """Compute the runs of a plan that are not stored, and store them. Damaged files are set aside.
+    """Compute the runs of a plan that are not stored, and store them. Runs in damaged files are computed again.
 
     Args:
-        plan: the jobs.
-        store: their results.
-        workers: where they run; default: this process.
-        strict: raise an error of the input or of a plugin instead of storing it as a failed row.
-        progress: a bar that is advanced for every finished job; default: a new one.
-        threads: number of threads that the engine may use in each process.
+        plan: The plan with the jobs of the sweep.
+        store: The store of the results.
+        workers: The processes that compute the runs (by default, only the current process).
+        strict: Whether to raise errors of inputs and plugins instead of storing failed rows.
+        progress: A progress bar that is advanced for every finished job (by default, a new bar).
+        threads: Number of threads that the engine may use in each process.
 
     Raises:
-        JerkbenchError: the results cannot be written, or as ``strict`` says.
-        ClusterError: the cluster cannot continue. Finished runs are stored.
+        JerkbenchError: The results cannot be written, or an input or a plugin failed and ``strict`` is set.
+        ClusterError: The cluster cannot continue. The runs that have finished are stored.
     """
     store.prepare()
     known = store.known([job.key for job in plan.jobs])
     to_do = {job.key: set(missing(job, known.get(job.key, ()))) for job in plan.jobs}
-    done = sum(not seeds for seeds in to_do.values())
     chunks = chunks_of(plan.jobs, to_do, workers.count if workers else 1)
     made_by = origin()
-    announce([job.method for job in plan.jobs if to_do[job.key] and streams(job)])
-    with nullcontext(progress) if progress else Progress(len(plan.jobs), done) as bar, Writer(store) as writer:
-        bar.skip(done if progress else 0)
+    bar = progress or Progress(len(plan.jobs))
+    bar.skip(sum(not seeds for seeds in to_do.values()))
+    with nullcontext() if progress else bar, Writer(store) as writer:
         pool = workers.pool(sum(map(len, chunks))) if workers and chunks else None
         limit_s = MAX_CHUNK_S if pool else 0.0
         compute = partial(_run_tasks, made_by=made_by, strict=strict, threads=threads, limit_s=limit_s)
@@ -91,72 +93,91 @@ def run_missing(
                 raise outcome
             table = _failed(tasks[0], outcome, made_by) if isinstance(outcome, Exception) else outcome
             writer.add(table)
-            statuses: dict[str, list[str]] = {}
             for key, seed, status in zip(*(table[name].to_pylist() for name in SEEN_COLUMNS), strict=True):
                 to_do[key].discard(seed)
-                statuses.setdefault(key, []).append(status)
-            for key, of_job in statuses.items():
-                bar.advance(of_job, count=not to_do[key])
+                bar.advance([status], count=not to_do[key])
 
 
-def _run_tasks(
-    tasks: Sequence[Task], *, made_by: Mapping[str, Any], strict: bool, threads: int, limit_s: float
-) -> tuple[int, pa.Table]:
-    """Run tasks for about ``limit_s``, at least one. Returns how many are finished, and their rows."""
+def _run_tasks(tasks: Sequence[Task], *, limit_s: float, **options: Any) -> tuple[int, pa.Table]:  # noqa: ANN401 - of `work`
+    """Run at least one task, and further tasks until ``limit_s`` seconds have passed.
+
+    Return the number of finished tasks, and their rows.
+    """
     started, finished, blocks = time.monotonic(), 0, list[RowBlock]()
     while finished == 0 or (finished < len(tasks) and time.monotonic() - started < limit_s):
-        task = tasks[finished]
-        results = work(task, strict=strict, threads=threads)
-        blocks += [block_of(job, result, made_by) for job, result in zip(task.jobs, results, strict=True)]
+        blocks += work(tasks[finished], **options)
         finished += 1
     return finished, table_of(blocks)
 
 
 def _failed(task: Task, error: Exception, made_by: Mapping[str, Any]) -> pa.Table:
     reason = f"{type(error).__name__}: {error}"
-    return table_of([block_of(job, Result(failed_rows(job, task.draws, reason), []), made_by) for job in task.jobs])
+    return table_of(blocks_of(task, [(failed_rows(job, task.draws, reason), []) for job in task.jobs], made_by))
+
+
+def work(task: Task, made_by: Mapping[str, Any], *, strict: bool = False, threads: int = 1) -> list[RowBlock]:
+    """Run a task, and return the rows and the metadata of each of its jobs.
+
+    Args:
+        task: The task, which contains some seeds of one or several jobs.
+        made_by: Provenance of the rows, from `origin`.
+        strict: Whether to raise errors of inputs and plugins instead of returning failed rows.
+        threads: Number of threads of the engine.
+
+    Raises:
+        JerkbenchError: An input or a plugin failed, and ``strict`` is set.
+    """
+    inputs, scenario = shared_inputs(), task.jobs[0].scenario
+    started = time.perf_counter()
+    for draw in task.draws:  # the inputs are prepared first, because the measured time of a run covers only the filter
+        with suppress(Exception):  # the run raises the exception again, and its row gets the status "failed"
+            inputs.attitude(inputs.recording(scenario, draw), scenario.attitude)
+    prepared = time.perf_counter()
+    pieces = task_rows(task, strict=strict, threads=threads)
+    finished, share = time.perf_counter(), len(task.jobs)
+    run_s = float(f"{(finished - prepared) / share / len(task.draws):.4g}")
+    cost = {"seconds": round((finished - started) / share, 3), "run_s": run_s, "processor": processor_kind()}
+    return blocks_of(task, pieces, {**made_by, **cost})
+
+
+def blocks_of(task: Task, pieces: Iterable[NotedRows], made_by: Mapping[str, Any]) -> list[RowBlock]:
+    """Return the rows and the metadata of each job of a task. The metadata of every job include ``made_by``."""
+    made_by = {**NO_COST, **made_by, "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
+    blocks = []
+    for job, (rows, notes) in zip(task.jobs, pieces, strict=True):
+        job_parts = {"labels": job.labels._asdict(), "spec": job.spec, "protocol": job.protocol.limits}
+        metadata = {**job_parts, "data": job.scenario.data, "notes": notes, **made_by}
+        blocks.append(RowBlock(job.key, len(job.draws), rows, metadata))
+    return blocks
+
+
+NO_COST = {"seconds": 0.0, "run_s": 0.0, "processor": ""}
+"""Metadata about computing time and processor, for rows that were not computed."""
 
 
 def origin() -> dict[str, Any]:
-    """Return the provenance that is stored with each run: code, versions, commit."""
+    """Return the provenance that is stored with each run: the hash of the code, the versions and the commit."""
     return {"code": code_digest(), "versions": versions(), "commit": git_commit()}
 
 
-def block_of(job: Job, result: Result, made_by: Mapping[str, Any] | None = None) -> RowBlock:
-    """Return the rows of a job as they are stored, with their provenance (default: `origin`)."""
-    about = {
-        "labels": job.labels._asdict(),
-        "spec": job.spec,
-        "protocol": job.evaluation.limits,
-        "data": job.scenario.data,
-        "notes": result.notes,
-        **(made_by or origin()),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "seconds": round(result.seconds + result.inputs_s, 3),
-        "run_s": float(f"{result.seconds / len(result.rows):.4g}"),
-        "processor": result.processor,
-    }
-    return RowBlock(job.key, len(job.draws), result.rows, about)
-
-
 class Writer:
-    """Writes rows to a store, those of many tasks into one file, and the last ones also after an error."""
+    """A context manager that collects the rows of several tasks and writes them into one file.
+
+    The remaining rows are written when the context ends, also after an exception.
+    """
 
     def __init__(self, store: Store) -> None:
-        """Write to ``store``."""
         self._store, self._held = store, list[pa.Table]()
         self._started = self._written = time.monotonic()
 
     def __enter__(self) -> Self:
-        """Return the writer."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Write the last rows."""
         self.flush()
 
     def add(self, table: pa.Table) -> None:
-        """Accept rows, and write them if the last file is old enough."""
+        """Add rows. If the interval since the last file has passed, or if many rows are in memory, write a file."""
         self._held.append(table)
         now = time.monotonic()
         interval_s = min(max(0.1 * (now - self._started), MIN_FLUSH_S), MAX_FLUSH_S)
@@ -164,7 +185,7 @@ class Writer:
             self.flush()
 
     def flush(self) -> None:
-        """Write a file."""
+        """Write the rows in memory to a file."""
         if self._held:
             self._store.write(self._held)
         self._held, self._written = [], time.monotonic()
@@ -173,27 +194,30 @@ class Writer:
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 Work = Callable[[Sequence[_Task]], tuple[int, _Result]]
-"""Runs the first tasks of a chunk. Returns how many it has finished, and their result."""
+"""A function that runs the first tasks of a chunk. It returns the number of finished tasks, and their result."""
+Splitter = Callable[[_Task], Sequence[_Task]]
+"""A function that divides a task into its smallest parts."""
 
 
 def outcomes(
     work: Work[_Task, _Result],
     chunks: Iterable[Sequence[_Task]],
     pool: Pool | None,
-    parts: Callable[[_Task], Sequence[_Task]] = lambda task: [task],
+    parts: Splitter[_Task] = lambda task: [task],
 ) -> Iterator[tuple[list[_Task], _Result | Exception]]:
-    """Yield the tasks that are finished, with their result, or a single task with the exception that ended it.
+    """Yield finished tasks with their result, or a single task with the exception that it raised.
 
-    If a worker dies or raises an exception, the parts of its tasks are run again alone, to find the one that causes it.
+    If a worker dies or raises an exception, the parts of its tasks are run again separately, to find the cause.
 
     Args:
-        work: is called with the tasks of a chunk.
-        chunks: the tasks, in order.
-        pool: where they run. None: in this process, which raises what `work` raises.
-        parts: cuts a task into its smallest parts.
+        work: The function that runs the tasks of a chunk.
+        chunks: The chunks of tasks, in order.
+        pool: The executor that calls ``work``. If ``pool`` is None, the current process calls ``work`` and raises its
+            exceptions.
+        parts: Function that divides a task into its smallest parts.
 
     Raises:
-        ClusterError: a worker has different code, or no result can come any more.
+        ClusterError: A worker has different code, or the executor cannot return any more results.
     """
     if pool is not None:
         yield from _Dispatch(work, chunks, pool, parts).outcomes()
@@ -208,27 +232,23 @@ def outcomes(
 
 @dataclass(eq=False)
 class _Chunk(Generic[_Task]):
-    """Tasks that are sent together, and the number of workers that have died with them."""
+    """Tasks that are sent to a worker together, and the number of workers that died while they ran these tasks."""
 
     tasks: list[_Task]
     deaths: int = 0
 
 
 class _Dispatch(Generic[_Task, _Result]):
-    """Chunks on their way to an executor and back."""
+    """Submits chunks of tasks to an executor, and receives their results."""
 
     def __init__(
-        self,
-        work: Work[_Task, _Result],
-        chunks: Iterable[Sequence[_Task]],
-        pool: Pool,
-        parts: Callable[[_Task], Sequence[_Task]],
+        self, work: Work[_Task, _Result], chunks: Iterable[Sequence[_Task]], pool: Pool, parts: Splitter[_Task]
     ) -> None:
         self.work, self.pool, self.parts = work, pool, parts
         self.waiting = deque(_Chunk(list(chunk)) for chunk in chunks)
-        self.suspects: deque[_Chunk[_Task]] = deque()  # one of them may kill any worker: they run one at a time
+        self.suspects: deque[_Chunk[_Task]] = deque()  # a worker died with each suspect, so suspects run one at a time
         self.running: dict[Future[tuple[int, Any]], _Chunk[_Task]] = {}
-        self.deaths = 0.0  # of workers, before the first result
+        self.deaths = 0.0  # number of workers that died before the first result
 
     def outcomes(self) -> Iterator[tuple[list[_Task], _Result | Exception]]:
         try:
@@ -245,17 +265,19 @@ class _Dispatch(Generic[_Task, _Result]):
 
     def _submit(self) -> Iterator[tuple[list[_Task], Exception]]:
         identity = code_identity()
-        while (self.waiting or (self.suspects and not self.running)) and len(self.running) < self._ask(self.pool.slots):
+        while (self.waiting or (self.suspects and not self.running)) and len(self.running) < self._call(
+            self.pool.slots
+        ):
             chunk = (self.waiting or self.suspects).popleft()
             try:
                 content = pickle.dumps((self.work, chunk.tasks))
-            except Exception as error:  # noqa: BLE001 - a plugin decides what pickling it raises
+            except Exception as error:  # noqa: BLE001 - pickling a plugin may raise any exception
                 yield from self._raised(chunk, error)
                 continue
             sent = content, str(Path.cwd()), tuple(plugins.modules_of_user()), identity
-            self.running[self._ask(self.pool.executor.submit, run_chunk, *sent)] = chunk
+            self.running[self._call(self.pool.executor.submit, run_chunk, *sent)] = chunk
 
-    def _ask(self, call: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401 - of the call
+    def _call(self, call: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401 - of the call
         try:
             return call(*arguments)
         except Exception as error:
@@ -270,29 +292,29 @@ class _Dispatch(Generic[_Task, _Result]):
             raise
         except CancelledError as error:
             raise ClusterError(self.pool.trouble() or "The cluster has cancelled the tasks.") from error
-        except Exception as error:  # noqa: BLE001 - each executor has its own exceptions for a dead worker
+        except Exception as error:  # noqa: BLE001 - each executor has different exceptions for a dead worker
             yield from self._died(chunk, error)
             return
-        self.deaths = -math.inf  # workers can start
+        self.deaths = -math.inf  # a result was received, so workers are able to start
         if isinstance(result, Exception):
             yield from self._raised(chunk, result)
             return
         yield chunk.tasks[:count], result
         rest = chunk.tasks[count:]
-        middle = 0 if self.waiting else len(rest) // 2  # at the end, two workers share the rest
+        middle = 0 if self.waiting else len(rest) // 2  # the rest is split if no other chunk is waiting
         self.waiting.extendleft(_Chunk(half) for half in (rest[middle:], rest[:middle]) if half)
 
     def _raised(self, chunk: _Chunk[_Task], error: Exception) -> Iterator[tuple[list[_Task], Exception]]:
-        alone = [part for task in chunk.tasks for part in self.parts(task)]
-        if len(alone) > 1:
-            self.waiting.extendleft(_Chunk([part], chunk.deaths) for part in reversed(alone))
+        parts = [part for task in chunk.tasks for part in self.parts(task)]
+        if len(parts) > 1:
+            self.waiting.extendleft(_Chunk([part], chunk.deaths) for part in reversed(parts))
         else:
             yield chunk.tasks, error
 
     def _died(self, chunk: _Chunk[_Task], error: Exception) -> Iterator[tuple[list[_Task], Exception]]:
         deaths, self.deaths = chunk.deaths + 1, self.deaths + 1
         if self.deaths > MAX_FIRST_DEATHS:
-            raise ClusterError(f"The worker processes end before they return anything ({error}).") from error
+            raise ClusterError(f"The worker processes end before they return a result ({error}).") from error
         if deaths < MAX_DEATHS - 1:
             self.suspects.append(_Chunk(chunk.tasks, deaths))
         elif deaths < MAX_DEATHS:
@@ -303,42 +325,44 @@ class _Dispatch(Generic[_Task, _Result]):
 
 
 def code_identity() -> tuple[str, tuple[tuple[str, str], ...]]:
-    """Return the hash of the code that a worker runs and stores with, and the versions of its libraries."""
+    """Return the hash of the code that computes and stores rows, and the versions of the libraries."""
     return code_digest("jobs", "campaign"), tuple(versions().items())
 
 
 def run_chunk(content: bytes, folder: str, modules: tuple[str, ...], identity: object) -> tuple[int, Any]:
-    """Run a chunk in a worker. An exception is returned as the result, because it does not end the worker.
+    """Run a chunk of tasks in a worker. An exception of a task is returned as the result, so that the worker continues.
 
     Raises:
-        ClusterError: the worker has different code than the process that planned.
+        ClusterError: The worker has different code than the process that sent the chunk.
     """
     if identity != code_identity():
         raise ClusterError(
-            f"A worker on {gethostname()} has another version of jerkbench or of a library; install the same there."
+            f"A worker on {gethostname()} has another version of jerkbench or of a library; install the same version."
         )
     try:
         _prepare(folder, modules)
-        work, tasks = pickle.loads(content)  # noqa: S301 - from the process that planned, through its own cluster
+        work, tasks = pickle.loads(content)  # noqa: S301 - sent by this user through their own cluster
         result: tuple[int, Any] = work(tasks)
     except JerkbenchError as error:
         return 0, error
     except Exception as error:  # noqa: BLE001 - an exception class of a plugin may not survive pickling
         return 0, ChildProcessError(f"{type(error).__name__}: {error}")
-    gc.collect(1)  # cycles of plugins
+    gc.collect(1)  # plugins may create reference cycles
     return result
 
 
 @cache
 def _prepare(folder: str, modules: tuple[str, ...]) -> None:
-    """Import the user's plugins, use one thread, and work in the folder of the plan: its paths may be relative.
+    """Prepare a worker: import the user's plugins, limit libraries to one thread, and change the working directory.
 
-    The garbage collector runs as rarely as in a command (it took a tenth of a run), and after each chunk.
+    The working directory is the directory of the sender, because paths may be relative to that directory. The garbage
+    collector runs rarely, because frequent garbage collections took a tenth of the computing time. The function
+    `run_chunk` starts the garbage collector after each chunk.
     """
     from threadpoolctl import threadpool_limits
 
     gc.set_threshold(50_000, 20, 100)
-    keep_output_plain()
+    make_output_plain()
     threadpool_limits(1)
     if Path(folder).is_dir():
         os.chdir(folder)

@@ -1,7 +1,7 @@
-"""The store: the rows of a study in Parquet files, which are written atomically and found by the keys of their jobs.
+"""The store of a study: its rows in Parquet files, which are written atomically and read by the keys of jobs.
 
-A row is one run: labels, seed, status, metrics, and in columns with the prefix ``cell.`` the metadata of its job as
-JSON. Every process writes files of its own. A row that exists more than once is dropped when the files are read.
+A row contains the labels, the seed, the status and the metrics of one run. Columns with the prefix ``cell.`` contain
+the metadata of a job as JSON. Every process writes separate files. Duplicate rows are dropped when files are read.
 """
 
 import hashlib
@@ -40,13 +40,13 @@ from jerkbench.report.labels import Labels
 from jerkbench.report.study_notes import damaged_files
 
 PART_NAME = re.compile(r"part-[A-Za-z0-9_]+-[0-9a-f]{32}-([0-9a-f]{32})")
-"""Host, a unique number and the digest of the content, so that no two files have one name and damage is detected."""
+"""Name of a file: host, a unique number, and the digest of the content, by which damage is detected."""
 
 CELL = "cell."
 """Prefix of the columns with the metadata of a job."""
 
 KEY, RUNS, COLUMNS = "cell.key", "cell.runs", "cell.columns"
-"""Columns with the key of the job, its number of runs, and the names of its metrics."""
+"""Columns with the key of the job, the number of runs of the job, and the names of the metrics."""
 
 HEAD_COLUMNS = (*Labels._fields, *RUN_COLUMNS)
 """The columns that every row has before its metrics."""
@@ -57,13 +57,13 @@ REQUIRED_COLUMNS = {
     *(*HEAD_COLUMNS, KEY, RUNS, COLUMNS),
     *(f"{CELL}{name}" for name in (*ABOUT, *(f"spec.{part}" for part in SPEC))),
 }
-"""The columns of every file. A file that lacks one of them is damaged."""
+"""The columns that every file must have. A file that lacks one of them counts as damaged."""
 
 SEEN_COLUMNS = [KEY, "seed", "status"]
-"""The columns that say which runs are stored."""
+"""The columns that are needed to find out which runs are stored."""
 
 OUTCOMES = {"seed": "seed", "status": "status", "reason": "reason", f"{CELL}run_s": "run_s"}
-"""Columns of `Store.rows` besides the metrics, by their names in a file."""
+"""Columns that `Store.rows` returns in addition to the metrics. Keys are the names in a file, values the new names."""
 
 DAMAGED_PARQUET = (
     *(OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError),
@@ -72,20 +72,20 @@ DAMAGED_PARQUET = (
 """Exceptions that pyarrow raises for a damaged file."""
 
 ABANDONED_S = 3600.0
-"""Age after which a partly written file is deleted."""
+"""Age after which a partly written file is deleted [s]."""
 
 SMALL_ROWS = 10_000
-"""Files with fewer rows are joined."""
+"""Files with fewer rows than this are joined by `Store.compact`."""
 
 
 class RowBlock(NamedTuple):
     """Runs of a job that are stored together.
 
     Attributes:
-        key: of the job.
-        runs: number of runs of the job.
-        rows: one for each of the runs in this block.
-        metadata: labels, specification, protocol, data, notes and times of the job.
+        key: Key of the job.
+        runs: Number of runs of the complete job.
+        rows: The rows of the runs in this block.
+        metadata: Labels, specification, protocol, data, notes and times of the job.
     """
 
     key: str
@@ -99,11 +99,11 @@ class Stored:
     """The stored runs of a job.
 
     Attributes:
-        key: of the job.
-        metadata: its labels, specification, protocol, data, notes and times.
-        table: its runs in the order of their seeds, with all columns of the store.
-        columns: its metrics.
-        others: number of further runs, whose seeds are not shown.
+        key: Key of the job.
+        metadata: Labels, specification, protocol, data, notes and times of the job.
+        table: The rows with all stored columns, ordered by seed.
+        columns: Names of the metrics.
+        others: Number of stored runs with seeds that tables do not show.
     """
 
     key: str
@@ -114,38 +114,38 @@ class Stored:
 
     @cached_property
     def rows(self) -> pd.DataFrame:
-        """One row for each seed."""
+        """The runs as a data frame, one row for each seed."""
         return frame(self.table, (*HEAD_COLUMNS, *self.columns))
 
 
 def table_of(blocks: Sequence[RowBlock]) -> pa.Table:
-    """Return the rows of some blocks with their metadata.
+    """Return a table with the rows and the metadata of some blocks.
 
     Raises:
-        JerkbenchError: a metric is not a number, or its name is not allowed.
+        JerkbenchError: A metric is not a number, or its name is reserved.
     """
     rows = list(chain.from_iterable(block.rows for block in blocks))
     names = dict.fromkeys([*HEAD_COLUMNS, *chain.from_iterable(rows)])
     if reserved := [name for name in names if str(name).startswith(CELL)]:
-        raise JerkbenchError(f"A metric cannot be called {reserved[0]}: names that begin with {CELL} are taken.")
+        raise JerkbenchError(f"A metric cannot be called {reserved[0]}: names that begin with {CELL} are reserved.")
     columns = {name: _column(name, [row.get(name) for row in rows]) for name in names}
     facts = [_facts(block) for block in blocks]
     block_of_row = pa.array(np.repeat(np.arange(len(blocks)), [len(block.rows) for block in blocks]))
     for name in dict.fromkeys(chain.from_iterable(facts)):
-        texts = pa.array([own.get(name) for own in facts], pa.string())
+        texts = pa.array([texts_by_column.get(name) for texts_by_column in facts], pa.string())
         columns[name] = texts.dictionary_encode().take(block_of_row)
     columns[RUNS] = pa.array([block.runs for block in blocks], pa.int32()).take(block_of_row)
     table = pa.table(columns)
     if not _is_part(table.schema):
         keys = ", ".join(block.key for block in blocks[:3])
-        raise JerkbenchError(f"The rows of the cells {keys} cannot be stored: a metric is no number, or has no name.")
+        raise JerkbenchError(f"The rows of {keys} cannot be stored: a metric is not a number or has no name.")
     return table
 
 
 def _column(name: str, values: list[Any]) -> pa.Array:
     try:
         array = pa.array(values)
-    except (pa.ArrowInvalid, pa.ArrowTypeError):  # the types of the rows differ
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # the values have different types
         try:
             array = pa.array([None if value is None else float(value) for value in values])
         except (TypeError, ValueError) as error:
@@ -154,15 +154,17 @@ def _column(name: str, values: list[Any]) -> pa.Array:
 
 
 def _facts(block: RowBlock) -> dict[str, str]:
-    """Return the metadata of a block as JSON, by the names of their columns."""
+    """Return the metadata of a block as JSON texts, by the name of the column."""
     metrics = [name for name in dict.fromkeys(chain.from_iterable(block.rows)) if name not in HEAD_COLUMNS]
     entries = {name: value for name, value in block.metadata.items() if name not in ("labels", "spec")}
     entries |= {f"spec.{part}": value for part, value in block.metadata.get("spec", {}).items()}
-    return {KEY: block.key} | {CELL + name: json.dumps(own) for name, own in {"columns": metrics, **entries}.items()}
+    return {KEY: block.key} | {
+        CELL + name: json.dumps(entry) for name, entry in {"columns": metrics, **entries}.items()
+    }
 
 
 def _is_part(schema: pa.Schema) -> bool:
-    """Whether no column is missing and each metric is a number."""
+    """Return whether a table has all required columns and each metric is numeric."""
     types = pa.types
     metrics = [field.type for field in schema if field.name not in HEAD_COLUMNS and not field.name.startswith(CELL)]
     numeric = (types.is_floating, types.is_integer, types.is_boolean, types.is_null)
@@ -170,7 +172,7 @@ def _is_part(schema: pa.Schema) -> bool:
 
 
 def content_of(table: pa.Table) -> bytes:
-    """Return the content of a file."""
+    """Return a table as the bytes of a Parquet file."""
     sink = io.BytesIO()
     texts = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
     pq.write_table(table, sink, compression="zstd", use_dictionary=texts, write_statistics=False)
@@ -178,39 +180,30 @@ def content_of(table: pa.Table) -> bytes:
 
 
 def content_digest(content: bytes) -> str:
-    """Return the digest of a file's content."""
+    """Return the digest of the content of a file, which is part of the name of the file."""
     return hashlib.sha256(content).hexdigest()[:32]
 
 
 def part_name(content: bytes) -> str:
-    """Return a new name for a file with this content."""
+    """Return a new, unique name for a file with this content."""
     host = re.sub("[^A-Za-z0-9_]", "_", socket.gethostname())[:40] or "_"
     return f"part-{host}-{uuid.uuid4().hex}-{content_digest(content)}"
 
 
-def part_of(content: bytes, digest: str, columns: list[str] | None = None) -> pa.Table | None:
-    """Return the rows of a file, or some of their columns. None: the file is damaged."""
-    if content_digest(content) != digest:
-        return None
-    try:
-        # Not read_table: its threads may release the content after the interpreter has ended, which aborts the process.
-        file = pq.ParquetFile(pa.BufferReader(content))
-        return file.read(columns=columns, use_threads=False) if _is_part(file.schema_arrow) else None
-    except DAMAGED_PARQUET:
-        return None
+Names = list[str]
 
 
 @lru_cache(maxsize=65_536)
 def parsed(text: str) -> Any:  # noqa: ANN401 - any JSON
-    """Return the value of a JSON text. It is shared, so it must not be changed."""
+    """Return the value of a JSON text. The value is cached and shared, so it must not be modified."""
     return json.loads(text)
 
 
 def frame(table: pa.Table, names: Iterable[str]) -> pd.DataFrame:
-    """Return some columns, as far as they exist, as a data frame."""
-    chosen = table.select([name for name in dict.fromkeys(names) if name in table.column_names]).combine_chunks()
-    texts = {field.name: pa.string() for field in chosen.schema if pa.types.is_dictionary(field.type)}
-    rows: pd.DataFrame = _with_types(chosen, texts).to_pandas(use_threads=False, ignore_metadata=True)
+    """Return the given columns as a data frame. Columns that do not exist are left out."""
+    selected = table.select([name for name in dict.fromkeys(names) if name in table.column_names]).combine_chunks()
+    texts = {field.name: pa.string() for field in selected.schema if pa.types.is_dictionary(field.type)}
+    rows: pd.DataFrame = _with_types(selected, texts).to_pandas(use_threads=False, ignore_metadata=True)
     return rows
 
 
@@ -219,7 +212,10 @@ def _with_types(table: pa.Table, types: Mapping[str, pa.DataType]) -> pa.Table:
 
 
 def unique_rows(tables: Sequence[pa.Table]) -> pa.Table:
-    """Join tables, ordered by job and seed. Of several rows of one run the newest that did not fail is retained."""
+    """Join tables, remove duplicate runs, and sort the rows by job and seed.
+
+    Of several runs of a job with the same seed, the newest run that did not fail is retained.
+    """
     table = concatenated(tables)
     runs = frame(table, [*SEEN_COLUMNS, "cell.created"])
     runs["failed"] = runs["status"] == "failed"
@@ -228,28 +224,29 @@ def unique_rows(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def concatenated(tables: Sequence[pa.Table]) -> pa.Table:
-    """Join tables. A metric with different types in the tables becomes a floating point number."""
+    """Join tables. A metric whose type differs between the tables is converted to floating point numbers."""
     types: dict[str, set[pa.DataType]] = {}
     for field in chain.from_iterable(table.schema for table in tables):
         types.setdefault(field.name, set()).add(field.type)
     floats = {name: pa.float64() for name, kinds in types.items() if len(kinds - {pa.null()}) > 1}
-    alike = [_with_types(table, floats) for table in tables] if floats else tables
-    return pa.concat_tables(alike, promote_options="default").unify_dictionaries().combine_chunks()
+    converted = [_with_types(table, floats) for table in tables] if floats else tables
+    return pa.concat_tables(converted, promote_options="default").unify_dictionaries().combine_chunks()
 
 
 def stored_jobs(tables: Sequence[pa.Table], shown: ShownSeeds) -> list[Stored]:
-    """Return the complete jobs of some tables.
+    """Return the stored runs of each job that is complete in the given tables.
 
     Args:
-        tables: at least one.
-        shown: the seeds that a job must have. A job without an entry is complete if it has all its runs.
+        tables: The tables of the store, at least one.
+        shown: The blocks of seeds that each job must have, by key. A job that is not in ``shown`` is complete if all
+            its runs are stored.
     """
     table = unique_rows(tables)
     keys, seeds, runs = (table[name].to_numpy() for name in (KEY, "seed", RUNS))
     mask, others = np.zeros(len(keys), bool), dict[str, int]()
-    for key, places in _places(keys).items():
-        mask[places] = _shown(seeds[places], runs[places], shown.get(key))
-        others[key] = int(np.sum(~mask[places]))
+    for key, positions in _positions(keys).items():
+        mask[positions] = _shown(seeds[positions], runs[positions], shown.get(key))
+        others[key] = int(np.sum(~mask[positions]))
     table = table.filter(pa.array(mask))
     metadata = [name for name in table.column_names if name in Labels._fields or name.startswith(CELL)]
     blocks: dict[str, list[dict[str, Any]]] = {}
@@ -259,21 +256,21 @@ def stored_jobs(tables: Sequence[pa.Table], shown: ShownSeeds) -> list[Stored]:
         Stored(
             key,
             _metadata(blocks[key]),
-            table.slice(places[0], len(places)),
+            table.slice(positions[0], len(positions)),
             list(dict.fromkeys(chain.from_iterable(parsed(block[COLUMNS]) for block in blocks[key]))),
             others[key],
         )
-        for key, places in _places(keys[mask]).items()
+        for key, positions in _positions(keys[mask]).items()
     ]
 
 
-def _places(keys: Any) -> dict[str, Any]:  # noqa: ANN401 - an array of texts
-    """Return the positions of each key."""
+def _positions(keys: Any) -> dict[str, Any]:  # noqa: ANN401 - an array of texts
+    """Return the row numbers of each key."""
     return {str(key): places for key, places in pd.Series(keys).groupby(keys, sort=False).indices.items()}
 
 
 def _shown(seeds: IntArray, runs: IntArray, stretches: Stretches | None) -> BoolArray:
-    """Return which runs of a job are shown: none if one is missing."""
+    """Return a mask of the runs of a job that tables show. If a required run is missing, the mask selects no run."""
     if stretches is None:
         return np.full(len(seeds), len(seeds) >= runs.min())
     mask = np.zeros(len(seeds), bool)
@@ -285,7 +282,7 @@ def _shown(seeds: IntArray, runs: IntArray, stretches: Stretches | None) -> Bool
 
 
 def _metadata(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the metadata of a job from those of its blocks."""
+    """Merge the metadata of the blocks of a job."""
     first = blocks[0]
     metadata: dict[str, Any] = {"labels": {kind: new_label(kind, first[kind]) for kind in Labels._fields}, "spec": {}}
     for name, text in first.items():
@@ -293,9 +290,8 @@ def _metadata(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         if name.startswith(CELL) and name not in (KEY, RUNS, COLUMNS) and isinstance(text, str):
             (metadata["spec"] if part else metadata)[part or kind] = parsed(text)
     if len(blocks) > 1:
-        notes, seconds, created = (
-            [parsed(block[CELL + name]) for block in blocks] for name in ("notes", "seconds", "created")
-        )
+        joined = ("notes", "seconds", "created")
+        notes, seconds, created = ([parsed(block[CELL + name]) for block in blocks] for name in joined)
         processors = {parsed(text) for block in blocks if isinstance(text := block.get("cell.processor"), str)}
         metadata |= {"notes": list(dict.fromkeys(chain(*notes))), "seconds": sum(seconds), "created": max(created)}
         metadata["processor"] = " and ".join(sorted(filter(None, processors)))
@@ -303,44 +299,40 @@ def _metadata(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 class Store:
-    """The stored jobs of a study."""
+    """The store with the rows of the jobs of a study."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the store of the study in ``folder``, or a folder of Parquet files. Nothing is written yet."""
+        """Open the store of the study in ``folder``, or of a folder with Parquet files. No file is written."""
         below = folder / "cells"
         self.folder = folder if not below.is_dir() and any(folder.glob("*.parquet")) else below
 
     def prepare(self) -> list[str]:
-        """Create the folder, delete partly written files, and set damaged files aside, whose names are returned.
+        """Create the folder, delete abandoned files, rename damaged files, and return the names of the damaged files.
 
         Raises:
-            JerkbenchError: the folder cannot be written to.
+            JerkbenchError: The folder is not writable.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=self.folder):
                 pass
             for partial in self.folder.rglob(".*.partial*"):
-                with suppress(FileNotFoundError):  # its process has just finished it
+                with suppress(FileNotFoundError):  # another process has just finished and renamed the file
                     if time.time() - partial.stat().st_mtime > ABANDONED_S:
                         partial.unlink()
         except OSError as error:
             raise JerkbenchError(f"Results cannot be written to {self.folder}: {error.strerror or error}.") from error
         damaged = [name for name, table in self._load_all(SEEN_COLUMNS).items() if table is None]
         for path in map(self._path, damaged):
-            with suppress(FileNotFoundError):  # another process has just set it aside
+            with suppress(FileNotFoundError):  # another process has just renamed the file
                 path.rename(path.with_name(f"{path.name}.damaged"))
         if damaged:
-            cells = "its cells" if len(damaged) == 1 else "their cells"
-            notify(f"{damaged_files(damaged)} set aside, {cells} run again: {', '.join(map(plain, damaged))}.")
+            names = ", ".join(map(plain, damaged))
+            notify(f"{damaged_files(damaged)} renamed to *.damaged: {names}. The missing runs are computed again.")
         return damaged
 
-    def write(self, tables: Sequence[pa.Table]) -> None:
-        """Store tables of `table_of` as one file."""
-        self._write(concatenated(tables))
-
     def known(self, keys: Collection[str], *, failed: bool = False) -> dict[str, set[int]]:
-        """Return the seeds of the stored runs of ``keys``; with ``failed`` also those of the runs that failed."""
+        """Return the seeds of the stored runs by the key of the job. Failed runs are included if ``failed`` is set."""
         known: dict[str, set[int]] = {}
         for table in self._tables(keys, SEEN_COLUMNS)[0]:
             for key, seed, status in zip(*(table[name].to_pylist() for name in SEEN_COLUMNS), strict=True):
@@ -348,14 +340,12 @@ class Store:
                     known.setdefault(key, set()).add(seed)
         return known
 
-    def read(
-        self, keys: Iterable[str] | None = None, shown: ShownSeeds | None = None
-    ) -> tuple[list[Stored], list[str]]:
-        """Return the complete jobs among ``keys``, in their order, and the names of damaged files.
+    def read(self, keys: Iterable[str] | None = None, shown: ShownSeeds | None = None) -> tuple[list[Stored], Names]:
+        """Return the complete jobs among ``keys``, in the order of ``keys``, and the names of damaged files.
 
         Args:
-            keys: default: all, sorted.
-            shown: the seeds that are shown of each job; default: those of the manifest.
+            keys: The keys of the jobs (by default, all keys in the store, sorted).
+            shown: The blocks of seeds that each job must have (by default, the seeds in the manifest).
         """
         wanted = None if keys is None else dict.fromkeys(keys)
         tables, damaged = self._tables(wanted)
@@ -365,19 +355,18 @@ class Store:
         return [stored[key] for key in (sorted(stored) if wanted is None else wanted) if key in stored], damaged
 
     def rows(self, jobs: Sequence[Job], metrics: Sequence[str]) -> pd.DataFrame:
-        """Return the runs of some jobs in the order of the jobs and their seeds. A missing run has no status.
+        """Return the runs of some jobs, ordered by job and seed. A run that is not stored has no status.
 
         Args:
-            jobs: with the requested seeds.
-            metrics: the requested columns.
+            jobs: The jobs, with the requested seeds.
+            metrics: The requested columns of metrics.
 
         Returns:
-            The position of the job (``place``), seed, status, reason, run_s [s] and the metrics.
+            A table with the columns ``job_index`` (index of the job in ``jobs``), ``seed``, ``status``, ``reason``,
+            ``run_s`` (duration of the run [s]) and the columns ``metrics``.
         """
-        requested = pd.DataFrame(
-            [(place, job.key, seed) for place, job in enumerate(jobs) for seed in job.draws],
-            columns=["place", KEY, "seed"],
-        )
+        runs = [(position, job.key, seed) for position, job in enumerate(jobs) for seed in job.draws]
+        requested = pd.DataFrame(runs, columns=["job_index", KEY, "seed"])
         tables, _ = self._tables({job.key for job in jobs}, [KEY, *OUTCOMES, "cell.created", *metrics])
         stored = pd.DataFrame()
         if tables:
@@ -386,34 +375,32 @@ class Store:
         return requested.merge(stored, on=[KEY, "seed"], how="left").drop(columns=KEY)
 
     def keys_from(self, prefix: str) -> list[str]:
-        """Return the keys with a prefix: complete and incomplete jobs, and the names of damaged files."""
+        """Return the keys of complete and incomplete jobs and the names of damaged files that start with ``prefix``."""
         tables, damaged = self._tables(None, [KEY])
         keys = {*damaged, *(key for table in tables for key in pc.unique(table[KEY]).to_pylist())}
         return sorted(key for key in keys if key.startswith(prefix))
 
     def compact(self, least: int = 2) -> None:
-        """Join the small files into one if there are at least ``least`` of them, without rows that exist twice.
+        """Join the small files into one file without duplicate rows, if there are at least ``least`` small files.
 
-        Another process may do the same: a reader may find rows twice, but never misses one.
+        Several processes may join files at the same time. A reader may then find duplicate rows, but no row is missing.
         """
         small = [name for name, table in self._load_all([KEY]).items() if table and len(table) < SMALL_ROWS]
         if len(small) < max(least, 2):
             return
         tables: dict[str, pa.Table] = {}
         for name in small:
-            with suppress(FileNotFoundError):  # another process has just joined it
+            with suppress(FileNotFoundError):  # another process has just joined the file
                 if table := self.load(name):
                     tables[name] = table
         if len(tables) > 1:
-            self._write(unique_rows(list(tables.values())))
+            self.write([unique_rows(list(tables.values()))])
             for name in tables:
-                with suppress(PermissionError):  # on Windows another process reads it
+                with suppress(PermissionError):  # on Windows, a file that another process reads cannot be deleted
                     self._path(name).unlink(missing_ok=True)
 
-    def _tables(
-        self, keys: Collection[str] | None, columns: list[str] | None = None
-    ) -> tuple[list[pa.Table], list[str]]:
-        """Return the rows of ``keys`` in each file, and the names of the damaged files."""
+    def _tables(self, keys: Collection[str] | None, columns: Names | None = None) -> tuple[list[pa.Table], Names]:
+        """Return a table with the rows of ``keys`` for each file, and the names of damaged files."""
         loaded = self._load_all(columns)
         tables = [table for table in loaded.values() if table is not None]
         if keys is not None:
@@ -422,7 +409,7 @@ class Store:
         return [table for table in tables if len(table)], [name for name, table in loaded.items() if table is None]
 
     def _load_all(self, columns: list[str] | None = None) -> dict[str, pa.Table | None]:
-        """Load every file, also those that appear meanwhile because another process compacts the study."""
+        """Load every file, including files that appear during loading because another process compacts the study."""
         loaded: dict[str, pa.Table | None] = {}
         while new := [name for name in self._names() if name not in loaded]:
             for name in new:
@@ -437,26 +424,35 @@ class Store:
         return self.folder / f"{name}.parquet"
 
     def load(self, name: str, columns: list[str] | None = None) -> pa.Table | None:
-        """Load a file, or some of its columns. None: the file is damaged.
+        """Load a file, or some of its columns. Return None if the file is damaged.
 
         Raises:
-            FileNotFoundError: the file does not exist any more.
+            FileNotFoundError: The file no longer exists.
         """
         path, match = self._path(name), PART_NAME.fullmatch(name)
         if not match or (exists(path) and not path.is_file()):  # reading a pipe would never end
             return None
         try:
-            return part_of(path.read_bytes(), match[1], columns)
+            content = path.read_bytes()
         except PermissionError as error:
             raise JerkbenchError(f"{path} cannot be read: {error.strerror}.") from error
+        if content_digest(content) != match[1]:
+            return None
+        try:
+            # `read_table` is not used, because its threads may free the content after the interpreter has ended.
+            file = pq.ParquetFile(pa.BufferReader(content))
+            return file.read(columns=columns, use_threads=False) if _is_part(file.schema_arrow) else None
+        except DAMAGED_PARQUET:
+            return None
 
-    def _write(self, table: pa.Table) -> None:
-        content = content_of(table)
+    def write(self, tables: Sequence[pa.Table]) -> None:
+        """Write tables from `table_of` to one file."""
+        content = content_of(concatenated(tables))
 
         def write(partial: Path) -> None:
             with partial.open("wb") as file:
                 file.write(content)
                 file.flush()
-                os.fsync(file.fileno())  # `compact` deletes the files that it replaces
+                os.fsync(file.fileno())  # the data must be on disk before `compact` deletes the files that it replaces
 
         write_atomically(self._path(part_name(content)), write)

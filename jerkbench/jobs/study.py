@@ -1,4 +1,4 @@
-"""A study: the rows of its jobs with their notes, read from the store; its tables; and the parts that names select."""
+"""Studies: reading the rows and notes of a study, writing its tables, and selecting a part of a study by names."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,13 +13,12 @@ import pyarrow as pa
 
 from jerkbench.errors import JerkbenchError, unknown
 from jerkbench.files import write_atomically
-from jerkbench.jobs.manifest import read_manifest, stretches, write_manifest
+from jerkbench.jobs.manifest import JobSeeds, read_manifest, stretches, write_manifest
 from jerkbench.jobs.store import HEAD_COLUMNS, Store, Stored, frame
 from jerkbench.renamed import new_label
 from jerkbench.report.comparisons import SPENDS
-from jerkbench.report.conditions import conditions, told_apart, with_one_name
-from jerkbench.report.labels import Labels, bare
-from jerkbench.report.study_notes import LeftOut, code_of, notes_of_study
+from jerkbench.report.labels import Labels, bare, conditions, with_distinct_labels, with_one_name
+from jerkbench.report.study_notes import code_of, notes_of_study
 from jerkbench.report.writers import write_rows_csv
 
 if TYPE_CHECKING:
@@ -31,14 +30,14 @@ class Study:
     """The results of a study.
 
     Attributes:
-        folder: where they are.
-        rows: one row a cell and seed, in the order of the sweeps.
-        notes: sentences that belong under its tables.
-        keys: key of the cell of each row.
-        code: the commits that its cells come from, in a few words.
-        metadata: what is stored of each job, by key.
-        damaged: keys of the cells that cannot be read.
-        unlike: sentences about the labels of which not all cells were measured under the same conditions.
+        folder: The folder of the study.
+        rows: One row for each job and seed, in the order of the sweeps.
+        notes: Notes that are printed below the tables.
+        keys: The key of the job of each row.
+        code: A short description of the commits that computed the rows.
+        metadata: The stored metadata of each job, by the key of the job.
+        damaged: Names of the files that cannot be read.
+        unlike: Notes about labels that were extended, because their jobs were not measured under the same conditions.
     """
 
     folder: Path
@@ -55,75 +54,80 @@ class Study:
         """Read the study in ``folder``.
 
         Raises:
-            JerkbenchError: there is no cell.
+            JerkbenchError: The folder has no results.
         """
         return load_study(Path(folder))
 
     def __repr__(self) -> str:
-        """Return its folder and its size, and what was lost."""
-        lost = int((self.rows["status"] != "ok").sum())
-        return f"Study({str(self.folder)!r}, {self.combinations} combinations, {len(self.rows)} runs, {lost} lost)"
+        unsuccessful = int((self.rows["status"] != "ok").sum())
+        size = f"{self.combinations} combinations, {len(self.rows)} runs, {unsuccessful} diverged or failed"
+        return f"Study({str(self.folder)!r}, {size})"
 
     def _repr_html_(self) -> str:
-        """Return its main table, as a notebook shows it."""
+        """Return the main table of the study as HTML for notebooks."""
         from jerkbench.report.summary import main_metric, summarise
 
         return str(summarise(self.rows, main_metric(self.rows), notes=self.notes)._repr_html_())
 
     @property
     def combinations(self) -> int:
-        """Return the number of combinations; shards of one count once."""
+        """The number of combinations. Jobs with the same labels count as one combination."""
         return len(self.rows[[*Labels._fields]].drop_duplicates())
 
     @property
     def labels(self) -> dict[str, dict[str, str]]:
-        """Return the labels of each cell by its key, as the tables have them."""
+        """The labels of each job in the tables, by the key of the job."""
         first = ~self.keys.duplicated()
         records = self.rows.loc[first.to_numpy(), [*Labels._fields]].to_dict("records")
         return dict(zip(self.keys[first], records, strict=True))
 
     def only(self, keys: Iterable[str]) -> "Study":
-        """The same study with the cells ``keys`` alone."""
-        chosen = self.keys.isin(list(keys)).to_numpy()
-        rows, keys_of_rows = self.rows[chosen].reset_index(drop=True), self.keys[chosen].reset_index(drop=True)
+        """Return a copy of the study that contains only the jobs with the given keys."""
+        mask = self.keys.isin(list(keys)).to_numpy()
+        rows, keys_of_rows = self.rows[mask].reset_index(drop=True), self.keys[mask].reset_index(drop=True)
         metadata = {key: self.metadata[key] for key in dict.fromkeys(keys_of_rows)}
         return replace(self, rows=rows, keys=keys_of_rows, metadata=metadata)
 
 
-def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -> Study:
-    """Read a study. Of several jobs with the same labels, that of the last command is shown, otherwise the newest.
+def load_study(folder: Path, seeds: JobSeeds | None = None) -> Study:
+    """Read the results of a study.
 
-    Jobs that were not measured under the same conditions (data, protocol, engine) get labels that say so.
+    If several jobs have the same labels, the result contains only the job of the last command. If the last command ran
+    none of these jobs, the result contains the newest job. If jobs were not measured under the same conditions (data,
+    protocol, engine), the conditions are added to their labels.
 
     Args:
-        folder: of the study.
-        seeds: jobs that are shown instead of those of the last command, with their seeds.
+        folder: The folder of the study.
+        seeds: The seeds to show, by the key of the job. Jobs in ``seeds`` have priority over other jobs with the same
+            labels (by default, the jobs of the last command have priority).
 
     Raises:
-        JerkbenchError: there are no results.
+        JerkbenchError: The folder has no results.
     """
     manifest = read_manifest(folder)
-    named = {key: stretches(own) for key, own in (seeds or {}).items()}
+    named = {key: stretches(draws) for key, draws in (seeds or {}).items()}
     stored, damaged = Store(folder).read(shown={**manifest.get("seeds", {}), **named})
     if not stored:
-        held = f"no results but {len(damaged)} damaged files" if damaged else "no results"
-        raise JerkbenchError(f"{folder} holds {held}; `jerkbench run` writes them there (cells/*.parquet).")
+        found = f"no results, but {len(damaged)} damaged files" if damaged else "no results"
+        raise JerkbenchError(f"{folder} has {found}; `jerkbench run` writes results (cells/*.parquet).")
     known = {job.key: conditions(job.metadata) for job in stored}
     labels = {job.key: dict(job.metadata["labels"]) for job in stored}
     with_one_name(list(labels.values()), list(known.values()))
-    order = {key: place for place, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *named]))}
-    chosen = _current(stored, labels, order, set(named or manifest.get("last", [])))
-    keys, about = [job.key for job in chosen], [job.metadata for job in chosen]
-    unlike = told_apart([labels[key] for key in keys], [known[key] for key in keys])
-    rows = frame(pa.concat_tables([job.table for job in chosen]), chain(HEAD_COLUMNS, *(job.columns for job in chosen)))
-    keys_of_rows = np.repeat(np.array(keys, dtype=object), [len(job.table) for job in chosen])
+    order = {key: position for position, key in enumerate(dict.fromkeys([*manifest.get("cells", []), *named]))}
+    current = _current(stored, labels, order, set(named or manifest.get("last", [])))
+    keys, about = [job.key for job in current], [job.metadata for job in current]
+    unlike = with_distinct_labels([labels[key] for key in keys], [known[key] for key in keys])
+    rows = frame(
+        pa.concat_tables([job.table for job in current]), chain(HEAD_COLUMNS, *(job.columns for job in current))
+    )
+    keys_of_rows = np.repeat(np.array(keys, dtype=object), [len(job.table) for job in current])
     for name in Labels._fields:
         rows[name] = pd.Series([labels[key][name] for key in keys_of_rows], dtype="str")
     spent = [level for key in keys if (level := manifest.get("levels", {}).get(key)) is not None]
     rows.attrs.update({SPENDS: min(spent)} if spent else {})
     configured = [note for key in keys for note in manifest.get("notes", {}).get(key, [])]
-    left_out = LeftOut(len(stored) - len(chosen), sum(job.others for job in stored), damaged)
-    notes = notes_of_study(rows, about, [*unlike, *configured], left_out)
+    outdated, others = len(stored) - len(current), sum(job.others for job in stored)
+    notes = notes_of_study(rows, about, [*unlike, *configured], outdated=outdated, other_runs=others, damaged=damaged)
     return Study(
         folder,
         rows,
@@ -137,28 +141,21 @@ def load_study(folder: Path, seeds: Mapping[str, Sequence[int]] | None = None) -
 
 
 def _current(
-    stored: Sequence[Stored],
-    labels: Mapping[str, Mapping[str, str]],
-    order: Mapping[str, int],
-    preferred: Collection[str],
+    stored: Sequence[Stored], labels: Mapping[str, Any], order: Mapping[str, int], preferred: Collection[str]
 ) -> list[Stored]:
-    """Return one job for each combination of labels: a preferred one, otherwise the newest, in ``order``."""
+    """Return one job for each combination of labels: a job with a key in ``preferred``, or otherwise the newest job."""
     groups: dict[tuple[str, ...], list[Stored]] = {}
     for job in sorted(stored, key=lambda job: (order.get(job.key, len(order)), tuple(labels[job.key].values()))):
         groups.setdefault(tuple(labels[job.key].values()), []).append(job)
-    return [max(own, key=lambda job: (job.key in preferred, job.metadata["created"])) for own in groups.values()]
+    return [max(group, key=lambda job: (job.key in preferred, job.metadata["created"])) for group in groups.values()]
 
 
 def concluded(
-    folder: Path,
-    seeds: Mapping[str, Sequence[int]],
-    notes: Sequence[str],
-    command: Sequence[str],
-    level: float | None = None,
+    folder: Path, seeds: JobSeeds, notes: Sequence[str], command: Sequence[str], level: float | None = None
 ) -> tuple[Study, "Table"]:
-    """Write manifest, rows and tables of a study after a command; returns it, and the first of the tables.
+    """Write the manifest, the rows and the tables of a study after a command. Return the study and the first table.
 
-    The arguments are those of `write_manifest`.
+    The arguments are the arguments of `write_manifest`.
     """
     write_manifest(folder, seeds, notes, command, level)
     study = load_study(folder)
@@ -166,7 +163,7 @@ def concluded(
 
 
 def write_study(study: Study) -> "Table":
-    """Write rows.csv and the tables; returns the first of these."""
+    """Write rows.csv and the tables of a study, and return the first table."""
     from jerkbench.report.summary import write_tables
 
     write_atomically(study.folder / "rows.csv", lambda path: write_rows_csv(study.rows, path))
@@ -174,17 +171,17 @@ def write_study(study: Study) -> "Table":
 
 
 def named_part(study: Study, names: Sequence[str], factors: Sequence[str]) -> Study:
-    """Return the part of a study that has one of some names.
+    """Return the part of a study whose rows have one of the given names.
 
-    A name is a label of one of the factors, with its parameters or without, or several of them joined by ``+``.
+    A name is a label of one of the ``factors``, with or without its parameters, or several labels joined by ``+``.
 
     Raises:
-        JerkbenchError: nothing has one of the names.
+        JerkbenchError: A name matches no row of the study.
     """
     rows = study.rows[[*factors]].astype(str)
     labels = {label: {label, bare(label)} for label in np.unique(rows)}
     fits = np.zeros(len(rows), dtype=bool)
-    for name in (reduce(lambda told, factor: new_label(factor, told), factors, name) for name in names):
+    for name in (reduce(lambda text, factor: new_label(factor, text), factors, name) for name in names):
         of_name = [
             np.any([rows[factor].map(lambda label, one=one: one in labels[label]) for factor in factors], axis=0)
             for one in ([name] if any(name in known for known in labels.values()) else name.split("+"))

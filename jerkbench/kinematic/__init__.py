@@ -1,18 +1,16 @@
-"""The kernel of the compiled engine: kinematic filters, one run or several side by side, in plain functions of a run.
+"""The compiled engine for kinematic filters, which processes eight runs at the same time.
 
-The kernel is written for numbers; of several runs each element is a vector, one number of each. What lasts lies in one
-array, of which `arguments` says what is where: the compiler then sees that no two parts overlap, and that every loop
-has a known length. What does not last lies in a `room`, of which the compiler makes registers. The state of n
-quantities on three axes is x[3 a + i], a the quantity and i the axis.
+The kernels are plain Python functions that follow the equations of the filters. In compiled code, each array element is
+a vector with one number for each of the eight runs (`jerkbench.compilation.vectors`). A single run uses the same
+compiled loops, with seven unused numbers in each vector. The package contains these modules::
 
-    runs                   Python: what is run, and what came out
-    packs                  runs and filters as arrays (arguments)
-    loop                   the steps: predict, update, score; compiled, or from the disk
-    predict, correction    the equations
-    score                  errors against the reference, and their sums
-    adapt                  the calls of an adaptation, in their order: `fade`, `adapt_prior`, `adapt` (plugin_call),
-                           `adapt_gain`; what an own gain does is in correction
-    adapt_lanes            the same of an adaptation that many runs ask at once, in vectors
-    trajectory_score       the sums of a run that has a trajectory
-    mixture, smoother      several filters mixed (imm), and the smoother (rts), over the same parts
+    runs                     starts the runs from Python and returns their results
+    packs, arguments         runs and filters as arrays, and the types of these arrays
+    rules                    adaptations as compiled functions that have the same signature
+    loop                     the loop over the steps: prediction, adaptation, update, scoring
+    prediction, correction   the equations of the prediction and of the correction
+    update                   innovation, call of the adaptation, and correction
+    scoring                  errors against the reference, summed during a run
+    trajectory_score         the same sums, computed from a trajectory
+    mixture, smoother        the mixture of two filters (`imm`), and the smoother (`rts`)
 """

@@ -1,44 +1,47 @@
-"""The arguments of the compiled loop, and the parts of the runs that it works on. WIDTH is the number of runs."""
+"""The arguments of the compiled loops: named tuples of arrays, the record with the state of the runs, and signatures.
+
+In this module, a stream is an array of shape (rows, ..., L). The last axis has L = 8 elements, one for each run, or L =
+1 element if all runs have the same values.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jerkbench.arrays import WIDE, FloatCube, FloatMatrix, FloatVector, IntArray, IntVector
-from jerkbench.compilation.vectors import aligned_zeros
-from jerkbench.compilation.views import Lanes, View, fields_of
-from jerkbench.estimate import NEES, SUMS
+from jerkbench.arrays import WIDE, FloatArray, FloatCube, FloatMatrix, FloatStack, IntVector
+from jerkbench.compilation.compiled import not_inlined, numba_type
+from jerkbench.compilation.vectors import aligned_zeros, in_lanes
+from jerkbench.estimate import SUMS
 
-SIX, MATRIX = 8, 40
-"""Six numbers, and 36, with room up to the next whole eight."""
-
-SEEN = 17
-"""Numbers that are kept of what an update saw."""
+SEEN_ROWS, SEEN_NIS, ROWS_USED, NIS_OF_USED, INNOVATION, VARIANCE, DETERMINANT, SEEN = 0, 1, 2, 3, 4, 10, 16, 17
+"""Indices of the values of an update in `Output.seen`: number of measured rows, NIS, number of rows after the
+adaptation, NIS after the adaptation, innovation (6), diagonal of the adapted R (6), and det S with the reported R. SEEN
+is the number of these values."""
 
 MARKED = 9
-"""Numbers that are kept of a marked row: the position error (3), and the upper triangle of its covariance (6)."""
+"""Number of values stored for a marked row: the position error (3), and the upper triangle of its covariance (6)."""
 
 
 class Steps(NamedTuple):
-    """The steps that the runs share, and in vectors (a last axis of WIDTH) what they do not.
-
-    The runs of one recording share it: then W is 1, else WIDTH.
+    """The time steps of the runs, and the inputs and measurements of these steps.
 
     Attributes:
-        model: (n,) row of A, b, Q, or -1: no time passes.
-        sample: (n,) row of u.
-        update: (n,) row of z, or -1.
-        reference: (n,) row of the reference, or -1.
-        u: (samples, 3, W).
-        z: (m, 6, W) measurements, NaN where there is none.
-        R: (m, 36, W) what the adaptation gets; or no row where that is what it is told.
-        reported: (m, 36, W) what the receiver reported; (m, 12, W) of each row those of its axis, where that is all.
-        told: (3, WIDTH) factors on that of position and of velocity, and the least variance; of one run none.
-        x0: (6, WIDTH) position and velocity at the start.
-        P0: (36, WIDTH) their covariance.
+        model: (n,) row of A, b and Q that belongs to the length of each step, or -1 if the step length is zero.
+        sample: (n,) row of ``u`` that is the filter input in each step.
+        update: (n,) row of ``z`` that is used after each step, or -1 if no update follows the step. The rows are 0, 1,
+            2, ... in the order of the updates.
+        reference: (n,) index 0, 1, 2, ... of the time stamp of the reference at the end of each step, or -1 if the
+            reference has no time stamp there.
+        u: stream (samples, 3) of filter inputs: acceleration in ENU [m/s2].
+        z: stream (m, 6) of measured positions [m] and velocities [m/s] in ENU, with NaN for each axis that is not
+            measured.
+        R_true: stream (m, 6, 6) of true measurement covariances for the adaptation `oracle`. For all other adaptations,
+            ``R_true`` has no rows.
+        R: stream (m, 6, 6) of reported measurement covariances.
+        scale: (3, 8) factors on the R of position and of velocity [-], and smallest variance, for each run.
     """
 
     model: IntVector
@@ -47,304 +50,216 @@ class Steps(NamedTuple):
     reference: IntVector
     u: FloatCube
     z: FloatCube
-    R: FloatCube
-    reported: FloatCube
-    told: FloatMatrix
-    x0: FloatMatrix
-    P0: FloatMatrix
+    R_true: FloatStack
+    R: FloatStack
+    scale: FloatMatrix
 
 
-class TruthRows(NamedTuple):
-    """The k rows of the reference that are visited, and what each counts for; W as in `Steps`. No row: no scoring.
+class Scoring(NamedTuple):
+    """True values and weights for the errors at the k time stamps of the reference. With k = 0, no errors are summed.
 
     Attributes:
-        mark: (k,) row of the errors that are kept, or -1.
-        counts: (m, W) 1 where an update counts, else 0.
-        truth: (k, 6, W).
-        weights: (k, 4) in the order of `WEIGHTS`.
-        outage: (k, W) 1 where a row counts for the outages, else 0; or no row where there are none.
-        speeds: whether any row counts for the velocity.
-        consistency: whether e' P^-1 e is summed up, and the covariance of a marked row kept.
-        limit_m2: the square of a position error beyond which a run strays.
+        mark: (k,) row of `Output.errors` in which the error at each time stamp is stored, or -1 if the error is not
+            stored.
+        counts: stream (m, 1) with 1 for each update that is counted in the NIS, otherwise 0.
+        truth: stream (k, 6) of true positions [m] and velocities [m/s] in ENU.
+        weights: (k, 4) weights of four error sums: position, position including the burn-in, velocity, and NEES of
+            position and velocity.
+        outage: stream (k, 1) with 1 during an outage, otherwise 0. ``outage`` has no rows if there is no outage.
+        speeds: True if the velocity error counts at any time stamp.
+        consistency: True if the NEES e' P^-1 e is summed and the position covariances of marked rows are stored.
+        limit_m2: squared position error above which a run counts as diverged [m2].
     """
 
     mark: IntVector
-    counts: FloatMatrix
+    counts: FloatCube
     truth: FloatCube
     weights: FloatMatrix
-    outage: FloatMatrix
+    outage: FloatCube
     speeds: bool = False
     consistency: bool = False
     limit_m2: float = math.inf
 
 
 class Model(NamedTuple):
-    """The filter of each run; an axis L is WIDTH, or 1 where they have the same.
+    """The model of one axis of each filter, with n states per axis, for k step lengths.
 
     Attributes:
-        A: (k, N N, L) of one axis, for each length of a step.
-        b: (k, N, L) likewise.
-        Q: (k, N N, L) likewise.
-        extra: (N - 2, WIDTH) initial variances of the states that are not measured.
-        triangular: whether every A is upper triangular with ones on its diagonal.
+        A: stream (k, n, n) of transition matrices.
+        b: stream (k, n) of input vectors.
+        Q: stream (k, n, n) of process noise covariances.
     """
 
-    A: FloatCube
+    A: FloatStack
     b: FloatCube
-    Q: FloatCube
-    extra: FloatMatrix
-    triangular: bool
+    Q: FloatStack
 
 
 class Rules(NamedTuple):
-    """The adaptation of each run; or one that all runs ask at once, in vectors (a last axis of WIDTH).
+    """The parameters and the memory of the adaptation of eight runs.
+
+    All runs have the same adaptation, but its parameters may differ between runs.
 
     Attributes:
-        parameters: (WIDTH, any) its numbers; (any, WIDTH) of all runs at once.
-        whole: (any,) of all runs at once the same, where they are whole numbers and so the same; else nothing.
-        adapt: (WIDTH,) address of its `adapt`, compiled; or 0 if it changes nothing and is not called.
-        fade: (WIDTH,) address of its `fade`, or 0: it has none.
-        prior: (WIDTH,) likewise of its `adapt_prior`.
-        gain: (WIDTH,) likewise of its `adapt_gain`.
-        memory: (WIDTH, any) what it remembers, zero at the start; (any, WIDTH) of all at once, and room for as much.
-        sizes: (WIDTH,) how much of that is its own.
+        parameters: (p, 8) all numbers in the parameters of the adaptation, for each run.
+        memory: memory of the adaptation, which is zero at the start. The shape of ``memory`` is (size, 8) if one call
+            of the adaptation processes all runs, otherwise (8, size).
+        rows: (6,) buffer for the indices of the measured rows.
+        called: True if the adaptation is called. The adaptation `none` is not called.
+        has_gain: True if the adaptation computes the Kalman gain.
     """
 
     parameters: FloatMatrix
-    whole: IntVector
-    adapt: IntVector
-    fade: IntVector
-    prior: IntVector
-    gain: IntVector
     memory: FloatMatrix
-    sizes: IntVector
+    rows: IntVector
+    called: bool
+    has_gain: bool
 
 
-class Kept(NamedTuple):
-    """Room for what the runs leave.
+class Output(NamedTuple):
+    """Buffers for the results of the runs that are not stored in the record `record_layout`.
 
     Attributes:
-        w: the array in which the runs live; its end holds the sums.
-        reference: (k,) rows of the reference that were visited; or no row.
-        x: (k, 6, WIDTH) position and velocity there; or no row.
-        P: (k, 36, WIDTH) their covariance; or no row.
-        errors: (marks, MARKED, WIDTH) what is kept of the marked rows.
-        which: (m,) rows of z that were taken.
-        seen: (m, SEEN, WIDTH) what each update saw: rows, nis, rows kept, nis used, innovation (6), diagonal of R (6),
-            det S with the reported R; or one row, of which each update writes the first two.
+        states: (k, 6) position and velocity of the first run at the time stamps of the reference. ``states`` has no
+            rows if the trajectory is not stored.
+        covariances: (k, 6, 6) covariances of ``states``.
+        errors: (marks, MARKED, 8) position errors and their covariances at the marked rows of the reference.
+        seen: (m, SEEN, 8) innovation, NIS and R of each update. ``seen`` has no rows if these values are not stored.
     """
 
-    w: FloatVector
-    reference: IntVector
-    x: FloatCube
-    P: FloatCube
+    states: FloatMatrix
+    covariances: FloatCube
     errors: FloatCube
-    which: IntVector
     seen: FloatCube
 
 
-class Exchange(NamedTuple):
-    """What the runs show to the adaptation, run by run without gaps; the ends of the rows mean nothing.
-
-    Attributes:
-        HPHt: (WIDTH, 40).
-        y: (WIDTH, 8) innovation.
-        kept: (WIDTH, 8) 1 where a row is used, else 0.
-        given: (WIDTH, 40) R, as the adaptation gets it.
-        adapted: (WIDTH, 40) R, as the adaptation says.
-        variance: (WIDTH, 8) its diagonal, before rows without a finite one are left out.
-        some: (114,) the same of one run, where some rows are missing.
-        rows: (6,) which these are.
-        whole: (S + 4 S S,) room for the state of one run as `Whole` has it.
-        states: S, which as a constant would make the compiler unroll the loops.
-    """
-
-    HPHt: FloatMatrix
-    y: FloatMatrix
-    kept: FloatMatrix
-    given: FloatMatrix
-    adapted: FloatMatrix
-    variance: FloatMatrix
-    some: FloatVector
-    rows: IntVector
-    whole: FloatVector
-    states: int
+def new_output(*, visits: int, marks: int, updates: int) -> Output:
+    """Return buffers for ``visits`` time stamps of the reference, ``marks`` marked rows and ``updates`` updates."""
+    errors, seen = np.full((marks, MARKED, WIDE), np.nan), aligned_zeros(updates, SEEN, WIDE)
+    return Output(np.empty((visits, 6)), np.empty((visits, 6, 6)), errors, seen)
 
 
-class Packed(NamedTuple):
-    """What an adaptation sees of the m rows that are there, and what it says; each may be longer than it says here.
-
-    Attributes:
-        rows: (6,) the first m: which rows of z they are.
-        y: (6,) the first m: innovation.
-        HPHt: (36,) the first m m.
-        R: (36,) the first m m.
-        adapted: (36,) the first m m: what the adaptation returns.
-    """
-
-    rows: IntVector
-    y: FloatVector
-    HPHt: FloatVector
-    R: FloatVector
-    adapted: FloatVector
-
-
-class Whole(NamedTuple):
-    """The state of one run in whole matrices, and room for an answer of that size.
-
-    Attributes:
-        x: (S,) prior state.
-        P: (S S,) its covariance.
-        F: (S S,) transition since the last update.
-        Q: (S S,) process noise since then.
-        answer: (S S,) what the adaptation returns: P, or K in the first numbers.
-    """
-
-    x: FloatVector
-    P: FloatVector
-    F: FloatVector
-    Q: FloatVector
-    answer: FloatVector
-
-
-def exchange_for(of: Lanes) -> Exchange:
-    """Make room for runs of this type."""
-    width, s = of.width, of.sizes["s"]
-    room = aligned_zeros(3 * (MATRIX + SIX), width)
-    HPHt, given, adapted = (room[k * MATRIX : (k + 1) * MATRIX].reshape(width, MATRIX) for k in range(3))
-    y, kept, variance = (room[3 * MATRIX + k * SIX :][:SIX].reshape(width, SIX) for k in range(3))
-    some, rows, whole = np.zeros(114), np.zeros(6, dtype=np.int64), np.zeros(s + 4 * s * s)
-    return Exchange(HPHt, y, kept, given, adapted, variance, some, rows, whole, s)
-
-
-def packed_of(exchange: Exchange) -> Packed:
-    """Point at what an adaptation sees where some rows are missing, and at room for what it says."""
-    some = exchange.some
-    return Packed(exchange.rows, some[108:114], some[:36], some[36:72], some[72:108])
-
-
-# The parts of a run, and where in its array they lie.
-#
-# Every element holds one number of each run. The covariance P[s, t], s = 3 a + i of quantity a and axis i, lies by
-# pairs of axes (i, j), i <= j, because F = A (x) I3 is the same product for each pair; of equal axes half is used. Of
-# one run the six pairs stand side by side, because one vector then holds the same element of all of them; of several
-# runs each pair has a matrix of its own.
-
-PAIRS = 6
-"""Pairs of axes: (0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)."""
-
-FIRST_AXIS, SECOND_AXIS = [0, 0, 0, 1, 1, 2, 2, 2], [0, 1, 2, 1, 2, 2, 2, 2]
-"""The axes of each pair; two more fill a vector."""
-
-WEIGHTS = ("counted", "whole", "moving", "both")
-"""What a row of the reference counts for; the weights of a row stand in this order."""
-
-_SHAPES: dict[str, tuple[int, ...]] = {
-    "L": (6, 6),  # of S = H P H' + R = L D L', below its diagonal
-    "S_diagonal": (6,),
-    "R": (6, 6),  # as the adaptation says, by row of z
-    "white": (6,),  # L^-1 y
-    "y": (6,),  # innovation by row of z, 0 where a row is not used
-    "used": (6,),  # 1 where a row is used, else 0
-    "variance": (6,),  # diagonal of R, also of a row that it leaves out; NaN where there is none
-    "fine": (6,),  # 1 where a row is used and its R is less than H P H', else 0
-    "doubt": (),  # above 0 where what an update leaves of a variance may be rounding
-    "lost": (),  # above 0 once a matrix was not positive definite
-    "coupled": (),  # above 0 once an adapted R had a covariance of two axes, where those are left out
-    "ended": (),  # step at whose end that was, or -1
-    "waits": (),  # 1 where an adaptation of all runs at once is still to be asked
-    "asks": (),  # 1 where it is being asked
-    "between": (),  # squares of what it then put between two axes
-    "own": (),  # 1 where this update has a gain of its own, which then stands in Z
-    "due": (),  # above 0 where an update has a row
-    "e": (6,),  # error of position and velocity
-    "sums": (SUMS,),  # of the whole run: `jerkbench.estimate.Streamed`
-}
+Runs = Any
+"""Eight runs: a record of `record_layout`, viewed as arrays of vectors. It is passed to functions as one pointer."""
 
 
 @cache
-def run_type(n: int, width: int, **sizes: int) -> Lanes:
-    """Return the type of ``width`` runs of a filter with ``n`` quantities on each axis; ``sizes`` are further ones."""
-    return type_with({}, 3 * n, width, **sizes)
+def record_layout(n: int, s: int, further: tuple[tuple[str, tuple[int, ...]], ...] = ()) -> np.dtype[Any]:
+    """Return the record type with the state and the buffers of eight runs.
 
+    The last axis of each field has one element for each run.
 
-def type_with(more: Mapping[str, tuple[int, ...]], s: int, width: int, **sizes: int) -> Lanes:
-    """Return the type of runs of ``s`` states with ``more`` fields of these shapes."""
-    n = -(-s // 3)
-    first = {"Y": (6, n, WIDE if width == 1 else 3)}  # so that each vector lies in one line of the cache
-    shapes = {**first, **_SHAPES, "x": (s,), "Z": (6, s), **more}  # Z: S^-1 G, or K' of an own gain
-    shapes |= {"since_A": (n, n), "since_Q": (n, n)}  # of one axis, from the last update to this one
-    shapes |= {"gone_A": (n, n), "gone_Q": (n, n)}  # likewise, from where P was predicted to the state
-    shapes |= {"usual_A": (n, n), "usual_Q": (n, n)}  # of as many steps as there mostly are between two updates
-    shapes |= {"scored": (PAIRS, n, n)}  # side by side, a P that goes on at each step: `jerkbench.kinematic.predict`
-    run = with_covariance(shapes, s, width)
-    over_D = View((6,), run.fields["L"].places[::7], width)  # 1/D stands on the diagonal of L
-    P_scored = View((s, s), _square(run.fields["scored"].places, s).ravel().tolist(), width)
-    return Lanes(
-        {**run.fields, "over_D": over_D, "P_scored": P_scored, **_by_pairs(run.fields["P"], run.fields["Y"], s, width)},
-        {**run.sizes, "seen": SEEN, "marked": MARKED, "errors": NEES, "related": 6, **sizes},
-        width,
-    )
-
-
-def _by_pairs(P: View, stored: View, s: int, width: int) -> dict[str, View]:
-    """Y = L^-1 G of an update. Of one run also H P and Y as vectors: of each pair of axes, the first or the second.
-
-    Numbers of no pair, and of states beyond the last, come to lie where no state is.
+    Args:
+        n: number of states per axis. In a kinematic filter, x[3 a + i] is state a of axis i.
+        s: total number of states of the filter.
+        further: names and shapes of additional fields.
     """
-    n, whole = -(-s // 3), np.reshape(stored.places, stored.shape)
-    Y = whole[:, :, [0, 3, 5]] if width == 1 else whole
-    W = np.pad(np.reshape(P.places, P.shape)[:6], ((0, 0), (0, 3 * n - s)), mode="edge").reshape(Y.shape)
-    parts = {"W_first": W[:, :, FIRST_AXIS], "Y_first": Y[:, :, FIRST_AXIS], "Y_second": Y[:, :, SECOND_AXIS]}
-    parts["Y"] = Y.reshape(6, -1)[:, :s]
-    views = {name: View(places.shape, places.ravel().tolist(), width) for name, places in parts.items()}
-    return {**views, "Y_pairs": View((6, n), whole[:, :, 0].ravel().tolist(), WIDE)}
+    shapes: dict[str, tuple[int, ...]] = {
+        "x": (s,),  # state
+        "P": (s, s),  # its covariance
+        "stopped": (1,),  # positive if the run has failed or diverged, or if there is no run at this index
+        "failed": (1,),  # positive if the adaptation has raised an error or returned NaN
+        "ended": (1,),  # index of the step at which the run stopped, or -1
+        "sums": (SUMS,),  # error sums in the order of `jerkbench.estimate.Streamed`
+        "seen": (SEEN,),  # values of the last update in the order of `Output.seen`
+        "y": (6,),  # innovation, with 0 in the rows that are not used
+        "R": (6, 6),  # measurement covariance, with 0 in the rows and columns that are not used
+        "used": (6,),  # 1 for each measurement row that is used, otherwise 0
+        "adapted": (6, 6),  # R that the adaptation returns
+        "M": (6, 7 + s),  # the matrix [S | y | G] before and after the elimination
+        "D": (6,),  # diagonal of D in S = L D L'
+        "S_diagonal": (6,),
+        "fine": (6,),  # 1 for each measured state whose R is smaller than its P, otherwise 0
+        "before": (s,),  # variances that the update reduces
+        "gain": (6, s),  # transposed gain K'
+        "e": (6,),  # error of position and velocity
+        "one": (1,),  # buffer for one number per run
+        "square": (s, s),  # buffer
+        "shown": (s, s),  # covariance at a time stamp of the reference, if it is scored or stored
+        "u": (6,),  # filter input of the current step
+        "A_step": (n, n),  # A, b and Q of the current step
+        "b_step": (6,),
+        "Q_step": (n, n),
+        "A": (n, n),  # A and Q since the last update, for runs that have a measurement at this update
+        "Q": (n, n),
+        "A_total": (n, n),  # A and Q since the last update of each run
+        "Q_total": (n, n),
+        "waiting": (1,),  # 1 if the adaptation has not been called yet for this update, otherwise 0
+        "selected": (1,),  # 1 for each run that the current call of the adaptation processes, otherwise 0
+        **dict(further),
+    }
+    return np.dtype([(name, np.float64, (*shape, WIDE)) for name, shape in shapes.items()])
 
 
-def with_covariance(shapes: Mapping[str, tuple[int, ...]], s: int, width: int) -> Lanes:
-    """Return the type of runs that have a covariance of ``s`` states, and fields of these ``shapes``.
+def new_state(of: np.dtype[Any], initial: Mapping[str, FloatArray], runs: int) -> Any:  # noqa: ANN401 - a record
+    """Return the initial record of at most eight ``runs``.
 
-    Their quantities on each axis are n = s/3, rounded up: what is left over of the last one is never used.
+    The argument ``of`` is the `record_layout`, and ``initial`` contains the initial values of fields of the record. All
+    other numbers are zero.
     """
-    n, alone = -(-s // 3), width == 1
-    stored = {"blocks": (n, n, WIDE) if alone else (PAIRS, n, n), "sames": (WIDE,)}
-    views, length = fields_of({**stored, **shapes}, width)
-    blocks = list(views.pop("blocks").places)
-    pairs = blocks[::WIDE] if alone else blocks[: n * n]
-    if alone:
-        blocks = np.reshape(blocks, (n, n, WIDE))[:, :, :PAIRS].transpose(2, 0, 1).ravel().tolist()
-    P = _square(blocks, s)
-    six = np.pad(P[:, :6], ((0, 0), (0, 2)), mode="edge")
-    views["block"] = View((PAIRS, n, n), blocks, width)
-    views["pairs"] = View((n, n), pairs, WIDE)  # of one run: the same element of all pairs
-    views["same"] = View((), views.pop("sames").places[:1], WIDE)  # of one run: 1 for an axis with itself
-    views["P"] = View((s, s), P.ravel().tolist(), width)
-    views["P_measured"] = View((6, 6), P[:6, :6].ravel().tolist(), width)  # of position and velocity: H P H'
-    views["P_six"] = View((s, WIDE), six.ravel().tolist(), width)  # six columns, and two that mean nothing
-    return Lanes(views, {"n": n, "s": s, "length": length}, width)
+    state = aligned_zeros(of.itemsize // 8).view(of)[0]
+    for name, values in initial.items():
+        state[name][: len(values)] = values
+    state["A_total"][:] = np.eye(len(state["A_total"]))[:, :, None]
+    state["stopped"][0, runs:] = 1.0
+    state["ended"][:] = -1.0
+    return state
 
 
-def _square(blocks: Sequence[int], s: int) -> IntArray:
-    """Where each P[s, t] lies, of (6, n, n) blocks of places."""
-    n = -(-s // 3)
-    (a, i), (b, j) = np.divmod(np.arange(s)[:, None], 3), np.divmod(np.arange(s), 3)
-    swapped = (i > j) | ((i == j) & (a > b))
-    a, b, i, j = np.where(swapped, b, a), np.where(swapped, a, b), np.minimum(i, j), np.maximum(i, j)
-    return np.asarray(np.asarray(blocks)[n * n * (i * (5 - i) // 2 + j) + n * a + b])
+# Functions that read rows of streams.
 
 
-RUN = run_type(3, WIDE)
-"""The type of the runs at hand: a compilation replaces it."""
+def read(stream: FloatArray, row: int, into: FloatArray) -> None:
+    """Copy a row of a stream (rows, numbers, L) to the array of vectors ``into``."""
+    if stream.shape[2] == 1:
+        for e in range(stream.shape[1]):
+            into[e] = stream[row, e, 0]
+    else:
+        vectors = in_lanes(stream)
+        for e in range(stream.shape[1]):
+            into[e] = vectors[row, e]
 
-EACH, AT_ONCE = range(2)
-"""How the adaptation is called: for each run separately, or for all runs at once."""
 
-ASKED = EACH
-"""Which of these, likewise."""
+@not_inlined
+def read_matrix(stream: FloatArray, row: int, into: FloatArray) -> None:
+    """Copy a row of a stream (rows, m, m, L) to the matrix of vectors ``into``."""
+    if stream.shape[3] == 1:
+        for a in range(len(into)):
+            for b in range(len(into)):
+                into[a, b] = stream[row, a, b, 0]
+    else:
+        vectors = in_lanes(stream)
+        for a in range(len(into)):
+            for b in range(len(into)):
+                into[a, b] = vectors[row, a, b]
 
-STRIDE = 1
-"""1; or 3 where axes have nothing to do with each other (R has no covariance of two) and errors alone are asked for:
-then each axis is gone over by itself, every third row, state and column. Likewise."""
 
-DENSE = 1
-"""Whether an adaptation of these runs sees whole matrices, likewise: they are shown to nobody else."""
+# Signatures of the compiled functions.
+
+Called = Callable[..., None]
+"""A compiled adaptation, or its gain. The signature is `called_type`."""
+
+
+def called_type() -> Any:  # noqa: ANN401 - numba has no types
+    """Return the numba signature of a compiled adaptation, and of its gain.
+
+    The arguments are parameters, selected, x, P, A, Q, y, R, rows, memory, result and failed.
+    """
+    from numba import types
+
+    arrays = (FloatMatrix, FloatMatrix, FloatMatrix, *[FloatCube] * 3, FloatMatrix, FloatCube, IntVector)
+    return types.void(*map(numba_type, (*arrays, FloatMatrix, FloatCube, FloatMatrix)))
+
+
+def loop_type(of: np.dtype[Any], model: Any) -> Any:  # noqa: ANN401 - numba has no types
+    """Return the numba signature of a loop over the time steps.
+
+    Args:
+        of: `record_layout` of the state.
+        model: type of the named tuple that describes the filter.
+    """
+    from numba import from_dtype, types
+
+    arrays = [numba_type(kind) for kind in (Steps, Scoring, model, Rules)]
+    axis, called = types.UniTuple(types.int64, of["A"].shape[0]), types.FunctionType(called_type())
+    return types.void(axis, *arrays, called, called, numba_type(Output), from_dtype(of))

@@ -1,8 +1,7 @@
-"""What runs are made of before they begin: models of all lengths of a step, and runs of the same steps in vectors."""
+"""Conversion of filters and runs to arrays for the compiled loop, in packs of up to eight runs with the same steps."""
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import blake2b
 from itertools import zip_longest
@@ -11,275 +10,235 @@ from typing import NamedTuple
 import numpy as np
 
 from jerkbench.arrays import WIDE, FloatArray, IntArray, Keyed, Same
-from jerkbench.compilation.vectors import aligned_room
+from jerkbench.compilation.vectors import aligned_zeros
 from jerkbench.contracts import Filter, axis_models
-from jerkbench.kinematic.arguments import Model, Steps, TruthRows
-from jerkbench.timeline import VARIANCE_FLOOR, Measurements, Run, ScaledMeasurements, Timeline, axes_apart
-
-
-def model_of(models: Sequence[Filter], lengths_s: FloatArray, dt0_s: float) -> Model:
-    """Ask the filter of each run for A, b, Q of each length, and for the start; all have as many states."""
-    few = len(lengths_s) <= FEW_LENGTHS and all(map(_is_frozen, models))
-    return (_known_of_several if few else _of_several)(tuple(models), lengths_s.tobytes(), dt0_s)
-
-
-def _of_several(models: Sequence[Filter], lengths_s: bytes, dt0_s: float) -> Model:
-    shared = all(model is models[0] or model == models[0] for model in models)
-    own = [(_known if _is_frozen(of) else _asked)(of, lengths_s, dt0_s) for of in (models[:1] if shared else models)]
-    if shared:
-        return own[0]._replace(extra=np.repeat(own[0].extra, len(models), axis=1))
-    A, b, Q, extra = (_stack([part[..., 0] for part in parts]) for parts in zip(*(of[:4] for of in own), strict=True))
-    return Model(A, b, Q, extra, all(of.triangular for of in own))
+from jerkbench.kinematic.arguments import Model, Scoring, Steps
+from jerkbench.timeline import VARIANCE_FLOOR, Run, ScaledMeasurements, Timeline
 
 
 def _is_frozen(model: Filter) -> bool:
-    """Whether it cannot change, so that it is asked once."""
+    """Return whether the filter is a frozen dataclass. Only the arrays of frozen dataclasses are cached."""
     return bool(getattr(getattr(model, "__dataclass_params__", None), "frozen", False))
 
 
-def _asked(model: Filter, lengths_s: bytes, dt0_s: float) -> Model:
-    """Ask for the arrays of each length; of one that is not positive A is the identity."""
-    extra, lengths = np.array(model.initial_variances(), dtype=np.float64), np.frombuffer(lengths_s)
-    A, b, Q = axis_models(model, lengths, dt0_s)
-    k, n = b.shape
-    own = [_stack([part]) for part in (A.reshape(k, n * n), b, Q.reshape(k, n * n), extra)]
-    return Model(own[0], own[1], own[2], own[3], triangular(A))
+def _arrays_of(model: Filter, lengths_s: bytes, dt0_s: float) -> Model:
+    """Return the arrays of one filter for each step length.
+
+    If a step length is not positive, its transition matrix A is the identity matrix.
+    """
+    return Model(*(stack_runs([array]) for array in axis_models(model, np.frombuffer(lengths_s), dt0_s)))
 
 
-FEW_LENGTHS = 64
-"""So many lengths even steps have at most. They are the same for all packs; uneven ones each seed has of its own."""
+_cached_arrays: Callable[..., Model] = lru_cache(maxsize=32)(_arrays_of)
 
 
-_known: Callable[..., Model] = lru_cache(maxsize=32)(_asked)
-_known_of_several: Callable[..., Model] = lru_cache(maxsize=256)(_of_several)
-"""The settings of a search come together again for each seed."""
+# Packs of runs with the same time steps.
 
 
-def triangular(A: FloatArray) -> bool:
-    """Whether each of (k, n, n) is upper triangular with ones on its diagonal."""
-    return bool((np.tril(A) == np.eye(A.shape[1])).all())
+class Pack(NamedTuple):
+    """A pack of up to WIDE runs, which one call of the compiled loop processes.
 
-
-# Runs of the same steps, packed into vectors.
-
-
-@dataclass(frozen=True, eq=False)
-class Pack:
-    """Up to WIDE runs.
+    If a pack has fewer than WIDE runs, the data of the last run are repeated.
 
     Attributes:
-        members: their places in the batch.
-        timelines: theirs.
-        steps: all of them in vectors; a vector that is not full repeats its last run.
-        scored: likewise.
-        lengths_s: the lengths of steps that come, for the model.
-        update_s: (m,) times of the updates, of any run.
-        marks: for each run, the rows of the kept errors that are its own.
-        apart: whether axes have nothing to do with each other, but for the adaptation, and errors alone are asked for.
+        steps: the time steps and measurements of all runs of the pack.
+        scored: the true values and error weights of all runs of the pack.
+        lengths_s: the distinct step lengths [s].
+        dt0_s: nominal length of a step [s].
+        update_s: (m,) times at which at least one run has an update [s].
+        marks: for each run, the rows of `Output.errors` that belong to the run.
+        members: indices of the runs of this pack in the batch.
+        timelines: the timelines of the WIDE runs, including the repeated run.
     """
 
-    members: tuple[int, ...]
-    timelines: tuple[Timeline, ...]
     steps: Steps
-    scored: TruthRows
+    scored: Scoring
     lengths_s: FloatArray
+    dt0_s: float
     update_s: FloatArray
     marks: tuple[IntArray, ...]
-    apart: bool
+    members: tuple[int, ...] = ()
+    timelines: tuple[Timeline, ...] = ()
+
+    @property
+    def lanes(self) -> tuple[int, ...]:
+        """Indices (WIDE,) of the runs in the batch, including the repeated run."""
+        return (*self.members, *[self.members[-1]] * (WIDE - len(self.members)))
+
+    def kinematic(self, models: Sequence[Filter]) -> tuple[Model, dict[str, FloatArray]]:
+        """Return A, b and Q of the filters of this pack, and the initial states x and their covariances P.
+
+        The argument ``models`` contains the filters of all runs of a batch. All filters of a pack must have the same
+        number of states.
+        """
+        filters, key = [models[k] for k in self.lanes], (self.lengths_s.tobytes(), self.dt0_s)
+        arrays = [(_cached_arrays if _is_frozen(model) else _arrays_of)(model, *key) for model in filters]
+        if not all(model is filters[0] or model == filters[0] for model in filters):
+            arrays[0] = Model(
+                *(stack_runs([stream[..., 0] for stream in streams]) for streams in zip(*arrays, strict=True))
+            )
+        extra = stack_runs([np.repeat(model.initial_variances(), 3) for model in filters])
+        s = 6 + len(extra)
+        P = np.zeros((s, s, WIDE))
+        P[:6, :6], P[range(6, s), range(6, s)] = stack_runs([timeline.P0 for timeline in self.timelines]), extra
+        return arrays[0], {"x": stack_runs([timeline.x0 for timeline in self.timelines]), "P": P}
 
 
-def together(pack: Pack) -> Pack:
-    """Return the same pack for a loop in which axes have to do with each other."""
-    reported = np.zeros((len(pack.steps.z), 36, pack.steps.reported.shape[2]))
-    reported[:, OF_AXES] = pack.steps.reported
-    return replace(pack, steps=pack.steps._replace(reported=reported), apart=False)
+Kind = tuple[Hashable, bool]
+"""Properties that must be equal in all runs of a pack, in addition to the time steps.
 
-
-class Kind(NamedTuple):
-    """What runs of one pack have in common besides their steps.
-
-    Attributes:
-        size: of the state, and what else the loop is compiled for.
-        wants_truth: whether the adaptation gets the true covariance as R.
-        dense: whether it sees whole matrices.
-        by_axes: whether each axis may be gone over by itself.
-    """
-
-    size: Hashable
-    wants_truth: bool
-    dense: bool
-    by_axes: bool
+The first element contains the number of states and all other properties that select the compiled loop. The second
+element is true if the adaptation receives the true covariance as R.
+"""
 
 
 def pack_runs(runs: Sequence[Run], kinds: Sequence[Kind]) -> list[Pack]:
-    """Pack runs of the same kind whose steps have the same lengths and meet the reference at the same places."""
-    alike: dict[tuple[Kind, _Ground, bool], list[int]] = {}
-    lanes = [_Lane(_Course(run), *_told(run)) for run in runs]
-    starts = axes_apart(np.reshape([run.timeline.P0 for run in runs], (-1, 6, 6))).tolist()
-    for place, (run, lane, kind, start) in enumerate(zip(runs, lanes, kinds, starts, strict=True)):
-        errors_alone = kind.by_axes and not kind.wants_truth and not run.scoring.consistency
-        apart = errors_alone and start and lane.reported.apart
-        alike.setdefault((kind, _ground(lane.course), apart), []).append(place)
+    """Return packs of runs with the same kind, the same step lengths, and the same time stamps of the reference."""
+    groups: dict[tuple[Kind, _Grid], list[int]] = {}
+    lanes = [_Lane(run) for run in runs]
+    for index, (lane, kind) in enumerate(zip(lanes, kinds, strict=True)):
+        groups.setdefault((kind, _grid(lane)), []).append(index)
     return [
-        _pack(lanes, members, wants_truth=kind.wants_truth, apart=apart)
-        for (kind, _, apart), places in alike.items()
-        for members in _members(lanes, places)
+        _pack(lanes, members, wants_truth=kind[1])
+        for (kind, _), indices in groups.items()
+        for members in _members(lanes, indices)
     ]
 
 
 SPARE = 2
-"""So many lanes may stay empty: to stack other recordings takes longer."""
+"""Maximum number of unused places in a pack with runs of only one recording.
+
+Filling these places with runs of another recording would take longer, because the arrays would have to be stacked.
+"""
 
 
-def _members(lanes: Sequence["_Lane"], places: Sequence[int]) -> list[tuple[int, ...]]:
-    """The places by WIDE: vectors of one recording, which their lanes share, then what is left of each recording.
+def _members(lanes: Sequence["_Lane"], indices: Sequence[int]) -> list[tuple[int, ...]]:
+    """Divide the run indices ``indices`` into groups of at most WIDE runs.
 
-    Of WIDE recordings one each, so that the next ones meet the same in the same lanes, whose streams are stacked then.
+    As many groups as possible contain runs on only one recording, because all runs of such a group share the same
+    arrays. If possible, each remaining group contains one run on each of WIDE recordings. The order of the recordings
+    is the same in these groups, so that the stacked arrays can be reused.
     """
-    of_course: dict[_Course, list[int]] = {}
-    for place in places:
-        of_course.setdefault(lanes[place].course, []).append(place)
-    cut = [(own, len(own) if -len(own) % WIDE <= SPARE else len(own) // WIDE * WIDE) for own in of_course.values()]
-    whole = [own[:end] for own, end in cut]
-    left = [own[end:] for own, end in cut if end < len(own)]
+    by_inputs: dict[_Lane, list[int]] = {}
+    for index in indices:
+        by_inputs.setdefault(lanes[index], []).append(index)
+    cut = [(runs, len(runs) if -len(runs) % WIDE <= SPARE else len(runs) // WIDE * WIDE) for runs in by_inputs.values()]
+    full = [runs[:end] for runs, end in cut]
+    left = [runs[end:] for runs, end in cut if end < len(runs)]
     rest: list[int] = []
     for some in (left[k : k + WIDE] for k in range(0, len(left), WIDE)):
         turns = zip_longest(*some) if len(some) == WIDE else some
-        rest += [place for turn in turns for place in turn if place is not None]
-    return [tuple(own[begin : begin + WIDE]) for own in (*whole, rest) for begin in range(0, len(own), WIDE)]
+        rest += [index for turn in turns for index in turn if index is not None]
+    return [tuple(runs[begin : begin + WIDE]) for runs in (*full, rest) for begin in range(0, len(runs), WIDE)]
 
 
-class _Course(Same):
-    """A run without its covariances; the same as another if it has the same arrays, not only the same numbers.
+class _Lane(Same):
+    """A run. Two runs are equal if the arrays of their inputs are the same objects, except the factors on R.
 
-    Settings that are told another R of one recording have one course; to stack it takes longer than to run over it.
+    Therefore runs on the same recording with different factors are equal, and their arrays are stacked only once.
+    Stacking the arrays takes longer than a run.
     """
 
     def __init__(self, run: Run) -> None:
-        t, self.run = run.timeline, run
-        super().__init__(t.dt_s, t.sample, t.update, t.reference, t.accel_enu_mps2, t.measurements.z, run.scoring)
+        t, self.run, self.reported = run.timeline, run, run.timeline.measurements
+        self.scale = _AS_REPORTED if self.reported.unfloored is None else FLOORED  # column of `Steps.scale`
+        if isinstance(self.reported, ScaledMeasurements):
+            self.scale = np.array([self.reported.position, self.reported.velocity, VARIANCE_FLOOR])
+            self.reported = self.reported.reported
+        arrays = (t.dt_s, t.sample, t.update, t.reference, t.accel_enu_mps2, t.measurements.z)
+        super().__init__(*arrays, run.scoring, self.reported)
 
 
-class _Lane(NamedTuple):
-    """A run, what was reported to it, and what of `Steps.told` it makes of that."""
-
-    course: _Course
-    reported: Measurements
-    told: FloatArray
+_AS_REPORTED, FLOORED = np.array([1.0, 1.0, -np.inf]), np.array([1.0, 1.0, VARIANCE_FLOOR])
 
 
-class _Ground(Keyed):
-    """What runs of one pack have in common: their steps, and which of them count; the same as another's by its hash.
+class _Grid(Keyed):
+    """The time steps and weights that all runs of a pack share.
 
-    Its arrays are as in `Steps` and `TruthRows`. All packs on one ground share them, so that they stay in the cache.
+    Two grids are equal if the hashes of their arrays are equal. The arrays of a grid have the same meaning as in
+    `Steps` and `Scoring`. All packs with equal grids use the same array objects.
     """
 
-    def __init__(self, course: _Course) -> None:
-        t, s = self.timeline, self.scoring = course.run.timeline, course.run.scoring
+    def __init__(self, lane: _Lane) -> None:
+        t, s = self.timeline, self.scoring = lane.run
         numbers = np.array([t.dt0_s, s.consistency, s.limit_m])
-        shared = (numbers, t.dt_s, t.sample, t.reference, s.counted, s.whole, s.moving)
+        shared = (numbers, t.dt_s, t.sample, t.reference, s.counted, s.with_burn_in, s.moving)
         super().__init__(blake2b(b"|".join(np.ascontiguousarray(array).tobytes() for array in shared)).digest())
 
     @cached_property
     def reference(self) -> IntArray:
-        return _numbered(len(self.timeline.reference), np.flatnonzero(self.timeline.reference >= 0).tobytes())
+        return numbered(len(self.timeline.reference), np.flatnonzero(self.timeline.reference >= 0).tobytes())
 
     @cached_property
     def weights(self) -> FloatArray:
         s = self.scoring
-        return np.column_stack([s.counted, s.whole, s.moving, s.counted * s.moving])
+        return np.column_stack([s.counted, s.with_burn_in, s.moving, s.counted * s.moving])
 
 
-_same_ground: Callable[[_Ground], _Ground] = lru_cache(maxsize=64)(lambda ground: ground)
+_same_grid: Callable[[_Grid], _Grid] = lru_cache(maxsize=64)(lambda grid: grid)
 
 
-@lru_cache(maxsize=64)  # with what is cached of it up to a MB each, of equal ones once
-def _ground(course: _Course) -> _Ground:
-    """Return the ground of a run: the one that is known, if there is an equal one."""
-    return _same_ground(_Ground(course))
+@lru_cache(maxsize=64)  # each distinct grid and its cached arrays need up to 1 MB
+def _grid(lane: _Lane) -> _Grid:
+    """Return the grid of a run, or an equal grid from the cache."""
+    return _same_grid(_Grid(lane))
 
 
 @lru_cache(maxsize=32)
-def _numbered(length: int, places: bytes) -> IntArray:
-    """(length,) 0, 1, 2, ... at ``places`` (int64), -1 elsewhere."""
-    numbers, at = np.full(length, -1, dtype=np.int64), np.frombuffer(places, dtype=np.int64)
+def numbered(length: int, indices: bytes) -> IntArray:
+    """Return an array (length,) with the values 0, 1, 2, ... at ``indices`` (int64), and -1 elsewhere."""
+    numbers, at = np.full(length, -1, dtype=np.int64), np.frombuffer(indices, dtype=np.int64)
     numbers[at] = np.arange(len(at))
     return numbers
 
 
-class _Stacked(NamedTuple):
-    """What the lanes of a pack have, whatever they start from and make of R; as in `Pack` and `Steps`."""
-
-    model: IntArray
-    sample: IntArray
-    update: IntArray
-    reference: IntArray
-    u: FloatArray
-    z: FloatArray
-    R: FloatArray
-    reported: FloatArray
-    scored: TruthRows
-    lengths_s: FloatArray
-    updated: IntArray
-    marks: tuple[IntArray, ...]
-
-
-def _pack(of_runs: Sequence["_Lane"], members: tuple[int, ...], *, wants_truth: bool, apart: bool) -> Pack:
-    lanes = [of_runs[place] for place in members]
+def _pack(of_runs: Sequence[_Lane], members: tuple[int, ...], *, wants_truth: bool) -> Pack:
+    lanes = [of_runs[index] for index in members]
     lanes += [lanes[-1]] * (WIDE - len(lanes))
-    streams = tuple((lane.course, lane.reported) for lane in lanes)
-    alike = tuple(dict.fromkeys(streams))
-    shared = _one_stream(alike, wants_truth, apart) if len(alike) == 1 else _streams(streams, wants_truth, apart)
-    timelines = tuple(lane.course.run.timeline for lane in lanes)
+    distinct = tuple(dict.fromkeys(lanes))
+    shared = _one_stream(distinct, wants_truth) if len(distinct) == 1 else _streams(tuple(lanes), wants_truth)
+    steps = shared.steps._replace(scale=stack_runs([lane.scale for lane in lanes]))
+    marks, timelines = shared.marks * (WIDE // len(shared.marks)), tuple(lane.run.timeline for lane in lanes)
+    return shared._replace(steps=steps, marks=marks, members=members, timelines=timelines)
+
+
+def _stacked_streams(lanes: tuple[_Lane, ...], wants_truth: bool) -> Pack:
+    """Return the pack of runs without the initial states and the factors on R."""
+    runs, grid, none = [lane.run for lane in lanes], _grid(lanes[0]), np.empty((0, 6, 6, 1))
+    timeline, (lengths_s, model) = grid.timeline, grid.timeline.lengths
+    updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in runs], axis=0))
+    update_s = runs[0].timeline.t_s[updated]
+    marks = np.unique(np.concatenate([run.scoring.marks for run in runs]))
+
+    def at_updates(rows: Callable[[_Lane], FloatArray], nothing: float) -> FloatArray:
+        return stack_runs([_at_updates(lane.run, updated, rows(lane), nothing) for lane in lanes])
+
     steps = Steps(
-        *shared[:8],
-        _stack([lane.told for lane in lanes]),
-        _stack([timeline.x0 for timeline in timelines]),
-        _stack([timeline.P0.ravel() for timeline in timelines]),
-    )
-    update_s = timelines[0].t_s[shared.updated]
-    marks = shared.marks * (WIDE // len(shared.marks))
-    return Pack(members, timelines, steps, shared.scored, shared.lengths_s, update_s, marks, apart)
-
-
-def _stacked_streams(streams: tuple[tuple[_Course, Measurements], ...], wants_truth: bool, apart: bool) -> _Stacked:
-    lanes = [course.run for course, _ in streams]
-    first, ground = lanes[0].timeline, _ground(streams[0][0])
-    lengths_s, model = ground.timeline.lengths
-    updated = np.flatnonzero(np.any([run.timeline.update >= 0 for run in lanes], axis=0))
-    marks = np.unique(np.concatenate([run.scoring.marks for run in lanes]))
-    columns = OF_AXES if apart else slice(None)
-
-    def covariances(of: Callable[[Measurements], FloatArray]) -> FloatArray:
-        rows = ((course.run, of(measured).reshape(-1, 36)[:, columns]) for course, measured in streams)
-        return _stack([_at_updates(run, updated, R, 0.0) for run, R in rows])
-
-    return _Stacked(
         model,
-        np.require(ground.timeline.sample, np.int64, ["C", "W", "A"]),
-        _numbered(len(model), updated.tobytes()),
-        ground.reference,
-        _stacked(lanes, lambda run: run.timeline.accel_enu_mps2),
-        _stacked(lanes, lambda run: _at_updates(run, updated, run.timeline.measurements.z, math.nan)),
-        covariances(lambda measured: measured.R_true) if wants_truth else np.empty((0, 36, 1)),
-        covariances(lambda measured: measured.as_reported),
-        _truth_rows(lanes, marks, first.t_s[updated], ground.weights),
-        lengths_s,
-        updated,
-        tuple(np.searchsorted(marks, run.scoring.marks) for run in lanes),
+        np.require(timeline.sample, np.int64, ["C", "W", "A"]),
+        numbered(len(model), updated.tobytes()),
+        grid.reference,
+        stack_runs([run.timeline.accel_enu_mps2 for run in runs]),
+        at_updates(lambda lane: lane.run.timeline.measurements.z, math.nan),
+        at_updates(lambda lane: lane.reported.R_true, 0.0) if wants_truth else none,
+        at_updates(lambda lane: lane.reported.as_reported, 0.0),
+        none[..., 0, 0],
     )
+    of_runs = tuple(np.searchsorted(marks, run.scoring.marks) for run in runs)
+    return Pack(steps, _truth_rows(runs, marks, update_s, grid.weights), lengths_s, timeline.dt0_s, update_s, of_runs)
 
 
-_streams = lru_cache(maxsize=16)(_stacked_streams)  # some 10 MB each
-_one_stream = lru_cache(maxsize=128)(_stacked_streams)  # a tenth of that
+_streams = lru_cache(maxsize=16)(_stacked_streams)  # each entry needs about 10 MB
+_one_stream = lru_cache(maxsize=128)(_stacked_streams)  # each entry needs about 1 MB
 
 
-def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray, weights: FloatArray) -> TruthRows:
-    first, outage = lanes[0].scoring, _stacked(lanes, lambda run: run.scoring.outage)
-    return TruthRows(
-        _numbered(len(first.truth), marks.tobytes()),
-        _stacked(lanes, lambda run: (update_s >= run.scoring.start_s).astype(np.float64)),
-        _stacked(lanes, lambda run: run.scoring.truth),
+def _truth_rows(runs: Sequence[Run], marks: IntArray, update_s: FloatArray, weights: FloatArray) -> Scoring:
+    scorings = [run.scoring for run in runs]
+    first, outage = scorings[0], stack_runs([scoring.outage[:, None] for scoring in scorings])
+    return Scoring(
+        numbered(len(first.truth), marks.tobytes()),
+        stack_runs([(update_s >= scoring.start_s).astype(np.float64)[:, None] for scoring in scorings]),
+        stack_runs([scoring.truth for scoring in scorings]),
         weights,
         outage if outage.any() else outage[:0],
         bool(first.moving.any()),
@@ -288,37 +247,22 @@ def _truth_rows(lanes: Sequence[Run], marks: IntArray, update_s: FloatArray, wei
     )
 
 
-def _stacked(lanes: Sequence[Run], part: Callable[[Run], FloatArray]) -> FloatArray:
-    return _stack([part(run) for run in lanes])
-
-
-def _stack(parts: Sequence[FloatArray]) -> FloatArray:
-    """One vector of each element; a compiled signature is exact, so it is contiguous and may be written."""
+def stack_runs(parts: Sequence[FloatArray]) -> FloatArray:
+    """Stack the arrays of all runs along a new last axis, in contiguous memory, as compiled signatures require."""
     if len(parts) == 1:
         return np.require(parts[0][..., None], requirements=["C", "W", "A"])
-    stacked = aligned_room(*parts[0].shape, len(parts))  # `np.stack` takes twice as long for a few numbers
+    stacked = aligned_zeros(*parts[0].shape, len(parts))  # np.stack takes twice as long for small arrays
     for k, part in enumerate(parts):
         stacked[..., k] = part
     return stacked
 
 
 def _at_updates(run: Run, updated: IntArray, rows: FloatArray, nothing: float) -> FloatArray:
-    """Return one of the ``rows`` for each update of the pack, ``nothing`` where the run has none."""
+    """Return the rows of a run at each update of its pack.
+
+    If the run has no update at this time, the row is filled with the value ``nothing``.
+    """
     which = run.timeline.update[updated]
-    found = np.full((len(which), rows.shape[1]), nothing)
+    found = np.full((len(which), *rows.shape[1:]), nothing)
     found[which >= 0] = rows[which[which >= 0]]
     return found
-
-
-OF_AXES = [6 * r + c for r in range(6) for c in (r % 3, r % 3 + 3)]
-"""Which elements of R are of one axis."""
-
-_AS_REPORTED, FLOORED = np.array([1.0, 1.0, -np.inf]), np.array([1.0, 1.0, VARIANCE_FLOOR])
-
-
-def _told(run: Run) -> tuple[Measurements, FloatArray]:
-    """What was reported to a run, and what of `Steps.told` it makes of it."""
-    measured = run.timeline.measurements
-    if isinstance(measured, ScaledMeasurements):
-        return measured.reported, np.array([measured.position, measured.velocity, VARIANCE_FLOOR])
-    return measured, _AS_REPORTED if measured.unfloored is None else FLOORED

@@ -1,221 +1,176 @@
-"""Runs from Python: one with its trajectory, or many in packs of WIDE that share their steps, one pack a thread."""
+"""Python functions that call the compiled loop for one run with its trajectory, or for a batch in packs of eight."""
 
 import math
-import sys
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, lru_cache
-from typing import Any, Final
+from contextlib import suppress
+from functools import cache, lru_cache, partial
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from jerkbench.arrays import WIDE, FloatArray, IntArray
-from jerkbench.compilation.vectors import aligned_zeros
-from jerkbench.compilation.views import Lanes
-from jerkbench.contracts import Filter
-from jerkbench.estimate import NEES, NEES_POSITION, SUMS, VELOCITY_SQUARES, WHOLE, Estimate, Streamed, Updates
-from jerkbench.kinematic.arguments import MARKED, SEEN, Kept, Steps, TruthRows, exchange_for, run_type
+from jerkbench.arrays import FloatArray
+from jerkbench.compilation.compiled import Compilation, compile_all
+from jerkbench.contracts import Adaptation, Filter, memory_size, wants_truth
+from jerkbench.estimate import (
+    NEES,
+    NEES_POSITION,
+    VELOCITY_SQUARES,
+    WITH_BURN_IN,
+    ErrorWeights,
+    Estimate,
+    Streamed,
+    Updates,
+)
+from jerkbench.kinematic.arguments import (
+    DETERMINANT,
+    INNOVATION,
+    NIS_OF_USED,
+    SEEN_NIS,
+    SEEN_ROWS,
+    VARIANCE,
+    Output,
+    new_output,
+    new_state,
+    record_layout,
+)
 from jerkbench.kinematic.loop import loop_for
-from jerkbench.kinematic.packs import Kind, Pack, model_of, pack_runs, together
-from jerkbench.kinematic.plugin_call import Rule, rules_of
+from jerkbench.kinematic.packs import Kind, Pack, pack_runs
+from jerkbench.kinematic.rules import Rule, compilations_of, rules_of
 from jerkbench.timeline import Run, Timeline
 
-NO_ROWS = np.empty((0, 6, 1))
-NO_TRUTH = TruthRows(np.empty(0, np.int64), NO_ROWS[:, 0], NO_ROWS, NO_ROWS[:, :4, 0], NO_ROWS[:, 0])
+Prepared = tuple[Compilation, np.dtype[Any], Any, dict[str, FloatArray]]
+"""The loop, the `record_layout` of its state, the argument that describes the filter, and the initial values of fields.
+
+The initial values are arguments of `new_state`.
+"""
+
+Prepare = Callable[[Pack], Prepared]
+"""A function that prepares the loop for a pack."""
+
+_NONE = np.empty(0)
+NO_SCORING = ErrorWeights(np.empty((0, 6)), _NONE, _NONE, _NONE, _NONE, _NONE.astype(np.int64), 0.0, consistency=False)
 
 
-def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate:
-    """Run ``model`` with the compiled adaptation over ``timeline``; stops at the first sign of divergence."""
-    lengths_s, which = timeline.lengths
-    prepared = model_of([model], lengths_s, timeline.dt0_s)
-    n = 2 + len(prepared.extra)
-    return run_alone(timeline, which, rule, (loop_for(n, 1, dense=rule.dense), run_type(n, 1), prepared))[0]
+# A single run.
 
 
-def run_alone(
-    timeline: Timeline, which: IntArray, rule: Rule, prepared: tuple[Any, ...]
-) -> tuple[Estimate, FloatArray]:
-    """Run over ``timeline``, whose steps have lengths number ``which``; ``prepared`` as `Prepare` says.
+def run_single(timeline: Timeline, model: Filter, rule: Rule) -> Estimate | None:
+    """Return the estimate of one run up to a divergence, or None if the adaptation raises an error."""
+    return run_trajectory(timeline, rule, partial(_prepared, [model]))[0]
+
+
+def _prepared(models: Sequence[Filter], pack: Pack) -> Prepared:
+    model, initial = pack.kinematic(models)
+    n = model.A.shape[1]
+    return loop_for(n), record_layout(n, 3 * n), model, initial
+
+
+def run_trajectory(timeline: Timeline, rule: Rule, prepare: Prepare) -> tuple[Estimate | None, Any]:
+    """Run a compiled loop over ``timeline``, and store the trajectory.
 
     Returns:
-        The estimate, and the array of the run.
+        The estimate, or None if the adaptation raises an error, and the final record of the runs.
     """
-    loop, of, own, *more = prepared
-    kept, steps = _room_of(timeline, of), _steps_of(timeline, which, wants_truth=rule.wants_truth)
-    rules, room = rules_of([rule], of.sizes["s"]), exchange_for(of)
-    states, updates = loop(steps, NO_TRUTH, own, rules, kept, room, *more)
-    return _estimate_of(timeline, kept, states, updates, of), kept.w
+    (pack,) = pack_runs([Run(timeline, NO_SCORING)], [((), wants_truth(rule.adaptation))])
+    rows, updates = timeline.reference[timeline.reference >= 0], len(pack.update_s)
+    output = new_output(visits=len(rows), marks=0, updates=updates)
+    state = _call(prepare, pack, [rule], output)
+    if state["failed"][0, 0] > 0.0:
+        return None, state
+    failure = ""
+    if (ended := int(state["ended"][0, 0])) >= 0:
+        failure = f"the covariance is no longer positive definite at {timeline.t_s[ended]:.2f} s"
+        rows = rows[: 1 + pack.steps.reference[:ended].max(initial=-1)]
+        updates = 1 + pack.steps.update[: ended + 1].max()
+    x, P = output.states[: len(rows)], output.covariances[: len(rows)]
+    seen = _updates_of(pack.update_s[:updates], output.seen[:updates, :, 0])
+    return Estimate(rows, x[:, :3], x[:, 3:], P, timeline.euler_rad[rows], seen, failure), state
 
 
-def _steps_of(timeline: Timeline, which: IntArray, *, wants_truth: bool) -> Steps:
-    """The steps as arrays of the layout that the compiled loop takes."""
-    measured = timeline.measurements
-    return Steps(
-        which,
-        _plain(timeline.sample, np.int64),
-        _plain(timeline.update, np.int64),
-        _plain(timeline.reference, np.int64),
-        _plain(timeline.accel_enu_mps2, np.float64)[:, :, None],
-        _plain(measured.z, np.float64)[:, :, None],
-        _plain(measured.R_true[: len(measured.z) if wants_truth else 0], np.float64).reshape(-1, 36, 1),
-        _plain(measured.R, np.float64).reshape(-1, 36, 1),
-        np.empty((0, 1)),
-        _plain(timeline.x0, np.float64)[:, None],
-        _plain(timeline.P0, np.float64).reshape(36, 1),
-    )
+def _call(prepare: Prepare, pack: Pack, rules: Sequence[Rule], output: Output) -> Any:  # noqa: ANN401 - a record
+    """Call the loop for the runs of a pack, and return the record with the final states."""
+    loop, of, model, initial = prepare(pack)
+    state, functions = new_state(of, initial, len(pack.members)), rules[0].functions()
+    axis, arrays = (0,) * len(state["A"]), rules_of(rules, len(state["x"]))
+    loop.result()(axis, pack.steps, pack.scored, model, arrays, *functions, output, state)
+    return state
 
 
-def _plain(array: Any, dtype: npt.DTypeLike) -> Any:  # noqa: ANN401 - any array
-    """Make ``array`` contiguous and writeable, copied only if it is not: a compiled signature is exact."""
-    flags = array.flags
-    if array.dtype == dtype and flags.c_contiguous and flags.writeable and flags.aligned:
-        return array
-    return np.require(array, dtype, ["C", "W", "A"])
-
-
-def _room_of(timeline: Timeline, of: Lanes) -> Kept:
-    """Room for every stamp of the reference and every update of ``timeline``."""
-    k, m = timeline.visits
-    seen = max(m, 1)
-    room = _last_room(k * 42 + seen * SEEN)
-    return Kept(
-        aligned_zeros(of.sizes["length"]),
-        np.empty(k, dtype=np.int64),
-        room[: k * 6].reshape(k, 6, 1),
-        room[k * 6 : k * 42].reshape(k, 36, 1),
-        np.empty((0, MARKED, 1)),
-        np.empty(m, dtype=np.int64),
-        room[k * 42 : k * 42 + seen * SEEN].reshape(seen, SEEN, 1),
-    )
-
-
-ROOMS: Final[list[FloatArray]] = []
-"""The room of the last trajectory. The system clears new memory page by page, which takes a fifth as long as a run."""
-
-UNSEEN = 2
-"""References to a room that no trajectory looks at: a variable's, and that of the call that counts them."""
-
-
-def _last_room(length: int) -> FloatArray:
-    """Return room for ``length`` numbers: that of the last trajectory if it is long enough, and nobody sees it."""
-    room = ROOMS.pop() if ROOMS else np.empty(0)
-    if len(room) < length or sys.getrefcount(room) > UNSEEN:
-        room = np.empty(length)
-    ROOMS[:] = [room]
-    return room
-
-
-def _estimate_of(timeline: Timeline, kept: Kept, states: int, updates: int, of: Lanes) -> Estimate:
-    """What a run has left."""
-    failed = int(kept.w[of.fields["ended"].places[0]])
-    t_s: FloatArray = np.asarray(timeline.measurements.t_ns * 1e-9, dtype=np.float64)
-    failure = f"the covariance is no longer positive definite at {timeline.t_s[failed]:.2f} s" if failed >= 0 else ""
-    index, x, seen = kept.reference[:states], kept.x[:states, :, 0], kept.seen[:updates, :, 0]
-    return Estimate(
-        index,
-        x[:, :3],
-        x[:, 3:],
-        kept.P[:states].reshape(-1, 6, 6),
-        _rows(timeline.euler_rad, index),
-        updates_seen(t_s[kept.which[:updates]], seen),
-        failure,
-    )
-
-
-def updates_seen(t_s: FloatArray, seen: FloatArray) -> Updates:
-    """Return the updates at ``t_s`` (m,) from ``seen`` (m, SEEN), in the order of `jerkbench.kinematic.arguments`."""
+def _updates_of(t_s: FloatArray, seen: FloatArray) -> Updates:
+    """Return the updates at the times ``t_s`` (m,) from the stored values ``seen`` (m, SEEN) of one run."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        log_det = np.asarray(np.log(seen[:, 16]), dtype=np.float64)
-    return Updates(t_s, seen[:, 0], seen[:, 1], seen[:, 3], seen[:, 4:10], seen[:, 10:16], log_det)
+        log_det = np.asarray(np.log(seen[:, DETERMINANT]), dtype=np.float64)
+    rows, innovation, variances = seen[:, SEEN_ROWS], seen[:, INNOVATION:VARIANCE], seen[:, VARIANCE:DETERMINANT]
+    return Updates(t_s, rows, seen[:, SEEN_NIS], seen[:, NIS_OF_USED], innovation, variances, log_det)
 
 
-def _rows(array: FloatArray, increasing: IntArray) -> FloatArray:
-    """Return ``array[increasing]``; where that is all of them it is a view, which cannot be written."""
-    if len(increasing) != len(array):
-        return array.take(increasing, axis=0)
-    view = array.view()
-    view.flags.writeable = False
-    return view
+# Batches of runs.
+
+OF_COVARIANCE, OF_VELOCITY = [NEES, NEES_POSITION], [*range(VELOCITY_SQUARES, WITH_BURN_IN)]
 
 
-# Many runs from Python: packs of WIDE runs that share their steps, one pack a thread.
+def compile_ahead(models: Sequence[Filter], adaptations: Sequence[Adaptation]) -> None:
+    """Compile the loops and adaptations of a batch, in parallel with other processes where this is possible."""
+    with suppress(Exception):  # the run raises the error of a plugin again
+        loops = [loop_for(states) for states in dict.fromkeys(map(states_on_axis, models))]
+        compile_all([*loops, *(one for of in map(compilations_of, dict.fromkeys(adaptations)) for one in of)])
 
-Prepare = Callable[[Pack, Sequence[int]], tuple[Any, ...] | None]
-"""A pack, and which places of the batch its WIDE runs have -> the loop, the type of its runs, its third argument, and
-those behind the sixth; None where it is not to be run so."""
 
-MANY_RUNS = 100_000
-"""After this number of runs in a process, a loop pays that is compiled for decoupled axes (it takes some 10 s)."""
-
-RUNS_MADE: Final[list[int]] = [0]
-"""The number of runs of this process so far."""
-
-_NOTHING = Updates.empty()
-OF_COVARIANCE, OF_VELOCITY = [NEES, NEES_POSITION], [*range(VELOCITY_SQUARES, WHOLE)]
+def states_on_axis(model: Filter) -> int:
+    """Return the number of states that a kinematic filter has on each axis."""
+    return 2 + len(model.initial_variances())
 
 
 def run_batch(
     runs: Sequence[Run], models: Sequence[Filter], rules: Sequence[Rule], *, updates: bool, threads: int
 ) -> list[Streamed | None]:
-    """Run all ``runs``, each with its own filter and compiled adaptation.
+    """Run each run k with the filter ``models[k]`` and the adaptation ``rules[k]``, and return the error sums per run.
 
-    Returns one result for each: None where the run is to be repeated alone, because it diverged, came near to it, or
-    its adaptation raised an error.
+    The result is None for a run that must be repeated alone, because it diverged or its adaptation raised an error.
     """
-
-    def prepare(pack: Pack, lanes: Sequence[int]) -> tuple[Any, ...]:
-        model = model_of([models[k] for k in lanes], pack.lengths_s, pack.timelines[0].dt0_s)
-        n = 2 + len(model.extra)
-        first = rules[lanes[0]]
-        loop = loop_for(n, WIDE, dense=first.dense, asked=first.asked, stride=3 if pack.apart else 1)
-        return loop, run_type(n, WIDE), model
-
-    sizes = [2 + len(model.initial_variances()) for model in models]
-    RUNS_MADE[0] += len(runs)
-    by_axes = RUNS_MADE[0] > MANY_RUNS
-    return run_packs(runs, sizes, rules, prepare, updates=updates, threads=threads, by_axes=by_axes)
+    states = [3 * states_on_axis(model) for model in models]
+    return run_packs(runs, states, rules, partial(_prepared, models), updates=updates, threads=threads)
 
 
 def run_packs(
     runs: Sequence[Run],
-    sizes: Sequence[Hashable],
+    states: Sequence[int],
     rules: Sequence[Rule],
     prepare: Prepare,
     *,
+    kinds: Sequence[Hashable] = (),
     updates: bool,
     threads: int,
-    by_axes: bool = False,
 ) -> list[Streamed | None]:
-    """Pack runs that have the same ``sizes`` (of the state) and steps, and run one pack a thread.
+    """Process runs in packs of up to eight runs, and return the error sums of each run.
 
-    Returns one result for each run, as `run_batch` does. ``by_axes``: whether the loop that a pack gets goes over each
-    axis by itself where the pack says so.
+    The runs of a pack have the same number of states, the same time steps and the same kind of adaptation. The result
+    is None for a run that must be repeated alone.
+
+    Args:
+        runs: timeline and scoring of each run.
+        states: number of states of the filter of each run.
+        rules: compiled adaptation of each run.
+        prepare: function that prepares the compiled loop for a pack.
+        kinds: additional property of each run that must be equal in a pack, or empty without such a property.
+        updates: whether the values of each update are stored.
+        threads: maximum number of packs that are processed at the same time.
     """
     results: list[Streamed | None] = [None] * len(runs)
 
     def run_pack(pack: Pack) -> None:
-        """Run one pack, filled with its last run, and put the results in their places."""
-        lanes = [*pack.members, *[pack.members[-1]] * (WIDE - len(pack.members))]
-        prepared = prepare(pack, lanes)
-        if prepared is not None:
-            loop, of, own, *more = prepared
-            kept = _room_of_pack(pack, of, updates=updates)
-            asked = rules_of([rules[k] for k in lanes], of.sizes["s"], 3 if pack.apart else 1)
-            loop(pack.steps, pack.scored, own, asked, kept, exchange_for(of), *more)
-            coupled = kept.w[of.fields["coupled"].places[0] :][:WIDE].tolist()
-            if pack.apart and any(coupled):
-                run_pack(together(pack))
-            found = zip(pack.members, _results_of(pack, kept, of, updates=updates), coupled, strict=False)
-            for place, result, again in found:
-                if not again:
-                    results[place] = result
+        marks = int(pack.scored.mark.max()) + 1 if any(map(len, pack.marks)) else 0
+        output = new_output(visits=0, marks=marks, updates=len(pack.update_s) * updates)
+        state = _call(prepare, pack, [rules[k] for k in pack.lanes], output)
+        for index, result in zip(pack.members, _results_of(pack, state, output), strict=False):
+            results[index] = result
 
-    kinds = [
-        Kind((size, rule.together), rule.wants_truth, rule.dense, by_axes and rule.by_axes)
-        for size, rule in zip(sizes, rules, strict=True)
+    grouped: list[Kind] = [
+        ((s, kind, rule.group, rule.in_lanes or memory_size(rule.adaptation, s)), wants_truth(rule.adaptation))
+        for s, kind, rule in zip(states, kinds or states, rules, strict=True)
     ]
-    packs = _packs(tuple(runs), tuple(kinds))
+    packs = _packs(tuple(runs), tuple(grouped))
     if threads <= 1 or len(packs) <= 1:
         for pack in packs:
             run_pack(pack)
@@ -226,48 +181,24 @@ def run_packs(
 
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """To start threads takes as long as a run."""
+    """Return a thread pool. The pool is cached, because starting the threads takes as long as a run."""
     return ThreadPoolExecutor(threads, "jerkbench-runs")
 
 
-_packs = lru_cache(maxsize=2)(pack_runs)  # for the next filter; some 10 MB for each vector of 150 s at 100 Hz
+_packs = lru_cache(maxsize=2)(pack_runs)  # the next filter reuses the packs; 150 s at 100 Hz need 10 MB
 
 
-def _room_of_pack(pack: Pack, of: Lanes, *, updates: bool) -> Kept:
-    """Room for the sums of a pack, and for what its updates saw."""
-    m, marks = len(pack.steps.z), int(pack.scored.mark.max()) + 1 if any(map(len, pack.marks)) else 0
-    return Kept(
-        aligned_zeros(of.sizes["length"]),
-        np.empty(0, dtype=np.int64),
-        np.empty((0, 6, WIDE)),
-        np.empty((0, 36, WIDE)),
-        np.full((marks, MARKED, WIDE), np.nan),
-        np.empty(m, dtype=np.int64),
-        np.empty((max(m, 1) if updates else 1, SEEN, WIDE)),
-    )
+def _results_of(pack: Pack, state: Any, output: Output) -> list[Streamed | None]:  # noqa: ANN401 - a record
+    """Return the error sums of each run of a pack, with NaN for sums that no metric reads.
 
-
-def _results_of(pack: Pack, kept: Kept, of: Lanes, *, updates: bool) -> list[Streamed | None]:
-    """The sums of each member of a pack, NaN where nobody reads them; None where it is lost, or no number."""
-    begins = (of.fields[name].places[0] for name in ("sums", "x", "lost"))
-    sums, x, lost = (kept.w[begin:].reshape(-1, WIDE) for begin in begins)
-    sums = sums[:SUMS].T.copy()
-    healthy = np.isfinite(sums).all(axis=1) & np.isfinite(x[: of.sizes["s"]]).all(axis=0) & (lost[0] == 0.0)
+    The result is None for a run that stopped early or whose state or sums are not finite.
+    """
+    results: list[Streamed | None] = [None] * len(pack.members)
+    sums = state["sums"].T.copy()
+    healthy = np.isfinite(sums).all(axis=1) & np.isfinite(state["x"]).all(axis=0) & (state["stopped"][0] == 0.0)
     sums[:, OF_COVARIANCE * (not pack.scored.consistency) + OF_VELOCITY * (not pack.scored.speeds)] = math.nan
-    return [
-        _result(pack, kept, sums[lane], lane, updates=updates) if well else None
-        for lane, well in enumerate(healthy[: len(pack.members)].tolist())
-    ]
-
-
-def _result(pack: Pack, kept: Kept, sums: FloatArray, lane: int, *, updates: bool) -> Streamed:
-    seen = _updates(pack, kept.seen, lane) if updates else _NOTHING
-    errors = kept.errors[:, :, lane]
-    return Streamed.of(sums, errors[pack.marks[lane]] if len(errors) else errors, seen)
-
-
-def _updates(pack: Pack, seen: FloatArray, lane: int) -> Updates:
-    """What the updates of one run saw; it may lack some that others have."""
-    seen = seen[: len(pack.steps.z)]  # of no update there is a row all the same
-    mine = seen[:, 0, lane] > 0
-    return updates_seen(pack.update_s[mine], seen[mine, :, lane])
+    for lane in np.flatnonzero(healthy[: len(results)]).tolist():
+        errors, seen = output.errors[pack.marks[lane], :, lane], output.seen[:, :, lane]
+        mine = np.flatnonzero(seen[:, SEEN_ROWS] > 0)
+        results[lane] = Streamed.of(sums[lane], errors, _updates_of(pack.update_s[mine], seen[mine]))
+    return results

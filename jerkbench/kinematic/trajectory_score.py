@@ -1,6 +1,7 @@
-"""The sums of a run from its trajectory.
+"""Computation of the error sums of a run from its trajectory.
 
-Unlike a run without a trajectory it may contain NaN in rows that do not count.
+A trajectory may contain NaN at time stamps whose errors do not count. The states of a run whose
+trajectory is not stored must not contain NaN.
 """
 
 import numpy as np
@@ -18,7 +19,7 @@ from jerkbench.estimate import (
     UPDATES,
     UPDATES_USED,
     VELOCITY_SQUARES,
-    WHOLE,
+    WITH_BURN_IN,
     ErrorWeights,
     Estimate,
     Streamed,
@@ -30,16 +31,16 @@ UPPER = np.triu_indices(3)
 
 @np.errstate(all="ignore")
 def scored_trajectory(estimate: Estimate, scoring: ErrorWeights) -> Streamed:
-    """Return the sums of a trajectory. A NaN in a row that counts makes a sum NaN."""
+    """Return the error sums of a trajectory. A sum is NaN if one of the errors that count is NaN."""
     k, sums = len(estimate.index), np.zeros(SUMS)
     errors = np.hstack([estimate.position_m, estimate.velocity_mps]) - scoring.truth[:k]
-    counted, whole, moving, outage = (
-        weights[:k] > 0.0 for weights in (scoring.counted, scoring.whole, scoring.moving, scoring.outage)
+    counted, with_burn_in, moving, outage = (
+        weights[:k] > 0.0 for weights in (scoring.counted, scoring.with_burn_in, scoring.moving, scoring.outage)
     )
     square = (errors[:, :3] ** 2).sum(axis=1)
     sums[POSITION_SQUARES : POSITION_SQUARES + 3] = (errors[counted, :3] ** 2).sum(axis=0)
     sums[VELOCITY_SQUARES : VELOCITY_SQUARES + 3] = (errors[moving, 3:] ** 2).sum(axis=0)
-    sums[WHOLE], sums[OUTAGE] = square[whole].sum(), square[outage].sum()
+    sums[WITH_BURN_IN], sums[OUTAGE] = square[with_burn_in].sum(), square[outage].sum()
     sums[MAX_ERROR] = square[counted].max(initial=0.0)
     position, both = _squared_distances(errors[counted], estimate.covariance[counted])
     sums[NEES_POSITION], sums[NEES] = position.sum(), both[moving[counted]].sum()
@@ -52,7 +53,7 @@ def scored_trajectory(estimate: Estimate, scoring: ErrorWeights) -> Streamed:
 
 
 def _squared_distances(errors: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return e' P^-1 e (n,) of position, and of position and velocity, by elimination; NaN unless P > 0."""
+    """Return the NEES (n,) of position, and of position and velocity, with NaN if P is not positive definite."""
     C, e = covariance.transpose(1, 2, 0).copy(), errors.T.copy()
     total = np.zeros(len(errors))
     for c in range(6):
@@ -68,11 +69,11 @@ def _squared_distances(errors: FloatArray, covariance: FloatArray) -> tuple[Floa
 
 
 def _add_updates(sums: FloatArray, updates: Updates, start_s: float) -> None:
-    """Add NIS per row with the reported R and all rows, and with the adapted R and the rows that it keeps."""
-    kept = updates.rows - np.isinf(updates.R_diagonal).sum(axis=1)
+    """Add the NIS per measurement row to the sums, for the reported R, and for the adapted R without dropped rows."""
+    used_rows = updates.rows - np.isinf(updates.R_diagonal).sum(axis=1)
     for rows, nis, total, count in (
         (updates.rows, updates.nis, NIS, UPDATES),
-        (kept, updates.nis_used, NIS_USED, UPDATES_USED),
+        (used_rows, updates.nis_used, NIS_USED, UPDATES_USED),
     ):
         counts = (updates.t_s >= start_s) & (rows > 0)
         sums[total], sums[count] = (nis[counts] / rows[counts]).sum(), counts.sum()

@@ -1,8 +1,9 @@
-"""The registries: a frozen dataclass with a decorator, or an entry point, is a plugin.
+"""The registries of plugins. A plugin is a frozen dataclass that is registered by a decorator or an entry point.
 
-A plugin's fields are its parameters, its Hydra schema and its documentation at once. In this package it is
-registered by `register`; in anybody else's by an entry point in the group ``jerkbench.<kind>``, whose name is the
-plugin's name. What each kind has to offer is written in `jerkbench.contracts`.
+The fields of a plugin define its parameters, its Hydra schema and its documentation. Built-in plugins are registered
+with the decorator `register`. Plugins of other packages are registered with an entry point in the group
+``jerkbench.<kind>``. The name of the entry point is the name of the plugin. The module `jerkbench.contracts` defines
+the members that each kind of plugin must have.
 """
 
 import dataclasses
@@ -30,9 +31,12 @@ PACKAGES = {
     "engine": "jerkbench.engines",
     "metric": "jerkbench.evaluation.metrics",
 }
-"""Each kind of plugin, in the order of the data's way, and the package where the tree's own ones live."""
+"""The kinds of plugins in the order of the data flow, with the packages that contain the built-in plugins."""
 
 KINDS = tuple(PACKAGES)
+
+REQUIRED = "???"
+"""Text by which OmegaConf marks the value of a field without a default."""
 
 _registry: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}
 
@@ -42,10 +46,11 @@ Class = TypeVar("Class", bound=type)
 
 
 def register(kind: str, name: str) -> Callable[[Class], Class]:
-    """Register the decorated frozen dataclass as the plugin ``name`` of ``kind``.
+    """Register the decorated frozen dataclass as a plugin of ``kind`` with the name ``name``.
 
     Raises:
-        PluginError: no such kind, not a frozen dataclass, or the name is taken by another class.
+        PluginError: The kind is unknown, the class is not a frozen dataclass or has invalid members, or another class
+            has the same name.
     """
 
     def add(cls: Class) -> Class:
@@ -59,7 +64,7 @@ def get(kind: str, name: str) -> type:
     """Return the class of a plugin.
 
     Raises:
-        PluginError: there is none; says what there is and the nearest match.
+        PluginError: The name is unknown. The error message lists the known names and the most similar name.
     """
     known, today = _of_kind(kind), new_name(kind, name)
     if today not in known:
@@ -68,27 +73,28 @@ def get(kind: str, name: str) -> type:
 
 
 def left_out(kind: str) -> Mapping[str, str]:
-    """Return the entry points of ``kind`` that could not be loaded: for each name a sentence that says why."""
+    """Return an error message for each entry point of ``kind`` that could not be loaded, by its name."""
     _of_kind(kind)
     return _left_out[kind]
 
 
 def no_such(kind: str, name: str, presets: Iterable[str] = ()) -> str:
-    """Say why there is no plugin ``name`` of ``kind``, which may be a preset as well."""
+    """Return the error message for an unknown plugin or preset ``name`` of ``kind``."""
     return left_out(kind).get(name) or unknown(kind, name, [*names(kind), *presets])
 
 
-def is_own(cls: type) -> bool:
-    """Whether the plugin is one of this package's."""
+def is_builtin(cls: type) -> bool:
+    """Return whether a plugin class belongs to this package."""
     return cls.__module__.partition(".")[0] == "jerkbench"
 
 
 def modules_of_user() -> list[str]:
-    """Return the modules that a new process has to import to know the same plugins.
+    """Return the modules that a new process has to import so that it has the same plugins.
 
-    It finds those of this package and of entry points by itself. It cannot import the script that is running.
+    Modules of built-in plugins and of entry points are not included, because every process finds them. The running
+    script is not included, because other processes cannot import it.
     """
-    classes = {cls for known in _registry.values() for cls in known.values() if not is_own(cls)}
+    classes = {cls for known in _registry.values() for cls in known.values() if not is_builtin(cls)}
     found = {entry.module for kind in KINDS for entry in entry_points(group=f"jerkbench.{kind}")}
     modules = {cls.__module__ for cls in classes if not of_script(cls)} - found
     return sorted(module for module in modules if _is_importable(module.partition(".")[0]))
@@ -97,35 +103,36 @@ def modules_of_user() -> list[str]:
 def _is_importable(package: str) -> bool:
     try:
         return find_spec(package) is not None
-    except ValueError:  # made by hand, as a notebook does: it has no origin
+    except ValueError:  # raised for a module without a specification, such as a notebook
         return False
 
 
 def of_script(cls: type) -> bool:
-    """Whether a class is defined in the script or notebook that is running, where no other process finds it."""
+    """Return whether a class is defined in the running script or notebook, so that no other process can import it."""
     return cls.__module__ == "__main__"
 
 
 def any_of_script() -> bool:
-    """Whether a plugin is registered that no other process finds."""
+    """Return whether a registered plugin is defined in the running script or notebook."""
     return any(of_script(cls) for known in _registry.values() for cls in known.values())
 
 
 def names(kind: str) -> list[str]:
-    """Names of all plugins of ``kind``, sorted."""
+    """Return the names of all plugins of ``kind``, sorted."""
     return sorted(_of_kind(kind))
 
 
 def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the kind decides the contract
-    """Return the plugin of ``{"name": ..., field: value, ...}``.
+    """Create a plugin from a configuration ``{"name": ..., field: value, ...}``.
 
-    OmegaConf converts the values as Hydra does, and resolves references to other values. Numbers and texts that already
-    have the type of their field are used as they are, which is much faster.
+    OmegaConf converts the values in the same way as Hydra, and resolves references to other values. Numbers and strings
+    that already have the type of their field are not converted, because the conversion is slow.
 
     Raises:
-        PluginError: unknown name or field, or a value of the wrong type; names the plugin and the field.
+        PluginError: The name or a field is unknown, or a value has the wrong type. The error message names the plugin
+            and the field.
     """
-    from omegaconf import MISSING, OmegaConf
+    from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
     name = str(config.get("name"))
@@ -133,14 +140,13 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
     defaults = _defaults(cls)
     for key in config:
         if key not in (*defaults, "name"):
-            raise PluginError(unknown(f"parameter of {kind} {name}", str(key), list(defaults)))
-    values = {key: MISSING for key, default in defaults.items() if not default}
+            raise PluginError(unknown(f"parameter of {kind} {name}", str(key), defaults))
+    values = {key: REQUIRED for key, default in defaults.items() if default == repr(REQUIRED)}
     try:
-        given = {key: value for key, value in config.items() if key != "name"}
-        values |= {key: value for key, value in given.items() if repr(_as_lists(value)) != defaults[key]}
+        values |= {k: v for k, v in config.items() if k != "name" and repr(_as_lists(v)) != defaults[k]}
         others = values if "${" in repr(values) else {k: v for k, v in values.items() if not _fits(v, _hints(cls)[k])}
         if others:
-            merged = OmegaConf.merge(_structured(kind, name, cls, frozenset(others)), others)
+            merged = OmegaConf.merge(_structured(kind, name, cls), values)
             plain = typing.cast("dict[str, Any]", OmegaConf.to_container(merged, resolve=True, throw_on_missing=True))
             values |= {key: plain[key] for key in others}
     except OmegaConfBaseException as error:
@@ -150,47 +156,41 @@ def create(kind: str, config: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the k
 
 
 def _fits(value: object, hint: object) -> bool:
-    """Whether a field of this type takes the value as it is, or as ``float(value)``."""
+    """Return whether a value needs no conversion for a field of this type, apart from int to float."""
     if type(value) is str:
-        return hint is str and value != "???"  # which stands for a missing value
+        return hint is str and value != REQUIRED
     return hint in (bool, int, float) and (type(value) is hint or (hint is float and type(value) is int))
 
 
 @cache
 def _defaults(cls: type) -> dict[str, str]:
-    """The text of each field's default, as a configuration has it; empty where there is none."""
-    return {
-        f.name: "" if (value := _default(f)) is dataclasses.MISSING else repr(value) for f in dataclasses.fields(cls)
-    }
+    """Return the default of each field as text (`repr`)."""
+    return {f.name: repr(_default(f)) for f in dataclasses.fields(cls)}
 
 
 def _default(f: "dataclasses.Field[Any]") -> Any:  # noqa: ANN401 - a field's value
-    return _as_lists(f.default) if f.default_factory is dataclasses.MISSING else f.default_factory()
+    if f.default_factory is not dataclasses.MISSING:
+        return f.default_factory()
+    return REQUIRED if f.default is dataclasses.MISSING else _as_lists(f.default)
 
 
 @cache
-def _structured(kind: str, name: str, cls: type, only: frozenset[str]) -> Any:  # noqa: ANN401 - a configuration
-    """Some fields of a plugin as OmegaConf has them: to make, or copy, all takes longer than to make the plugin."""
+def _structured(kind: str, name: str, cls: type) -> Any:  # noqa: ANN401 - a configuration
     from omegaconf import OmegaConf
 
-    del cls  # the name may stand for another one by now
-    return OmegaConf.structured(schema(kind, name, only))
+    del cls  # the class is part of the cache key, because another class can have the same name
+    return OmegaConf.structured(schema(kind, name))
 
 
-def schema(kind: str, name: str, only: frozenset[str] | None = None) -> type:
-    """Return the Hydra schema of a plugin: its fields (or some) and defaults, with the field ``name`` before them.
+def schema(kind: str, name: str) -> type:
+    """Return the Hydra schema of a plugin: the field ``name`` and the fields of the plugin, with their defaults.
 
-    A copy, because OmegaConf makes the configuration of a frozen dataclass read-only.
+    The schema is a separate dataclass, because OmegaConf makes the configuration of a frozen dataclass read-only.
     """
     cls = get(kind, name)
-    hints = {key: _as_list(hint) for key, hint in _hints(cls).items()}
-    fields: list[tuple[str, Any, Any]] = [("name", str, name)]
-    for f in (f for f in dataclasses.fields(cls) if only is None or f.name in only):
-        if f.default_factory is not dataclasses.MISSING or isinstance(f.default, tuple):
-            fields.append((f.name, hints[f.name], dataclasses.field(default_factory=partial(_default, f))))
-        else:
-            fields.append((f.name, hints[f.name], "???" if f.default is dataclasses.MISSING else f.default))
-    return dataclasses.make_dataclass(cls.__name__, fields)
+    defaults = {f.name: dataclasses.field(default_factory=partial(_default, f)) for f in dataclasses.fields(cls)}
+    fields = [(key, _as_list(_hints(cls)[key]), default) for key, default in defaults.items()]
+    return dataclasses.make_dataclass(cls.__name__, [("name", str, name), *fields])
 
 
 @cache
@@ -201,30 +201,27 @@ def _hints(cls: type) -> dict[str, Any]:
 def _add(kind: str, name: str, cls: type) -> None:
     require_known("kind of plugin", kind, KINDS)
     if not (dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]
-        raise PluginError(
-            f"{kind} {name}: {cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
-        )
+        wrong = f"{cls.__name__} is not a frozen dataclass"
+        raise PluginError(f"{kind} {name}: {wrong}; write @dataclass(frozen=True) above the class.")
     if found := list(misfits(kind, cls)):
         raise PluginError(f"{kind} {name}: {' '.join(found)}")
     owner = _registry[kind].get(name)
     if owner is not None and (owner.__module__, owner.__qualname__) != (cls.__module__, cls.__qualname__):
-        raise PluginError(
-            f"{kind} {name} is already {owner.__module__}.{owner.__qualname__}; choose another name than that."
-        )
+        raise PluginError(f"{kind} {name} already exists: {owner.__module__}.{owner.__qualname__}; use another name.")
     _registry[kind][name] = cls
     PLUGIN_TITLES[cls] = f"{kind} {name}: "
 
 
 def _of_kind(kind: str) -> dict[str, type]:
     require_known("kind of plugin", kind, KINDS)
-    _import_own(kind)
+    _import_builtin(kind)
     _import_entry_points(kind)
     return _registry[kind]
 
 
 @cache
-def _import_own(kind: str) -> None:
-    """Import every module of the kind's package, so that its decorators run."""
+def _import_builtin(kind: str) -> None:
+    """Import every module in the package of a kind, so that the decorators register the plugins."""
     package = importlib.import_module(PACKAGES[kind])
     for module in pkgutil.iter_modules(package.__path__, prefix=f"{package.__name__}."):
         importlib.import_module(module.name)
@@ -235,14 +232,14 @@ def _import_entry_points(kind: str) -> None:
     for entry in entry_points(group=f"jerkbench.{kind}"):
         try:
             _add(kind, entry.name, entry.load())
-        except Exception as error:  # noqa: BLE001 - whatever a third party's module raises, the others must still work
+        except Exception as error:  # noqa: BLE001 - a module may raise any exception, and other plugins must still work
             _left_out[kind][entry.name] = _failed(kind, entry, error)
 
 
 def _failed(kind: str, entry: EntryPoint, error: Exception) -> str:
     owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
     reason = " ".join(str(error).split())
-    return f"{kind} '{entry.name}' of {owner} is left out: {type(error).__name__}: {reason}"
+    return f"{kind} '{entry.name}' of {owner} cannot be loaded and is left out: {type(error).__name__}: {reason}"
 
 
 def _fitted(plugin: str, cls: type, values: dict[str, Any]) -> dict[str, Any]:
@@ -257,7 +254,10 @@ def _fitted(plugin: str, cls: type, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _as_list(hint: Any) -> Any:  # noqa: ANN401 - a type hint
-    """Turn tuple[T, ...] into list[T]. Hydra knows no nested tuples: inside, `_fit` does the checking."""
+    """Convert the type hint tuple[T, ...] to list[T].
+
+    Nested tuples become list[Any], because Hydra has no nested tuples.
+    """
     items = [item for item in typing.get_args(hint) if item is not Ellipsis]
     if typing.get_origin(hint) is not tuple:
         return hint
@@ -269,7 +269,7 @@ def _as_lists(value: Any) -> Any:  # noqa: ANN401 - a field's value
 
 
 def _fit(value: Any, hint: Any) -> Any:  # noqa: ANN401 - a field's value and its type hint
-    """Turn lists back into the tuples that the field declares."""
+    """Convert a list to a tuple if the type of the field is a tuple, and an integer to float if the type is float."""
     if typing.get_origin(hint) is not tuple:
         return float(value) if hint is float else value
     if not isinstance(value, list):
@@ -277,14 +277,14 @@ def _fit(value: Any, hint: Any) -> Any:  # noqa: ANN401 - a field's value and it
     return tuple(_fit(item, typing.get_args(hint)[0]) for item in value)
 
 
-# Members of plugins: those that each kind may have, and messages about wrong classes.
+# The optional members of each kind of plugin, and messages about invalid classes.
 
 OPTIONAL_METHODS: Mapping[str, tuple[str, ...]] = {
     "disturbance": ("fingerprint",),
     "attitude": ("require", "remarks"),
     "filter": ("axis_models", "require", "remarks", "fingerprint", "estimate_compiled", "run_settings", "of_seed"),
     "adaptation": ("memory_size", "memory_size_of", "at_updates", "fade", "adapt_prior", "adapt_gain"),
-    "engine": ("run_settings", "prepare", "announce"),
+    "engine": ("run_settings",),
     "metric": ("summarise",),
 }
 OPTIONAL_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
@@ -296,26 +296,26 @@ OPTIONAL_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
 """The optional members of each kind. `jerkbench.contracts` describes them."""
 
 OF_ALL = ("citations", "depends_on")
-"""Optional attributes of every kind."""
+"""Optional attributes that plugins of every kind may have."""
 
 NOT_OURS = ("builtins", "typing", "jerkbench.contracts")
-"""Modules of bases that no author has written."""
+"""Modules of base classes whose members are not checked."""
 
 READABLE = ("attitude", "updates")
-"""Parts of an estimate that a metric may declare to read."""
+"""Parts of an estimate that may be the value of ``reads`` of a metric."""
 
 PARAMETERS = (bool, int, float, str, tuple)
-"""Types of the values that parameters have."""
+"""Types that the value of a parameter may have."""
 
 DEFAULT_TYPES = {bool: (bool,), int: (int,), float: (float, int), str: (str,)}
-"""Types that the default of a parameter may have, by the parameter's."""
+"""Types that the default of a parameter may have, by the type of the parameter."""
 
 MISSPELT = 0.8
-"""Names with a higher similarity than this are the same name, misspelt."""
+"""Similarity of two names above which one of them is considered a misspelling of the other."""
 
 
 def missing_member(kind: str, plugin: object) -> str:
-    """Return a message about the first member that ``plugin`` lacks, or an empty string."""
+    """Return a message about the first required member that a plugin does not have, or an empty string."""
     cls, sort = type(plugin).__name__, kind
     if kind == "filter":
         if not (hasattr(plugin, "axis_model") or hasattr(plugin, "estimate")):
@@ -327,29 +327,30 @@ def missing_member(kind: str, plugin: object) -> str:
     if kind in ("dataset", "disturbance") and not isinstance(seeded := getattr(plugin, "seeded", None), bool):
         return f"{cls}.seeded is {seeded!r}; it must be True or False."
     if kind == "estimator" and not hasattr(plugin, "adaptations"):
-        return f"{cls} has no adaptations; it must name those that it accepts."
+        return f"{cls} has no attribute adaptations; it must list the names of the accepted adaptations."
     return ""
 
 
 def misfits(kind: str, cls: type) -> Iterator[str]:
-    """Yield messages about members of a class that are misspelt, have no type, or have a wrong type or value."""
-    own, hints, parameters = cls.__name__, _hints(cls), {f.name: f.default for f in dataclasses.fields(cls)}
+    """Yield a message for each member of a class that is misspelt, has no type, or has a wrong type or value."""
+    class_name, hints, parameters = cls.__name__, _hints(cls), {f.name: f.default for f in dataclasses.fields(cls)}
     yield from _unknown_members(kind, cls)
     for name in OPTIONAL_METHODS.get(kind, ()):
         if name in parameters or (hasattr(cls, name) and not callable(getattr(cls, name))):
-            yield f"{own}.{name} must be a method (see jerkbench.contracts), or have another name."
+            yield f"{class_name}.{name} must be a method (see jerkbench.contracts), or have another name."
     if kind == "metric" and (reads := getattr(cls, "reads", READABLE[0])) not in READABLE:
         yield f"reads: {unknown('part of an estimate', str(reads), READABLE)}"
     columns = getattr(cls, "columns", {}) if kind == "metric" else {}
     if not (isinstance(columns, Mapping) and all(isinstance(of, Column) for of in columns.values())):
-        yield f"{own}.columns must be a mapping of column names to jerkbench.parameters.Column."
+        yield f"{class_name}.columns must be a mapping of column names to jerkbench.parameters.Column."
     varying = getattr(cls, "varying", ())
     if not (isinstance(varying, tuple) and all(hints.get(name) is int for name in varying)):
-        yield f"{own}.varying must be a tuple of names of parameters that are integers."
+        yield f"{class_name}.varying must be a tuple of names of parameters that are integers."
     for name, default in parameters.items():
         suitable = DEFAULT_TYPES.get(hints[name])
         if suitable and default is not dataclasses.MISSING and type(default) not in suitable:
-            yield f"{own}.{name} has the type {hints[name].__name__} and the default {default!r}; correct one of them."
+            mismatch = f"has the type {hints[name].__name__} and the default {default!r}"
+            yield f"{class_name}.{name} {mismatch}; correct one of them."
 
 
 def _unknown_members(kind: str, cls: type) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The entries of the catalogue: plugins from their docstrings, presets from their files."""
+"""The catalogue of plugins (described by their docstrings) and presets (described by their files)."""
 
 import dataclasses
 import inspect
@@ -15,18 +15,18 @@ from jerkbench.parameters import origins_of, provenance_of, ranges_of
 from jerkbench.presets import preset_files
 
 PRESET_GROUPS = ("noise", "experiment")
-"""Groups that hold presets only."""
+"""Groups that contain only presets."""
 
 
 class CatalogueEntry(NamedTuple):
-    """One name of the catalogue.
+    """A plugin or preset in the catalogue.
 
     Attributes:
-        name: as one types it.
-        summary: one line about it.
-        preset: whether it is a file of values, and no class.
-        package: the distribution's package that it comes from.
-        provenance: of a method: "published", "simplified" or "own".
+        name: Name of the plugin or preset on the command line.
+        summary: Description of the plugin or preset in one line.
+        preset: True for a preset (a file), False for a plugin (a class).
+        package: Name of the package that defines the plugin.
+        provenance: Provenance of a method: "published", "simplified" or "own".
     """
 
     name: str
@@ -37,18 +37,18 @@ class CatalogueEntry(NamedTuple):
 
     @property
     def line(self) -> str:
-        """Return the summary with the provenance and the package, or the word preset."""
+        """The summary, followed by the provenance and the package of a plugin, or by "(preset)"."""
         if self.preset:
             return f"{self.summary} (preset)"
         notes = ", ".join(filter(None, [self.provenance, self.package if self.package != "jerkbench" else ""]))
         return f"{self.summary} [{notes}]" if notes else self.summary
 
 
-def kinds_asked(kind: str | None) -> tuple[str, ...]:
-    """Return ``kind`` alone, or every kind.
+def requested_kinds(kind: str | None) -> tuple[str, ...]:
+    """Return ``kind``, or all kinds if it is None.
 
     Raises:
-        PluginError: no such kind.
+        PluginError: The kind is unknown.
     """
     kinds = (*plugins.KINDS, *PRESET_GROUPS)
     if kind is not None and kind not in kinds:
@@ -57,28 +57,26 @@ def kinds_asked(kind: str | None) -> tuple[str, ...]:
 
 
 def kind_of(name: str) -> str:
-    """Return the kind of which there is a ``name``.
+    """Return the kind of the plugin or preset ``name``.
 
     Raises:
-        PluginError: there is none, or there are several.
+        PluginError: The name is unknown, or it exists in several kinds.
     """
-    names = {
-        kind: {*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_files(kind)}
-        for kind in kinds_asked(None)
-    }
+    kinds = requested_kinds(None)
+    names = {kind: {*(plugins.names(kind) if kind in plugins.KINDS else ()), *preset_files(kind)} for kind in kinds}
     having = [kind for kind, of in names.items() if name in of]
     if name in names:
-        raise PluginError(f"{name} is a kind: jerkbench list {name}, or jerkbench show {name} NAME.")
+        raise PluginError(f"{name} is a kind of plugin; use `jerkbench list {name}` or `jerkbench show {name} NAME`.")
     if not having:
         raise PluginError(unknown("plugin or preset", name, set().union(*names.values())))
     if len(having) > 1:
-        words = " or ".join(f"jerkbench show {kind} {name}" for kind in having)
-        raise PluginError(f"{name} names {len(having)} things; give the kind: {words}.")
+        commands = " or ".join(f"jerkbench show {kind} {name}" for kind in having)
+        raise PluginError(f"{len(having)} kinds have a plugin or preset {name}; give its kind: {commands}.")
     return having[0]
 
 
 def entries(kind: str) -> list[CatalogueEntry]:
-    """Return the plugins and presets of a kind, sorted by name, with a notice for each plugin that cannot be loaded."""
+    """Return the plugins and presets of a kind, sorted by name. Print a notice if a plugin cannot be loaded."""
     found = {}
     for name in plugins.names(kind) if kind in plugins.KINDS else ():
         cls = plugins.get(kind, name)
@@ -98,7 +96,7 @@ def plugin_class(kind: str, name: str) -> type:
     """Return the class of a plugin.
 
     Raises:
-        PluginError: there is none of that name; says what there is, presets too.
+        PluginError: The name is unknown. The error message lists the known plugins and presets.
     """
     presets = preset_files(kind)
     if kind in PRESET_GROUPS:
@@ -108,17 +106,17 @@ def plugin_class(kind: str, name: str) -> type:
     return plugins.get(kind, name)
 
 
-# The output of `jerkbench list` and `jerkbench show`
+# The output of `jerkbench list` and `jerkbench show`.
 
 
 def list_text(kind: str | None = None) -> str:
-    """Return every name with one line about it, of all kinds or of one.
+    """Return text that lists the plugins and presets with a description in one line, for all kinds or for one kind.
 
     Raises:
-        PluginError: there is no such kind.
+        PluginError: The kind is unknown.
     """
     blocks = []
-    for title in kinds_asked(kind):
+    for title in requested_kinds(kind):
         listed = entries(title)
         width = max((len(entry.name) for entry in listed), default=0)
         counted = Counter(entry.provenance for entry in listed if entry.provenance)
@@ -128,10 +126,10 @@ def list_text(kind: str | None = None) -> str:
 
 
 def show_text(kind: str, name: str) -> str:
-    """All there is to know of one plugin or preset.
+    """Return the documentation of one plugin, or the content of one preset.
 
     Raises:
-        PluginError: there is none of that name.
+        PluginError: The name is unknown.
     """
     presets = preset_files(kind)
     if name in presets:
@@ -144,50 +142,50 @@ def show_text(kind: str, name: str) -> str:
 
 
 def docstrings(cls: type) -> list[str]:
-    """Return the docstrings of a plugin and of those that it varies; the equations stand with the first."""
+    """Return the docstring of a plugin and the docstrings of its base classes that are dataclasses."""
     family = [c for c in cls.__mro__ if dataclasses.is_dataclass(c)]
     return [inspect.cleandoc(c.__doc__ or "It has no docstring.") for c in family]
 
 
 def _defaults(cls: type) -> str:
-    """Each default; where it comes from, and within which bounds `jerkbench tune` looks for a better one."""
+    """Return a text with the default value, the origin and the tuning range of each parameter."""
     parameters, ranges = _parameters(cls), ranges_of(cls)
     if not parameters:
         return "It has no parameters."
-    width = max(len(own["name"]) for own in parameters)
-    values = (repr(own["default"]) if "default" in own else "(has to be given)" for own in parameters)
-    lines = [f"    {own['name']:<{width}} = {value}" for own, value in zip(parameters, values, strict=True)]
-    known = [own for own in parameters if "origin" in own or "range" in own]
+    width = max(len(parameter["name"]) for parameter in parameters)
+    values = (repr(parameter["default"]) if "default" in parameter else "(required)" for parameter in parameters)
+    lines = [f"    {parameter['name']:<{width}} = {value}" for parameter, value in zip(parameters, values, strict=True)]
+    known = [parameter for parameter in parameters if "origin" in parameter or "range" in parameter]
     more = ["", "Origin of the defaults, and range for `jerkbench tune`:"] if known else []
-    for own in known:
-        more.append(f"    {own['name']}: {own.get('origin', 'not said')}")
-        if bounds := ranges.get(own["name"]):
+    for parameter in known:
+        more.append(f"    {parameter['name']}: {parameter.get('origin', 'unknown')}")
+        if bounds := ranges.get(parameter["name"]):
             more.append(f"        range {bounds} ({bounds.source})")
     return "\n".join(["Defaults:", *lines, *more])
 
 
 def home(cls: type) -> str:
-    """Return where a class is defined."""
+    """Return the module and the name of a class."""
     return f"{cls.__module__}.{cls.__qualname__}"
 
 
-# The same as plain values for JSON
+# The catalogue as plain data for JSON.
 
 
 def listed_json(kind: str | None = None) -> dict[str, list[dict[str, Any]]]:
-    """Return for each kind, or for ``kind``, every name with its summary, its package, and whether it is a preset.
+    """Return the fields of the catalogue entries by kind, for all kinds or for one kind.
 
     Raises:
-        PluginError: no such kind.
+        PluginError: The kind is unknown.
     """
-    return {name: [entry._asdict() for entry in entries(name)] for name in kinds_asked(kind)}
+    return {name: [entry._asdict() for entry in entries(name)] for name in requested_kinds(kind)}
 
 
 def shown_json(kind: str, name: str) -> dict[str, Any]:
-    """Return all there is to know of one plugin or preset; of a preset its values as they stand in its file.
+    """Return the documentation and the parameters of a plugin, or the unresolved values of a preset.
 
     Raises:
-        PluginError: there is none of that name.
+        PluginError: The name is unknown.
     """
     presets = preset_files(kind)
     head = {"kind": kind, "name": name, "preset": name in presets}
@@ -195,26 +193,21 @@ def shown_json(kind: str, name: str) -> dict[str, Any]:
         from omegaconf import OmegaConf
 
         values = json.dumps(OmegaConf.to_container(OmegaConf.load(presets[name])))
-        return {**head, "values": json.loads(values, parse_constant=str)}  # JSON has no infinity: it is text
+        return {**head, "values": json.loads(values, parse_constant=str)}  # infinity, which JSON lacks, becomes text
     cls = plugin_class(kind, name)
     known = {"provenance": dataclasses.asdict(known)} if (known := provenance_of(cls)) else {}
     return {**head, **known, "docstrings": docstrings(cls), "parameters": _parameters(cls), "defined_in": home(cls)}
 
 
 def _parameters(cls: type) -> list[dict[str, Any]]:
-    """Return each field with its type, its default (none: it has to be given), its origin and its range."""
-    origins, ranges, types = origins_of(cls), ranges_of(cls), typing.get_type_hints(cls)
+    """Return the name, type, default, origin and range of each parameter of a plugin. Missing entries are left out."""
+    origins, types, missing = origins_of(cls), typing.get_type_hints(cls), dataclasses.MISSING
+    ranges = {name: dataclasses.asdict(bounds) for name, bounds in ranges_of(cls).items()}
     parameters = []
     for f in dataclasses.fields(cls):
-        hint = types[f.name]
-        default = f.default if f.default_factory is dataclasses.MISSING else f.default_factory()
-        named = isinstance(hint, type) and not typing.get_args(hint)
-        parameter: dict[str, Any] = {"name": f.name, "type": hint.__name__ if named else str(hint)}
-        if default is not dataclasses.MISSING:
-            parameter["default"] = default
-        if f.name in origins:
-            parameter["origin"] = origins[f.name]
-        if f.name in ranges:
-            parameter["range"] = dataclasses.asdict(ranges[f.name])
-        parameters.append(parameter)
+        hint, default = types[f.name], f.default if f.default_factory is missing else f.default_factory()
+        kind = hint.__name__ if isinstance(hint, type) and not typing.get_args(hint) else str(hint)
+        values = {"default": default, "origin": origins.get(f.name, missing), "range": ranges.get(f.name, missing)}
+        known = {name: value for name, value in values.items() if value is not missing}
+        parameters.append({"name": f.name, "type": kind, **known})
     return parameters

@@ -1,8 +1,8 @@
-"""Checks of plugins: what every plugin must be, then what each kind must do.
+"""Checks of plugins: checks of the class, which are the same for all kinds, and checks of the methods of each kind.
 
-A thorough check (`jerkbench check`, `jerkbench.testing`) tries a plugin on all samples. The check before a run
-(`complaint`) uses the same functions with shorter samples. It takes hundredths of a second and only finds faults that
-would give plausible but wrong numbers.
+A thorough check (`jerkbench check`, `jerkbench.testing`) calls a plugin with all samples. The check before a run
+(`complaint`) uses the same functions with shorter samples. The check before a run takes some hundredths of a second,
+and finds only faults that would lead to plausible but wrong results.
 """
 
 import copy
@@ -32,10 +32,10 @@ from jerkbench.contracts import (
 from jerkbench.errors import require_known
 from jerkbench.estimate import Attitude, Estimate
 from jerkbench.evaluation.counted_rows import counted_rows, largest_norm, position_error_m
-from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_strayed
+from jerkbench.evaluation.evaluated_run import prepare_reference, run_status, sums_from, sums_of, why_diverged
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.parameters import provenance_of, range_problems
-from jerkbench.plugins import create, is_own, missing_member, samples
+from jerkbench.plugins import create, is_builtin, missing_member, samples
 from jerkbench.recording import Recording
 from jerkbench.timeline import RecordedRun, Timeline, build_timeline
 
@@ -44,33 +44,31 @@ Plugin = Any
 T = TypeVar("T")
 
 
-class Unfit(AssertionError):  # noqa: N818 - pytest shows the message of an assertion best
-    """A plugin does not satisfy its contract. Other assertion errors come from the plugin."""
+class Unfit(AssertionError):  # noqa: N818 - pytest prints the message of an assertion in the clearest form
+    """Raised if a plugin does not satisfy its contract. Other assertion errors are raised by the plugin itself."""
 
 
 def require_that(ok: object, message: str) -> None:
-    """Raise `Unfit` unless ``ok``. Unlike `assert`, it also works with ``python -O``."""
+    """Raise `Unfit` unless ``ok`` is true. Unlike `assert`, this function also works with ``python -O``."""
     if not ok:
         raise Unfit(message)
 
 
 def pure_result(kind: type[T], subject: str, call: Callable[..., Any], *arguments: Any) -> T:  # noqa: ANN401 - as above
-    """Call ``call(*arguments)`` twice, check that this is repeatable and has no side effects; returns the result."""
+    """Call a function twice, check that the call is repeatable and has no side effects, and return the result."""
     before, random = copy.deepcopy(arguments), pickle.dumps(np.random.get_state())  # noqa: NPY002 - only compared
     first, second = call(*arguments), call(*arguments)
     require_that(identical(before, arguments), f"{subject} changes its input in place; it must work on a copy.")
     require_that(identical(first, second), f"{subject} gives another result the second time with the same input.")
-    require_that(
-        random == pickle.dumps(np.random.get_state()),  # noqa: NPY002 - only compared
-        f"{subject} draws from NumPy's global random numbers; they must come from jerkbench.random_streams.stream.",
-    )
+    same = random == pickle.dumps(np.random.get_state())  # noqa: NPY002 - only compared
+    require_that(same, f"{subject} draws from NumPy's global random numbers; use jerkbench.random_streams.stream.")
     right, wrong = kind.__name__, type(first).__name__
     require_that(isinstance(first, kind), f"{subject} returns the type {wrong}; it must be {right}.")
     return first  # type: ignore[no-any-return]  # checked in the line above
 
 
 def require_array(subject: str, array: Any, shape: tuple[int, ...], *, finite: bool = True) -> None:  # noqa: ANN401
-    """Raise `Unfit` unless ``array`` is a (finite) float64 array of this shape."""
+    """Raise `Unfit` unless ``array`` is a float64 array of this shape, with only finite values if ``finite`` is set."""
     require_that(isinstance(array, np.ndarray), f"{subject} is a {type(array).__name__}; it must be a NumPy array.")
     require_that(array.dtype == np.float64, f"{subject} has the type {array.dtype}; it must be float64.")
     require_that(array.shape == shape, f"{subject} has shape {array.shape}; it must be {shape}.")
@@ -80,7 +78,7 @@ def require_array(subject: str, array: Any, shape: tuple[int, ...], *, finite: b
 def require_covariance(subject: str, matrix: FloatArray) -> None:
     """Raise `Unfit` unless ``matrix`` is finite, symmetric and positive semidefinite."""
     require_array(subject, matrix, (len(matrix), len(matrix)))
-    variances, tolerance = np.diag(matrix), 1e-8  # with a diagonal that is scaled to one
+    variances, tolerance = np.diag(matrix), 1e-8  # the tolerance is for a matrix that is scaled to a unit diagonal
     require_that((variances >= 0).all(), f"{subject} has a negative variance, {variances.min(initial=0.0):.3g}.")
     sigma = np.sqrt(np.where(variances > 0, variances, 1.0))
     scaled = matrix / np.outer(sigma, sigma)
@@ -91,7 +89,7 @@ def require_covariance(subject: str, matrix: FloatArray) -> None:
 
 
 def require_members(kind: str, plugin: Plugin) -> str:
-    """Return the name of the class of ``plugin``; raise `Unfit` if it lacks a member that its kind needs."""
+    """Return the name of the class of ``plugin``. Raise `Unfit` if the class lacks a member that its kind requires."""
     message = missing_member(kind, plugin)
     require_that(not message, message)
     return type(plugin).__name__
@@ -106,17 +104,20 @@ def _reference_run(timeline: Timeline, model: Filter, adaptation: Adaptation | N
     return run(timeline, model, adaptation or _builtin("adaptation", "none"))  # type: ignore[no-any-return]  # a contract
 
 
-# Every plugin
+# The checks of the class are the same for all kinds of plugins.
 
 
 def class_problems(kind: str, plugin: Plugin) -> Iterator[str]:
-    """Yield what is wrong with the class of a plugin: frozen, documented, hashable, picklable, ranges, provenance."""
+    """Yield a message for each problem of a plugin class.
+
+    The class must be a frozen, documented, hashable and picklable dataclass with valid ranges and a valid provenance.
+    """
     cls = type(plugin)
     if not (dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]  # private to dataclasses
-        yield f"{cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above it."
+        yield f"{cls.__name__} is not a frozen dataclass; write @dataclass(frozen=True) above the class."
         return
     summary = inspect.cleandoc(cls.__doc__ or "").split("\n", 1)[0]
-    if not summary.endswith(".") or summary.startswith(f"{cls.__name__}("):  # the docstring of `dataclass`
+    if not summary.endswith(".") or summary.startswith(f"{cls.__name__}("):  # `dataclass` adds this docstring
         yield f"{cls.__name__} has no docstring whose first line is one sentence; `jerkbench list` prints it."
     documented = "\n".join(inspect.cleandoc(c.__doc__ or "") for c in cls.__mro__ if dataclasses.is_dataclass(c))
     for f in dataclasses.fields(cls):
@@ -126,9 +127,9 @@ def class_problems(kind: str, plugin: Plugin) -> Iterator[str]:
     known = provenance_of(cls)
     if known and known.mistake():
         yield f"The provenance of {cls.__name__} is not valid: {known.mistake()}."
-    elif kind in ("filter", "adaptation") and not known and (is_own(cls) or "provenance" in vars(cls)):
-        sentence = f'{cls.__name__} has no provenance; write provenance = Provenance("published", "doi:..."),'
-        yield f'{sentence} or "simplified" or "own" with a note.'
+    elif kind in ("filter", "adaptation") and not known and (is_builtin(cls) or "provenance" in vars(cls)):
+        message = f'{cls.__name__} has no provenance; write provenance = Provenance("published", "doi:..."),'
+        yield f'{message} or "simplified" or "own" with a note.'
     yield from filter(None, [_hash_problem(plugin), _pickle_problem(plugin)])
 
 
@@ -149,79 +150,70 @@ def _pickle_problem(plugin: Plugin) -> str:
     return "" if same else f"{subject} is different after pickling; a worker process would run something else."
 
 
-# Data sets and disturbances
+# Data sets and disturbances.
 
 
 def check_dataset(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check that a data set loads a repeatable recording and has a correct ``seeded``. A short check loads nothing."""
+    """Check that a data set loads repeatable recordings and that ``seeded`` is correct, if ``thorough`` is set."""
     subject = require_members("dataset", plugin)
     if not thorough:
         return
     first = pure_result(Recording, f"{subject}.load()", plugin.load, 0)
-    require_that(
-        is_attitude_only(plugin) or first.position is not None,
-        f"{subject}.load() gives no positions, so a filter has no start. If there are none, declare the class attribute"
-        " attitude_only = True.",
-    )
+    located = is_attitude_only(plugin) or first.position is not None
+    require_that(located, f"{subject}.load() gives no positions; if this is intended, declare attitude_only = True.")
     pure_result(str, f"{subject}.fingerprint()", plugin.fingerprint)
     if identical(first, plugin.load(1)) == plugin.seeded:
-        result = "gives the same for" if plugin.seeded else "depends on the seed: it differs for"
-        raise Unfit(f"{subject}.load() {result} seeds 0 and 1, but its seeded is {plugin.seeded}.")
+        result = "the same recording" if plugin.seeded else "different recordings"
+        raise Unfit(f"{subject}.load() returns {result} for seeds 0 and 1, but {subject}.seeded is {plugin.seeded}.")
 
 
 def check_disturbance(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check that a disturbance is repeatable, does not change its input, and has correct seeds and replicates."""
+    """Check that a disturbance is repeatable and pure, and that ``seeded`` and `replicates` are correct."""
     subject, n = require_members("disturbance", plugin), plugin.replicates()
     valid = not thorough or (isinstance(n, int) and n >= 1)
     require_that(valid, f"{subject}.replicates() is {n!r}; it must be an integer, at least 1.")
-    recording = samples.small_recording(600.0 if thorough else 60.0)  # several bursts or outages need time
+    recording = samples.small_recording(600.0 if thorough else 60.0)  # the duration allows several bursts or outages
     for seed in (0, 3) if thorough else (0,):
         first = pure_result(Recording, f"{subject}.apply()", plugin.apply, recording, seed)
-        require_that(
-            not thorough or plugin.seeded or identical(first, plugin.apply(recording, seed + n)),
-            f"{subject}.apply() gives different results for seeds {seed} and {seed + n}, but it is not seeded and has"
-            f" {n} replicates.",
-        )
+        same = not thorough or plugin.seeded or identical(first, plugin.apply(recording, seed + n))
+        differing = f"gives different results for seeds {seed} and {seed + n}"
+        require_that(same, f"{subject}.apply() {differing}, but it is not seeded and has {n} replicates.")
 
 
-# Attitude filters
+# Attitude filters.
 
 DURATION_S = {True: 24.0, False: 8.0}
-"""Duration of the recording for a thorough check and for a short check."""
+"""Duration of the recording for a thorough check (True) and for a short check (False) [s]."""
 
 
 def check_attitude(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check stamps, shapes and types of an attitude, and that its matrices are rotations that match its angles."""
+    """Check the estimate of an attitude filter: stamps, shapes, types, and consistent matrices and Euler angles."""
     subject, recording = require_members("attitude", plugin), samples.small_recording(DURATION_S[thorough])
     attitude = pure_result(Attitude, f"{subject}.estimate()", plugin.estimate, recording)
     t_s = recording.inertial.t_s
     require_that(np.array_equal(attitude.t_s, t_s), f"{subject}: t_s must be the stamps of the IMU.")
     for name, shape in {"dcm": (3, 3), "euler_rad": (3,), "accel_enu_mps2": (3,)}.items():
         require_array(f"{subject}: {name}", getattr(attitude, name), (len(t_s), *shape), finite=thorough)
-    triggered = np.asarray(attitude.triggered)
-    require_that(
-        triggered.shape == t_s.shape and (triggered.dtype == np.bool_ or not thorough),
-        f"{subject}: triggered has shape {triggered.shape} and type {triggered.dtype}; it must be {t_s.shape}, bool.",
-    )
+    shape, dtype = np.shape(attitude.triggered), np.asarray(attitude.triggered).dtype
+    fits = shape == t_s.shape and (dtype == np.bool_ or not thorough)
+    require_that(fits, f"{subject}: triggered has shape {shape} and type {dtype}; it must be {t_s.shape}, bool.")
     if not thorough:
         return
     dcm = attitude.dcm
     rotations = np.allclose(dcm @ dcm.transpose(0, 2, 1), np.eye(3), rtol=0.0, atol=1e-6) and np.linalg.det(dcm) > 0
-    require_that(np.all(rotations), f"{subject}: dcm contains matrices that are no rotations.")
-    require_that(
-        np.allclose(dcm, dcm_from_euler(attitude.euler_rad), rtol=0.0, atol=1e-6),
-        f"{subject}: dcm is not Rz(yaw) Ry(pitch) Rx(roll) of euler_rad (roll, pitch, yaw; body FLU to ENU).",
-    )
+    require_that(np.all(rotations), f"{subject}: dcm contains matrices that are not rotations.")
+    matches = np.allclose(dcm, dcm_from_euler(attitude.euler_rad), rtol=0.0, atol=1e-6)
+    require_that(matches, f"{subject}: dcm is not Rz(yaw) Ry(pitch) Rx(roll) of euler_rad (body FLU to ENU).")
 
 
-# Kinematic filters
+# Kinematic filters.
 
 INTERVALS_S = ((0.01, 0.01), (0.01 / 3.0, 0.01), (0.004, 0.004), (0.02, 0.02))
-"""Pairs of dt and dt0: full samples and a divided one."""
+"""Pairs of dt and dt0 [s]: complete samples, and a divided sample."""
 
 
 def check_filter(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check the model of a kinematic filter, or the estimates of an estimator and of its compiled implementation."""
+    """Check the model of a kinematic filter, or the estimates of an estimator and of its compiled code."""
     subject = require_members("filter", plugin)
     if not isinstance(plugin, Filter):
         _check_estimator(subject, plugin, thorough=thorough)
@@ -244,24 +236,19 @@ def _check_model(subject: str, plugin: Filter, n: int, interval_s: tuple[float, 
     if thorough:
         A, _, Q = model
         require_covariance(f"Q of {subject}", Q)
-        require_that(
-            np.allclose(A[0, :2], [1.0, interval_s[0]], rtol=1e-2, atol=0.0),
-            f"A of {subject} begins with {A[0, 0]:.6g}, {A[0, 1]:.6g}; position (the first state) must follow velocity"
-            f" (the second): 1, {interval_s[0]:g}.",
-        )
+        moves = np.allclose(A[0, :2], [1.0, interval_s[0]], rtol=1e-2, atol=0.0)
+        start = f"A of {subject} begins with {A[0, 0]:.6g}, {A[0, 1]:.6g}"
+        require_that(moves, f"{start}; position must follow velocity, the second state: 1, {interval_s[0]:g}.")
 
 
 def _check_instant(subject: str, plugin: Filter) -> None:
-    """A step of a nanosecond must change almost nothing, because measurements may divide a sample anywhere."""
+    """Check that a step of 1 ns hardly changes the state, as measurements may divide samples into short steps."""
     A, b, Q = plugin.axis_model(1e-9, 0.01)
     _, b0, Q0 = plugin.axis_model(0.01, 0.01)
-    require_that(
-        np.allclose(A, np.eye(len(b)), rtol=0.0, atol=1e-4)
-        and (np.abs(b) <= 1e-4 * np.abs(b0)).all()
-        and (np.diag(Q) <= 1e-4 * np.diag(Q0)).all(),
-        f"{subject}: a step of a nanosecond changes the state or its covariance; A must approach I, and b and Q must"
-        " approach 0 with dt, also if dt0 is constant.",
-    )
+    small = (np.abs(b) <= 1e-4 * np.abs(b0)).all() and (np.diag(Q) <= 1e-4 * np.diag(Q0)).all()
+    limits = "with dt, A must approach I, and b and Q must approach 0, also if dt0 is constant"
+    still = small and np.allclose(A, np.eye(len(b)), rtol=0.0, atol=1e-4)
+    require_that(still, f"{subject}: a step of a nanosecond changes the state or its covariance; {limits}.")
 
 
 def _check_estimate(subject: str, estimate: Estimate) -> None:
@@ -277,10 +264,11 @@ def _check_estimate(subject: str, estimate: Estimate) -> None:
         require_covariance(f"{subject}: covariance", P)
 
 
-# Estimators
+# Estimators.
 
 AGREEMENT_M, AGREEMENT = 1e-6, 1e-6
-"""Allowed difference of positions [m] and velocities [m/s]; of covariances relative to sqrt(P_ii P_jj), and of sums."""
+"""Tolerances: for positions [m] and velocities [m/s], and relative tolerance for sums and for covariances, where the
+difference of P_ij is relative to sqrt(P_ii P_jj)."""
 
 BURN_IN_S = 0.5
 
@@ -295,7 +283,7 @@ def _check_estimator(subject: str, plugin: Estimator, *, thorough: bool) -> None
     if thorough:
         _check_estimate(subject, estimate)
     if thorough and isinstance(plugin, Batched):
-        if (compiled := plugin.estimate_compiled(*inputs)) is not None:  # None: it is not possible
+        if (compiled := plugin.estimate_compiled(*inputs)) is not None:  # None means that `estimate` has to run instead
             _check_agreement(f"{subject}.estimate_compiled()", compiled, estimate, "estimate()")
         _check_sums(f"{subject}.run_settings()", plugin, *inputs, estimate)
 
@@ -313,7 +301,7 @@ def _check_agreement(subject: str, got: Estimate, wanted: Estimate, reference: s
 def _check_sums(
     subject: str, plugin: Batched, recording: Recording, attitude: Attitude, adaptation: Adaptation, wanted: Estimate
 ) -> None:
-    """Compare the sums of runs with those of the trajectory; the limit on the error makes the runs diverge."""
+    """Compare the sums of two batched runs, which diverge because of a low limit, with the sums over a trajectory."""
     timeline = build_timeline(recording, attitude)
     limit_m = 0.5 * largest_norm(position_error_m(wanted, recording))
     reference = prepare_reference(recording, timeline, BURN_IN_S, limit_m)
@@ -325,20 +313,18 @@ def _check_sums(
     results = plugin.run_settings([run, run], *settings, updates=False, attitude=False, threads=1)
     require_that(len(results) == 2, f"{subject} returns {len(results)} results for 2 runs.")
     for result in filter(None, results):
-        got, reason = sums_from(result, reference, recording), why_strayed(result, reference, recording)
+        got, reason = sums_from(result, reference, recording), why_diverged(result, reference, recording)
         for name in ("position_m2", "velocity_m2ps2", "nees", "nis_per_row"):
             near = np.allclose(getattr(got, name), getattr(expected, name), rtol=AGREEMENT, atol=AGREEMENT_M**2)
-            require_that(near, f"{name} of {subject} differs from that of estimate().")
-        require_that(
-            reason == diverged, f"{subject} reports '{reason}' for a run that diverged; it must be '{diverged}'."
-        )
+            require_that(near, f"{name} of {subject} differs from the value of estimate().")
+        require_that(reason == diverged, f"{subject} reports '{reason}' for a run that diverged, not '{diverged}'.")
 
 
-# Engines
+# Engines.
 
 
 def check_engine(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check that a run of the filter jerk with the adaptation mtf agrees with the reference engine."""
+    """Check that a run of the filter `jerk` with the adaptation `mtf` agrees with the reference engine."""
     subject = require_members("engine", plugin)
     timeline = samples.small_timeline(DURATION_S[thorough])[1]
     inputs = timeline, _builtin("filter", "jerk"), _builtin("adaptation", "mtf")
@@ -348,24 +334,22 @@ def check_engine(plugin: Plugin, *, thorough: bool = True) -> None:
         _check_agreement(subject, estimate, _reference_run(*inputs), "the reference engine")
 
 
-# Adaptations
+# Adaptations.
 
 
 def check_adaptation(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check an adaptation over updates with different rows, outliers, a tiny and a huge R: inputs, memory, results."""
+    """Check the inputs, the memory and the results of an adaptation, also for outliers and extreme covariances."""
     subject = require_members("adaptation", plugin)
     updates = list(samples.tried_updates(thorough=thorough))
     first, second = (_run_of(subject, plugin, updates, thorough=thorough) for _ in range(2))
-    require_that(
-        identical(first, second),
-        f"{subject} gives another result in a second run with the same updates; its state must be in memory.",
-    )
+    another = "gives another result in a second run with the same updates"
+    require_that(identical(first, second), f"{subject} {another}; its state must be in memory.")
 
 
 def _run_of(
     subject: str, plugin: Plugin, updates: Sequence[samples.TriedUpdate], *, thorough: bool
 ) -> list[tuple[Any, ...]]:
-    """Return all results over a sequence of updates, in the order in which an engine calls the methods."""
+    """Call the methods of an adaptation in the order in which an engine calls them, and return the results."""
     memory, results = empty_memory(plugin, samples.TRIED_STATES), list[tuple[Any, ...]]()
     for x, prior, F, Q, innovation, reported, rows in updates:
         measured, factor, P, gain = {"R": reported, "rows": rows}, 1.0, prior, np.zeros(0)
@@ -384,14 +368,14 @@ def _run_of(
         R = _untouched(f"{subject}.adapt()", plugin.adapt, inputs, memory)
         require_array(f"{subject}.adapt()", R, reported.shape, finite=False)
         require_that(not np.isnan(np.diag(R)).any(), f"{subject}.adapt() has NaN as a variance; infinity drops a row.")
-        kept = np.diag(R) != np.inf
-        few = R[np.ix_(kept, kept)]
+        retained = np.diag(R) != np.inf
+        few = R[np.ix_(retained, retained)]
         if thorough:
             require_covariance(f"{subject}.adapt()", few)
-        if isinstance(plugin, AdaptingGain) and kept.any():
-            inputs = {"x": x, "P": P, "innovation": innovation[kept], "R": few, "rows": rows[kept]}
+        if isinstance(plugin, AdaptingGain) and retained.any():
+            inputs = {"x": x, "P": P, "innovation": innovation[retained], "R": few, "rows": rows[retained]}
             gain = _untouched(f"{subject}.adapt_gain()", plugin.adapt_gain, inputs, memory)
-            require_array(f"{subject}.adapt_gain()", gain, (samples.TRIED_STATES, int(kept.sum())))
+            require_array(f"{subject}.adapt_gain()", gain, (samples.TRIED_STATES, int(retained.sum())))
         unchanged = np.array_equal(P, prior) and np.array_equal(R, reported) and not gain.size
         honest = unchanged or not changes_nothing(plugin)
         require_that(honest, f"{subject} declares changes_nothing, but changes R, P or the gain.")
@@ -408,11 +392,11 @@ def _untouched(subject: str, method: Callable[..., Any], inputs: dict[str, Any],
     return result
 
 
-# Metrics
+# Metrics.
 
 
 def check_metric(plugin: Plugin, *, thorough: bool = True) -> None:
-    """Check the names and values of a metric on a small run with all, few, or no scored rows, and its `summarise`."""
+    """Check `summarise` and the values of a metric for a small run in which all, few or no rows are scored."""
     subject = require_members("metric", plugin)
     recording, timeline = samples.small_timeline(DURATION_S[thorough])
     estimate = _reference_run(timeline, _builtin("filter", "baseline"))
@@ -423,39 +407,28 @@ def check_metric(plugin: Plugin, *, thorough: bool = True) -> None:
         require_that(names, f"{subject}.evaluate() returns no value.")
         for name, value in values.items():
             require_that(isinstance(value, float), f"{subject}.evaluate(): {name} is {value!r}; it must be a float.")
-        require_that(
-            list(values) == names,
-            f"{subject}.evaluate() names {list(values)} if fewer rows are scored, and {names} if all are; a value that"
-            " does not apply must be NaN.",
-        )
+        others = f"names {list(values)} if fewer rows are scored, and {names} if all are"
+        require_that(list(values) == names, f"{subject}.evaluate() {others}; a value that does not apply must be NaN.")
     if thorough and isinstance(plugin, Summarising):
         scored = counted_rows(estimate, recording, BURN_IN_S)
         wanted, got = evaluate(estimate, recording, scored), plugin.summarise(sums_of(estimate, recording, scored))
-        require_that(
-            list(got) == names and np.allclose(list(got.values()), list(wanted.values()), AGREEMENT, equal_nan=True),
-            f"{subject}.summarise() returns {got}; evaluate() returns {wanted}.",
-        )
+        equal = np.allclose(list(got.values()), list(wanted.values()), AGREEMENT, equal_nan=True)
+        require_that(list(got) == names and equal, f"{subject}.summarise() returns {got}; evaluate() returns {wanted}.")
 
 
-# All kinds
+# All kinds.
 
-CHECKS: Mapping[str, Callable[..., None]] = {
-    "dataset": check_dataset,
-    "disturbance": check_disturbance,
-    "attitude": check_attitude,
-    "filter": check_filter,
-    "adaptation": check_adaptation,
-    "engine": check_engine,
-    "metric": check_metric,
-}
+_CHECKS = check_dataset, check_disturbance, check_attitude, check_filter, check_adaptation, check_engine, check_metric
+CHECKS: Mapping[str, Callable[..., None]] = {check.__name__.removeprefix("check_"): check for check in _CHECKS}
 
 
 def check_plugin(kind: str, plugin: Plugin) -> None:
     """Check that ``plugin`` is a frozen, hashable, documented dataclass that satisfies the contract of its ``kind``.
 
     Raises:
-        PluginError: there is no such kind.
-        AssertionError: something is wrong. The message lists all problems of the class and the first one of a method.
+        PluginError: The kind is unknown.
+        AssertionError: The check failed. The error message lists all problems of the class, and the first
+            problem of its methods.
     """
     require_known("kind of plugin", kind, CHECKS)
     if found := [*class_problems(kind, plugin), *filter(None, [problem(kind, plugin)])]:
@@ -463,22 +436,20 @@ def check_plugin(kind: str, plugin: Plugin) -> None:
 
 
 def problem(kind: str, plugin: Plugin, *, thorough: bool = True) -> str:
-    """Return the first problem of the methods of ``plugin``, or an empty string. Other exceptions pass through."""
+    """Return the first problem of the methods of ``plugin``, or an empty string. Other exceptions are raised."""
     try:
         CHECKS[kind](plugin, thorough=thorough)
     except Unfit as error:
         return str(error)
     except dataclasses.FrozenInstanceError as error:
         name = str(error).rpartition(" ")[2].strip("'")
-        return (
-            f"{type(plugin).__name__} sets self.{name} while it runs, but a plugin never changes; the state of an"
-            " adaptation between updates belongs in memory, everything else in local variables."
-        )
+        where = "the state of an adaptation belongs in memory, everything else in local variables"
+        return f"{type(plugin).__name__} sets self.{name} while it runs, but a plugin never changes; {where}."
     return ""
 
 
 def complaint(kind: str, plugin: Hashable) -> str:
-    """Return the problem that a short check finds before a run, or an empty string."""
+    """Return the first problem that a short check before a run finds, or an empty string."""
     return _hash_problem(plugin) or _complaint(kind, plugin)
 
 
@@ -486,5 +457,5 @@ def complaint(kind: str, plugin: Hashable) -> str:
 def _complaint(kind: str, plugin: Hashable) -> str:
     try:
         return problem(kind, plugin, thorough=False)
-    except Exception:  # noqa: BLE001 - the run over the user's data reports it, or succeeds
+    except Exception:  # noqa: BLE001 - if the run with the user's data raises it again, the run reports it
         return ""

@@ -1,4 +1,7 @@
-"""Tables, figures and page of a study. Here: the choice of figures, for which a command line needs no Matplotlib."""
+"""Tables, figures and the HTML report of a study.
+
+This module contains only the choice of figures, so that the command line can read it without importing Matplotlib.
+"""
 
 from enum import StrEnum
 
@@ -6,12 +9,12 @@ from jerkbench.errors import PluginError, unknown
 
 
 class Choice(StrEnum):
-    """Whose runs are drawn.
+    """The scenarios whose runs are drawn in figures.
 
     Attributes:
-        FEW: those of the scenarios and methods that carry a finding.
-        ALL: those of every scenario.
-        NONE: there is no figure.
+        FEW: draw only scenarios and methods with significant differences.
+        ALL: draw all scenarios of the study.
+        NONE: draw no figures.
     """
 
     FEW = "few"
@@ -20,18 +23,18 @@ class Choice(StrEnum):
 
 
 SWITCHES = {"true": Choice.ALL, "false": Choice.NONE}
-"""What the option was before it had three values."""
+"""Former values of the option ``figures``, and the values that replace them."""
 
 
 def figures_choice(text: str) -> Choice:
-    """Read ``few``, ``all`` or ``none``; ``true`` is all, ``false`` none.
+    """Parse ``few``, ``all`` or ``none``. The former values ``true`` and ``false`` mean ``all`` and ``none``.
 
     Raises:
-        PluginError: it is another word.
+        PluginError: the text is not one of these values.
     """
-    word = text.strip().lower()
-    if word in SWITCHES:
-        return SWITCHES[word]
-    if word not in list(Choice):
+    name = text.strip().lower()
+    if name in SWITCHES:
+        return SWITCHES[name]
+    if name not in list(Choice):
         raise PluginError(unknown("choice of figures", text, list(Choice)))
-    return Choice(word)
+    return Choice(name)

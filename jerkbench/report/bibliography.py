@@ -1,4 +1,4 @@
-"""BibTeX of the methods and data sets of a study, read from the docstrings of their plugins."""
+"""BibTeX entries of the methods and data sets of a study, parsed from the docstrings of the plugins."""
 
 import inspect
 import re
@@ -9,7 +9,7 @@ from typing import Any
 from jerkbench import plugins
 
 DOI = re.compile(r"doi:(10\.\d{4,}/[^\s,;]*[^\s,;.:)])")
-"""As docstrings have it."""
+"""Matches a DOI in a docstring."""
 
 TITLED = re.compile(r'(?P<author>[^;:(]+?), "(?P<title>[^"]+?),?"[^"]*$')
 UNTITLED = re.compile(r"\((?P<author>[^();]+?), \d{4}, $")
@@ -17,23 +17,23 @@ YEAR = re.compile(r"\b(?:19|20)\d\d\b(?!-)")
 
 INITIAL = re.compile(r"\b[A-Z]\. ?-?[A-Z]")
 
-OWN_CITATION = "CITATION.cff"
+PACKAGE_CITATION = "CITATION.cff"
 
 
 def entries_of(specifications: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the entries of a study: of this package, and of all plugins of its jobs that name a source."""
+    """Return the BibTeX entries of this package and of the sources of all plugins that the jobs of a study use."""
     used: dict[type, str] = {}
     for specification in specifications:
         for kind, name in _plugins(specification):
             if name in plugins.names(kind):
                 used.setdefault(plugins.get(kind, name), f"{kind} {name}")
     silent = [title for cls, title in used.items() if not (hasattr(cls, "citations") or list(_sources(cls)))]
-    lacking = [f"% Nothing to cite is named by: {', '.join(silent)}."] if silent else []
-    return [own_entry(), *dict.fromkeys(merged(used)), *lacking]
+    lacking = [f"% No source is stated by: {', '.join(silent)}."] if silent else []
+    return [package_entry(), *dict.fromkeys(merged(used)), *lacking]
 
 
 def merged(used: Mapping[type, str]) -> Iterator[str]:
-    """Yield the entries of plugins; a source of several is one entry, which names them all."""
+    """Yield the BibTeX entries of plugins. If several plugins have the same source, its entry lists them."""
     sources: dict[str, tuple[str, list[str]]] = {}
     for cls, title in used.items():
         if hasattr(cls, "citations"):
@@ -47,9 +47,9 @@ def entry(doi: str, before: str, titles: Iterable[str]) -> str:
     """Return the BibTeX entry of a source.
 
     Args:
-        doi: of the source.
-        before: what a docstring has before the DOI: authors, a title in quotation marks, a year.
-        titles: what it is the source of.
+        doi: DOI of the source.
+        before: text before the DOI in the docstring, with the authors, the title in quotation marks, and the year.
+        titles: names of the plugins with this source.
     """
     read = TITLED.search(before) or UNTITLED.search(before)
     known = {name: text for name, text in (read.groupdict() if read else {}).items() if text}
@@ -60,13 +60,13 @@ def entry(doi: str, before: str, titles: Iterable[str]) -> str:
     return _bibtex("misc", re.sub(r"\W+", "_", doi), known | {"doi": doi, "note": f"jerkbench: {', '.join(titles)}"})
 
 
-def own_entry() -> str:
-    """Return the entry of this package, from its citation file."""
+def package_entry() -> str:
+    """Return the BibTeX entry of this package, from its citation file."""
     from omegaconf import OmegaConf
 
     package = Path(__file__).parents[1]
-    beside, inside = package.parent / OWN_CITATION, package / OWN_CITATION
-    cited: Any = OmegaConf.to_container(OmegaConf.load(beside if beside.is_file() else inside))
+    outside, inside = package.parent / PACKAGE_CITATION, package / PACKAGE_CITATION
+    cited: Any = OmegaConf.to_container(OmegaConf.load(outside if outside.is_file() else inside))
     fields = {
         "author": " and ".join(f"{{{author['name']}}}" for author in cited["authors"]),
         "title": cited["title"],
@@ -84,14 +84,14 @@ def _plugins(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _sources(cls: type) -> Iterator[tuple[str, str]]:
-    """The DOIs of a plugin, and of those that it varies, each with the text before it."""
+    """Yield each DOI in the docstrings of a plugin and its base classes, with the text before the DOI."""
     for owner in (base for base in cls.__mro__ if base is not object and base.__doc__):
         text = " ".join(inspect.cleandoc(owner.__doc__ or "").split())
         yield from ((doi[1], text[: doi.start()]) for doi in DOI.finditer(text))
 
 
 def _authors(text: str) -> str:
-    """Names as BibTeX separates them; what stands before the first initial is a sentence's beginning."""
+    """Return the names of authors separated by "and". Text before the first initial is ignored."""
     initial = INITIAL.search(text)
     names = re.split(r",? and |, (?=[A-Z]\.)" if initial else r",? and |, ", text[initial.start() if initial else 0 :])
     return " and ".join(name.strip() for name in names)

@@ -1,28 +1,32 @@
-"""Comparison of two sets of results: what became better or worse, the gate for CI, and the output formats."""
+"""Comparison of two studies: the selected parts, the changes of a metric, the gate for CI, and the output formats."""
 
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
-from jerkbench.errors import JerkbenchError, NotComparableError
+from jerkbench.errors import JerkbenchError, NotComparableError, unknown
 from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import failure_bound
 from jerkbench.evaluation.judgement import Judgement, Verdict
 from jerkbench.files import JunitCase, junit
-from jerkbench.report.columns import checked, quantity
+from jerkbench.jobs.study import Study
+from jerkbench.renamed import new_label
+from jerkbench.report.columns import FACTORS, METHOD, checked, quantity, require_factors
 from jerkbench.report.comparisons import (
     RULE,
     MethodRuns,
-    Standing,
     VerdictRule,
     compare_runs,
     on_common_seeds,
     runs_by_combination,
 )
+from jerkbench.report.labels import DECIDING_SCORES, LABELLED_PARTS, Conditions, conditions, differing_conditions
 from jerkbench.report.table_model import factor_number, number
 from jerkbench.report.terminal import print_grid
 from jerkbench.report.writers import markdown_grid
@@ -31,24 +35,26 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-BeforeAfter = tuple[MethodRuns, MethodRuns]
-"""The runs of a combination in the first set, and in the second."""
-
+_Name = TypeVar("_Name")
+_Value = TypeVar("_Value")
 
 SINGLE_RUN_LIMIT = 10.0
-"""The gate fails if the error of any run increases by more than this factor."""
+"""The gate fails if the error of any run increases by more than this factor from the first to the second set."""
 
 
 class Change(NamedTuple):
-    """One combination in two sets of results.
+    """The change of one combination between two sets of results.
 
     Attributes:
-        first: runs of the first set; where the two sets have common seeds, the runs of these seeds.
-        second: the same for the second set.
-        judgement: second over first, at the level of all combinations; without a common seed it has no verdict.
-        rule: how it was judged.
+        first: runs of the first set. If the two sets have common seeds, ``first`` contains only the runs with these
+            seeds.
+        second: runs of the second set, reduced to the common seeds in the same way.
+        judgement: comparison of the second set with the first, corrected for the number of combinations. The verdict is
+            undecided if the two sets have no common seed.
+        rule: margin and level of the verdict.
         paired: whether the two sets have common seeds.
-        absent: runs of the first set that the second does not have, where they have common seeds.
+        absent: number of seeds of the first set that are missing in the second set, or 0 if the sets have no common
+            seed.
     """
 
     first: MethodRuns
@@ -59,36 +65,26 @@ class Change(NamedTuple):
     absent: int
 
     @property
-    def combination(self) -> Combination:
-        """Values of the six factors in the first set."""
-        return self.first.combination
-
-    @property
-    def phases(self) -> bool:
-        """Whether the seeds are phases of one recording. Phases are not independent, so they are not tested."""
-        return self.first.phases
-
-    @property
     def values(self) -> tuple[FloatArray, FloatArray]:
-        """The metric of each run in both sets, NaN where the run diverged or failed."""
-        first, second = (np.where(runs.lost, np.nan, runs.errors) for runs in (self.first, self.second))
+        """The metric of each run in the first and in the second set, or NaN for runs that diverged or failed."""
+        first, second = (np.where(runs.failed, np.nan, runs.errors) for runs in (self.first, self.second))
         return first, second
 
     @property
     def runs(self) -> tuple[int, int]:
-        """The number of runs in both sets."""
+        """The numbers of runs in the first and in the second set."""
         return len(self.first.seeds), len(self.second.seeds)
 
     @property
-    def lost(self) -> tuple[int, int]:
-        """The number of runs that diverged or failed in both sets."""
-        return int(self.first.lost.sum()), int(self.second.lost.sum())
+    def failed(self) -> tuple[int, int]:
+        """The numbers of runs that diverged or failed in the first and in the second set."""
+        return int(self.first.failed.sum()), int(self.second.failed.sum())
 
     @property
     def same(self) -> bool:
-        """Whether all values are identical."""
-        lost = self.first.lost, self.second.lost
-        return self.paired and np.array_equal(*self.values, equal_nan=True) and np.array_equal(*lost)
+        """True if the runs have the same seeds, the same values, and the same failures in both sets."""
+        failed = self.first.failed, self.second.failed
+        return self.paired and np.array_equal(*self.values, equal_nan=True) and np.array_equal(*failed)
 
     @property
     def common(self) -> int:
@@ -98,15 +94,16 @@ class Change(NamedTuple):
 
     @property
     def risen(self) -> BoolArray:
-        """Which runs increased from 0 or less, so that they have no ratio."""
+        """Mask of the runs whose metric increased from 0 or less, so that the ratio of both values is not defined."""
         first, second = self.values
         return (second > first) & (first <= 0) if self.paired else np.zeros(0, dtype=bool)
 
     def failures(self, percent: float) -> list[str]:
-        """Return why the second set fails a gate that allows an increase by ``percent``.
+        """Return the reasons why the second set fails a gate that allows an increase by ``percent``.
 
-        The same seeds are compared, so any difference is an effect of the change, and no statistics are needed. In the
-        mean an improvement counts at most `SINGLE_RUN_LIMIT` times, so that one run does not hide all others.
+        The runs of both sets have the same seeds, so any difference is an effect of the changed code, and no
+        statistical test is needed. The improvement of each run is limited to a factor of `SINGLE_RUN_LIMIT` in the
+        geometric mean. A single run therefore does not compensate increases in all other runs.
         """
         if not self.paired:
             return []
@@ -120,11 +117,13 @@ class Change(NamedTuple):
                 f"the geometric mean of {n} runs is {100 * (mean - 1):.3g} % larger than in A (allowed: {percent:g} %;"
                 f" largest increase: {np.nanmax(ratios):.4g} times, seed {self.first.seeds[np.nanargmax(ratios)]})"
             )
-        if (newly := self.second.lost & ~self.first.lost).any():
+        if (newly := self.second.failed & ~self.first.failed).any():
             where = self._seeds(newly)
-            found.append(f"{self.lost[1]} of {self.runs[1]} runs diverged or failed in B, {self.lost[0]} in A {where}")
-        elif (gone := valued[0] & ~valued[1]).any():
-            where = self._seeds(gone)
+            found.append(
+                f"{self.failed[1]} of {self.runs[1]} runs diverged or failed in B, {self.failed[0]} in A {where}"
+            )
+        elif (missing := valued[0] & ~valued[1]).any():
+            where = self._seeds(missing)
             found.append(f"{valued[1].sum()} of {self.runs[1]} runs have a value in B, {valued[0].sum()} in A {where}")
         if (ruined := ratios > SINGLE_RUN_LIMIT).any():
             found.append(
@@ -136,14 +135,13 @@ class Change(NamedTuple):
         return found
 
     def _seeds(self, where: BoolArray) -> str:
-        """Name the first seeds of some runs."""
         seeds, shown = self.first.seeds[where].tolist(), 5
         more = f" and {len(seeds) - shown} more" if len(seeds) > shown else ""
         return f"(seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds[:shown]))}{more})"
 
     @property
     def unjudged(self) -> str:
-        """Why a gate cannot judge the second set; empty if it can."""
+        """The reason why a gate cannot judge the second set, or an empty text if the gate can judge it."""
         if not self.paired:
             return "A and B have no seed in common"
         if self.absent:
@@ -152,48 +150,57 @@ class Change(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """In a few words."""
+        """The verdict on the second set against the first, as a short text."""
         if self.same:
-            return "the same to the bit"
+            return "identical"
         if not self.paired:
             return "no verdict (no common seed)"
         if self.risen.any() and not self.judgement.n:
             return "worse (it was 0)"
         if not self.common:
-            return "no run of both to compare"
-        if self.phases:
+            return "no seed has a value in both"
+        if self.first.phases:
             return "no test (phases of one recording)"
         verdict = self.judgement.verdict
-        words = {Verdict.EQUAL: self.rule.equal, Verdict.SMALL: self.rule.small}.get(verdict, verdict.value)
-        return words + (f", as {self.judgement.reason}" if self.judgement.reason else "")
+        text = {Verdict.EQUAL: self.rule.equal, Verdict.SMALL: self.rule.small}.get(verdict, verdict.value)
+        return text + (f", because {self.judgement.reason}" if self.judgement.reason else "")
 
     @property
-    def losses(self) -> str:
-        """The runs that either lost, with the bounds of their shares; nothing of phases, and without a run of both."""
-        return "" if self.phases or not self.judgement.n else self.judgement.failure_rates
+    def failure_rates(self) -> str:
+        """The failure rates and their bounds as text, empty for phases and if no seed has a value in both sets."""
+        return "" if self.first.phases or not self.judgement.n else self.judgement.failure_rates
 
 
 def changes(before: "pd.DataFrame", after: "pd.DataFrame", metric: str, rule: VerdictRule = RULE) -> list[Change]:
-    """Compare the combinations that both sets have; where each has a single one, these two, whatever they are called.
+    """Return the change of ``metric`` for each combination that both sets contain.
+
+    If each set has only one combination, these two combinations are compared even if their factors differ.
 
     Raises:
-        JerkbenchError: nothing is in both, or of this metric the lowest is not the best.
+        JerkbenchError: the sets have no common combination, or the lowest value of the metric is not the best.
     """
     if not quantity(metric).lowest_is_best:
-        raise JerkbenchError(f"Of {metric} neither the lowest nor the highest is the best; compare another metric.")
+        raise JerkbenchError(f"{metric} cannot be compared, because lower is not better; compare another metric.")
     first, second = (runs_by_combination(checked(rows, metric), metric) for rows in (before, after))
-    both = [(first[key], second[key]) for key in first if key in second]
-    if not both and len(first) == len(second) == 1:
-        both = list(zip(first.values(), second.values(), strict=True))
+    both = [(ours, theirs) for _, ours, theirs in common_pairs(first, second)]
     if not both:
-        raise NotComparableError(
-            f"No combination of the {len(first)} of the first is among the {len(second)} of the second."
-        )
+        counts = f"{len(first)} combinations of the first set, {len(second)} of the second set"
+        raise NotComparableError(f"The two sets have no combination in common ({counts}).")
     compared = compare_runs(((second, first) for first, second in both), rule)
     return [_change(two, one.judgement, rule) for two, one in zip(both, compared, strict=True)]
 
 
-def _change(two: BeforeAfter, judgement: Judgement, rule: VerdictRule) -> Change:
+def common_pairs(first: Mapping[_Name, _Value], second: Mapping[_Name, _Value]) -> list[tuple[_Name, _Value, _Value]]:
+    """Return the common names of two mappings with their values in both.
+
+    If each mapping has only one name, these two names are paired even if they differ.
+    """
+    if len(first) == len(second) == 1:
+        return list(zip(first, first.values(), second.values(), strict=True))
+    return [(name, value, second[name]) for name, value in first.items() if name in second]
+
+
+def _change(two: tuple[MethodRuns, MethodRuns], judgement: Judgement, rule: VerdictRule) -> Change:
     first, second = on_common_seeds(*two)
     if not len(first.seeds):
         return Change(*two, judgement, rule, paired=False, absent=0)
@@ -201,74 +208,59 @@ def _change(two: BeforeAfter, judgement: Judgement, rule: VerdictRule) -> Change
 
 
 def change_rows(changed: Sequence[Change], varying: Sequence[str]) -> list[list[str]]:
-    """Return a line of texts for each change: the factors, both means, the ratio, its interval, losses, the verdict."""
+    """Return a row of texts for each change: factors, both means, ratio, interval, failure rates and verdict."""
     rows = []
     for change in changed:
-        judgement, texts = change.judgement, [getattr(change.combination, key) for key in varying]
-        for values, runs, lost in zip(change.values, change.runs, change.lost, strict=True):
+        judgement, texts = change.judgement, [getattr(change.first.combination, key) for key in varying]
+        for values, runs, failed in zip(change.values, change.runs, change.failed, strict=True):
             mean = _average(values)
             text = number(mean) if math.isfinite(mean) else "n/a"
-            texts.append(f"{text} ({lost}/{runs} lost)" if lost else text)
+            texts.append(f"{text} ({failed}/{runs} failed)" if failed else text)
+        ratio, low, high = map(factor_number, (judgement.ratio, judgement.low, judgement.high))
         known = change.common and 0 < judgement.ratio < math.inf
-        interval = f"[{factor_number(judgement.low)}, {factor_number(judgement.high)}]"
-        texts += [f"×{factor_number(judgement.ratio)}" if known else ""]  # noqa: RUF001
-        texts += [interval if change.common and math.isfinite(judgement.low) else "", change.losses, change.verdict]
-        rows.append(texts)
+        interval = f"[{low}, {high}]" if change.common and math.isfinite(judgement.low) else ""
+        rows.append([*texts, f"×{ratio}" if known else "", interval, change.failure_rates, change.verdict])  # noqa: RUF001
     return rows
 
 
 def _average(values: FloatArray) -> float:
-    """The geometric mean of what is finite, as the ratio is one; arithmetic where a value has no logarithm."""
+    """Return the geometric mean of the finite values, or the arithmetic mean if any of these values is not positive."""
     known = values[np.isfinite(values)]
     if len(known) == 0:
         return math.nan
     return float(np.exp(np.mean(np.log(known)))) if (known > 0).all() else float(np.mean(known))
 
 
-# The sentences below two sets of results: how they were judged, and where others lead.
+# Notes below the table of a comparison: about the test.
 
 ON_THE_SAME = (
     "On the same seeds: at most 5 % of such sets have any wrong verdict (largest studentised mean log ratio of "
     "{count}, bootstrap over the seeds)."
 )
-NO_COMMON_SEED = (
-    "No verdict is given where the runs of A and B have no seed in common ({count}): use the same first_seed and seeds."
-)
+NO_COMMON_SEED = "Without a verdict, because A and B have no common seed ({count}): use the same first_seed and seeds."
 
 
 def notes_of_tests(changed: Iterable[Change]) -> list[str]:
-    """Return the test of the verdicts, and why there is none where the runs have no seed in common."""
-    paired = [change.paired for change in changed if not change.phases]
+    """Return notes about the significance test, and about combinations that are not tested for lack of common seeds."""
+    paired = [change.paired for change in changed if not change.first.phases]
     counts = ((ON_THE_SAME, sum(paired)), (NO_COMMON_SEED, len(paired) - sum(paired)))
-    return [words.format(count=count) for words, count in counts if count]
+    return [note.format(count=count) for note, count in counts if count]
 
 
-def other_leaders(first: Sequence[Standing], second: Sequence[Standing]) -> list[str]:
-    """Return a sentence for each scenario of both sets in which others lead in the second."""
-    before = {standing.scenario: standing.leaders for standing in first if standing.decided}
-    notes = []
-    for standing in second:
-        leaders = before.get(standing.scenario)
-        if leaders is None or not standing.decided or set(leaders) == set(standing.leaders):
-            continue
-        where = f"On {', '.join(standing.scenario)}" if standing.scenario else "In the lead"
-        notes.append(f"{where}: {', '.join(leaders)} in A, {', '.join(standing.leaders)} in B.")
-    return notes
-
-
-# The comparison as text, Markdown, JSON and JUnit.
+# Output of a comparison as a terminal table, Markdown, JSON and JUnit.
 
 
 class StudyComparison(NamedTuple):
-    """A comparison of two studies by one metric.
+    """A comparison of two studies in one metric.
 
     Attributes:
         metric: column that was compared.
-        changes: one for each combination.
-        varying: the factors in which the combinations differ.
-        notes: sentences below the numbers.
-        allowed: percent by which a combination may be worse; None without a limit.
-        failed: whether a combination is worse than allowed, or cannot be judged.
+        changes: change of the metric for each combination.
+        varying: factors in which the combinations differ.
+        notes: notes below the table.
+        allowed: limit of the gate: maximum increase of the metric [%]. If no maximum increase was requested,
+            ``allowed`` is None.
+        failed: whether the gate fails, because a combination is worse than allowed or cannot be judged.
     """
 
     metric: str
@@ -280,23 +272,23 @@ class StudyComparison(NamedTuple):
 
     @property
     def failures(self) -> list[list[str]]:
-        """Why each combination fails; empty if it passes."""
+        """For each combination, the reasons why it fails the gate. The list of a combination that passes is empty."""
         return [[] if self.allowed is None else change.failures(self.allowed) for change in self.changes]
 
     @property
     def names(self) -> list[str]:
-        """A name for each combination, of the factors that differ."""
-        factors = ([getattr(change.combination, key) for key in self.varying] for change in self.changes)
+        """The name of each combination: its values of the varying factors, or "all" if no factor varies."""
+        factors = ([getattr(change.first.combination, key) for key in self.varying] for change in self.changes)
         return [", ".join(values) or "all" for values in factors]
 
 
 def print_comparison(comparison: StudyComparison) -> None:
-    """Print the comparison in the terminal."""
+    """Print the comparison of two studies as a table in the terminal."""
     print_grid(*_grid(comparison))
 
 
 def comparison_json(comparison: StudyComparison) -> str:
-    """Return the comparison as JSON, with null for numbers that are not finite."""
+    """Return the comparison as JSON. Means, ratios and interval ends that are not finite become null."""
     content = {
         "metrics": [comparison.metric],
         "ok": not comparison.failed,
@@ -311,11 +303,11 @@ COMPARISON_WRITERS: Mapping[str, Callable[[StudyComparison], str]] = {
     "json": comparison_json,
     "junit": lambda comparison: junit(f"jerkbench compare {comparison.metric}", list(_cases(comparison))),
 }
-"""Formats that are text."""
+"""Functions that return a comparison as text, by format."""
 
 
 def _grid(comparison: StudyComparison) -> tuple[str, list[str], list[list[str]], Sequence[str]]:
-    header = [*comparison.varying, "A", "B", "B/A", "95 %", "losses", ""]
+    header = [*comparison.varying, "A", "B", "B/A", "95 %", "failures", ""]
     rows = change_rows(comparison.changes, comparison.varying)
     for row, failures in zip(rows, comparison.failures, strict=True):
         row[-1] += ", fails" if failures else ""
@@ -329,11 +321,11 @@ def _records(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
         numbers |= {"ratio": judgement.ratio, "low": judgement.low, "high": judgement.high}
         yield {
             "metric": comparison.metric,
-            "combination": change.combination._asdict(),
+            "combination": change.first.combination._asdict(),
             **{name: float(value) if math.isfinite(value) else None for name, value in numbers.items()},
             "runs": list(change.runs),
-            "lost": list(change.lost),
-            "lost_up_to": list(map(failure_bound, change.lost, change.runs)),
+            "lost": list(change.failed),
+            "lost_up_to": list(map(failure_bound, change.failed, change.runs)),
             "verdict": change.verdict,
             "allowed_percent": comparison.allowed,
             "worse": None if comparison.allowed is None else bool(failures),
@@ -347,9 +339,123 @@ def _cases(comparison: StudyComparison) -> Iterator[JunitCase]:
     for change, row, name, failures in zip(
         comparison.changes, rows, comparison.names, comparison.failures, strict=True
     ):
-        a, b, ratio, interval, lost, verdict = row[-6:]
-        sentence = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}{f'; {lost}' if lost else ''}."
-        said = [f"{sentence} It fails: {failure}." for failure in failures]
+        a, b, ratio, interval, failed, verdict = row[-6:]
+        summary = f"A has {a}, B has {b}: {ratio} {interval}, {verdict}{f'; {failed}' if failed else ''}."
+        said = [f"{summary} It fails: {failure}." for failure in failures]
         if comparison.allowed is not None and change.unjudged:
-            said.append(f"{sentence} It cannot be judged: {change.unjudged}.")
-        yield JunitCase(comparison.metric, name, tuple(said), () if said else (sentence,))
+            said.append(f"{summary} It cannot be judged: {change.unjudged}.")
+        yield JunitCase(comparison.metric, name, tuple(said), () if said else (summary,))
+
+
+# Selection of the parts of two studies to compare, as on the command line (``results/a:jerk+mtf``).
+
+COMPARED = tuple(part for part in LABELLED_PARTS if part not in DECIDING_SCORES)
+"""Parts whose parameters may differ between two studies that are compared."""
+
+
+def named_study(argument: str) -> tuple[Path, Mapping[str, str]]:
+    """Parse ``FOLDER`` or ``FOLDER:FILTER+ADAPTATION+NOISE``. A part ``FACTOR=VALUE`` selects a value of any factor.
+
+    Returns:
+        The folder of the study, and the selected value of each factor. An argument without a method selects no values.
+
+    Raises:
+        JerkbenchError: a factor is unknown or occurs twice, or the name of the method has too many parts.
+    """
+    folder, colon, method = argument.rpartition(":")
+    if not (colon and folder and method) or set(method) & {"/", "\\"} or Path(argument).exists():
+        return Path(argument), {}
+    selection: dict[str, str] = {}
+    for position, part in enumerate(method.split("+")):
+        factor, equals, value = part.partition("=")
+        if not equals:
+            if position >= len(METHOD):
+                raise JerkbenchError(
+                    f"'{argument}' has more names than {', '.join(METHOD)}; write FACTOR=VALUE for another factor."
+                )
+            factor, value = METHOD[position], part
+        require_factors([factor])
+        if factor in selection:
+            raise JerkbenchError(f"'{argument}' contains two values of the {factor}; give only one value.")
+        selection[factor] = new_label(factor, value)
+    return Path(folder), selection
+
+
+def selected(study: Study, selection: Mapping[str, str]) -> Study:
+    """Return the part of a study with the selected values of factors.
+
+    Raises:
+        JerkbenchError: no combination of the study has all selected values.
+    """
+    for factor, value in selection.items():
+        values = study.rows[factor].astype(str)
+        if value not in set(values):
+            raise JerkbenchError(f"{study.folder}: {unknown(factor, value, sorted(set(values)))}")
+        study = study.only(study.keys[(values == value).to_numpy()])
+    return study
+
+
+def with_names_of(first: Study, second: Study, selection: Mapping[str, str]) -> tuple[Study, list[str]]:
+    """Return ``second`` with the selected factors renamed as in ``first``, and a note about the renaming.
+
+    Args:
+        first: study whose values of the selected factors are used.
+        second: study whose values of the selected factors are replaced.
+        selection: selected values of factors in either study. If the selection is empty, nothing is renamed.
+
+    Raises:
+        JerkbenchError: a study has several values of a selected factor.
+    """
+    factors = [factor for factor in FACTORS if factor in selection]
+    names, second_names = ({factor: _only_value(study, factor) for factor in factors} for study in (first, second))
+    a, b = (" + ".join(several.values()) for several in (names, second_names))
+    notes = [f"{b} of B is compared with {a} of A, and has the name of A here."] if selection else []
+    return replace(second, rows=second.rows.assign(**names)), notes
+
+
+def _only_value(study: Study, factor: str) -> str:
+    values = sorted(set(study.rows[factor].astype(str)))
+    if len(values) > 1:
+        raise JerkbenchError(
+            f"{study.folder} has {len(values)} values of the {factor}: {', '.join(values)}. Select one value,"
+            f" for example {study.folder}:{factor}={values[0]}."
+        )
+    return values[0]
+
+
+def require_alike(first: Study, second: Study) -> None:
+    """Check that the common combinations of two studies have the same data, protocol and engine.
+
+    Raises:
+        NotComparableError: common combinations differ in their conditions, or a study with mixed conditions has no
+            common combination. The error message lists the differences.
+    """
+    shared = list(_shared(first, second))
+    mixed = [f"In {study.folder}: {difference}" for study in (first, second) for difference in study.unlike]
+    if mixed and not shared:
+        raise NotComparableError(f"{first.folder} and {second.folder} have no combination in common. {' '.join(mixed)}")
+    unlike = {name: differing for name, a, b in shared if (differing := differing_conditions(a, b, DECIDING_SCORES))}
+    if not unlike:
+        return
+    conditions = " and ".join(dict.fromkeys(name for names in unlike.values() for name in names))
+    raise NotComparableError(
+        f"{first.folder} and {second.folder} were run under different conditions and cannot be compared. {len(unlike)}"
+        f" combinations differ in {conditions}, for example {', '.join(next(iter(unlike)))}. Run both studies again"
+        " under the same conditions."
+    )
+
+
+def other_methods(first: Study, second: Study) -> list[str]:
+    """Return at most one sentence, which lists the parameters that differ between methods of the same name."""
+    names = [name for _, a, b in _shared(first, second) for name in differing_conditions(a, b, COMPARED)]
+    return [f"A and B differ in {', '.join(dict.fromkeys(names))}."] if names else []
+
+
+def _shared(first: Study, second: Study) -> Iterator[tuple[Combination, Conditions, Conditions]]:
+    """Yield the common combinations of two studies with their conditions in both studies.
+
+    If each study has only one combination, these two combinations are paired even if their factors differ.
+    """
+    jobs = [{Combination(**of): study.metadata[key] for key, of in study.labels.items()} for study in (first, second)]
+    for name, a, b in common_pairs(*jobs):
+        yield name, conditions(a), conditions(b)

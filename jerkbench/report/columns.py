@@ -1,4 +1,4 @@
-"""The columns of a study's rows: quantities with their units, factors, references, and checks of both."""
+"""The columns of the rows of a study: metrics with their units, factors, reference methods, and checks."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
@@ -28,87 +28,99 @@ _UNITS = {
     "db": "dB",
     "percent": "%",
 }
-"""Last part of a column's name, and the unit that it stands for."""
+"""The unit for each last part of a column name."""
 
 STEP = Column("Time a step: one run alone, the quickest of five")
-"""The column that `jerkbench.jobs.replay` adds."""
+"""Description of the column step_ns, which `jerkbench.jobs.replay` adds."""
 
-_WORDS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
-"""Parts of column names that are not plain words."""
+_SPELLINGS = {"rmse": "RMSE", "anees": "ANEES", "anis": "ANIS", "max": "maximum"}
+"""Spelling of abbreviations in column names, for titles."""
 
 
 def declared() -> Mapping[str, Column]:
-    """Return how columns are read, by their names, as the metrics say."""
+    """Return the descriptions of all columns that metrics declare, by the name of the column."""
     return _declared(tuple(plugins.get("metric", name) for name in plugins.names("metric")))
 
 
 @cache
 def _declared(metrics: tuple[type, ...]) -> Mapping[str, Column]:
-    """Of a column that two metrics explain ours counts."""
-    each = (getattr(metric, "columns", {}) for metric in sorted(metrics, key=plugins.is_own))
+    """Return the description of each column.
+
+    If two metrics declare the same column, a builtin metric has precedence.
+    """
+    each = (getattr(metric, "columns", {}) for metric in sorted(metrics, key=plugins.is_builtin))
     return {name: of for columns in each for name, of in columns.items()} | {"step_ns": STEP}
 
 
 def quantity(column: str) -> Column:
-    """Return how a column is read, with title and unit; names that no metric explains speak for themselves.
+    """Return the description of a column. A title or unit that is not declared is derived from the name of the column.
 
     >>> quantity("position_rmse_up_m").heading
     'Position RMSE up [m]'
     """
     stem, _, last = column.rpartition("_")
     unit = _UNITS.get(last, "") if stem else ""
-    words = [_WORDS.get(word, word) for word in (stem if unit else column).split("_")]
-    plain, of = " ".join(words), declared().get(column, Column())
+    parts = [_SPELLINGS.get(part, part) for part in (stem if unit else column).split("_")]
+    plain, of = " ".join(parts), declared().get(column, Column())
     return of._replace(title=of.title or plain[:1].upper() + plain[1:], unit=of.unit or unit)
 
 
-# The factors of a study in a table: those of its rows, those of its columns, and those that are alike everywhere.
+# The layout of a table: each factor of a study defines the rows, defines the columns, or is constant.
 
 
 FACTORS = Combination._fields
 
 METHOD = ("filter", "adaptation", "noise")
-"""What a method is made of, unless one says otherwise; the other factors make a scenario."""
+"""Factors that define a method by default. The other factors define the scenario."""
+
+MAIN = "position_rmse_m"
+"""The default metric of a table."""
 
 SCENARIO_FACTORS = ("dataset", "disturbance", "attitude")
-"""What methods are compared on."""
+"""Factors that define a scenario by default."""
 
 
 def require_factors(keys: Iterable[str]) -> None:
-    """Raise a JerkbenchError unless each of ``keys`` is a factor."""
+    """Check that all ``keys`` are names of factors.
+
+    Raises:
+        JerkbenchError: a key is not a factor.
+    """
     for key in keys:
         require_known("factor", key, FACTORS, JerkbenchError)
 
 
 def parse_method(text: str) -> tuple[str, ...]:
-    """Read ``factor,factor``.
+    """Parse ``factor,factor``.
 
     Raises:
-        JerkbenchError: there is no such factor, or none.
+        JerkbenchError: a factor is unknown, or the text is empty.
     """
-    keys = tuple(word.strip() for word in text.split(",") if word.strip())
+    keys = tuple(part.strip() for part in text.split(",") if part.strip())
     require_factors(keys)
     if not keys:
-        raise JerkbenchError("A method is made of at least one factor, for example filter,adaptation,noise.")
+        raise JerkbenchError("No factor of the method is given; give one or more, for example filter,adaptation,noise.")
     return keys
 
 
 def layout(
     rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the factors of the rows and of the columns.
+    """Return the factors that define the rows and the factors that define the columns of a table.
 
-    A factor that varies and is not asked for becomes one of the rows: unlike runs are never averaged. The columns for
-    which none is asked are the adaptation (or the filter); the attitude, where it alone of the three varies.
+    A varying factor that is not requested becomes a factor of the rows, so that different combinations are never
+    averaged. By default, the columns are the adaptations. If the adaptation is a requested row factor, the columns are
+    the filters. If the attitude varies, but neither the adaptation nor the filter varies, the columns are the
+    attitudes.
 
     Raises:
-        JerkbenchError: a key that is no factor, or one that is asked for twice.
+        JerkbenchError: a key is not a factor, or a factor is requested twice.
     """
     keys = [*(row_keys or ()), *(column_keys or ())]
     require_factors(keys)
     for key in keys:
         if keys.count(key) > 1:
-            raise JerkbenchError(f"The factor '{key}' is asked for twice; it can be a row or a column, once.")
+            raise JerkbenchError(f"The factor '{key}' is given twice; it can be a row or a column, not both.")
     varying = [key for key in FACTORS if len(rows[key].unique()) > 1]
     if column_keys is None:
         free = [key for key in ("adaptation", "filter") if key not in keys]
@@ -121,34 +133,26 @@ def layout(
 
 
 def numbers_of_rows(rows: "pd.DataFrame", keys: Sequence[str]) -> dict[tuple[str, ...], IntArray]:
-    """Return for each combination of ``keys`` the numbers of its rows, in the order in which they appear."""
+    """Return the row numbers of each combination of values of the factors ``keys``, in order of first appearance."""
     groups: dict[tuple[str, ...], list[int]] = {}
     for number, key in enumerate(zip(*(rows[key].tolist() for key in keys), strict=True)):
         groups.setdefault(key, []).append(number)
     return {key: np.array(group) for key, group in groups.items()}
 
 
-def constants(rows: "pd.DataFrame", placed: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """Return the factors that are neither rows nor columns, each with its one value."""
-    if len(rows) == 0:
-        return ()
-    used = set(placed)
-    return tuple((key, str(rows[key].iloc[0])) for key in FACTORS if key not in used)
-
-
-# Combinations that stand in a study as a reference and compete with nobody.
+# Reference methods, which do not compete with the other methods of a study.
 
 ORACLE, GNSS_ONLY = "oracle", "gnss_only"
 
-WHY = {"adaptation": {ORACLE: "is told the true covariance"}, "filter": {GNSS_ONLY: "is the floor, without an IMU"}}
-"""Factor -> label without its parameters -> why it does not compete."""
+WHY = {"adaptation": {ORACLE: "uses the true covariance"}, "filter": {GNSS_ONLY: "uses no IMU"}}
+"""For each factor, the labels (without parameters) of reference methods, and the reason why they do not compete."""
 
-TOLD_ATTITUDE = "reference"
-"""This attitude is the reference's own; it makes a scenario, and competes with no other attitude."""
+REFERENCE_ATTITUDE = "reference"
+"""Label of the attitude taken from the reference. It may define a scenario, but does not compete with estimates."""
 
 
 def competes(values: Mapping[str, str]) -> bool:
-    """Whether a combination can be the best, by the labels of some of its factors.
+    """Return False for a reference method, which does not compete. ``values`` are the labels of some factors.
 
     >>> competes({"filter": "jerk", "adaptation": "oracle"})
     False
@@ -156,61 +160,65 @@ def competes(values: Mapping[str, str]) -> bool:
     return not any(_name(values.get(factor, "")) in references for factor, references in WHY.items())
 
 
-def standing_apart(labels: Mapping[str, set[str]]) -> str:
-    """Return a sentence about those that are among the labels of each factor; empty where none is."""
-    apart = [
+def references_note(labels: Mapping[str, set[str]]) -> str:
+    """Return a sentence that lists the reference methods among the labels, or an empty text without such a method."""
+    notes = [
         f"{name} ({why})"
         for factor, references in WHY.items()
         for name, why in references.items()
         if name in {_name(label) for label in labels.get(factor, ())}
     ]
-    return f"{' and '.join(apart)} {'do' if len(apart) > 1 else 'does'} not compete." if apart else ""
+    return f"{' and '.join(notes)} {'do' if len(notes) > 1 else 'does'} not compete." if notes else ""
 
 
 def _name(label: str) -> str:
     return label.partition("(")[0]
 
 
-# Rows of runs: which columns are metrics, and whether they can be tabulated.
+# Rows of runs: the columns with metrics, and checks before a table is created.
 
 _IDENTITY = (*FACTORS, *RUN_COLUMNS)
 """Columns of a row that are not metrics."""
 
 
 def metric_columns(rows: "pd.DataFrame") -> list[str]:
-    """Return the columns that hold metrics: numbers that are neither part of a row's identity nor what was drawn."""
+    """Return the columns with metrics: numeric columns except labels, run columns and drawn parameters."""
     numbers = rows.select_dtypes("number").columns
     return [str(column) for column in numbers if column not in _IDENTITY and not str(column).startswith(DRAWN)]
 
 
 def checked(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
-    """Return a copy with the factors as text and the metric as `with_metric` has it."""
+    """Return a copy of the rows with the factors as text and with the column of the metric (`with_metric`)."""
     return with_text_factors(with_metric(rows, metric))
 
 
 def with_metric(rows: "pd.DataFrame", metric: str) -> "pd.DataFrame":
-    """Return ``rows`` with a column of the metric, which is missing only where no run went well.
+    """Return ``rows`` with the column of the metric. If no run has a value, a column of NaN is added.
 
     Raises:
-        JerkbenchError: there is no such metric; what tells rows apart, and text, is none.
+        JerkbenchError: the metric is a label of the rows, or the metric is unknown although a run succeeded.
     """
     if metric in metric_columns(rows):
         return rows
-    empty = metric not in _IDENTITY and metric in rows.columns and rows[metric].isna().all()  # no run has a value
+    empty = metric not in _IDENTITY and metric in rows.columns and rows[metric].isna().all()
     if not empty and (metric in _IDENTITY or (rows["status"] == "ok").any()):
         raise JerkbenchError(unknown("metric", metric, metric_columns(rows)))
     return rows.assign(**{metric: np.nan})
 
 
 def with_text_factors(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return a copy with the factors as text; no combination may have a seed twice."""
+    """Return a copy of the rows with the factors as text.
+
+    Raises:
+        JerkbenchError: two rows have the same combination and seed.
+    """
     rows = rows.assign(**{key: rows[key].astype(str) for key in FACTORS})
     repeated = rows[rows.duplicated([*FACTORS, "seed"])]
     if len(repeated):
         first = repeated.iloc[0]
         names = ", ".join(f"{key} {first[key]}" for key in FACTORS)
         raise JerkbenchError(
-            f"{len(repeated)} rows repeat a combination and seed, first {names}, seed {first['seed']}; "
-            "give combinations with different parameters different names, or keep one row of each."
+            f"{len(repeated)} rows repeat the combination and seed of another row, first {names}, seed {first['seed']}."
+            " Give different names to combinations with different parameters, or remove the repeated rows."
         )
     return rows

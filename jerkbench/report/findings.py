@@ -1,6 +1,7 @@
-"""What a study says in sentences: the answer, every two methods over all scenarios, the comparisons with baselines."""
+"""Generated text about a study: its main result, pairs of methods over all scenarios, comparisons with baselines."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -8,7 +9,7 @@ from jerkbench.evaluation.evaluated_run import Combination
 from jerkbench.evaluation.intervals import OUTLIER_FACTOR, failures_text, up_to
 from jerkbench.evaluation.judgement import BY_FAILURES, DEFEATS, WINS, Judgement, Verdict
 from jerkbench.report.columns import FACTORS
-from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, leads, losses_range
+from jerkbench.report.comparisons import UNTESTED, Comparison, Standing, failures_range
 from jerkbench.report.study_verdicts import StudyVerdicts
 from jerkbench.report.table_model import factor_number, number
 
@@ -17,42 +18,47 @@ if TYPE_CHECKING:
 
 
 _FAILED = f"failed or with over {OUTLIER_FACTOR:g} times the error"
-"""The failures of a run, in words."""
+"""Text about the runs that count as failures."""
 
-ALL_LOST = math.log(100.0)
-"""A method that loses every run, beside one that loses none, weighs as much as one that is 100 times worse."""
+LOG_RATIO_ALL_FAILED = math.log(100.0)
+"""Size of a difference if all runs of one method and no run of the other method failed. It equals a ratio of 100."""
 
 
 def certain_size(judgement: Judgement) -> float:
-    """Return what is certain of a difference: the log ratio at that end of its interval that is nearest to none."""
+    """Return the certain part of a significant difference: the smallest absolute log ratio in the interval.
+
+    If the verdict is about failure rates, the result is proportional to the difference of the failure rates. If the
+    difference is not significant, the result is 0.
+    """
     if judgement.verdict in BY_FAILURES:
-        return ALL_LOST * abs(judgement.failures[0] - judgement.failures[1]) / judgement.n
+        return LOG_RATIO_ALL_FAILED * abs(judgement.failures[0] - judgement.failures[1]) / judgement.n
     if judgement.verdict not in {Verdict.BETTER, Verdict.WORSE}:
         return 0.0
     ends = (abs(math.log(end)) for end in (judgement.low, judgement.high) if 0 < end < math.inf)
-    return min(ends, default=ALL_LOST)  # the median run of one is lost: no size, and nothing uncertain
+    return min(ends, default=LOG_RATIO_ALL_FAILED)  # the median run of one method failed, so no ratio is defined
 
 
 def size_text(judgement: Judgement) -> str:
-    """Say how large a difference is that was shown."""
+    """Return text with the size of a significant difference, such as "2.0 times better, 95 % 1.9 to 2.1"."""
     if judgement.verdict in BY_FAILURES:
         ours, theirs = judgement.failures
         return f"{ours} of {judgement.n} runs {_FAILED} against {theirs}"
     better = judgement.verdict is Verdict.BETTER
-    seen, word = (judgement.swapped, "better") if better else (judgement, "worse")
+    seen, direction = (judgement.swapped, "better") if better else (judgement, "worse")
     if not 0 < seen.ratio < math.inf:
-        return f"{word}, as the median run of the one is lost"
+        return f"{direction}, because the median run of one method failed"
     interval = "" if math.isnan(seen.low) else f", 95 % {factor_number(seen.low)} to {factor_number(seen.high)}"
-    return f"{factor_number(seen.ratio)} times {word}{interval}"
+    return f"{factor_number(seen.ratio)} times {direction}{interval}"
 
 
-class Duel(NamedTuple):
-    """Two methods over all scenarios that have both.
+class MethodPair(NamedTuple):
+    """The comparisons of two methods in all scenarios that contain both methods.
 
     Attributes:
-        ours: name of the first, which beats the second at least as often as it is beaten.
-        theirs: name of the second.
-        rounds: of each scenario its name (empty where there is only one), and the judgement of the first.
+        ours: name of the first method.
+        theirs: name of the second method.
+        rounds: name of each scenario, and the judgement of the first method against the second method in this scenario.
+            The name of a single scenario is empty.
     """
 
     ours: str
@@ -60,51 +66,55 @@ class Duel(NamedTuple):
     rounds: tuple[tuple[str, Judgement], ...]
 
     @property
-    def won(self) -> int:
-        """In how many the first beats the second."""
+    def wins(self) -> int:
+        """The number of scenarios in which the first method is significantly better."""
         return sum(judgement.verdict in WINS for _, judgement in self.rounds)
 
     @property
-    def lost(self) -> int:
-        """In how many the second beats the first."""
+    def defeats(self) -> int:
+        """The number of scenarios in which the second method is significantly better."""
         return sum(judgement.verdict in DEFEATS for _, judgement in self.rounds)
 
     @property
     def certain_size(self) -> float:
-        """The mean over the scenarios of what is certain of the difference."""
+        """The mean of the function `certain_size` over the scenarios."""
         return sum(certain_size(judgement) for _, judgement in self.rounds) / len(self.rounds)
 
     @property
-    def turned(self) -> "Duel":
-        """The same with the second as the first."""
-        return Duel(self.theirs, self.ours, tuple((name, judgement.swapped) for name, judgement in self.rounds))
+    def swapped(self) -> "MethodPair":
+        """The pair with the two methods swapped."""
+        return MethodPair(self.theirs, self.ours, tuple((name, judgement.swapped) for name, judgement in self.rounds))
 
 
-def duels(standings: Iterable[Standing]) -> list[Duel]:
-    """Return every two methods that were compared, over all scenarios; phases of one recording are no test."""
+def method_pairs(standings: Iterable[Standing]) -> list[MethodPair]:
+    """Return each pair of methods that was tested in any scenario.
+
+    The phases of one recording are not tested for significance. The first method of a pair is significantly better in
+    at least as many scenarios as the second method.
+    """
     rounds: dict[tuple[str, str], list[tuple[str, Judgement]]] = {}
     for standing in standings:
         for pair in standing.tested:
             names = standing.name(pair.subject), standing.name(pair.baseline)
             if names[::-1] in rounds:
-                names, pair = names[::-1], pair.turned  # noqa: PLW2901 - the same pair, as the other method sees it
+                names, pair = names[::-1], pair.swapped  # noqa: PLW2901 - the same pair, as the other method sees it
             rounds.setdefault(names, []).append((", ".join(standing.scenario), pair.judgement))
-    pairings = [Duel(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
-    return [duel.turned if duel.lost > duel.won else duel for duel in pairings]
+    pairings = [MethodPair(ours, theirs, tuple(seen)) for (ours, theirs), seen in rounds.items()]
+    return [pair.swapped if pair.defeats > pair.wins else pair for pair in pairings]
 
 
-# The answer of a study: a title that says who won and by how much, and what it rests on in up to three sentences.
+# The main result of a study: a title with the best method, and up to three sentences.
 
 _NAMED = 3
-"""So many leaders are named."""
+"""Maximum number of methods or scenarios that a sentence lists."""
 
 
 class Answer(NamedTuple):
-    """What a study says about its methods.
+    """The main result of a study.
 
     Attributes:
-        title: who won, and by how much.
-        sentences: where, where not, and over how many runs.
+        title: text with the best method and the ratio by which it is better.
+        sentences: sentences about scenarios with and without significant differences, and about the number of seeds.
     """
 
     title: str
@@ -112,84 +122,68 @@ class Answer(NamedTuple):
 
 
 def answer(standings: Sequence[Standing]) -> Answer:
-    """Return what a study says about its methods, over all its scenarios."""
+    """Return the main result of a study over all its scenarios."""
     tested = [standing for standing in standings if standing.tested]
     if not tested:
         if not any(len(standing.rivals) > 1 for standing in standings):
-            return Answer("There is one method, and nothing to compare it with.")
+            return Answer("The study has only one method, so no methods are compared.")
         many = not any(standing.comparisons for standing in standings)
-        return Answer("Who leads is not tested: there are too many pairs of methods." if many else UNTESTED)
-    methods = {standing.name(rival) for standing in tested for rival in standing.rivals}
-    said = _of_two(tested) if len(methods) == 2 else _of_many(tested, len(methods))
+        return Answer("The best method is not tested: there are too many pairs of methods." if many else UNTESTED)
+    said = _of_methods(tested, len({standing.name(rival) for standing in tested for rival in standing.rivals}))
     judgements = [pair.judgement for standing in tested for pair in standing.tested]
     low, high = (of(judgement.n for judgement in judgements) for of in (min, max))
     seeds = f"{low}" if low == high else f"{low} to {high}"
-    basis = f"Each comparison uses {seeds} seeds; {losses_range(judgements)}."
+    basis = f"Each comparison uses {seeds} seeds; {failures_range(judgements)}."
     return Answer(said.title, (*said.sentences, basis))
 
 
-def _of_two(tested: Sequence[Standing]) -> Answer:
-    (duel,) = duels(tested)
-    both = f"{duel.ours} and {duel.theirs}"
-    if len(duel.rounds) > 1:
-        shown = f"{duel.ours} beats {duel.theirs} in {duel.won} of {len(duel.rounds)} scenarios"
-        title = shown if duel.won + duel.lost else _no_difference(both, tested)
-        return Answer(title, (duel_sentence(duel),))
-    ((_, judgement),) = duel.rounds
-    if judgement.verdict is Verdict.EQUAL:
-        return Answer(f"{both} are {tested[0].tested[0].rule.equal}")
-    if judgement.verdict is Verdict.SMALL:
-        return Answer(f"{both} {tested[0].tested[0].rule.small}")
-    if judgement.verdict is Verdict.UNDECIDED:
-        return Answer(_no_difference(both, tested))
-    return Answer(f"{duel.ours} beats {duel.theirs}: {size_text(judgement)}")
-
-
-def _no_difference(both: str, tested: Sequence[Standing]) -> str:
-    pairs = [pair for standing in tested for pair in standing.tested]
-    than = f"of more than {100 * pairs[0].rule.margin:g} % " * any(pair.verdict is Verdict.SMALL for pair in pairs)
-    return f"No difference {than}between {both} was shown"
-
-
-def _of_many(tested: Sequence[Standing], methods: int) -> Answer:
+def _of_methods(tested: Sequence[Standing], methods: int) -> Answer:
     decided = [standing for standing in tested if standing.decided]
     if not decided:
         verdicts, rule = {pair.verdict for standing in tested for pair in standing.tested}, tested[0].tested[0].rule
         if verdicts <= {Verdict.EQUAL, Verdict.SMALL}:
-            return Answer(f"All {methods} methods {rule.small if Verdict.SMALL in verdicts else f'are {rule.equal}'}")
+            every = "Both" if methods == 2 else f"All {methods}"
+            return Answer(f"{every} methods {rule.small if Verdict.SMALL in verdicts else f'are {rule.equal}'}")
         where = f" in any of {len(tested)} scenarios" if len(tested) > 1 else ""
-        return Answer(f"None of {methods} methods was shown to beat another{where}")
-    (alone, shared), reference = leads(decided), reference_method(tested)
-    names = {**alone, **shared}
-    won, tied = max((alone[name], shared[name]) for name in names)
+        return Answer(f"None of {methods} methods is significantly better than another{where}")
+    sole, shared, reference = Counter[str](), Counter[str](), reference_method(tested)
+    for standing in decided:  # scenarios in which a method is the only best method, and one of several best methods
+        (sole if len(standing.leaders) == 1 else shared).update(standing.leaders)
+    names = {**sole, **shared}
+    won, tied = max((sole[name], shared[name]) for name in names)
     compared = [against(standing, reference) for standing in tested]
     leaders = sorted(
-        (name for name in names if (alone[name], shared[name]) == (won, tied)),
+        (name for name in names if (sole[name], shared[name]) == (won, tied)),
         key=lambda name: mean_log_ratio(compared, name),
     )
     ending = "s" if len(leaders) == 1 else ""
     of = f" in {{}} of {len(tested)} scenarios" if len(tested) > 1 else ""
-    verbs = [f"lead{ending}{of.format(won)}"] * bool(won) + [f"share{ending} the lead{of.format(tied)}"] * bool(tied)
-    title = f"Of {methods} methods, {_named(leaders)} {' and '.join(verbs)}"
-    duel = next((duel for duel in duels(tested) if {duel.ours, duel.theirs} == {leaders[0], reference}), None)
+    claims = [f"lead{ending}{of.format(won)}"] * bool(won) + [f"share{ending} the lead{of.format(tied)}"] * bool(tied)
+    title = f"Of {methods} methods, {_named(leaders)} {' and '.join(claims)}"
+    both = {leaders[0], reference}
+    method_pair = next(
+        (pair for pair in method_pairs(tested) if methods == 2 or {pair.ours, pair.theirs} == both), None
+    )
     undecided = [", ".join(standing.scenario) for standing in tested if not standing.decided]
-    sentences = [f"No difference between methods was shown on {_named(undecided)}."] if undecided else []
-    if duel and duel.won + duel.lost:
-        duel = duel if duel.ours == leaders[0] else duel.turned
-        better = [judgement for _, judgement in duel.rounds if judgement.verdict is Verdict.BETTER]
+    sentences = [f"No significant difference between methods on {_named(undecided)}."] if undecided else []
+    if method_pair and method_pair.wins + method_pair.defeats:
+        method_pair = method_pair if method_pair.ours == leaders[0] else method_pair.swapped
+        better = [judgement for _, judgement in method_pair.rounds if judgement.verdict is Verdict.BETTER]
         times = max(better, key=certain_size).swapped.ratio if better else math.inf
         if 0 < times < math.inf:
-            who = " and is" if len(leaders) == 1 and len(verbs) == 1 else f"; {duel.ours} is"
-            up_to = "up to " if len(duel.rounds) > 1 else ""
-            title += f"{who} {up_to}{factor_number(times)} times better than {duel.theirs}"
-        sentences = [duel_sentence(duel), *sentences]
+            who = " and is" if len(leaders) == 1 and len(claims) == 1 else f"; {method_pair.ours} is"
+            up_to = "up to " if len(method_pair.rounds) > 1 else ""
+            title += f"{who} {up_to}{factor_number(times)} times better than {method_pair.theirs}"
+        sentences = [pair_finding(method_pair), *sentences]
     return Answer(title, tuple(sentences))
 
 
 def reference_method(tested: Iterable[Standing]) -> str:
-    """Return the method that others are held against.
+    """Return the name of the method with which the other methods are compared.
 
-    Of those that most scenarios have: the baseline without adaptation, else the first without, else the first.
+    Only methods that occur in the largest number of scenarios are considered. If the filter ``baseline`` without
+    adaptation is one of these methods, its name is returned. Otherwise the function returns the first method without
+    adaptation, or the first method if every method has an adaptation.
     """
     names: dict[str, list[Combination]] = {}
     for standing in tested:
@@ -205,41 +199,41 @@ def reference_method(tested: Iterable[Standing]) -> str:
 
 
 def against(standing: Standing, reference: str) -> dict[str, Comparison]:
-    """Return each method's comparison with the reference in a scenario."""
+    """Return the comparison of each method with the reference method in one scenario, by the name of the method."""
     of: dict[str, Comparison] = {}
     for pair in standing.tested:
         ours, theirs = standing.name(pair.subject), standing.name(pair.baseline)
         if theirs == reference:
             of[ours] = pair
         elif ours == reference:
-            of[theirs] = pair.turned
+            of[theirs] = pair.swapped
     return of
 
 
 def mean_log_ratio(compared: Iterable[Mapping[str, Comparison]], name: str) -> float:
-    """Return the mean over scenarios of a method's log ratio to the reference: 0 of that, infinite where it is lost."""
+    """Return the mean log ratio of a method to the reference method, or infinity if a median run of it failed."""
     ratios = [of[name].judgement.ratio for of in compared if name in of]
     return sum(math.log(ratio) if ratio > 0 else 0.0 for ratio in ratios) / max(1, len(ratios))
 
 
-def duel_sentence(duel: Duel) -> str:
-    """Say in how many scenarios each verdict holds, and where it is most certain.
+def pair_finding(method_pair: MethodPair) -> str:
+    """Return text with the number of scenarios for each verdict, and the scenario with the most certain difference.
 
-    For example "jerk against baseline: better in 2 of 3 scenarios (most on none: 2.0 times better, 95 % 1.9 to 2.1);
+    An example is "jerk against baseline: better in 2 of 3 scenarios (most on none: 2.0 times better, 95 % 1.9 to 2.1);
     undecided in 1."
     """
-    told: list[str] = []
-    for verdict, words in _WORDS.items():
-        rounds = [(name, judgement) for name, judgement in duel.rounds if judgement.verdict is verdict]
+    parts: list[str] = []
+    for verdict, text in _VERDICT_TEXTS.items():
+        rounds = [(name, judgement) for name, judgement in method_pair.rounds if judgement.verdict is verdict]
         if rounds:
-            of = f" of {len(duel.rounds)} scenarios" if not told and len(duel.rounds) > 1 else ""
+            of = f" of {len(method_pair.rounds)} scenarios" if not parts and len(method_pair.rounds) > 1 else ""
             name, largest = max(rounds, key=lambda one: certain_size(one[1]))
             most = f"{'most ' if len(rounds) > 1 else ''}on {name}: {size_text(largest)}"
-            told.append(f"{words} in {len(rounds)}{of}{f' ({most})' if certain_size(largest) else ''}")
-    return f"{duel.ours} against {duel.theirs}: {'; '.join(told)}."
+            parts.append(f"{text} in {len(rounds)}{of}{f' ({most})' if certain_size(largest) else ''}")
+    return f"{method_pair.ours} against {method_pair.theirs}: {'; '.join(parts)}."
 
 
-_WORDS = {
+_VERDICT_TEXTS = {
     Verdict.BETTER: "better",
     Verdict.FEWER_FAILED: "failing in fewer runs",
     Verdict.WORSE: "worse",
@@ -248,69 +242,61 @@ _WORDS = {
     Verdict.EQUAL: "equal",
     Verdict.UNDECIDED: "undecided",
 }
-"""Each verdict in a sentence, in the order in which they are told."""
+"""Text of each verdict, in the order in which a finding lists them."""
 
 
 def _named(names: Sequence[str]) -> str:
-    """Return names as a person lists them, the first few."""
+    """Return text that lists the first `_NAMED` names and the number of further names."""
     if len(names) > _NAMED:
         return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
-# The comparisons with a study's baselines in sentences.
+# Findings: the comparisons with the baselines of a study.
 
 
 def findings(rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None) -> list[str]:
-    """Return a sentence for each comparison with ``baseline``, the largest certain difference first.
+    """Return a sentence for each comparison with ``baseline``, sorted by decreasing certain difference.
 
-    Without a baseline, the comparisons with ``adaptation=none`` and ``filter=baseline`` are used; if there are none,
-    the pairs of `strongest`. There is none for a metric whose lowest value is not the best.
+    Without a ``baseline``, the comparisons with ``adaptation=none`` and ``filter=baseline`` are used. Without such
+    comparisons, the pairs of methods of `strongest` are used. The list is empty for a metric whose best value is not
+    the lowest value.
 
     Raises:
         JerkbenchError: no combination has the values of the baseline.
     """
+    baselines = [baseline] if baseline else study_baselines(rows)
+    found = [pair for values in baselines if verdicts.standings for pair in verdicts.against(values)]
+    found = found or [pair for one in informative_standings(verdicts.standings) for pair in one.comparisons]
     varying = varying_factors(rows)
-    return [sentence(comparison, varying) for comparison in sorted(compared(rows, verdicts, baseline), key=_order)]
+    return [finding(comparison, varying) for comparison in sorted(found, key=_order)]
 
 
 def _order(comparison: Comparison) -> float:
-    """Sort by what is certain of a difference; of phases, by that end of their range that is nearest to none."""
+    """Return the negative `certain_size` as a sort key. For phases, use the smallest absolute log ratio."""
     low, high = comparison.judgement.low, comparison.judgement.high
     if not comparison.phases:
         return -certain_size(comparison.judgement)
     return -max(math.log(low) if low > 1 else 0.0, -math.log(high) if 0 < high < 1 else 0.0)
 
 
-def compared(
-    rows: "pd.DataFrame", verdicts: StudyVerdicts, baseline: Mapping[str, str] | None = None
-) -> list[Comparison]:
-    """Return every comparison of which `findings` has a sentence."""
-    if not verdicts.standings:
-        return []
-    baselines = [baseline] if baseline else study_baselines(rows)
-    found = [comparison for values in baselines for comparison in verdicts.against(values)]
-    references = _references(verdicts.standings)
-    return found or [pair for one in verdicts.standings for pair in _told(one, references).comparisons]
-
-
-def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
-    """Say what a comparison shows, with the factors that vary in the study."""
+def finding(comparison: Comparison, varying: Sequence[str]) -> str:
+    """Return a sentence about a comparison, which names the methods and the scenario by the factors ``varying``."""
     subject, baseline, where = method_names(comparison, varying)
-    judgement, lost = comparison.judgement, losses_clause(comparison, subject, baseline)
+    judgement, failed = comparison.judgement, failures_clause(comparison, subject, baseline)
     n, ratio, known = judgement.n, judgement.ratio, 0 < judgement.ratio < math.inf
     noun = "phases" if comparison.phases else "seeds"
-    # a recording in which nothing is withheld has one run, and no phases
+    # a recording that is not divided into phases has only one run
     count = f"{n} {noun}" if n != 1 else "one run" if comparison.phases else "1 seed"
     if n == 0:
-        return f"{subject} cannot be compared with {baseline}{where}: no run of both has a value."
-    if all(count == comparison.runs for count in comparison.lost):
-        return f"{subject} cannot be compared with {baseline}{where}: both lost all {comparison.runs} runs."
+        return f"{subject} cannot be compared with {baseline}{where}: no seed has a value in both."
+    if all(count == comparison.runs for count in comparison.failed):
+        return f"{subject} cannot be compared with {baseline}{where}: all {comparison.runs} runs of both failed."
     if not (comparison.ratios.d.any() or any(judgement.failures)):
-        return f"{subject} gives the same as {baseline}{where} ({count}){lost}."
+        return f"{subject} gives the same as {baseline}{where} ({count}){failed}."
     if comparison.phases:
         over = f"{f'range {_range(comparison)} over ' if known else ''}{count}" if n > 1 else count
-        return f"{subject} {_times(ratio)} {baseline}{where} ({over} of one recording; no test){lost}."
+        return f"{subject} {_times(ratio)} {baseline}{where} ({over} of one recording; no test){failed}."
     if comparison.verdict in BY_FAILURES:
         (ours, theirs), p = judgement.failures, number(judgement.p_failed)
         bounds = f"{up_to(ours, n)} against {up_to(theirs, n)}; McNemar, p {p}"
@@ -318,7 +304,7 @@ def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
         return f"{subject} {comparison.verdict.value} than {baseline}{where}: {counts}."
     median = "median, " if judgement.median else ""
     interval = "" if math.isnan(judgement.low) else f"95 % {_range(comparison)}, "
-    detail = f"({median}{interval}{count})" if known else f"(median: that run of the one is lost, {count})"
+    detail = f"({median}{interval}{count})" if known else f"(the median run of one method failed, {count})"
     factor = f"{number(ratio)} times " if known else ""
     said = f"{subject} {_times(ratio)} {baseline}{where} {detail}"
     if comparison.verdict is Verdict.EQUAL:
@@ -327,24 +313,28 @@ def sentence(comparison: Comparison, varying: Sequence[str]) -> str:
         said = f"{subject} and {baseline} {comparison.rule.small}{where}: {factor_number(ratio)} times {detail}"
     elif comparison.verdict is Verdict.UNDECIDED:
         more = f"; {comparison.needed} seeds would decide" if comparison.needed else ""
-        more += f", as {judgement.reason}" if judgement.reason else ""
+        more += f", because {judgement.reason}" if judgement.reason else ""
         said = f"Undecided between {subject} and {baseline}{where}: {factor}{detail}{more}"
-    return f"{said}{lost}."
+    return f"{said}{failed}."
 
 
 def varying_factors(rows: "pd.DataFrame") -> tuple[str, ...]:
-    """Return the factors that tell the combinations apart."""
+    """Return the factors in which the combinations differ."""
     return tuple(key for key in FACTORS if len(rows[key].astype(str).unique()) > 1)
 
 
 def study_baselines(rows: "pd.DataFrame", factors: Sequence[str] = ("adaptation", "filter")) -> list[dict[str, str]]:
-    """Return the baselines among a study's ``factors``: the plain value of each that has others beside it."""
+    """Return a baseline for each of the ``factors`` that has its reference value and also other values in the study."""
     values = {factor: set(rows[factor].astype(str)) for factor in factors}
     return [{factor: REFERENCES[factor]} for factor in factors if {REFERENCES[factor]} < values[factor]]
 
 
 def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, str, str]:
-    """The names of both (what differs between them, filter and adaptation always), and where they are compared."""
+    """Return the names of both methods, and the text " on SCENARIO".
+
+    A name contains the values of all factors in which the methods differ, and the filter and the adaptation if they
+    vary in the study. The scenario contains the values of the other varying factors.
+    """
     differ = [key for key, a, b in zip(FACTORS, comparison.subject, comparison.baseline, strict=True) if a != b]
     named = [key for key in FACTORS if key in differ or (key in ("filter", "adaptation") and key in varying)]
     places = [key for key in varying if key not in named]
@@ -358,12 +348,12 @@ def method_names(comparison: Comparison, varying: Sequence[str]) -> tuple[str, s
 def _times(ratio: float) -> str:
     if not 0 < ratio < math.inf:
         return f"is {'worse' if ratio else 'better'} than"
-    times, word = (1 / ratio, "better") if 0 < ratio < 1 else (ratio, "worse")
-    return f"is {factor_number(times)} times {word} than"
+    times, direction = (1 / ratio, "better") if 0 < ratio < 1 else (ratio, "worse")
+    return f"is {factor_number(times)} times {direction} than"
 
 
 def _range(comparison: Comparison) -> str:
-    """The interval of the factor that the sentence states: of better, the inverse."""
+    """Return the interval of a ratio as text. If the sentence states "x times better", the ratio is inverted."""
     low, high = comparison.judgement.low, comparison.judgement.high
     inverse = (comparison.shown or comparison.phases) and 0 < comparison.judgement.ratio < 1
     ends = (1 / high if high else math.inf, 1 / low if low else math.inf) if inverse else (low, high)
@@ -371,73 +361,69 @@ def _range(comparison: Comparison) -> str:
         number if comparison.verdict in {Verdict.EQUAL, Verdict.UNDECIDED} and not comparison.phases else factor_number
     )
     if math.isinf(ends[1]):
-        return f"from {written(ends[0])} up, since a run was lost"
+        return f"from {written(ends[0])} up, because a run failed"
     return f"{written(ends[0])} to {written(ends[1])}"
 
 
-def losses_clause(comparison: Comparison, subject: str, baseline: str) -> str:
-    """Say how many runs either lost or locked out in, and how many may be; of phases nothing where all went well."""
+def failures_clause(comparison: Comparison, subject: str, baseline: str) -> str:
+    """Return text with the failures and lockouts of both methods and their upper bounds.
+
+    The text for phases contains no bounds, and is empty for phases without failures and lockouts.
+    """
     judgement, phases = comparison.judgement, comparison.phases
-    if not any((*comparison.lost, *judgement.outlying)):
+    if not any((*comparison.failed, *judgement.outlying)):
         return "" if phases else f"; {judgement.failure_rates}"
-    counts = zip((subject, baseline), comparison.lost, judgement.outlying, strict=True)
-    told = [
-        f"{name}: {failures_text(lost, locked, comparison.runs, bound=not phases)}"
-        for name, lost, locked in counts
-        if lost or locked
+    counts = zip((subject, baseline), comparison.failed, judgement.outlying, strict=True)
+    parts = [
+        f"{name}: {failures_text(failed, locked, comparison.runs, bound=not phases)}"
+        for name, failed, locked in counts
+        if failed or locked
     ]
-    return f"; {'; '.join(told)}"
+    return f"; {'; '.join(parts)}"
 
 
-# The findings of a study by size and certainty: every method against what it changes, over all scenarios.
+# The strongest findings of a study: pairs of methods that differ in one factor, over all scenarios.
 
 REFERENCES = {"filter": "baseline", "adaptation": "none"}
-"""What the other values of a factor are held against in a study that has it."""
+"""For each factor, the reference value with which its other values are compared."""
 
 
 def strongest(standings: Sequence[Standing]) -> list[str]:
-    """Return a sentence for every two methods that differ in one factor, over all scenarios, strongest first.
+    """Return a sentence for each pair of methods that differ in one factor, sorted by decreasing certain difference.
 
-    Of a factor that has its reference (`REFERENCES`) in the study the others are held against that, else every two.
-    Methods that no chain of such comparisons connects (tuned ones differ in several factors) are compared, too.
-    The order is that of `Duel.certain_size`: the mean over the scenarios of what is certain of the difference.
+    If the study contains the reference value of a factor (`REFERENCES`), the other values are compared with this value.
+    Without a reference value, all pairs of values of the factor are compared. Methods that are not connected by a chain
+    of such comparisons are also compared, for example tuned methods, which differ in several factors. With several
+    scenarios, a sentence describes a pair of methods over all scenarios, except for phases, which are not tested.
     """
-    references = _references(standings)
-    told = [_told(standing, references) for standing in standings]
-    if len(told) == 1:  # the comparisons' own sentences
-        varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in told[0].rivals}) > 1]
-        ranked = sorted(told[0].comparisons, key=lambda pair: -certain_size(pair.judgement))
-        return [sentence(pair, varying) for pair in ranked]
-    return [duel_sentence(duel) for duel in sorted(duels(told), key=lambda duel: -duel.certain_size)]
+    informative = informative_standings(standings)
+    pairs = method_pairs(informative)
+    if len(informative) > 1 and pairs:
+        return [pair_finding(pair) for pair in sorted(pairs, key=lambda pair: -pair.certain_size)]
+    rivals = [rival for standing in informative for rival in standing.rivals]
+    varying = [factor for k, factor in enumerate(FACTORS) if len({rival[k] for rival in rivals}) > 1]
+    return [finding(pair, varying) for pair in sorted((p for one in informative for p in one.comparisons), key=_order)]
 
 
-def largest(standings: Sequence[Standing]) -> list[tuple[float, Comparison]]:
-    """Return each comparison of `strongest` that shows a difference, with what is certain of it, the largest first."""
-    references = _references(standings)
-    pairs = [pair for standing in standings for pair in _told(standing, references).tested]
-    weighed = [(certain_size(pair.judgement), pair) for pair in pairs]
-    return sorted(((weight, pair) for weight, pair in weighed if weight > 0), key=lambda one: -one[0])
-
-
-def _references(standings: Iterable[Standing]) -> dict[str, str]:
+def informative_standings(standings: Sequence[Standing]) -> list[Standing]:
+    """Return the scenarios with only the comparisons that `strongest` describes."""
     rivals = {rival for standing in standings for rival in standing.rivals}
     values = {factor: {rival[k] for rival in rivals} for k, factor in enumerate(FACTORS)}
-    return {factor: name for factor, name in REFERENCES.items() if name in values[factor]}
-
-
-def _told(standing: Standing, references: Mapping[str, str]) -> Standing:
-    """Return the standing with the comparisons about one factor, and those of methods that these do not connect."""
+    references = {factor: name for factor, name in REFERENCES.items() if name in values[factor]}
 
     def of_one_factor(pair: Comparison) -> bool:
         values = zip(FACTORS, pair.subject, pair.baseline, strict=True)
         differ = [(factor, both) for factor, *both in values if both[0] != both[1]]
         return len(differ) == 1 and all(references.get(factor, both[0]) in both for factor, both in differ)
 
-    telling = {pair[:2] for pair in standing.comparisons if of_one_factor(pair)}
-    connected = {rival: {rival} for rival in standing.rivals}
-    for first, second in telling:
-        joined = connected[first] | connected[second]
-        connected.update(dict.fromkeys(joined, joined))
-    pairs = standing.comparisons
-    kept = (pair for pair in pairs if pair[:2] in telling or pair.baseline not in connected[pair.subject])
-    return standing._replace(comparisons=tuple(kept))
+    informative = []
+    for standing in standings:
+        telling = {pair[:2] for pair in standing.comparisons if of_one_factor(pair)}
+        connected = {rival: {rival} for rival in standing.rivals}
+        for first, second in telling:
+            joined = connected[first] | connected[second]
+            connected.update(dict.fromkeys(joined, joined))
+        pairs = standing.comparisons
+        selected = (pair for pair in pairs if pair[:2] in telling or pair.baseline not in connected[pair.subject])
+        informative.append(standing._replace(comparisons=tuple(selected)))
+    return informative

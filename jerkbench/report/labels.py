@@ -1,7 +1,8 @@
-"""Labels of a combination: names of its choices, with the parameters that were set."""
+"""Labels of combinations (names of presets with the parameters that were set), and further conditions of a job."""
 
+import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -11,58 +12,59 @@ from jerkbench.r_scale import scale_of
 from jerkbench.renamed import new_name
 
 TUNED_SUFFIX = ", tuned"
-"""End of the label of a filter whose presets `jerkbench tune` wrote."""
+"""Suffix of the label of a filter whose preset was written by `jerkbench tune`."""
 
 
 class Labels(Combination):
-    """The names of the parts of a cell in the tables."""
+    """The labels of the factors of a job, which identify the job in tables."""
 
     @property
     def scenario(self) -> str:
-        """The name of the scenario, whatever is run over it."""
+        """The name of the scenario: the labels of data set, disturbance and attitude."""
         return ", ".join(self[:3])
 
 
 def default_labels(spec: Mapping[str, Any]) -> Labels:
-    """The plugins' own names."""
+    """Return the labels of a job that was not composed by Hydra: the names of its plugins."""
     names = {kind: spec[kind]["name"] for kind in ("dataset", "attitude", "filter", "adaptation")}
-    noise = _with_told("default", spec)
+    noise = _with_r_scale("default", spec)
     return Labels(disturbance=joined(d["name"] for d in spec["disturbance"]), noise=noise, **names)
 
 
 def joined(names: Iterable[str]) -> str:
-    """One name for a list of disturbances; `none` only when it is the only one."""
+    """Return one name for a list of disturbances. The name `none` is left out if the list has other names."""
     several = list(names)
     return "+".join(name for name in several if name != "none") or "none"
 
 
 GROUPS = ("dataset", "attitude", "filter", "adaptation", "engine")
-"""Groups of which a configuration holds one plugin; `disturbance` holds several."""
+"""Configuration groups that contain exactly one plugin. The group `disturbance` contains several plugins."""
 
 
 def labels_of(spec: dict[str, Any], choices: Mapping[str, Any], overrides: list[str]) -> Labels:
-    """Names of the choices, with the parameters that the overrides set in parentheses."""
-    changed = _parameters(overrides)
-    chosen_names = {kind: str(choices[kind]) for kind in GROUPS if kind != "engine"}
+    """Return the labels of a job: the names of its presets. Parameters set by overrides are added in parentheses."""
+    changed = _set_parameters(overrides)
+    preset_names = {kind: str(choices[kind]) for kind in GROUPS if kind != "engine"}
     tuned = tuned_method(spec, choices)
-    names = {kind: _named(name, changed.get(kind, [])) for kind, name in {**chosen_names, **tuned}.items()}
-    listed = [word.partition("=")[2].strip("[]") for word in overrides if word.startswith("disturbance=")]
+    names = {kind: _named(name, changed.get(kind, [])) for kind, name in {**preset_names, **tuned}.items()}
+    listed = [override.partition("=")[2].strip("[]") for override in overrides if override.startswith("disturbance=")]
     typed = (listed[-1] if listed else str(choices.get("disturbance") or "")).split(",")
     ran = [d["name"] for d in spec["disturbance"]]
-    chosen = [name.strip() for name in typed if name.strip()] or ran  # presets too, in their order
-    also = [name for name in ran if name not in chosen and f"disturbance.{name}" in changed]
-    disturbance = joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*chosen, *also])
+    selected = [name.strip() for name in typed if name.strip()] or ran  # names of presets, in the order of the override
+    also = [name for name in ran if name not in selected and f"disturbance.{name}" in changed]
+    disturbance = joined(_named(name, changed.get(f"disturbance.{name}", [])) for name in [*selected, *also])
     noise = _noise_label(spec, choices, changed)
-    if not tuned or "r_scale" in changed:  # the factors on R belong to the tuned method
-        noise = _with_told(noise, spec)
+    if not tuned or "r_scale" in changed:  # the r_scale of a tuned method is not part of its label
+        noise = _with_r_scale(noise, spec)
     return Labels(disturbance=disturbance, noise=noise, **names)
 
 
 def tuned_method(spec: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[str, str]:
-    """Return the labels of filter and adaptation if `jerkbench tune` wrote a preset of one of them; else nothing.
+    """Return the labels of filter and adaptation of a method from `jerkbench tune`. The result is empty otherwise.
 
-    A tuned method has two presets with one name, such as baseline_mtf_tuned. With the names of its plugins as labels,
-    tuned and default methods are rows and columns of the same table.
+    The function recognises a tuned method by the name of its preset of the filter or the adaptation, such as
+    baseline_mtf_tuned. The names of the plugins replace the names of the presets, so that tuned and default methods are
+    in the same rows and columns.
     """
     filter_, adaptation = (str(spec[kind]["name"]) for kind in ("filter", "adaptation"))
     name = re.compile(rf"{re.escape(filter_)}_{re.escape(adaptation)}(?:_(\d+))?_tuned")
@@ -74,10 +76,10 @@ def tuned_method(spec: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[st
 
 
 def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
-    """Return how the label of a stored cell names another plugin than the one that ran; empty where none does.
+    """Return text about the first label that names a plugin which the stored job did not run, or an empty text.
 
-    A label that is no plugin's name is a preset's, maybe of another machine: it is believed. A program has the name
-    that it gives itself.
+    A label that is not the name of a plugin is assumed to be a preset, which may not exist on this machine. Labels of
+    user programs are not checked, because programs choose their names.
     """
     disturbances = spec["disturbance"] or [{"name": "none"}]
     ran = {kind: {new_name(kind, spec[kind]["name"])} for kind in ("dataset", "attitude", "filter", "adaptation")}
@@ -85,31 +87,33 @@ def contradiction(labels: Mapping[str, str], spec: Mapping[str, Any]) -> str:
     for kind, names in ran.items():
         if labels[kind].endswith("(program)"):
             continue
-        heads = re.sub(r"\([^()]*\)", "", labels[kind]).split("+")
-        wrong = [head for head in heads if head not in names and head in plugins.names(kind)]
+        wrong = [head for head in bare(labels[kind]).split("+") if head not in names and head in plugins.names(kind)]
         if wrong:
             return f"{kind}={wrong[0]} is {', '.join(sorted(map(str, names)))}"
     return ""
 
 
 def _noise_label(spec: dict[str, Any], choices: Mapping[str, Any], changed: dict[str, list[str]]) -> str:
-    """The preset or the swept values; "default" for a filter that has none of the fields."""
-    own = {f.name for f in fields(plugins.get("filter", spec["filter"]["name"]))}
-    if not own & {key for key, value in spec["noise"].items() if value is not None}:
+    """Return the label of the noise: its preset and the parameters set by overrides.
+
+    The label is "default" for a filter without noise parameters.
+    """
+    fields_of_filter = {f.name for f in fields(plugins.get("filter", spec["filter"]["name"]))}
+    if not fields_of_filter & {key for key, value in spec["noise"].items() if value is not None}:
         return "default"
     preset = str(choices["noise"])
-    parameters = [p for p in changed.get("noise", []) if p.split("=")[0] in own]
+    parameters = [p for p in changed.get("noise", []) if p.split("=")[0] in fields_of_filter]
     return ", ".join(parameters) if preset == "default" else _named(preset, parameters)
 
 
-def _with_told(noise: str, spec: Mapping[str, Any]) -> str:
-    """The noise with the factors on the reported R that are not 1: both are what the filter is told of noise."""
-    told = [f"r_scale.{name}={value:g}" for name, value in scale_of(spec.get("r_scale")).changed.items()]
-    return ", ".join([*([noise] if noise != "default" or not told else []), *told])
+def _with_r_scale(noise: str, spec: Mapping[str, Any]) -> str:
+    """Return the label of the noise, followed by all factors of ``r_scale`` (on the reported R) that are not 1."""
+    scaled = [f"r_scale.{name}={value:g}" for name, value in scale_of(spec.get("r_scale")).changed.items()]
+    return ", ".join([*([noise] if noise != "default" or not scaled else []), *scaled])
 
 
-def _parameters(overrides: list[str]) -> dict[str, list[str]]:
-    """Parameters set by overrides, "key=value", for each plugin; places of files are no label."""
+def _set_parameters(overrides: list[str]) -> dict[str, list[str]]:
+    """Return the parameters ("name=value") of each plugin that are set by overrides. File paths are ignored."""
     parameters: dict[str, dict[str, str]] = {}
     for override in overrides:
         key, _, value = override.lstrip("+~").partition("=")
@@ -124,11 +128,166 @@ def _named(name: str, parameters: list[str]) -> str:
 
 
 def bare(label: str) -> str:
-    """Return a label without its parameters: "bias(accel_mps2=0.1)+dropout" is bias+dropout."""
-    depth, kept = 0, []
-    for letter in label:
-        depth += letter == "("
-        if not depth:
-            kept.append(letter)
-        depth -= letter == ")" and depth > 0
-    return "".join(kept)
+    """Return a label without its parameters. For example, "bias(accel_mps2=0.1)+dropout" becomes "bias+dropout"."""
+    shorter = re.sub(r"\([^()]*\)", "", label)
+    return label if shorter == label else bare(shorter)
+
+
+# Conditions of a stored job that are not part of its labels: data, parameters, protocol, engine.
+
+LABELLED_PARTS = ("dataset", "disturbance", "attitude", "filter", "adaptation")
+"""Parts of a job that have a label. The noise is a parameter of the filter."""
+
+DECIDING_SCORES = ("dataset", "disturbance")
+"""Parts that determine the measurements and the evaluation."""
+
+METHOD_PARTS = ("filter", "adaptation")
+"""Parts that form a method and are tuned together."""
+
+PROTOCOL = ("burn_in_s", "divergence_limit_m")
+"""Entries of the protocol that influence the metrics."""
+
+PATHS = ("folder", "file")
+"""Last parts of the names of parameters that contain the path of data."""
+
+NO_DATA = "none"
+"""Value that replaces the digest of the data for simulated data."""
+
+PartValues = dict[str, str]
+"""The values of parameters as text, by the name of the parameter."""
+
+Conditions = Mapping[str, PartValues]
+"""The parameters of each part in `LABELLED_PARTS`."""
+
+
+def conditions(metadata: Mapping[str, Any]) -> Conditions:
+    """Return the parameters of each part of a stored job. Protocol and engine are included in the data set."""
+    spec, protocol = metadata["spec"], metadata["protocol"]
+    known = {part: _parameters(part, spec.get(part, {})) for part in LABELLED_PARTS}
+    known["dataset"] |= {"data": metadata["data"][:12] or NO_DATA}
+    known["dataset"] |= {name: _text(protocol[name]) for name in PROTOCOL if name in protocol}
+    known["dataset"] |= _parameters("engine", spec.get("engine", {}))
+    known["filter"] = {name: text for name, text in known["filter"].items() if not name.endswith(PATHS)}
+    known["filter"] |= _parameters("r_scale", spec.get("r_scale", {}))
+    return known
+
+
+def with_one_name(labels: Sequence[dict[str, str]], known: Sequence[Conditions]) -> None:
+    """Assign the shortest of their labels to all parts that have the same name and the same parameters.
+
+    For example, ``mtf`` and ``mtf(window=1)`` are the same method, because the default of the window is 1.
+
+    Args:
+        labels: labels of each job. The labels are changed in place.
+        known: parameters of each part of each job, from `conditions`.
+    """
+    for part in LABELLED_PARTS:
+        groups: dict[object, list[dict[str, str]]] = {}
+        for label, values in zip(labels, known, strict=True):
+            noise = label["noise"] if part == "filter" else ""
+            groups.setdefault((bare(label[part]), noise, tuple(values[part].items())), []).append(label)
+        for group in groups.values():
+            name = min((label[part] for label in group), key=lambda text: (len(text), text))
+            for label in group:
+                label[part] = name
+
+
+def with_distinct_labels(labels: Sequence[dict[str, str]], known: Sequence[Conditions]) -> list[str]:
+    """Make the labels of different jobs distinct, so that their results are never averaged or compared.
+
+    If jobs with the same label have different parameters, these parameters are added to their labels. Jobs of a tuned
+    method must have the same labels of both filter and adaptation to be compared in this way.
+
+    Args:
+        labels: labels of each job. The labels are changed in place.
+        known: parameters of each part of each job, from `conditions`.
+
+    Returns:
+        A note for each label to which parameters were added.
+    """
+    notes, unchanged = [], [dict(label) for label in labels]
+    for part in LABELLED_PARTS:
+        names = (part, "noise") if part == "filter" else (part,)  # the noise is a parameter of the filter
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for index, label in enumerate(unchanged):
+            tuned = part in METHOD_PARTS and label["filter"].endswith(TUNED_SUFFIX)
+            names_of_job = (*names, *METHOD_PARTS) if tuned else names
+            groups.setdefault(tuple(label[name] for name in names_of_job), []).append(index)
+        for (label_of_part, *_), places in groups.items():
+            varying = _varying([known[index][part] for index in places])
+            if not varying:
+                continue
+            differing = " and ".join(f"{name} ({', '.join(texts.values())})" for name, texts in varying.items())
+            notes.append(
+                f"The results of {part} {label_of_part} differ in {differing}: they have different names here and are"
+                " not compared."
+            )
+            for index in places:
+                values_of_job = known[index][part]
+                added = [
+                    f"{name.removeprefix(f'{part}.')}={texts[values_of_job[name]]}" for name, texts in varying.items()
+                ]
+                labels[index][part] = with_parameters(label_of_part, added)
+    return notes
+
+
+def with_parameters(label: str, parameters: Sequence[str]) -> str:
+    """Return a label with ``parameters`` added in its parentheses.
+
+    >>> with_parameters("field(duration_s=30)", ["burn_in_s=0"])
+    'field(duration_s=30, burn_in_s=0)'
+    """
+    added = ", ".join(parameters)
+    return f"{label[:-1]}, {added})" if label.endswith(")") else f"{label}({added})"
+
+
+def differing_conditions(first: Conditions, second: Conditions, parts: Iterable[str]) -> list[str]:
+    """Return the parameters of ``parts`` in which two jobs differ, for example "burn_in_s (0, 10)"."""
+    names = []
+    for part in parts:
+        varying = _varying([first[part], second[part]])
+        names += [
+            f"{name} ({texts[first[part][name]]}, {texts[second[part][name]]})" for name, texts in varying.items()
+        ]
+    return names
+
+
+def _parameters(part: str, plugins: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> PartValues:
+    """Return the parameters of one plugin, or the names and parameters of a list of disturbances."""
+    if isinstance(plugins, Mapping):
+        return {f"{part}.{key}": _text(value) for key, value in plugins.items()}
+    names = {part: "+".join(str(plugin["name"]) for plugin in plugins)}
+    return names | {
+        f"{plugin['name']}.{key}" + (f".{index}" if index else ""): _text(value)
+        for index, plugin in enumerate(plugins)
+        for key, value in plugin.items()
+        if key != "name"
+    }
+
+
+def _varying(known: Sequence[PartValues]) -> dict[str, dict[str, str]]:
+    """Return the parameters that differ between jobs. Each value has a shortened text.
+
+    Parameters that some jobs do not have are ignored. If the hashes of the data differ, different file paths are
+    returned instead of the hashes, because paths are easier to read. If the hashes are equal, file paths are ignored.
+    """
+    shared = [name for name in known[0] if all(name in values_of_job for values_of_job in known)]
+    values = {name: list(dict.fromkeys(values_of_job[name] for values_of_job in known)) for name in shared}
+    differing = {name: texts for name, texts in values.items() if len(texts) > 1}
+    places = [name for name in differing if name.endswith(PATHS)]
+    if "data" in differing:
+        shown = [name for name in differing if name != "data" or not places]
+    else:
+        hashed = values.get("data", [NO_DATA]) != [NO_DATA]
+        shown = [name for name in differing if not (hashed and name in places)]
+    return {name: dict(zip(differing[name], _short(differing[name]), strict=True)) for name in shown}
+
+
+def _short(texts: Sequence[str]) -> list[str]:
+    """Return the last part of each path if all last parts are different, otherwise the full paths."""
+    ends = [text.rstrip("/").rpartition("/")[2] for text in texts]
+    return ends if len(set(ends)) == len(texts) else list(texts)
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value, default=str)

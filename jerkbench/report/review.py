@@ -1,57 +1,58 @@
-"""A reviewer's questions about a comparison, answered from its rows and configurations."""
+"""Questions that a reviewer would ask about a study, and their answers from its rows and configurations."""
 
 import json
 import re
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
-from jerkbench.evaluation.consistency_verdict import NEAR
-from jerkbench.report.columns import FACTORS, competes
+from jerkbench.evaluation.metrics.consistency import EXPECTED_ANEES
+from jerkbench.evaluation.over_seeds import NEAR
+from jerkbench.report.columns import FACTORS, METHOD, SCENARIO_FACTORS, competes, with_metric
 from jerkbench.report.labels import TUNED_SUFFIX
-from jerkbench.report.summary import summarise
-from jerkbench.report.sweeps import costs
+from jerkbench.report.table_model import arranged
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 _MIN_SEEDS = 10
-"""Fewer leave large differences unshown."""
+"""With fewer seeds, large differences are often not significant."""
 
 MIN_SETTINGS = 3
-"""Fewer settings are no sweep."""
+"""Minimum number of settings in a sweep of a parameter."""
 
 BELIEVED = (
-    f"From {NEAR[0]:g} to {NEAR[1]:g} times is near enough to be believed; "
-    "the column 'NEES says' is stricter: there any deviation that the seeds show counts."
+    f"Accepted: {NEAR[0]:g} to {NEAR[1]:g} times. "
+    "The column 'NEES says' is stricter: it counts every significant deviation."
 )
-"""What the answer about consistency asks, and what the table of cells does."""
+"""Text about the criterion of the consistency check. The table of combinations uses a stricter criterion."""
 
 REPLACED = re.compile(r"(\w+)_(?:sigma|variance|covariance)_[a-z0-9]+")
-"""Parameters of a real data set, or of a filter, that replace what the receiver says of its accuracy."""
+"""Matches the names of parameters of a data set or a filter that replace the accuracy reported by the receiver."""
 
 REPORTED = ("sigma", "variance", "covariance")
-"""Ends of the parameters that say where the log has the receiver's own; with one of them nothing is replaced."""
+"""Last parts of the names of parameters that select a column with the reported accuracy.
+
+If such a parameter is set, the reported accuracy is not replaced.
+"""
 
 _STREAMS = ("position", "velocity", "course", "wheel")
-"""Measurements that have an accuracy of their own."""
+"""Measurements that have a separate reported accuracy."""
 
 TUNED = "Tuned by jerkbench tune: "
-"""The note that the presets of a tuning give to their runs starts with this; the budget follows."""
+"""Start of the note that tuned presets add to their runs. The tuning budget follows."""
 
 ReviewedCells = Sequence[Mapping[str, Any]]
 
 
 class Check(NamedTuple):
-    """One question of a reviewer.
+    """One question of a reviewer with its answer.
 
     Attributes:
-        question: as a reviewer puts it.
-        passed: whether the study answers it; None: it does not arise.
-        reason: what in the rows says so.
+        question: text of the question.
+        passed: True if the study passes the check, False if it fails, None if the question does not apply to the study.
+        reason: text that explains the answer.
     """
 
     question: str
@@ -59,39 +60,33 @@ class Check(NamedTuple):
     reason: str
 
 
-class Evidence(NamedTuple):
-    """What there is to judge by.
+def review(rows: "pd.DataFrame", cells: ReviewedCells, metric: str) -> list[Check]:
+    """Return all questions of a reviewer with the answers for a study.
 
-    Attributes:
-        rows: one row a cell and seed.
-        cells: of each cell what is stored beside its rows: labels, spec, protocol, data, notes.
-        metric: the leading metric.
+    Args:
+        rows: one row for each job and seed.
+        cells: metadata of each job: labels, spec, protocol, data, notes.
+        metric: main metric of the study.
     """
-
-    rows: "pd.DataFrame"
-    cells: ReviewedCells
-    metric: str
-
-
-def review(evidence: Evidence) -> list[Check]:
-    """Return every question with its answer."""
-    questions: dict[str, Callable[[Evidence], tuple[bool | None, str]]] = {
-        "Is the receiver's own covariance used?": _covariance,
-        "Were the baselines tuned with the same budget?": _budget,
-        "Is there more than one recording?": _recordings,
-        "Are there enough seeds?": _seeds,
-        "Has every mean an interval?": _intervals,
-        "Are the best filters near enough to consistent?": _consistency,
-        "Is the reference independent of the measurements?": _independence,
-        "Are window sizes justified by a sweep?": _windows,
+    answers = {
+        "Is the covariance of the receiver used?": _covariance(cells),
+        "Were the baselines tuned with the same budget?": _budget(cells),
+        "Is there more than one recording?": _recordings(cells),
+        "Are there enough seeds?": _seeds(rows),
+        "Are the best filters near enough to consistent?": _consistency(rows, metric),
+        "Is the reference independent of the measurements?": _independence(cells),
     }
-    return [Check(question, *answer(evidence)) for question, answer in questions.items()]
+    return [Check(question, *answer) for question, answer in answers.items()]
 
 
-def _covariance(evidence: Evidence) -> tuple[bool | None, str]:
-    real = [cell["spec"] for cell in evidence.cells if cell["data"]]
+Answered = tuple[bool | None, str]
+"""The values of `Check.passed` and `Check.reason`."""
+
+
+def _covariance(cells: ReviewedCells) -> Answered:
+    real = [cell["spec"] for cell in cells if cell["data"]]
     if not real:
-        return None, "Every recording is simulated: the covariance that is reported is that of the noise."
+        return None, "All recordings are simulated: the reported covariance is the covariance of the noise."
     replaced = sorted({name for spec in real for kind in ("dataset", "filter") for name in _replaced(spec[kind])})
     if replaced:
         return False, f"Replaced by parameters: {', '.join(replaced)}."
@@ -99,7 +94,7 @@ def _covariance(evidence: Evidence) -> tuple[bool | None, str]:
 
 
 def _replaced(part: Mapping[str, Any]) -> list[str]:
-    """The parameters that stand in the place of a reported accuracy."""
+    """Return the names of the parameters that replace an accuracy reported by the receiver."""
     replaced = []
     for key, value in part.items():
         match = REPLACED.fullmatch(key)
@@ -110,12 +105,12 @@ def _replaced(part: Mapping[str, Any]) -> list[str]:
     return replaced
 
 
-def _budget(evidence: Evidence) -> tuple[bool | None, str]:
-    """Whether each method was tuned before with the same budget, or has as many settings here in each scenario."""
+def _budget(cells: ReviewedCells) -> Answered:
+    """Check that all methods were tuned with the same budget, or ran with the same number of settings."""
     settings: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     notes: dict[str, set[str]] = defaultdict(set)
-    labelled = any(cell["labels"]["filter"].endswith(TUNED_SUFFIX) for cell in evidence.cells)
-    for cell in evidence.cells:
+    labelled = any(cell["labels"]["filter"].endswith(TUNED_SUFFIX) for cell in cells)
+    for cell in cells:
         parts = [cell["spec"][kind] for kind in ("attitude", "filter", "adaptation")]
         if competes(cell["labels"]) and max(map(len, parts[1:])) > 1:
             settings[_method(cell)][_scenario(cell)].add(json.dumps(parts, sort_keys=True))
@@ -130,10 +125,10 @@ def _budget(evidence: Evidence) -> tuple[bool | None, str]:
         untuned = ", ".join(method for method, of in notes.items() if "" in of and method not in tuned_names)
         return len(budgets) == 1 and not untuned, " ".join(budgets) + f" Not tuned: {untuned}." * bool(untuned)
     passed = len({count for of in counts.values() for count in of}) == 1 and min(counts.values())[0] >= MIN_SETTINGS
-    told = ", ".join(
+    text = ", ".join(
         f"{method} {' to '.join(map(str, dict.fromkeys((of[0], of[-1]))))}" for method, of in counts.items()
     )
-    return passed, f"Settings of each method: {told}; as many of each, and at least {MIN_SETTINGS}, are asked for."
+    return passed, f"Settings of each method: {text}. Required: the same number for all, and at least {MIN_SETTINGS}."
 
 
 def _method(cell: Mapping[str, Any]) -> str:
@@ -144,94 +139,89 @@ def _scenario(cell: Mapping[str, Any]) -> str:
     return json.dumps([cell["spec"]["dataset"], cell["data"], cell["labels"]["disturbance"]], sort_keys=True)
 
 
-def _recordings(evidence: Evidence) -> tuple[bool | None, str]:
-    """Whether each method ran on several recordings: other data, or another simulation, not another name."""
-    names = sorted({cell["labels"]["dataset"] for cell in evidence.cells})
+def _recordings(cells: ReviewedCells) -> Answered:
+    """Check that each method ran on at least two recordings. Recordings with equal data count once."""
+    names = sorted({cell["labels"]["dataset"] for cell in cells})
     runs: dict[str, set[str]] = defaultdict(set)
-    for cell in evidence.cells:
+    for cell in cells:
         runs[_method(cell)].add(cell["data"] or f"simulated {cell['spec']['dataset']['name']}")
     different = {recording for recordings in runs.values() for recording in recordings}
     once = sorted(method for method, recordings in runs.items() if len(recordings) < 2)
     real = sum(not recording.startswith("simulated ") for recording in different)
-    told = f"{len(different)}, of which {real} are real: {', '.join(names)}."
+    text = f"{len(different)} recording{'s' * (len(different) > 1)}, {real} of them real: {', '.join(names)}."
     if len(different) > 1 and once:
-        told += f" On one only: {', '.join(once)}."
-    return not once, told
+        text += f" Only on one recording: {', '.join(once)}."
+    return not once, text
 
 
-def _seeds(evidence: Evidence) -> tuple[bool | None, str]:
-    """Whether enough seeds went well in each cell, and the methods of a scenario have the same."""
-    rows = evidence.rows
+def _seeds(rows: "pd.DataFrame") -> Answered:
+    """Check that each combination has enough successful seeds, and that all methods of a scenario have equal seeds."""
     seeded = rows[rows["replicate"] == "seed"]
-    # beside seeds: phases of recordings, and single runs in which nothing is random
+    # Other rows are phases of a recording, or the single run of a recording in which nothing is random.
     per_cell = rows[rows["replicate"] == "phase"].groupby([*FACTORS]).size()
     phases, single = int(per_cell[per_cell > 1].sum()), int((per_cell == 1).sum())
     more = f" {single} rows are the one run of a recording in which nothing is random." if single else ""
     more += f" {phases} rows are phases of recordings, which are not independent." if phases else ""
     if len(seeded) == 0:
-        return False, f"None:{more}"
+        return False, f"No seeds:{more}"
     well = (seeded["status"] == "ok").groupby([seeded[key] for key in FACTORS]).sum()
     counted = f"{well.min()}" if well.min() == well.max() else f"{well.min()} to {well.max()}"
     drawn = seeded.groupby([*FACTORS])["seed"].agg(lambda seeds: str(sorted(seeds)))
-    alike = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
-    other = "" if alike else " Combinations of one scenario have different seeds."
-    passed = bool(well.min() >= _MIN_SEEDS and not more and alike)
-    return passed, f"{counted} a cell that went well; {_MIN_SEEDS} are asked for.{other}{more}"
+    same = drawn.groupby(level=["dataset", "disturbance", "attitude"]).nunique().max() == 1
+    other = "" if same else " Combinations of one scenario have different seeds."
+    passed = bool(well.min() >= _MIN_SEEDS and not more and same)
+    return passed, f"{counted} successful seeds for each combination; required: {_MIN_SEEDS}.{other}{more}"
 
 
-def _intervals(evidence: Evidence) -> tuple[bool | None, str]:
-    cells = [cell for row in summarise(evidence.rows, evidence.metric, leaders=False).cells for cell in row if cell]
-    without = sum(not (cell.replicate == "seed" and np.isfinite(cell.low)) for cell in cells)
-    partial = sum(not cell.complete for cell in cells)
-    survivors = f" {partial} are over a part of the runs, or of none." if partial else ""
-    return without + partial == 0, f"{len(cells) - without} of {len(cells)} means have one.{survivors}"
-
-
-def _consistency(evidence: Evidence) -> tuple[bool | None, str]:
-    if "anees" not in evidence.rows or evidence.rows["anees"].isna().all():
+def _consistency(rows: "pd.DataFrame", metric: str) -> Answered:
+    if "anees" not in rows or rows["anees"].isna().all():
         return False, "NEES was not computed, or no reference allows it."
-    found = costs(evidence.rows, evidence.metric)
-    scenarios, methods = found.scenarios, found.methods
-    values = np.where(np.isfinite(found.means) & found.rivals, found.means, np.inf)
-    lost = [name for name, row in zip(scenarios, values, strict=True) if np.isinf(row).all()]
-    if lost:
-        return False, f"No method came through on {len(lost)} of {len(scenarios)} scenarios: {'; '.join(lost[:3])}."
-    best = np.argmin(values, axis=1)
-    ratios = costs(evidence.rows, "anees").means[np.arange(len(best)), best] / 6
-    wrong = [
-        f"{methods[s]} on {scenarios[p]} ({ratios[p]:.2g} times what it should be)"
-        for p, s in enumerate(best)
-        if not NEAR[0] <= ratios[p] <= NEAR[1]
+    grid = arranged(with_metric(rows, metric), SCENARIO_FACTORS, METHOD)
+    good = [
+        (cell.mean, combination)
+        for combination, cell in grid.cells(metric).items()
+        if cell.complete and competes(dict(zip(FACTORS, combination, strict=True)))
     ]
+    best = {
+        combination[:3]: combination for _, combination in sorted(good, reverse=True)
+    }  # the lowest error of a scenario is last and overwrites the others
+    if unfinished := [", ".join(scenario) for scenario in grid.row_values if scenario not in best]:
+        count = len(grid.row_values)
+        return (
+            False,
+            f"On {len(unfinished)} of {count} scenarios every method has failed runs: {'; '.join(unfinished[:3])}.",
+        )
+    anees = grid.cells("anees")
+    ratios = {best[scenario]: anees[best[scenario]].mean / EXPECTED_ANEES for scenario in grid.row_values}
+    wrong = [combination for combination, ratio in ratios.items() if not NEAR[0] <= ratio <= NEAR[1]]
     if wrong:
-        return False, f"ANEES of the best of {len(wrong)} of {len(best)} scenarios: {'; '.join(wrong[:3])}. {BELIEVED}"
-    seen = f"The ANEES of the best of each scenario is {ratios.min():.2g} to {ratios.max():.2g} times 6"
-    return True, f"{seen}. {BELIEVED}"
+        varying = [len(rows[factor].unique()) > 1 for factor in FACTORS]
+        named = [
+            f"{_named(combination, varying)} ({ratios[combination]:.2g} times the expected value)"
+            for combination in wrong[:3]
+        ]
+        return (
+            False,
+            f"ANEES of the best method in {len(wrong)} of {len(ratios)} scenarios: {'; '.join(named)}. {BELIEVED}",
+        )
+    low, high = min(ratios.values()), max(ratios.values())
+    return True, f"The ANEES of the best method of each scenario is {low:.2g} to {high:.2g} times 6. {BELIEVED}"
 
 
-def _independence(evidence: Evidence) -> tuple[bool | None, str]:
-    """Whether each data set says where its reference comes from, and that it is independent."""
+def _named(combination: Sequence[str], varying: Sequence[bool]) -> str:
+    """Return the text "METHOD on SCENARIO", which contains only factors that vary in the study."""
+    scenario, method = ([combination[k] for k in of if varying[k]] for of in (range(3), range(3, 6)))
+    return f"{' + '.join(method) or combination[3]} on {', '.join(scenario) or combination[0]}"
+
+
+def _independence(cells: ReviewedCells) -> Answered:
+    """Check that each data set has a reference whose source is stated and is independent of the measurements."""
     notes: dict[str, dict[str, None]] = defaultdict(dict)
-    for cell in evidence.cells:
-        own = [note for note in cell["notes"] if note.startswith("Reference of ")]
-        notes[cell["labels"]["dataset"]].update(dict.fromkeys(own))
-    silent = [name for name, own in notes.items() if not own]
-    told = list(dict.fromkeys(note for own in notes.values() for note in own))
+    for cell in cells:
+        found = [note for note in cell["notes"] if note.startswith("Reference of ")]
+        notes[cell["labels"]["dataset"]].update(dict.fromkeys(found))
+    silent = [name for name, found in notes.items() if not found]
+    text = list(dict.fromkeys(note for found in notes.values() for note in found))
     if silent:
-        told.append(f"Nothing says where the reference comes from: {', '.join(silent)}.")
-    return not silent and not any("not independent of" in note for note in told), " ".join(told)
-
-
-def _windows(evidence: Evidence) -> tuple[bool | None, str]:
-    """Whether each window was swept with each filter that it is used with."""
-    windows: dict[tuple[str, str], set[str]] = defaultdict(set)
-    for cell in evidence.cells:
-        for kind in ("adaptation", "attitude", "filter"):
-            part = cell["spec"][kind]
-            for key in part:
-                if "window" in key and part.get("adapt") != "none":
-                    windows[f"{kind} {part['name']}.{key}", cell["spec"]["filter"]["name"]].add(str(part[key]))
-    if not windows:
-        return None, "Nothing here has a window."
-    fixed = [f"{name} with {of}" for (name, of), values in sorted(windows.items()) if len(values) < MIN_SETTINGS]
-    return not fixed, f"Not swept in this study: {', '.join(fixed)}." if fixed else "Each was swept in this study."
+        text.append(f"The source of the reference is not stated: {', '.join(silent)}.")
+    return not silent and not any("not independent of" in note for note in text), " ".join(text)

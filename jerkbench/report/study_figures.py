@@ -1,6 +1,9 @@
-"""The figures of a study, drawn in processes side by side: some runs of each scenario once more; and its report."""
+"""Draw the figures of a study and write its report. Drawing repeats some runs of each scenario in parallel."""
 
+import base64
 import hashlib
+import io
+import math
 import re
 import sys
 import textwrap
@@ -14,17 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jerkbench import plugins
-from jerkbench.attitude.tilt import Tilt
 from jerkbench.errors import JerkbenchError
-from jerkbench.estimate import Estimate
 from jerkbench.evaluation.counted_rows import position_error_length_m
 from jerkbench.files import write_atomically, write_text
 from jerkbench.jobs.executors import Workers
-from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Job
 from jerkbench.jobs.manifest import read_manifest
 from jerkbench.jobs.progress import Progress
-from jerkbench.jobs.replay import StoredRow, row_of, runnable
+from jerkbench.jobs.replay import row_of, runnable
 from jerkbench.jobs.rows import run_seed
 from jerkbench.jobs.run import outcomes
 from jerkbench.jobs.store import Store, Stored
@@ -37,15 +37,14 @@ from jerkbench.report.drawings import (
     Drawing,
     Methods,
     Picture,
-    Scene,
     by_difference,
     of_rows,
-    of_scene,
     palette_of,
     telling_scenes,
 )
 from jerkbench.report.labels import bare
-from jerkbench.report.page_content import Stretch, largest_of_steps
+from jerkbench.report.page_content import encoded, largest_of_steps
+from jerkbench.report.plots import consistency, runs
 from jerkbench.report.plots.style import Palette
 from jerkbench.report.summary import main_metric
 
@@ -54,47 +53,44 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LIMIT = 20
-"""Scenarios whose runs are drawn at most, unless asked otherwise."""
+"""Default for the maximum number of scenarios whose runs are drawn."""
 
 WANTED = (("baseline", "none"), ("jerk", "mtf"), ("jerk", "none"), ("gnss_only", "none"))
-"""Filters and adaptations that are drawn where they are there, beside the best one."""
+"""Methods (filter and adaptation) that are drawn in addition to the best method, if the study contains them."""
 
 SHOWN_METHODS = 5
-"""Methods in one picture, unless more are the user's own, or wanted by name."""
-
-TILTS = ("none", "scalar", "mtf")
-"""Ways of the tilt filter to adapt that are compared; lee needs a memory of its own."""
+"""Maximum number of methods in a figure. User plugins and methods requested by name may exceed this number."""
 
 FROM_ELSEWHERE = ("command", "trajectory")
-"""Filters of this package that are a method of the user's."""
+"""Builtin filters that run a user program, or read a trajectory of other software. They count as user plugins."""
 
 SEEDS = 10
-"""Runs of the best method whose NEES and NIS are averaged."""
+"""Maximum number of runs of the best method whose NEES and NIS are averaged."""
 
 MAX_CURVES = 40
-"""Jobs of a scenario whose errors over time are shown: the user's own and the best ones."""
+"""Maximum number of jobs of a scenario whose errors over time are shown. Jobs with user plugins come first."""
 
 MAX_ERRORS = 120_000
-"""Errors of all jobs together. Each takes two bytes of the report."""
+"""Maximum number of error values of all jobs in the report. Each value takes two bytes."""
 
 STRETCH_STEPS = (100, 600)
-"""Fewest and most steps of a recording."""
+"""Minimum and maximum number of time steps into which the errors of a recording are divided."""
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """Which figures of a study are wanted.
+    """The requested figures of a study.
 
     Attributes:
-        choice: of which scenarios.
-        limit: of so many scenarios at most.
-        out: folder for a PNG of each; None: no files.
-        pdf: whether each is a PDF, too.
-        traces: whether the errors over time of its cells are wanted, of all scenarios up to the limit.
-        run_programs: whether programs that stored cells name may run; without it their cells are left out.
-        methods: names of those that are drawn; none: of the study's those that tell something.
-        scenarios: names of those that are drawn; none: as the choice says.
-        seed: the run of a scenario that is drawn; None: the first.
+        choice: scenarios whose runs are drawn.
+        limit: maximum number of scenarios whose runs are drawn.
+        out: folder for the figure files. If ``out`` is None, no files are written.
+        pdf: whether to write PDF files in addition to PNG files.
+        traces: whether to compute errors over time for at most ``limit`` scenarios.
+        run_programs: whether stored user programs may run. If False, jobs with user programs are left out.
+        methods: names of the methods to draw. If ``methods`` is empty, methods with significant differences are drawn.
+        scenarios: names of the scenarios to draw. If ``scenarios`` is empty, ``choice`` selects the scenarios.
+        seed: seed of the runs to draw. If ``seed`` is None, the first seed is used.
     """
 
     choice: Choice = Choice.FEW
@@ -108,47 +104,43 @@ class Request:
     seed: int | None = None
 
 
-DrawnStudy = tuple[list[Picture], list[Stretch]]
-"""Figures, and the errors over time of scenarios."""
-DrawingTask = Callable[[], DrawnStudy]
+DrawnStudy = tuple[list[Picture], list[dict[str, Any]]]
+"""The figures of a study, and the errors over time of its scenarios (see `_curves`)."""
 
 
 def draw_study(study: Study, request: Request, workers: int) -> DrawnStudy:
-    """Draw the figures of a study: those of all its rows, then those of its scenarios' runs.
+    """Draw the figures of a study: first the figures of all rows, then the figures of the runs of each scenario.
 
-    A scenario that cannot be run again is reported on standard error.
+    If the runs of a scenario cannot be repeated, a message is printed on standard error.
 
     Args:
-        study: the study.
-        request: which of them.
-        workers: number of processes.
+        study: study, which contains the rows of results and the stored jobs.
+        request: figures to draw.
+        workers: number of processes that draw figures.
 
     Raises:
-        JerkbenchError: the study has no such method, scenario or seed.
+        JerkbenchError: the study does not have a requested method, scenario or seed.
     """
     if request.choice is Choice.NONE:
         return [], []
-    numbered = list(enumerate(_drawing_tasks(study, request)))
+    chunks = [[task] for task in enumerate(_drawing_tasks(study, request))]
     done: dict[int, DrawnStudy] = {}
-    with Progress(len(numbered), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as pool:
-        # The figures of all rows take less time than those of a scenario, so they are drawn last.
-        chunks = [[task] for task in (*numbered[1:], numbered[0])]
-        for ((place, _),), drawn in outcomes(_draw_first, chunks, pool.pool(len(chunks))):
+    with Progress(len(chunks), doing="Figures", unit="sets of figures") as progress, Workers(count=workers) as pool:
+        for ((index, _),), drawn in outcomes(_draw_first, chunks, pool.pool(len(chunks))):
             if isinstance(drawn, Exception):
                 raise drawn
-            done[place] = drawn
+            done[index] = drawn
             progress.advance()
-    pictures, stretches = zip(*(done[place] for place, _ in numbered), strict=True)
-    return list(chain(*pictures)), list(chain(*stretches))
+    pictures, curves = zip(*(done[index] for index in sorted(done)), strict=True)
+    return list(chain(*pictures)), list(chain(*curves))
 
 
-def _draw_first(tasks: Sequence[tuple[int, DrawingTask]]) -> tuple[int, DrawnStudy]:
-    _, draw = tasks[0]
-    return 1, draw()
+def _draw_first(tasks: Sequence[tuple[int, Callable[[], DrawnStudy]]]) -> tuple[int, DrawnStudy]:
+    return 1, tasks[0][1]()
 
 
-def _drawing_tasks(study: Study, request: Request) -> list[DrawingTask]:
-    """Return a task for all rows, and one for each scenario, in the order in which they are shown."""
+def _drawing_tasks(study: Study, request: Request) -> list[Callable[[], DrawnStudy]]:
+    """Return the task that draws all rows, and a task for each scenario, in the order of the figures in the report."""
     metric, palette = main_metric(study.rows), palette_of(study.rows)
     of_all_rows = partial(_draw_rows, request, study.rows, palette)
     study = _requested(study, request)
@@ -163,23 +155,18 @@ def _drawing_tasks(study: Study, request: Request) -> list[DrawingTask]:
         scenarios = {name: labels for name, labels in scenarios.items() if name in ranked}
         methods = telling_scenes(ranked) if few else methods
     steps = _steps_of(scenarios.values()) if request.traces else 0
-    return [
-        of_all_rows,
-        *(
-            partial(_draw_scenario, request, study.folder, name, labels, metric, palette, methods.get(name), steps)
-            for name, labels in scenarios.items()
-            if steps or name in methods
-        ),
-    ]
+    draw = partial(_draw_scenario, request, study.folder, metric, palette, steps)
+    drawn = {name: labels for name, labels in scenarios.items() if steps or name in methods}
+    return [of_all_rows, *(partial(draw, name, labels, methods.get(name)) for name, labels in drawn.items())]
 
 
 def _requested(study: Study, request: Request) -> Study:
-    """Return the part of a study that has the names of the request."""
+    """Return the part of a study with the requested scenarios and methods."""
     for names, factors in ((request.scenarios, SCENARIO_FACTORS), (request.methods, METHOD)):
         study = named_part(study, names, factors) if names else study
     seeds = sorted(set(study.rows["seed"]))
     if request.seed is not None and request.seed not in seeds:
-        raise JerkbenchError(f"There is no seed {request.seed}; the smallest is {seeds[0]}, the largest {seeds[-1]}.")
+        raise JerkbenchError(f"The study has no seed {request.seed}; its seeds are from {seeds[0]} to {seeds[-1]}.")
     return study
 
 
@@ -190,188 +177,193 @@ def _draw_rows(request: Request, rows: "pd.DataFrame", palette: Palette) -> Draw
 def _draw_scenario(
     request: Request,
     folder: Path,
-    name: str,
-    labels: Mapping[str, Mapping[str, str]],
     metric: str,
     palette: Palette,
-    methods: Methods | None,
     steps: int,
+    name: str,
+    labels: Mapping[str, Mapping[str, str]],
+    methods: Methods | None,
 ) -> DrawnStudy:
-    """Draw the figures of a scenario.
+    """Draw the figures and compute the error curves of a scenario.
 
-    Args:
-        request: which figures.
-        folder: of the study.
-        name: of the scenario.
-        labels: of its jobs, by key.
-        metric: the leading one.
-        palette: of the study.
-        methods: that the figures show; empty: the best ones; None: no figures are drawn.
-        steps: number of steps of each error over time; 0: none is needed.
+    If ``methods`` is empty, the best methods are drawn. If ``methods`` is None, no figures are drawn. ``steps`` is the
+    number of time steps of each error curve. If ``steps`` is 0, no error curves are computed.
     """
     try:
         stored = runnable(Store(folder).read(list(labels))[0], run_programs=request.run_programs)
         jobs = ranked([replace(job, metadata={**job.metadata, "labels": labels[job.key]}) for job in stored], metric)
-        drawings = [] if methods is None else of_scene(_scene(name, jobs, methods, request.seed), palette)
+        drawings = [] if methods is None else _draw_runs(name, jobs, methods, request.seed, palette)
         pictures = [_picture(drawing, name, request) for drawing in drawings]
-        return pictures, list(_stretches(name, jobs, steps)) if steps else []
+        return pictures, _curves(name, jobs, steps, palette) if steps else []
     except JerkbenchError as error:
-        print(f"jerkbench: no figures of {name}: {error}", file=sys.stderr)
+        print(f"jerkbench: the figures of {name} were not drawn: {error}", file=sys.stderr)
         return [], []
 
 
 def _picture(drawing: Drawing, scenario: str, request: Request) -> Picture:
-    """Render a figure once for the page and the file, and once more as PDF if that is requested."""
-    from jerkbench.report.plots.style import png_bytes, save_pdf
+    """Write the requested PNG and PDF files of a figure, and return the figure for the page.
 
-    png = png_bytes(drawing.figure)
-    out = request.out
+    The page contains lossless WebP, which has two thirds of the size of PNG.
+    """
+    from jerkbench.report.plots.style import image_of, save_figure
+
+    image, out, data = image_of(drawing.figure), request.out, io.BytesIO()
     if out is not None:
-        write_atomically(out / f"{drawing.name}.png", lambda path: path.write_bytes(png))
-        if request.pdf:
-            save_pdf(drawing.figure, out / f"{drawing.name}.pdf")
-    return Picture(drawing.name, drawing.caption, scenario, png)
+        write_atomically(out / f"{drawing.name}.png", image.save)
+    if out is not None and request.pdf:
+        drawing.figure.set_layout_engine("none")  # the layout of the PNG is reused, because a new layout is slow
+        save_figure(drawing.figure, out / f"{drawing.name}.pdf")
+    image.convert("RGB").save(data, "webp", lossless=True, quality=50, method=3)
+    encoded_data = f"data:image/webp;base64,{base64.b64encode(data.getvalue()).decode()}"
+    return Picture(drawing.name, drawing.caption, scenario, encoded_data, *image.size)
 
 
-def _scene(name: str, jobs: Sequence[Stored], wanted: Methods, seed: int | None) -> Scene:
-    """Run the chosen ones of ``jobs``, the best first, again.
+def _draw_runs(
+    name: str, jobs: Sequence[Stored], wanted: Methods, seed: int | None, palette: Palette
+) -> Iterator[Drawing]:
+    """Repeat runs of selected jobs, and yield the figures of these runs. ``jobs`` must be sorted from best to worst.
 
     Raises:
-        JerkbenchError: they cannot be run again.
+        JerkbenchError: a job cannot be run again.
     """
     if not jobs:
-        raise JerkbenchError("each of its methods is a stored program, which runs only with --run-programs.")
-    chosen = _chosen(jobs, wanted)
-    rows = {method: row_of(job, seed, run_programs=True) for method, job in chosen.items()}
-    runs = {method: row.run() for method, row in rows.items()}
+        raise JerkbenchError("all methods are stored programs, which run only with --run-programs.")
+    selected = _selected(jobs, wanted)
+    rows = {method: row_of(job, seed, run_programs=True) for method, job in selected.items()}
+    made = {method: row.run() for method, row in rows.items()}
     best, row = next(iter(rows.items()))
-    recording, estimate = runs[best]
-    stored = chosen[best].rows
+    stored = selected[best].rows
     seeds = stored["seed"][(stored["status"] == "ok") & (stored["replicate"] == "seed")].tolist()[:SEEDS]
-    return Scene(
-        name,
-        stem=file_stem([name]),
-        recording=with_title(recording, row.job, row.draw),
-        attitude=shared_inputs().attitude(recording, row.job.scenario.attitude),
-        estimates={method: estimate for method, (_, estimate) in runs.items()},
-        tilts=_tilts(row, estimate),
-        best=best,
-        best_runs=tuple(row_of(chosen[best], own, run_programs=True).run() for own in seeds or [None]),
-        burn_in_s=row.job.evaluation.burn_in_s,
-    )
-
-
-def _tilts(row: StoredRow, own: Estimate) -> dict[str, Estimate]:
-    scenario, attitude = row.job.scenario, row.job.scenario.attitude
-    if not isinstance(attitude, Tilt):
-        return {row.job.labels.attitude: own}
-    varied = {adapt: replace(scenario, attitude=replace(attitude, adapt=adapt)) for adapt in TILTS}
-    return {
-        f"tilt + {adapt}": replace(row, job=replace(row.job, scenario=own)).run()[1] for adapt, own in varied.items()
+    of_best = [row_of(selected[best], seed_of_run, run_programs=True).run() for seed_of_run in seeds or [None]]
+    recording, estimates = with_title(made[best][0], row.job, row.draw), {name: run[1] for name, run in made.items()}
+    updated = {method: estimate for method, estimate in estimates.items() if len(estimate.updates.t_s)}
+    errors = partial(runs.error_figure, recording, burn_in_s=row.job.protocol.burn_in_s, palette=palette)
+    trajectory = runs.inset_trajectory_figure(recording, estimates, palette)
+    figures = {
+        "errors": ("position error, first seed", errors(estimates, panels=1)),
+        "trajectory": ("trajectory, and a part of it enlarged", trajectory),
+        "three-sigma": (f"errors of {best} with three sigmas", errors({best: estimates[best]})),
+        "consistency": (f"NEES and NIS of {best}", consistency.consistency_figure(of_best, best, palette)),
+        "adapted-r": ("measurement noise that was used", consistency.adapted_r_figure(recording, updated, palette)),
     }
+    if recording.imu is not None:
+        tilt = consistency.tilt_figure(recording, {row.job.labels.attitude: estimates[best]}, palette)
+        figures["tilt"] = "roll and pitch against the reference", tilt
+    for kind, (caption, figure) in figures.items():
+        yield Drawing(f"{file_stem([name])}-{kind}", f"{name}: {caption}.", figure)
 
 
-def _chosen(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
-    """Pick the best, of each plugin of the user's the best, those that are wanted, and then the next best.
+def _selected(cells: Sequence[Stored], wanted: Methods) -> dict[str, Stored]:
+    """Return the jobs to draw: the best job, the best job of each user plugin, the wanted methods, the next best jobs.
 
-    Of one method with several noises it is the best.
+    A method with several noise settings is represented by its best job.
 
     Args:
-        cells: the best first.
-        wanted: filters and adaptations; none: `WANTED`, and the next best.
+        cells: jobs of a scenario, sorted from best to worst.
+        wanted: filters and adaptations to select. If ``wanted`` is empty, `WANTED` and the next best methods are
+            selected.
     """
     methods: dict[tuple[str, str], Stored] = {}
-    own: dict[tuple[str, str], tuple[str, str]] = {}
+    of_plugin: dict[tuple[str, str], tuple[str, str]] = {}
     for cell in cells:
-        method = cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]
+        method = _method(cell)
         methods.setdefault(method, cell)
         for plugin in of_user(cell.metadata["spec"]):
-            own.setdefault(plugin, method)
+            of_plugin.setdefault(plugin, method)
     best, *others = methods
     known = [method for method in wanted or WANTED if method in methods]
-    most = len(methods) if wanted else max(SHOWN_METHODS, 1 + len(own))
-    places = list(dict.fromkeys([best, *own.values(), *known, *([] if wanted else others)]))
+    most = len(methods) if wanted else max(SHOWN_METHODS, 1 + len(of_plugin))
+    places = list(dict.fromkeys([best, *of_plugin.values(), *known, *([] if wanted else others)]))
     return {_name(methods[key]): methods[key] for key in places[:most]}
 
 
 def of_user(spec: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return kind and name of filter and adaptation of a stored cell, where they are the user's own.
+    """Return the kind and name of the filter and the adaptation of a stored job, if they are user plugins.
 
-    That is a plugin from elsewhere, a program, or a trajectory that something else estimated.
+    User plugins are plugins of other packages, user programs, and trajectories from other software.
     """
     parts = [(kind, str(spec[kind]["name"])) for kind in ("filter", "adaptation")]
     known = [(kind, name) for kind, name in parts if name in plugins.names(kind)]
-    return [part for part in known if part[1] in FROM_ELSEWHERE or not plugins.is_own(plugins.get(*part))]
+    return [part for part in known if part[1] in FROM_ELSEWHERE or not plugins.is_builtin(plugins.get(*part))]
 
 
 def ranked(group: Sequence[Stored], metric: str) -> list[Stored]:
-    """Return cells of a scenario, the best first, and those that do not compete last."""
+    """Return the jobs of a scenario, sorted by the metric. Reference methods, which do not compete, come last."""
     return sorted(group, key=lambda cell: (not competes(cell.metadata["labels"]), _mean(cell, metric)))
 
 
 def _mean(cell: Stored, metric: str) -> float:
-    """The mean of the metric; of a method that lost a run, or has no value, infinite."""
-    if metric not in cell.rows or not (cell.rows["status"] == "ok").all():
-        return float("inf")
-    mean = float(cell.rows[metric].mean())
-    return mean if mean == mean else float("inf")  # noqa: PLR0124 - NaN
+    """Return the mean of the metric over the runs, or infinity if any run failed or if no run has a value."""
+    values = cell.rows[metric] if metric in cell.rows else cell.rows["seed"] * math.nan
+    mean = float(values.where(cell.rows["status"] == "ok", math.inf).mean())
+    return math.inf if math.isnan(mean) else mean
+
+
+def _method(cell: Stored) -> tuple[str, str]:
+    return cell.metadata["labels"]["filter"], cell.metadata["labels"]["adaptation"]
 
 
 def _name(cell: Stored) -> str:
-    labels = cell.metadata["labels"]
-    noise = "" if labels["noise"] == "default" else f", {labels['noise']}"
-    return f"{labels['filter']} + {labels['adaptation']}{noise}"
+    noise = cell.metadata["labels"]["noise"]
+    return " + ".join(_method(cell)) + (f", {noise}" if noise != "default" else "")
 
 
 def _steps_of(scenarios: Iterable[Collection[str]]) -> int:
-    """Return the number of steps of each error over time, so that the errors of all jobs fit."""
+    """Return the number of time steps for each job, such that the errors of all jobs fit into `MAX_ERRORS`."""
     curves = sum(min(len(keys), MAX_CURVES) for keys in scenarios)
     return int(np.clip(MAX_ERRORS // max(1, curves), *STRETCH_STEPS))
 
 
-def _stretches(scenario: str, jobs: Sequence[Stored], steps: int) -> Iterator[Stretch]:
-    """Run one run of the user's own and of the best jobs again. Yields nothing if there is no position reference.
+def _curves(scenario: str, jobs: Sequence[Stored], steps: int, palette: Palette) -> list[dict[str, Any]]:
+    """Repeat one run of each of the best jobs and of each job with user plugins, and return their errors over time.
+
+    The result has the form that the script of the page reads. It is empty if the recordings have no position reference.
 
     Raises:
-        JerkbenchError: they cannot be run again.
+        JerkbenchError: a job cannot be run again.
     """
-    chosen = {job.key for job in sorted(jobs, key=lambda job: not of_user(job.metadata["spec"]))[:MAX_CURVES]}
-    rows = {job.key: row_of(job, run_programs=True) for job in jobs if job.key in chosen}
-    runs = {key: row.run() for key, row in rows.items() if row.row["status"] != "failed"}
-    recordings = [recording for recording, _ in runs.values() if recording.reference.enu_m is not None]
+    selected = {job.key for job in sorted(jobs, key=lambda job: not of_user(job.metadata["spec"]))[:MAX_CURVES]}
+    rows = {job.key: (job, row_of(job, run_programs=True)) for job in jobs if job.key in selected}
+    runs = [(job, row, *row.run()) for job, row in rows.values() if row.row["status"] != "failed"]
+    recordings = [recording for _, _, recording, _ in runs if recording.reference.enu_m is not None]
     if not recordings:
-        return
-    t_s, first = recordings[0].reference.t_s, next(iter(rows.values()))
+        return []
+    t_s, row = recordings[0].reference.t_s, runs[0][1]
     edges_s = np.linspace(t_s[0], t_s[-1], min(steps, len(t_s)) + 1)
-    errors_m = {
-        key: largest_of_steps(seen.reference.t_s[estimate.index], position_error_length_m(estimate, seen), edges_s)
-        for key, (seen, estimate) in runs.items()
-    }
-    draw = f"{'seed' if first.job.scenario.seeded else 'phase'} {first.draw}"
-    step_s = float(edges_s[1] - edges_s[0])
-    yield Stretch(scenario, draw, float(edges_s[0]), step_s, recordings[0].outages_s, errors_m)
+    lines = []
+    for job, _, seen, estimate in runs:
+        error_m = position_error_length_m(estimate, seen)
+        largest_m = largest_of_steps(seen.reference.t_s[estimate.index], error_m, edges_s)
+        name, style = _name(job), palette.style(_method(job))
+        line = {"key": job.key, "name": name, "colour": style.colour, "dash": style.dash, "error": encoded(largest_m)}
+        lines.append(line)
+    draw = f"{'seed' if row.job.seeded else 'phase'} {row.draw}"
+    start, step = round(float(edges_s[0]), 6), round(float(edges_s[1] - edges_s[0]), 6)
+    outages = np.round(recordings[0].outages_s, 3).tolist()
+    return [{"name": scenario, "draw": draw, "start": start, "step": step, "outages": outages, "lines": lines}]
 
 
 WIDTH = 70
-"""Letters of a line: as many as a figure has room for."""
+"""Maximum number of characters of a line in a title."""
 LINES = 3
-"""Lines of a title: the figure below it needs its room."""
+"""Maximum number of lines of a title."""
 _MAX_NAME_CHARACTERS = 100
-"""Letters of a file's name before its hash; a file system takes 255 bytes, endings included."""
+"""Maximum number of characters of a file name before its hash. File systems allow 255 bytes with the extension."""
 
 
 def with_title(recording: Recording, job: Job, draw: int) -> Recording:
-    """Return the recording with a name that says its disturbance too (if any), and its seed or phase."""
-    disturbance = job.labels.disturbance
-    disturbed = () if disturbance == "none" else (disturbance,)
-    drawn = (f"seed {draw}",) if job.scenario.seeded else (f"phase {draw}",) if len(job.draws) > 1 else ()
-    return replace(recording, name=_fitted((recording.name, *disturbed), drawn))
+    """Return the recording with a name that also contains the disturbance (if any) and the seed or phase."""
+    title = ", ".join([recording.name] + [job.labels.disturbance] * (job.labels.disturbance != "none"))
+    drawn = f", seed {draw}" if job.seeded else f", phase {draw}" if len(job.draws) > 1 else ""
+    title = bare(title) if len(title) > LINES * WIDTH else title
+    lines = textwrap.wrap(title, WIDTH - len(drawn), max_lines=LINES, placeholder=" ...")
+    return replace(recording, name="\n".join(lines) + drawn)
 
 
 def file_stem(labels: Sequence[str]) -> str:
-    """Return a file's name for ``labels``, without its ending: short, and the same for the same labels.
+    """Return a short file name for ``labels``, without the extension. Equal labels always give the same name.
 
-    Parameters are left out of it; a hash of all that the labels say stands for them.
+    The parameters in the labels are replaced by a hash of the labels.
     """
     text = "-".join(labels)
     name = re.sub(r"[^A-Za-z0-9.+=-]+", "_", "-".join(bare(label) for label in labels))
@@ -380,28 +372,19 @@ def file_stem(labels: Sequence[str]) -> str:
     return f"{name[:_MAX_NAME_CHARACTERS]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
-def _fitted(named: Sequence[str], drawn: Sequence[str]) -> str:
-    """All of it in lines; where these are too many, without the parameters, and then cut."""
-    for words in (named, [bare(word) for word in named]):
-        lines = textwrap.wrap(", ".join((*words, *drawn)), WIDTH)
-        if len(lines) <= LINES:
-            return "\n".join(lines)
-    tail = ", ".join(("...", *drawn))
-    return "\n".join(textwrap.wrap(", ".join(words)[: LINES * WIDTH // 2] + tail, WIDTH))
-
-
 def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
-    """Draw trajectory and errors of the first seed; returns the files."""
+    """Draw the trajectory and the errors of the first seed, and return the paths of the figure files.
+
+    For a filter that estimates only the attitude, the inclination error is drawn instead.
+    """
     from jerkbench.report.plots.runs import error_figure, inclination_figure, trajectory_figure
     from jerkbench.report.plots.style import save_figure
 
     recording, estimate = run_seed(job, job.draws[0])
-    errors = partial(error_figure, burn_in_s=job.evaluation.burn_in_s)
+    errors = partial(error_figure, burn_in_s=job.protocol.burn_in_s)
     drawn: dict[str, Callable[..., Figure]] = {"trajectory": trajectory_figure, "errors": errors}
-    if estimate.attitude_only:
-        drawn = {"inclination": inclination_figure}
-    paths = []
-    titled = with_title(recording, job, job.draws[0])
+    drawn = {"inclination": inclination_figure} if estimate.attitude_only else drawn
+    paths, titled = [], with_title(recording, job, job.draws[0])
     for kind, draw_kind in drawn.items():
         figure = draw_kind(titled, {f"{job.labels.filter} + {job.labels.adaptation}": estimate})
         for ending in ("png", "pdf") if pdf else ("png",):
@@ -412,24 +395,24 @@ def draw_single(job: Job, folder: Path, *, pdf: bool = False) -> list[Path]:
 
 FIGURES, REPORT = "figures", "report.html"
 PROVENANCE = ("command", "finished", "commit", "versions", "host")
-"""Entries of the manifest that the report shows."""
+"""Entries of the manifest that the report contains."""
 
 OTHERWISE = {
-    Choice.FEW: "figures=all draws those of every scenario, figures=none leaves them out",
-    Choice.ALL: "figures=few draws those that carry a finding, figures=none leaves them out",
+    Choice.FEW: "figures=all draws all scenarios, figures=none draws no figures",
+    Choice.ALL: "figures=few draws scenarios with a finding, figures=none draws no figures",
 }
-"""What one can ask for instead."""
+"""Text that describes the alternatives to each value of the option ``figures``."""
 
 
 def present(study: Study, workers: int, choice: Choice, *, pdf: bool = False, run_programs: bool = False) -> None:
-    """Draw the figures of a study and write its report; say so before, because it takes a while.
+    """Print a message, because drawing takes a while, then draw the figures of a study and write its report.
 
     Args:
-        study: the study.
-        workers: number of processes.
-        choice: which figures.
-        pdf: whether each is a PDF, too.
-        run_programs: whether programs of stored cells may run; without it they are left out.
+        study: study with the rows and the stored jobs.
+        workers: number of processes that draw figures.
+        choice: scenarios whose runs are drawn.
+        pdf: whether to write PDF files in addition to PNG files.
+        run_programs: whether stored user programs may run. If False, jobs with user programs are left out.
     """
     figures, report = study.folder / FIGURES, study.folder / REPORT
     if choice is not Choice.NONE:
@@ -451,32 +434,20 @@ def write_report(
     """Draw the figures of a study and write its report as one HTML file.
 
     Args:
-        study: the study.
-        path: of the file.
-        request: which figures.
-        workers: number of processes that draw.
-        method: factors that a method is made of; None: those by default.
-        rule: by which methods are judged.
+        study: study with the rows and the stored jobs.
+        path: path of the HTML file.
+        request: figures to draw.
+        workers: number of processes that draw figures.
+        method: factors that define a method. If ``method`` is None, the default of `study_verdicts` is used.
+        rule: margin and level of the verdicts.
     """
-    from jerkbench.report.page import Results, page
+    from jerkbench.report.page import page
 
     pictures, stretches = draw_study(study, request, workers)
-    manifest, labels = read_manifest(study.folder), study.labels
-    configured = manifest.get("notes", {})
-    notes = {key: dict.fromkeys([*configured.get(key, []), *own["notes"]]) for key, own in study.metadata.items()}
-    about = {
-        key: {**own, "labels": labels[key], "notes": list(notes[key])}
-        for key, own in study.metadata.items()
-        if key in labels
-    }
-    results = Results(
-        name=study.folder.resolve().name,
-        rows=study.rows,
-        keys=list(study.keys),
-        about=about,
-        notes=study.notes,
-        provenance={key: manifest[key] for key in PROVENANCE if key in manifest},
-        rule=rule,
-        method=method,
-    )
-    write_text(path, page(results, pictures, stretches))
+    manifest, about = read_manifest(study.folder), {}
+    for key, labels in study.labels.items():
+        notes = [*manifest.get("notes", {}).get(key, []), *study.metadata[key]["notes"]]
+        about[key] = {**study.metadata[key], "labels": labels, "notes": list(dict.fromkeys(notes))}
+    name, provenance = study.folder.resolve().name, {key: manifest[key] for key in PROVENANCE if key in manifest}
+    given = name, study.rows, list(study.keys), about, study.notes, provenance, pictures, stretches
+    write_text(path, page(*given, rule=rule, method=method))

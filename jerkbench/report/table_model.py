@@ -1,4 +1,4 @@
-"""A table as plain values, which every writer reads; and the places of a study's runs in it."""
+"""The data model of tables, which all writers read, and the assignment of the runs of a study to table cells."""
 
 import math
 from collections import Counter
@@ -18,7 +18,7 @@ from jerkbench.evaluation.over_seeds import (
     mean_intervals,
     no_centres,
 )
-from jerkbench.report.columns import constants, layout, numbers_of_rows, quantity, with_text_factors
+from jerkbench.report.columns import FACTORS, MAIN, layout, numbers_of_rows, quantity, with_text_factors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,29 +27,32 @@ if TYPE_CHECKING:
 
 
 TextPart = tuple[str, str]
-"""A text of a cell, and its style: number, best, interval, factor, trouble or absent."""
+"""A part of the text of a cell, and its style: number, best, interval, factor, trouble or absent."""
 
 
 class TableCell(NamedTuple):
-    """One combination with all its runs.
+    """The results of one combination over all its runs.
 
     Attributes:
-        mean: what stands for the runs, as ``kind`` says; NaN without any, infinite where the median run was lost.
-        low: lower end of the interval (seeds), or the smallest value (phases); NaN where there is none.
-        high: upper end, or the largest value.
-        runs: all runs, also those that did not go well.
-        diverged: how many of them diverged.
-        failed: how many of them raised an error.
-        missing: how many went well, but have no value of the metric (NaN).
-        replicate: "seed" (independent draws) or "phase" (of one recording: not independent).
-        kind: "median" (over all runs, a lost one larger than every number), of fewer than six seeds, and of phases,
-            "geometric mean" (over the runs that went well), or "mean" (of what is no error, over these).
-        locked: how many went well, but are over ten times the median.
-        quartiles: of the runs, as the median's.
-        geometric: geometric mean of the runs that went well, beside a median; else NaN.
-        own_interval: whether the interval is that of one recording; without ends it was too short to say.
-        best: whether it belongs to the leaders of its row: others were shown to be worse, it was not.
-        ratio: to the baseline, where one was chosen and this is not it.
+        mean: average of the runs, as defined by ``kind``. ``mean`` is NaN if no run has a value, and infinite if the
+            median run failed.
+        low: lower end of the 95 % interval (seeds), or the smallest value (phases), NaN if unknown.
+        high: upper end of the 95 % interval (seeds), or the largest value (phases), NaN if unknown.
+        runs: number of all runs, including the failed ones.
+        diverged: number of runs that diverged.
+        failed: number of runs that raised an error.
+        missing: number of successful runs without a value of the metric (NaN).
+        replicate: "seed" (independent runs) or "phase" (parts of one recording, not independent).
+        kind: kind of the average: "median", "geometric mean" or "mean". The median includes failed runs as infinite
+            values. The geometric mean of the successful runs is used for fewer than six seeds and for phases. The mean
+            of the successful runs is used for metrics that are not errors.
+        locked: number of successful runs whose error is more than ten times the median error.
+        quartiles: lower and upper quartile of the runs, NaN without a value.
+        geometric: geometric mean of the successful runs, NaN if unknown.
+        recording_interval: whether the interval was estimated from a single recording (metric one_recording). The ends
+            of this interval are NaN if the recording is too short.
+        best: whether the combination is one of the best in its row of the table.
+        ratio: comparison with the baseline. ``ratio`` is None without a baseline, and for the baseline itself.
     """
 
     mean: float
@@ -64,80 +67,83 @@ class TableCell(NamedTuple):
     locked: int = 0
     quartiles: tuple[float, float] = (math.nan, math.nan)
     geometric: float = math.nan
-    own_interval: bool = False
+    recording_interval: bool = False
     best: bool = False
     ratio: "Comparison | None" = None
 
     @property
     def complete(self) -> bool:
-        """Whether every run went well and has a value."""
+        """True if every run succeeded and has a value."""
         return self.used == self.runs and math.isfinite(self.mean)
 
     @property
     def used(self) -> int:
-        """How many runs went well and have a value."""
+        """The number of successful runs with a value."""
         return self.runs - self.diverged - self.failed - self.missing
 
     @property
     def text(self) -> str:
-        """The cell on one line: mean, interval, and what went wrong."""
+        """The text of the cell on one line: all texts of `parts`."""
         return " ".join(text for text, _ in parts(self))
 
     @property
     def number(self) -> str:
-        """The centre, "n/a" where the metric does not apply, or nothing where no run went well."""
+        """The average as text, "n/a" if the metric does not apply, or an empty text if no run succeeded."""
         if self.diverged + self.failed == self.runs:
             return ""
-        return "n/a" if math.isnan(self.mean) else _or_lost(self.mean)
+        return "n/a" if math.isnan(self.mean) else _number_or_failed(self.mean)
 
     @property
     def interval(self) -> str:
-        """The interval in brackets, the range over phases without one in braces, or nothing."""
+        """The interval in brackets, or the range over phases in braces. The text is empty if both are unknown."""
         if math.isnan(self.low) or math.isnan(self.high) or not self.used:
             return ""
-        low, high = _or_lost(self.low), _or_lost(self.high)
-        phases = self.replicate == "phase" and not self.own_interval
+        low, high = _number_or_failed(self.low), _number_or_failed(self.high)
+        phases = self.replicate == "phase" and not self.recording_interval
         return f"{{{low}–{high}}}" if phases else f"[{low}, {high}]"  # noqa: RUF001 - a range
 
     @property
-    def beside(self) -> str:
-        """The geometric mean of the runs that went well, beside a median."""
+    def geometric_text(self) -> str:
+        """The geometric mean of the successful runs as text, or an empty text if the average is not a median."""
         return f"gm {number(self.geometric)}" if self.kind == MEDIAN and math.isfinite(self.geometric) else ""
 
     @property
     def factor(self) -> str:
-        """The ratio to the baseline with its mark; the mark alone where the median run was lost."""
+        """The ratio to the baseline with its mark, or only the mark if the median run of one method failed."""
         if self.ratio is None:
             return ""
         return f"×{self.ratio.ratio_text}{self.ratio.mark}" if self.ratio.ratio_text else self.ratio.mark  # noqa: RUF001
 
     @property
     def trouble(self) -> str:
-        """How many runs diverged, failed or have no value, or nothing; where none has one, "n/a" says that already."""
+        """The numbers of runs that diverged, failed, have no value, or rejected all later measurements (lock-out).
+
+        Numbers of 0 are left out.
+        """
         counts = [("diverged", self.diverged), ("failed", self.failed), ("n/a", self.missing if self.used else 0)]
         if self.diverged + self.failed == self.runs:
-            return ", ".join(f"{word} {n}/{self.runs}" for word, n in counts if n)
-        words = [f"{n}/{self.runs} {word}" for word, n in (*counts, ("locked out", self.locked)) if n]
-        return f"({', '.join(words)})" if words else ""
+            return ", ".join(f"{name} {n}/{self.runs}" for name, n in counts if n)
+        texts = [f"{n}/{self.runs} {name}" for name, n in (*counts, ("locked out", self.locked)) if n]
+        return f"({', '.join(texts)})" if texts else ""
 
 
 @dataclass(frozen=True)
 class Table:
-    """One metric over two sets of factors.
+    """The results of one metric. Some factors define the rows, and other factors define the columns.
 
     Attributes:
-        title: what it shows, with the unit.
+        title: title with the unit.
         metric: column name of the metric.
-        unit: unit of all numbers, "" for a ratio.
+        unit: unit of all numbers. The unit of a dimensionless metric is empty.
         row_keys: factors of the rows, such as ("filter",).
         column_keys: factors of the columns.
-        rows: values of `row_keys`, one tuple a row.
-        columns: values of `column_keys`, one tuple a column.
-        cells: one tuple a row; None where the combination does not exist.
-        constants: the other factors, each with its one value.
-        footnotes: sentences that belong under it.
-        baseline: factors and values of what the ratios are to; empty: there are none.
-        average: what most of its numbers are.
+        rows: values of ``row_keys``, one tuple for each row.
+        columns: values of ``column_keys``, one tuple for each column.
+        cells: one tuple of cells for each row. A cell is None if its combination does not exist.
+        constants: factors that define neither rows nor columns, and the only value of each factor.
+        footnotes: footnotes below the table.
+        baseline: factors and values of the baseline of the ratios. ``baseline`` is empty for a table without ratios.
+        average: most frequent kind of average among the cells.
     """
 
     title: str
@@ -154,38 +160,36 @@ class Table:
     average: str = MEAN
 
     def __str__(self) -> str:
-        """Return it as Markdown."""
         from jerkbench.report.writers import markdown
 
         return markdown(self)
 
     def to_latex(self) -> str:
-        """Return it as LaTeX, as `jerkbench table --format tex` prints it; the first line names the packages."""
+        """Return the table as LaTeX, as `jerkbench table --format tex` does. The first line lists the packages."""
         from jerkbench.report.writers import latex
 
         return latex(self)
 
     def _repr_html_(self) -> str:
-        """Return it as a notebook shows it."""
         from jerkbench.report.writers import html_table
 
         return str(html_table(self))
 
     @property
     def header(self) -> list[str]:
-        """The row factors, then one text a column."""
+        """The names of the row factors, followed by the header of each column."""
         return [*self.row_keys, *(" / ".join(column) or self.average for column in self.columns)]
 
     @property
     def sparse_rows(self) -> list[list[str]]:
-        """Values of `row_keys` without the leading ones that the line above has too."""
+        """The labels of each row. Leading labels that are equal to the labels of the row above are empty."""
         return [
             ["" if k + 1 < len(row) and row[: k + 1] == before[: k + 1] else value for k, value in enumerate(row)]
             for row, before in zip(self.rows, [(), *self.rows], strict=False)
         ]
 
     def placed(self) -> "Iterator[tuple[dict[str, str], TableCell]]":
-        """Yield each cell that is there with the values of all factors."""
+        """Yield the values of all factors and the cell of each existing combination."""
         keys, constants = (*self.row_keys, *self.column_keys), dict(self.constants)
         for row, cells in zip(self.rows, self.cells, strict=True):
             for column, cell in zip(self.columns, cells, strict=True):
@@ -197,22 +201,22 @@ ABSENT = "–"  # noqa: RUF001 - the usual sign for a combination that does not 
 
 
 def parts(cell: TableCell | None) -> list[TextPart]:
-    """Return what stands in a cell, in this order: number, interval, geometric mean, ratio, and what went wrong."""
+    """Return the non-empty texts of a cell, in this order: number, interval, geometric mean, ratio, failures."""
     if cell is None:
         return [(ABSENT, "absent")]
     number = (cell.number, "best" if cell.best else "number")
-    intervals = ((cell.interval, "interval"), (cell.beside, "interval"))
-    told = (number, *intervals, (cell.factor, "factor"), (cell.trouble, "trouble"))
-    return [part for part in told if part[0]]
+    intervals = ((cell.interval, "interval"), (cell.geometric_text, "interval"))
+    texts = (number, *intervals, (cell.factor, "factor"), (cell.trouble, "trouble"))
+    return [part for part in texts if part[0]]
 
 
-def _or_lost(value: float) -> str:
-    """Write a number; the median, or an end of its interval, may be a lost run."""
-    return "lost" if value == math.inf else number(value)
+def _number_or_failed(value: float) -> str:
+    """Return a number as text, or "failed" for infinity, which represents a failed run."""
+    return "failed" if value == math.inf else number(value)
 
 
 def number(value: float) -> str:
-    """Write with three significant digits, all digits before the point, and no exponent where that reads well.
+    """Return the text of a number with three significant digits and all digits before the decimal point.
 
     >>> number(0.014), number(0.09996), number(140.2), number(4801.3), number(2.5e-6)
     ('0.0140', '0.100', '140', '4801', '2.50e-06')
@@ -226,7 +230,7 @@ def number(value: float) -> str:
 
 
 def factor_number(value: float) -> str:
-    """Write a ratio as `number` does, and one close to 1 with the digit that says on which side it is.
+    """Return the text of a ratio, as `number` does, with more digits if they are needed to distinguish it from 1.
 
     >>> factor_number(0.5), factor_number(0.9982), factor_number(1.0004), factor_number(1.0)
     ('0.500', '0.998', '1.0004', '1.00')
@@ -237,33 +241,34 @@ def factor_number(value: float) -> str:
     return f"{value:.{min(9, math.ceil(-math.log10(abs(value - 1))))}f}"
 
 
-# The places of a table with their runs, which the tables of all metrics share; their numbers in one metric.
+# The grid assigns runs to cells, and is the same for all metrics. The cells of each metric are computed from the grid.
 
 
-OWN_INTERVAL = {"position_rmse_m": ("position_rmse_low_m", "position_rmse_high_m")}
-"""Where the rows of one recording have the interval of a metric (metric one_recording)."""
+RECORDING_INTERVAL = {MAIN: ("position_rmse_low_m", "position_rmse_high_m")}
+"""For each metric, the columns with its interval from a single recording (metric one_recording)."""
 
 Values = tuple[str, ...]
-"""One value of each of some factors."""
+"""Values of several factors of a combination."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The places of a table, and the runs of each.
+    """The assignment of runs to the cells of a table.
 
     Attributes:
-        rows: one row a run, the factors as text.
-        across: factors of the table's rows.
-        down: factors of its columns.
-        row_values: the combinations of ``across``, grouped, values in the order in which they appear.
-        column_values: those of ``down``.
-        runs: for each combination of both, the numbers of its rows.
-        order: the numbers of the rows of one place after those of the other.
-        ok: whether each run went well, in this order.
-        sizes: how many runs each place has.
-        diverged: how many of them diverged.
-        failed: how many of them failed.
-        phases: whether they are phases of one recording, not seeds.
+        rows: one row for each run. The columns of the factors contain text.
+        across: factors of the rows of the table.
+        down: factors of the columns of the table.
+        row_values: values of the factors ``across`` for each row of the table.
+        column_values: values of the factors ``down`` for each column of the table.
+        runs: row numbers in ``rows`` of the runs of each cell. The keys are the values of the factors ``across`` and
+            ``down``.
+        order: row numbers of all runs, sorted by cell.
+        ok: whether each run succeeded. The runs are in the order of ``order``.
+        sizes: number of runs of each cell.
+        diverged: number of diverged runs of each cell.
+        failed: number of failed runs of each cell.
+        phases: whether the runs of each cell are phases of one recording instead of seeds.
     """
 
     rows: "pd.DataFrame"
@@ -280,59 +285,55 @@ class Grid:
     phases: BoolArray
 
     def samples(self, column: str) -> Samples:
-        """Return the values of a column, by place."""
+        """Return the values of a column as one sample for each cell."""
         return Samples(self.rows[column].to_numpy(dtype=float)[self.order], self.sizes)
 
     def cells(self, metric: str) -> dict[Values, TableCell]:
-        """Return the cell of each place."""
-        return dict(zip(self.runs, self.each_cell(metric, range(len(self.runs))), strict=True))
+        """Return all cells of a table with the averages of a metric.
 
-    def in_order(self) -> list[int]:
-        """Return the numbers of the places in the order of the table, row by row."""
-        numbers = {place: k for k, place in enumerate(self.runs)}
-        each = ((*row, *column) for row in self.row_values for column in self.column_values)
-        return [numbers[place] for place in each if place in numbers]
-
-    def each_cell(self, metric: str, places: Iterable[int]) -> Iterator[TableCell]:
-        """Yield the cells of some places; of phases the interval is that of the recording, or their range.
-
-        One at a time: the garbage collection goes through all that are kept, again and again.
+        Phases get the interval of their recording if it was computed, otherwise the range of their values.
         """
         values = self.samples(metric)
         good = values.only(self.ok)
         missing = good.count(np.isnan(good.values))
-        # an error of which a geometric mean, or a median with losses at the top, makes sense
+        # A geometric mean, or a median in which failures are infinite, is defined only for errors.
         if quantity(metric).lowest_is_best and not np.less(good.values, 0).any():
             least = np.where(self.phases, np.inf, MIN_SEEDS)
             errors = np.where(self.ok, values.values, np.inf)
-            errors[(missing == good.sizes)[values.owner]] = np.nan  # without any value, failures are no error either
+            errors[(missing == good.sizes)[values.owner]] = np.nan  # if no run has a value, the metric does not apply
             averages = centres(Samples(errors, values.sizes), least=least)
         else:
             averages = no_centres(len(self.runs), MEAN)
             averages.value, averages.low, averages.high = mean_intervals(good)
-        own = self.phases & (good.sizes > 0) & all(name in self.rows for name in OWN_INTERVAL.get(metric, ("",)))
+        with_interval = (
+            self.phases & (good.sizes > 0) & all(name in self.rows for name in RECORDING_INTERVAL.get(metric, ("",)))
+        )
         averages.low[self.phases] = averages.high[self.phases] = np.nan
         for where, of_phases in good.only(self.phases[good.owner]).without_nan().by_size():
-            if of_phases.shape[1] > 1:  # one has no range
+            if of_phases.shape[1] > 1:  # a single phase has no range
                 averages.low[where], averages.high[where] = of_phases.min(axis=1), of_phases.max(axis=1)
-        if own.any():
-            for ends, name in zip((averages.low, averages.high), OWN_INTERVAL[metric], strict=True):
-                with np.errstate(divide="ignore"):  # a filter that hands on its reference has no error
+        if with_interval.any():
+            for ends, name in zip((averages.low, averages.high), RECORDING_INTERVAL[metric], strict=True):
+                with np.errstate(divide="ignore"):  # a filter that returns the reference has an error of 0
                     logs = Samples(np.log(self.samples(name).values), self.sizes).only(self.ok)
-                for where, of_phases in logs.only(own[logs.owner]).by_size():
+                for where, of_phases in logs.only(with_interval[logs.owner]).by_size():
                     if of_phases.shape[1]:
                         ends[where] = np.exp(of_phases.mean(axis=1))
-        counts = (self.sizes, self.diverged, self.failed, missing, self.phases, own)
-        columns = [averages.tolist(), *(of.tolist() for of in counts)]
-        for place in places:
-            centre, runs, diverged, failed, absent, phase, owned = (of[place] for of in columns)
+        counts = (self.sizes, self.diverged, self.failed, missing, self.phases, with_interval)
+        cells = {}
+        for position, centre, *numbers in zip(
+            self.runs, averages.tolist(), *(of.tolist() for of in counts), strict=True
+        ):
             kind, mean, low, high, lower, upper, geometric, locked = centre
+            runs, diverged, failed, absent, phase, owned = numbers
             counted, quartiles = (runs, diverged, failed, absent, "phase" if phase else "seed"), (lower, upper)
-            yield TableCell(mean, low, high, *counted, kind, locked, quartiles, geometric, owned)
+            cells[position] = TableCell(mean, low, high, *counted, kind, locked, quartiles, geometric, owned)
+        return cells
 
     def table(self, metric: str, cells: Mapping[Values, TableCell]) -> Table:
-        """Return a table of ``cells`` without footnotes."""
+        """Return the table with these ``cells`` and without footnotes."""
         lines = ((cells.get((*row, *column)) for column in self.column_values) for row in self.row_values)
+        constants = ((key, self.rows[key].iloc[0]) for key in FACTORS if key not in (*self.across, *self.down))
         return Table(
             *(quantity(metric).heading, metric, quantity(metric).unit),
             row_keys=self.across,
@@ -340,16 +341,16 @@ class Grid:
             rows=self.row_values,
             columns=self.column_values,
             cells=tuple(map(tuple, lines)),
-            constants=constants(self.rows, (*self.across, *self.down)),
+            constants=tuple(constants) if len(self.rows) else (),
             average=Counter(cell.kind for cell in cells.values()).most_common(1)[0][0] if cells else MEAN,
         )
 
 
 def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: Sequence[str] | None) -> Grid:
-    """Return the places of ``rows`` in a table of these factors.
+    """Return the grid of a table with these factors. Factors that are None are selected by `layout`.
 
     Raises:
-        JerkbenchError: no such factor, or two rows of the same combination and seed.
+        JerkbenchError: a factor is unknown, or two rows have the same combination and seed.
     """
     rows = with_text_factors(rows)
     across, down = layout(rows, row_keys, column_keys)
@@ -365,11 +366,7 @@ def arranged(rows: "pd.DataFrame", row_keys: Sequence[str] | None, column_keys: 
 
 
 def _grouped(values: Iterable[Values]) -> tuple[Values, ...]:
-    """Return each combination once, what has the first value in common together; values as they appear first."""
-    combinations = list(dict.fromkeys(values))
-    ranks = [{value: rank for rank, value in enumerate(dict.fromkeys(of))} for of in zip(*combinations, strict=True)]
-    return tuple(
-        sorted(
-            combinations, key=lambda combination: [rank[value] for rank, value in zip(ranks, combination, strict=True)]
-        )
-    )
+    """Return the distinct combinations of values. The values of each factor are in the order of first appearance."""
+    found = list(dict.fromkeys(values))
+    ranks = [{value: rank for rank, value in enumerate(dict.fromkeys(of))} for of in zip(*found, strict=True)]
+    return tuple(sorted(found, key=lambda one: [rank[value] for rank, value in zip(ranks, one, strict=True)]))

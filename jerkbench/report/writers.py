@@ -1,4 +1,4 @@
-"""A table as text: Markdown, LaTeX (siunitx 3), HTML by templates, JSON, tidy CSV, one line a cell with all digits."""
+"""Writers of tables (Markdown, LaTeX with siunitx 3, HTML, JSON, tidy CSV) and of the files of a single run."""
 
 import csv
 import io
@@ -6,18 +6,25 @@ import json
 import math
 import re
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from hashlib import sha256
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
+import numpy as np
 import pandas as pd
 
+from jerkbench.arrays import BoolArray
+from jerkbench.errors import JerkbenchError
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.counted_rows import known
 from jerkbench.evaluation.intervals import share_interval
+from jerkbench.files import write_text
 from jerkbench.io.text import is_number
 from jerkbench.notices import plain
+from jerkbench.recording import Recording
 from jerkbench.report.columns import FACTORS
 from jerkbench.report.table_model import ABSENT, Table, TableCell, TextPart, parts
 
@@ -27,13 +34,13 @@ if TYPE_CHECKING:
 
 
 ACTIVE = re.compile(r"<(?=[A-Za-z/!?])|(?<=!)\[|\[(?=.*\][(\[])|\\(?=[\\|<\[!])")
-"""The beginning of a tag, an image or a link in Markdown; a backslash before one of them, or before a cell's end."""
+"""Matches the start of a tag, image or link in Markdown, and a backslash before such a start or before a pipe."""
 
 SPECIAL = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
     "}": r"\}",
-    "[": "{[}",  # after a line break LaTeX would take a bracket for its argument
+    "[": "{[}",  # after a line break, LaTeX would parse a bracket as an argument
     "]": "{]}",
     "_": r"\_",
     "%": r"\%",
@@ -45,90 +52,84 @@ SPECIAL = {
     "<": r"\textless{}",
     ">": r"\textgreater{}",
     "|": r"\textbar{}",
-    "–": "--",  # noqa: RUF001 - what the key is for
+    "–": "--",  # noqa: RUF001 - the key
     "µ": r"$\mu$",
     "±": r"$\pm$",
-    "×": r"$\times$",  # noqa: RUF001 - what the key is for
-    "σ": r"$\sigma$",  # noqa: RUF001 - what the key is for
+    "×": r"$\times$",  # noqa: RUF001 - the key
+    "σ": r"$\sigma$",  # noqa: RUF001 - the key
 }
-"""Characters that LaTeX reads otherwise, and how to write them."""
+"""Characters with a special meaning in LaTeX, and their LaTeX code."""
 
 SETUP = r"\sisetup{detect-weight=true, mode=text}"
 
 _PAGE = 44
-"""As many lines of a table have room on a page, with its caption and some footnotes."""
+"""Maximum number of table lines that fit on a page together with the caption and some footnotes."""
 
 _PLAIN = re.compile(r"-?[0-9]+(\.[0-9]+)?")
-"""Numbers that a column of siunitx can align."""
+"""Matches numbers that siunitx can align in a column."""
 
 _UNITS = {"%": r"\percent", "µs": r"\micro\second", "deg": r"\degree"}
-"""Units that siunitx takes no letters for."""
+"""The siunitx macro of each unit that is not written as it is."""
 
 VALUES = (
     *("average", "mean", "low", "high", "runs", "diverged", "failed", "missing", "replicate"),
     *("ratio", "ratio_low", "ratio_high", "p", "quartile_low", "quartile_high", "locked_out"),
     *("lost_share_low", "lost_share_high", "geometric_mean"),
 )
-"""Columns of CSV after the metric, its unit and the factors; the ends are a range where ``replicate`` is "phase";
-the ratio is empty without a baseline; ``average`` says what "mean" is: that, a geometric mean or a median; the ends of
-the share of lost runs are those of Clopper and Pearson; "geometric_mean" is that of the runs that went well."""
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What a spreadsheet takes for the beginning of a formula."""
+"""Characters with which a spreadsheet starts a formula."""
 
-LOST = "lost"
-"""In JSON in the place of a number that is larger than every number: the median run was lost."""
+FAILED_VALUE = "lost"
+"""JSON value that replaces an infinite number, which means that the median run failed."""
 
 
 def markdown(table: Table, level: int = 2) -> str:
-    """Return the table as a section with a heading of ``level``, aligned pipes and its footnotes as a list."""
+    """Return a Markdown section: a heading of ``level``, the table with aligned pipes, and a list of its footnotes."""
     rows = [
         [
-            *map(_inactive, values),
+            *values,
             *(" ".join(f"**{text}**" if style == "best" else text for text, style in parts(cell)) for cell in cells),
         ]
         for values, cells in zip(table.rows, table.cells, strict=True)
     ]
-    return _section(table.title, [[*map(_inactive, table.header)], *rows], table.footnotes, level)
+    return markdown_grid(table.title, table.header, rows, table.footnotes, level)
 
 
 def markdown_grid(
     title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = (), level: int = 2
 ) -> str:
-    """Return rows of texts as such a section."""
-    return _section(title, [[*map(_inactive, line)] for line in (header, *rows)], notes, level)
+    """Return a Markdown section: a heading of ``level``, a table of texts with aligned pipes, and a list of notes."""
+    lines = [[*map(_inactive, line)] for line in (header, *rows)]
+    widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
+    rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
+    padded = [[text.ljust(width) for text, width in zip(line, widths, strict=True)] for line in lines]
+    head, *body = [f"| {' | '.join(line)} |" for line in padded]
+    listed = [f"- {_inactive(note)}" for note in notes]
+    return "\n".join(["#" * level + f" {_inactive(title)}", "", head, rule, *body, *[""] * bool(notes), *listed, ""])
 
 
 def plain_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return rows of texts that are our own as a Markdown table."""
+    """Return rows of trusted texts as a Markdown table. The texts are not escaped."""
     lines = [[*map(str, line)] for line in (head, *rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], ["---"] * len(lines[0]), *lines[1:]))
 
 
 def passive(text: str) -> str:
-    """Return Markdown whose tags, images and links are shown as text."""
+    """Return Markdown with escaped tags, images and links, which are then displayed as text."""
     return ACTIVE.sub(r"\\\g<0>", text)
 
 
-def _section(title: str, lines: Sequence[Sequence[str]], footnotes: Sequence[str], level: int) -> str:
-    widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
-    rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
-    padded = [[text.ljust(width) for text, width in zip(line, widths, strict=True)] for line in lines]
-    head, *body = [f"| {' | '.join(line)} |" for line in padded]
-    notes = [f"- {_inactive(note)}" for note in footnotes]
-    return "\n".join(["#" * level + f" {_inactive(title)}", "", head, rule, *body, *[""] * bool(notes), *notes, ""])
-
-
 def _inactive(text: str) -> str:
-    """Keep a text in its cell, as text: a pipe would end it, a line break the row; tags and images would be loaded."""
+    """Escape a text for a Markdown table. Pipes and line breaks would end the cell, and tags would be interpreted."""
     return passive(" ".join(text.split())).replace("|", r"\|")
 
 
 def latex(table: Table) -> str:
-    """Return a ``table`` environment: the title as caption, booktabs rules, numbers at the point, footnotes below.
+    """Return a ``table`` environment with caption, booktabs rules, aligned numbers and footnotes.
 
-    What is too long for a page is a ``longtable`` instead, with its head on every page. The first line is a comment
-    that names the packages.
+    A table that is too long for a page is written as a ``longtable``, which repeats its header on each page. The first
+    line of the text is a comment with the required LaTeX packages.
     """
     keys = len(table.row_keys)
     columns = "l" * keys + "".join(map(_column_type, zip(*table.cells, strict=True)))
@@ -154,7 +155,7 @@ def latex(table: Table) -> str:
 
 
 def latex_escaped(text: str) -> str:
-    r"""Write ``text`` so that LaTeX prints it as it is.
+    r"""Return ``text`` escaped for LaTeX.
 
     >>> latex_escaped("sage_husa")
     'sage\\_husa'
@@ -163,7 +164,7 @@ def latex_escaped(text: str) -> str:
 
 
 def _lines(values: Sequence[str], cells: Sequence[TableCell | None]) -> list[str]:
-    """Return the lines of a row: its numbers on the first, their intervals and troubles below them, on one page."""
+    """Return the LaTeX lines of a row, without page breaks: the numbers, and below them the intervals and failures."""
     columns = [*([latex_escaped(value)] for value in values), *([*map(_small, parts(cell))] for cell in cells)]
     lines = [_line(texts) for texts in zip_longest(*columns, fillvalue="")]
     return [*(f"{line}*" for line in lines[:-1]), lines[-1]]
@@ -174,7 +175,7 @@ def _line(texts: Sequence[str]) -> str:
 
 
 def _small(part: TextPart) -> str:
-    """Write a part of a cell; what is no plain number stands in braces, so that siunitx leaves it alone."""
+    """Return a part of a cell as LaTeX. All texts except plain numbers are in braces, so that siunitx ignores them."""
     text, style = part
     if style not in ("best", "number", "absent"):
         return rf"{{{{\scriptsize {latex_escaped(text)}}}}}"
@@ -183,16 +184,16 @@ def _small(part: TextPart) -> str:
 
 
 def _column_type(cells: Sequence[TableCell | None]) -> str:
-    """Return a column of siunitx with room for the digits of its plain numbers; a centred one where it has none."""
+    """Return a siunitx column type with space for the digits of its numbers, or "c" (centred) if it has none."""
     numbers = [cell.number for cell in cells if cell is not None and _PLAIN.fullmatch(cell.number)]
     if not numbers:
         return "c"
-    whole, decimals = (max(len(text.partition(".")[k]) for text in numbers) for k in (0, 2))
-    return f"S[table-format={whole}.{decimals}]"
+    integers, decimals = (max(len(text.partition(".")[k]) for text in numbers) for k in (0, 2))
+    return f"S[table-format={integers}.{decimals}]"
 
 
 def _titled(table: Table) -> str:
-    """Return the title, the unit in brackets as siunitx writes it."""
+    """Return the title as LaTeX. A unit in brackets at the end of the title becomes a siunitx unit."""
     unit = f" [{table.unit}]"
     if not table.unit or not table.title.endswith(unit):
         return latex_escaped(table.title)
@@ -200,21 +201,16 @@ def _titled(table: Table) -> str:
 
 
 def html_table(table: Table, level: int = 2) -> str:
-    """Return a ``section`` with a heading, a ``table`` whose best cells are ``strong``, and its footnotes as a list.
+    """Return an HTML ``section`` with a heading, a ``table`` (best cells are ``strong``), and a list of footnotes.
 
-    What a row repeats of the one above it has the class "same"; where a group of rows begins its row has the class
-    "group", where another factor but the last changes "part".
+    A row label that repeats the label above it has the class "same". The first row of a group has the class "group". A
+    row in which a factor other than the last one changes has the class "part".
     """
-    lines = []
-    for values, before, cells in zip(table.rows, [(), *table.rows], table.cells, strict=False):
-        same = [values[: k + 1] == before[: k + 1] for k in range(len(values))]
-        rule = "" if not before or all(same[:-1]) else "part" if same[0] else "group"
-        lines.append({"heads": list(zip(values, same, strict=True)), "cells": cells, "rule": rule})
-    return render("table.html", table=table, lines=lines, level=level, absent=ABSENT)
+    return render("table.html", table=table, level=level, absent=ABSENT)
 
 
 def table_json(table: Table) -> str:
-    """Return the table as JSON; what is no number is null, a median that is a lost run "lost"."""
+    """Return the table as JSON. NaN becomes null, and infinity (the median run failed) becomes "lost"."""
     content = {
         **{name: getattr(table, name) for name in ("title", "metric", "unit", "row_keys", "column_keys")},
         "baseline": dict(table.baseline),
@@ -243,7 +239,7 @@ def _json_values(cell: TableCell) -> dict[str, Any]:
 
 
 def _ratio_numbers(cell: TableCell) -> tuple[float, ...]:
-    """Return the ratio to the baseline, the ends of its interval and its p; nothing without one."""
+    """Return the ratio to the baseline, the ends of its interval and its p value, or an empty tuple without a ratio."""
     if cell.ratio is None:
         return ()
     judgement = cell.ratio.judgement
@@ -252,64 +248,57 @@ def _ratio_numbers(cell: TableCell) -> tuple[float, ...]:
 
 def _json_number(value: float) -> float | str | None:
     if value == math.inf:
-        return LOST
+        return FAILED_VALUE
     return float(value) if math.isfinite(value) else None
 
 
-def tidy_csv(tables: Sequence[Table]) -> str:
-    """Return a header and one line for each cell of the tables; a number that is not there is empty."""
-    each = ((table, (cell for line in table.cells for cell in line if cell is not None)) for table in tables)
-    lines = (line for table, cells in each for line in csv_lines(table.metric, table.unit, cells, csv_labels(table)))
-    return ",".join(["metric", "unit", *FACTORS, *VALUES]) + "\n" + "".join(lines)
+def tidy_csv(tables: Iterable[Table]) -> str:
+    """Return a CSV text with a header and one line for each cell of the tables. Unknown numbers become empty fields."""
+    text = io.StringIO()
+    write_tidy_csv(tables, text)
+    return text.getvalue()
 
 
-def csv_labels(table: Table) -> list[str]:
-    """Return the factors of each cell as they stand in its line; they are the same for every metric of a study."""
-    return [",".join(csv_escaped(labels[factor]) for factor in FACTORS) for labels, _ in table.placed()]
+def write_tidy_csv(tables: Iterable[Table], file: TextIO) -> None:
+    """Write the text of `tidy_csv` table by table, so that only one table is in memory at a time.
 
-
-def csv_lines(metric: str, unit: str, cells: Iterable[TableCell], labels: Sequence[str]) -> Iterator[str]:
-    """Yield a line for each of ``cells``, in the order of a table: metric, unit, its ``labels``, and its numbers."""
-    head = f"{csv_escaped(metric)},{csv_escaped(unit)}"
-    for factors, cell in zip(labels, cells, strict=True):
-        mean, low, high, runs, diverged, failed, missing, replicate, kind, locked, quartiles, geometric = cell[:12]
-        centre = f"{mean!r},{low!r},{high!r},{runs},{diverged},{failed},{missing}".replace("nan", "")
-        ratio = ",".join(map(csv_number, _ratio_numbers(cell))) or ",,,"
-        spread = f"{quartiles[0]!r},{quartiles[1]!r},{locked},{_csv_shares(diverged + failed, runs)},{geometric!r}\n"
-        yield f"{head},{factors},{kind},{centre},{replicate},{ratio},{spread.replace('nan', '')}"
-
-
-@cache
-def _csv_shares(lost: int, runs: int) -> str:
-    return ",".join(map(csv_number, share_interval(lost, runs)))
-
-
-def csv_number(value: float) -> str:
-    """Return all digits of a number; nothing of what is none."""
-    return "" if math.isnan(value) else repr(float(value))
+    The column "average" contains the kind of average in the column "mean": a mean, a geometric mean or a median. The
+    columns "low" and "high" are the ends of a confidence interval, or of a range if "replicate" is "phase". The column
+    "ratio" is the ratio to the baseline, and is empty without a baseline. The columns "lost_share_low" and
+    "lost_share_high" are the Clopper-Pearson interval of the failure rate. The column "geometric_mean" is the geometric
+    mean of the successful runs.
+    """
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["metric", "unit", *FACTORS, *VALUES])
+    for table in tables:
+        for labels, cell in table.placed():
+            values = (
+                *map(csv_text, (table.metric, table.unit, *(labels[factor] for factor in FACTORS))),
+                *(cell.kind, cell.mean, cell.low, cell.high, cell.runs, cell.diverged, cell.failed, cell.missing),
+                *(cell.replicate, *(_ratio_numbers(cell) or [math.nan] * 4), *cell.quartiles, cell.locked),
+                *(*share_interval(cell.diverged + cell.failed, cell.runs), cell.geometric),
+            )
+            writer.writerow(["" if isinstance(value, float) and math.isnan(value) else value for value in values])
 
 
 @cache
-def csv_escaped(text: str) -> str:
-    """Return a text as it stands in a line of CSV, which a spreadsheet takes for text."""
-    line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow([plain(inert(text)), ""])
-    return line.getvalue()[:-2]
+def csv_text(text: str) -> str:
+    """Return ``text`` without formulas for a spreadsheet and without control characters for a terminal."""
+    return plain(inert(text))
 
 
 def write_rows_csv(rows: pd.DataFrame, path: Path) -> None:
-    """Write rows as CSV. Missing values are empty, and no text is a formula or steers a terminal."""
-
-    def neutral(value: Any) -> Any:  # noqa: ANN401 - a text, or what stands for none
-        return plain(inert(value)) if isinstance(value, str) else value
-
-    texts = {str(name): rows[name] for name in rows if not pd.api.types.is_numeric_dtype(rows[name])}
-    written = {name: own.map({value: neutral(value) for value in own.unique()}) for name, own in texts.items()}
-    rows.assign(**written).rename(columns=neutral).to_csv(path, index=False, lineterminator="\n")
+    """Write rows as CSV. Missing values become empty fields, and texts are neutralised by `csv_text`."""
+    written = {
+        str(name): rows[name].map({v: csv_text(v) if isinstance(v, str) else v for v in rows[name].unique()})
+        for name in rows
+        if not pd.api.types.is_numeric_dtype(rows[name])
+    }
+    rows.assign(**written).rename(columns=csv_text).to_csv(path, index=False, lineterminator="\n")
 
 
 def inert(text: str) -> str:
-    """Return a text that a spreadsheet takes for text: an apostrophe stands before what would be a formula.
+    """Return the text, with an apostrophe before it if a spreadsheet would interpret the text as a formula.
 
     >>> inert("=1+1")
     "'=1+1"
@@ -324,22 +313,22 @@ WRITERS: Mapping[str, Callable[[Table], str]] = {
     "html": html_table,
     "json": table_json,
 }
-"""By the name of a format."""
+"""For each format, the function that returns a table as text in this format."""
 
 
-# Templates -> HTML, with everything that a template prints escaped.
+# Writers of HTML from templates. The templates escape all values.
 
 
 BREAKS = re.compile(r"(?<=\S[_+,(=])(?=\w)")
-"""Where a long name may be broken."""
+"""Matches the positions at which a long name may be broken into two lines."""
 
 
 def render(template: str, **values: object) -> "Markup":
-    """Return a template filled in; as safe HTML, which another template does not escape again.
+    """Return a rendered template. The result is marked as safe, so that other templates do not escape it again.
 
     Args:
-        template: name of its file.
-        values: what it names; one that is not given is an error.
+        template: file name of the template.
+        values: all variables of the template.
     """
     from markupsafe import Markup
 
@@ -348,7 +337,7 @@ def render(template: str, **values: object) -> "Markup":
 
 @cache
 def environment() -> "Environment":
-    """Return where templates are found, and what they can call."""
+    """Return the Jinja environment with the filters and functions that the templates use."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     templates = Environment(
@@ -358,13 +347,13 @@ def environment() -> "Environment":
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    templates.filters["breakable"] = breakable
+    templates.filters |= {"breakable": breakable, "zip": zip}
     templates.globals["policy"] = policy
     return templates
 
 
 def policy(scripts: Sequence[str]) -> str:
-    """Return the Content-Security-Policy of a page that runs ``scripts`` alone, and loads nothing from elsewhere."""
+    """Return a Content-Security-Policy that allows only these ``scripts`` and forbids loading of other resources."""
     digests = " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in scripts)
     return (
         f"default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data:; base-uri 'none';"
@@ -373,7 +362,74 @@ def policy(scripts: Sequence[str]) -> str:
 
 
 def breakable(text: object) -> "Markup":
-    """Return ``text`` escaped, with the places marked at which a long name may go on in the next line."""
+    """Return ``text`` as escaped HTML with optional line breaks (``<wbr>``) in long names."""
     from markupsafe import Markup, escape
 
     return Markup("<wbr>").join(escape(part) for part in BREAKS.split(str(text)))
+
+
+# Files of a single run for other programs: the trajectory in the TUM format, and the updates as CSV.
+
+
+def write_tum_pair(folder: Path, recording: Recording, estimate: Estimate, counted: BoolArray) -> list[Path]:
+    """Write estimate.tum and reference.tum with the counted rows in ENU at full precision, and return their paths.
+
+    Both files contain the same stamps. The absolute trajectory error that other tools compute without alignment
+    therefore equals position_rmse_m. Unknown angles of the reference are written as 0.
+
+    Raises:
+        JerkbenchError: no row has a reference.
+    """
+    from scipy.spatial.transform import Rotation
+
+    truth = recording.reference.enu_m
+    rows = counted & known(truth, estimate)
+    if truth is None or not rows.any():
+        raise JerkbenchError(
+            f"The recording {recording.name} has no position reference, so there is nothing to export."
+        )
+    where = estimate.index[rows]
+    angles = recording.reference.euler_rad
+    euler = np.zeros((len(where), 3)) if angles is None else np.nan_to_num(angles[where])
+    t_s = recording.reference.t_s[where]
+    trajectories = {
+        "reference": (truth[where], euler),
+        "estimate": (estimate.position_m[rows], estimate.euler_rad[rows]),
+    }
+    for name, (position_m, angles_rad) in trajectories.items():
+        quaternion = Rotation.from_euler("ZYX", angles_rad[:, ::-1]).as_quat()
+        table = pd.DataFrame(np.column_stack([t_s, position_m, quaternion]))
+        text = table.to_csv(sep=" ", header=False, index=False, lineterminator="\n")
+        write_text(folder / f"{name}.tum", text)
+    return [folder / f"{name}.tum" for name in trajectories]
+
+
+MEASURED_ROWS = tuple(
+    f"{name}_{axis}_{unit}"
+    for name, unit in (("position", "m"), ("velocity", "mps"))
+    for axis in ("east", "north", "up")
+)
+"""Names of the six rows of a measurement with their units: position and velocity in ENU."""
+
+UPDATE_COLUMNS = (
+    *("t_s", "rows", "nis", "nis_used"),
+    *(f"innovation_{name}" for name in MEASURED_ROWS),
+    *(f"sigma_used_{name}" for name in MEASURED_ROWS),
+)
+
+
+def write_updates(path: Path, updates: Updates) -> None:
+    """Write a CSV file with a line for each update, at full precision.
+
+    ``sigma_used`` is the square root of the diagonal of the R that the adaptation returned. ``sigma_used`` is infinite
+    if the adaptation dropped the row. Values of rows that were not measured are empty. ``nis`` is computed with the
+    reported R, and ``nis_used`` with the R that was used.
+
+    Raises:
+        JerkbenchError: the run has no updates.
+    """
+    if not len(updates.t_s):
+        raise JerkbenchError("The run has no stored updates, so no file was written.")
+    head = np.column_stack([updates.t_s, updates.rows, updates.nis, updates.nis_used])
+    table = np.hstack([head, updates.innovation, np.sqrt(updates.R_diagonal)])
+    write_text(path, pd.DataFrame(table, columns=UPDATE_COLUMNS).to_csv(index=False, lineterminator="\n"))

@@ -1,1 +1,1 @@
-"""A simulated drive: its true motion, and the measurements of its sensors."""
+"""Simulation of drives: true motion of a vehicle, and measurements of its sensors."""

@@ -1,4 +1,4 @@
-"""The measurements of an IMU on a true motion, and its errors in the units of data sheets."""
+"""Measurements of a simulated IMU, and its errors in the units of data sheets."""
 
 from dataclasses import dataclass
 
@@ -12,16 +12,16 @@ from jerkbench.simulation.truth import Truth
 
 
 def perfect_imu(truth: Truth) -> tuple[FloatArray, FloatArray]:
-    """Return specific force and angular rate (n, 3) in the body, over each of the n intervals of ``truth``.
+    """Return specific force and angular rate (n, 3) in the body frame, for each of the n intervals of ``truth``.
 
-    The gyro is the mean rate of the rotation from one end of the interval to the other, and the accelerometer is
-    the specific force that carries the velocity from one to the other under the mean of the two attitudes::
+    The gyro measures the mean rate of the rotation between both ends of the interval. The specific force of the
+    accelerometer, rotated with the mean of both attitudes, gives the change of the velocity::
 
         w_k = Log(Omega_{k-1}' Omega_k)/dt
         f_k = [(Omega_{k-1} + Omega_k)/2]^-1 ((v_k - v_{k-1})/dt + (0, 0, g))
 
-    so that integrating it with the true attitude returns the true velocity exactly. It differs from the mean of
-    the body's specific force only in the second order of dt, as sculling and coning do.
+    Therefore, an integration with the true attitude gives exactly the true velocity. The difference between this
+    specific force and the mean specific force in the body frame is of second order in dt, like sculling and coning.
     """
     from scipy.spatial.transform import Rotation
 
@@ -34,12 +34,12 @@ def perfect_imu(truth: Truth) -> tuple[FloatArray, FloatArray]:
 
 
 def saturate(force_mps2: FloatArray, false_mps2: FloatArray | None, range_g: float | None) -> FloatArray:
-    """Return (n, 3): true and false specific force, cut off at +-``range_g`` and then averaged over the sample.
+    """Return the sum (n, 3) of true and false specific force, limited to +-``range_g`` and averaged over each sample.
 
     Args:
-        force_mps2: (n, 3) constant over a sample.
-        false_mps2: (n, m, 3) within a sample; None: there is none.
-        range_g: of each axis, in units of g; None: no limit.
+        force_mps2: (n, 3) true specific force, which is constant over each sample [m/s2].
+        false_mps2: (n, m, 3) false specific force at m times within each sample [m/s2]; None for zero.
+        range_g: measurement range of each axis in units of g; None for an unlimited range.
     """
     inner = force_mps2[:, None, :] if false_mps2 is None else force_mps2[:, None, :] + false_mps2
     if range_g is not None:
@@ -48,29 +48,29 @@ def saturate(force_mps2: FloatArray, false_mps2: FloatArray | None, range_g: flo
     return np.asarray(inner.mean(axis=1))
 
 
-# Errors of an IMU: white noise, biases, scale factors and misalignment, in the units of data
-# sheets.
+# Errors of an IMU in the units of data sheets: white noise, biases, scale factors and misalignment.
 
 BIAS_TIME_S = 100.0
-"""Correlation time of a bias that wanders."""
+"""Correlation time of the variable part of a bias [s]."""
 
 ALLAN_FLOOR = 0.664
-"""The floor of an Allan deviation, sqrt(2 ln 2/pi), in parts of the flicker noise's coefficient (IEEE Std 952)."""
+"""Ratio sqrt(2 ln 2/pi) of the minimum of an Allan deviation to the coefficient of flicker noise (IEEE Std 952)."""
 
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Errors of three like axes, in SI units.
+    """Errors of a sensor with three axes of the same quality, in SI units.
 
-    A measurement is (I + M) y + b_0 + b(t) + noise: M holds scale factors on its diagonal and misalignments off it,
-    b_0 is the turn-on bias, b(t) a Gauss-Markov process of 100 s. All are drawn once for each axis and seed.
+    A measurement is (I + M) y + b_0 + b(t) + noise, where y is the true value. The diagonal of M contains the errors of
+    the scale factors, and the other elements contain the misalignments. The turn-on bias is b_0. The variable bias b(t)
+    is a Gauss-Markov process with a correlation time of 100 s. M and b_0 are random constants for each axis and seed.
 
     Attributes:
-        noise: one sigma of the white noise of a sample.
-        turn_on: one sigma of b_0.
-        wander: one sigma of b(t).
-        scale: one sigma of a scale factor's error.
-        misalignment_rad: one sigma of an axis's tilt towards another one.
+        noise: standard deviation of the white noise of each sample.
+        turn_on: standard deviation of the turn-on bias b_0.
+        wander: standard deviation of the variable bias b(t).
+        scale: standard deviation of the error of a scale factor [-].
+        misalignment_rad: standard deviation of the tilt of an axis towards another axis [rad].
     """
 
     noise: float
@@ -82,18 +82,18 @@ class SensorErrors:
 
 @dataclass(frozen=True)
 class Grade:
-    """One data sheet.
+    """Error parameters of an IMU in the units of a data sheet.
 
     Attributes:
-        angle_random_walk_deg_per_sqrt_h: white noise of the gyro.
-        velocity_random_walk_mps_per_sqrt_h: white noise of the accelerometer.
-        gyro_instability_deg_per_h: floor of its Allan deviation.
-        accel_instability_mg: floor of its Allan deviation.
-        gyro_turn_on_deg_per_h: one sigma.
-        accel_turn_on_mg: one sigma.
-        gyro_scale_ppm: one sigma.
-        accel_scale_ppm: one sigma.
-        misalignment_mrad: one sigma.
+        angle_random_walk_deg_per_sqrt_h: angle random walk, the white noise of the gyro [deg/sqrt(h)].
+        velocity_random_walk_mps_per_sqrt_h: velocity random walk, the white noise of the accelerometer [m/s/sqrt(h)].
+        gyro_instability_deg_per_h: minimum of the Allan deviation of the gyro [deg/h].
+        accel_instability_mg: minimum of the Allan deviation of the accelerometer [mg].
+        gyro_turn_on_deg_per_h: standard deviation of the turn-on bias of the gyro [deg/h].
+        accel_turn_on_mg: standard deviation of the turn-on bias of the accelerometer [mg].
+        gyro_scale_ppm: standard deviation of the scale factor errors of the gyro [ppm].
+        accel_scale_ppm: standard deviation of the scale factor errors of the accelerometer [ppm].
+        misalignment_mrad: standard deviation of the misalignments of both sensors [mrad].
     """
 
     angle_random_walk_deg_per_sqrt_h: float
@@ -107,7 +107,7 @@ class Grade:
     misalignment_mrad: float
 
     def gyro(self, rate_hz: float) -> SensorErrors:
-        """Errors of the gyro [rad/s] when a sample is the mean over 1/``rate_hz``."""
+        """Return the errors of the gyro [rad/s] for samples that are means over 1/``rate_hz``."""
         per_hour = np.deg2rad(1.0) / 3600.0
         noise = float(np.deg2rad(self.angle_random_walk_deg_per_sqrt_h) / 60.0 * np.sqrt(rate_hz))
         wander = float(self.gyro_instability_deg_per_h * per_hour / ALLAN_FLOOR)
@@ -115,7 +115,7 @@ class Grade:
         return SensorErrors(noise, float(self.gyro_turn_on_deg_per_h * per_hour), wander, *axes)
 
     def accelerometer(self, rate_hz: float) -> SensorErrors:
-        """Errors of the accelerometer [m/s2] when a sample is the mean over 1/``rate_hz``."""
+        """Return the errors of the accelerometer [m/s2] for samples that are means over 1/``rate_hz``."""
         per_mg = 1e-3 * GRAVITY_MPS2
         noise = float(self.velocity_random_walk_mps_per_sqrt_h / 60.0 * np.sqrt(rate_hz))
         wander = self.accel_instability_mg * per_mg / ALLAN_FLOOR
@@ -128,18 +128,18 @@ GRADES = {
     "industrial": Grade(0.3, 0.05, 8.0, 0.03, 200.0, 3.0, 1000.0, 1000.0, 1.0),
     "tactical": Grade(0.15, 0.06, 0.5, 0.05, 10.0, 0.75, 500.0, 300.0, 1.0),
 }
-"""Orders of magnitude: a phone's sensor, a factory-calibrated MEMS module, and the Safran STIM300's data sheet."""
+"""Typical IMUs: the sensor of a phone, a factory-calibrated MEMS module, and the data sheet of a Safran STIM300."""
 
 
 def with_sensor_errors(true: FloatArray, errors: SensorErrors, interval_s: float, seed: int, sensor: str) -> FloatArray:
-    """Return (n, 3) with the errors added; every error has a random stream of its own.
+    """Return the measurements (n, 3) of a sensor with errors. Each kind of error has an independent random stream.
 
     Args:
-        true: (n, 3) what a perfect sensor measures.
-        errors: how large the errors are, in the same unit.
-        interval_s: time between samples.
-        seed: of the run.
-        sensor: name of the streams.
+        true: (n, 3) measurements of a sensor without errors.
+        errors: standard deviations of the errors, in the unit of ``true``.
+        interval_s: time between samples [s].
+        seed: seed of the run.
+        sensor: name of the sensor, which selects the random streams.
     """
     noise = stream(seed, "dataset", sensor).standard_normal(true.shape) * errors.noise
     turn_on = stream(seed, "dataset", sensor, "turn_on").standard_normal(3) * errors.turn_on
@@ -148,45 +148,47 @@ def with_sensor_errors(true: FloatArray, errors: SensorErrors, interval_s: float
 
 
 def _deformation(errors: SensorErrors, seed: int, sensor: str) -> FloatArray:
-    """I + M (3, 3)."""
+    """Return the matrix I + M (3, 3) with random scale factors and misalignments."""
     sizes = np.where(np.eye(3), errors.scale, errors.misalignment_rad)
     return np.asarray(np.eye(3) + sizes * stream(seed, "dataset", sensor, "axes").standard_normal((3, 3)))
 
 
 def _wandering(rows: int, sigma: float, interval_s: float, seed: int, sensor: str) -> FloatArray:
-    """Return a stationary Gauss-Markov process (rows, 3); zeros when ``sigma`` is zero."""
+    """Return a stationary Gauss-Markov process (rows, 3) with the standard deviation ``sigma``."""
     if sigma == 0:
         return np.zeros((rows, 3))
-    keep = np.exp(-interval_s / BIAS_TIME_S)
+    decay = np.exp(-interval_s / BIAS_TIME_S)
     drive = stream(seed, "dataset", sensor, "wander").standard_normal((rows, 3)) * sigma
-    drive[1:] *= np.sqrt(1.0 - keep**2)
+    drive[1:] *= np.sqrt(1.0 - decay**2)
     from scipy.signal import lfilter
 
-    return np.asarray(lfilter([1.0], [1.0, -keep], drive, axis=0))
+    return np.asarray(lfilter([1.0], [1.0, -decay], drive, axis=0))
 
 
-# Errors that last: a first-order Gauss-Markov process.
+# Time-correlated errors are modelled by a first-order Gauss-Markov process.
 
 
 def gauss_markov(t_s: FloatArray, time_s: float, random: np.random.Generator, axes: int = 3) -> FloatArray:
-    """Return a stationary process (m, axes) of unit variance at the times (m,); its axes are independent.
+    """Return a stationary Gauss-Markov process (m, axes) of unit variance at the times (m,), with independent axes.
 
-    b_k = c b_{k-1} + sqrt(1 - c^2) w_k,  c = exp(-(t_k - t_{k-1})/time),  w_k ~ N(0, I): exact at any spacing.
+    The recursion b_k = c b_{k-1} + sqrt(1 - c^2) w_k with c = exp(-(t_k - t_{k-1})/time) and w_k ~ N(0, I) is exact for
+    any increasing times.
     """
     process = random.standard_normal((len(t_s), axes))
-    keep = np.exp(-np.diff(t_s) / time_s)
-    fresh = np.sqrt(1.0 - keep**2)
+    decay = np.exp(-np.diff(t_s) / time_s)
+    fresh = np.sqrt(1.0 - decay**2)
     for k in range(1, len(t_s)):
-        process[k] = keep[k - 1] * process[k - 1] + fresh[k - 1] * process[k]
+        process[k] = decay[k - 1] * process[k - 1] + fresh[k - 1] * process[k]
     return process
 
 
 def coloured(
     t_s: FloatArray, white: FloatArray, share: float, time_s: float, random: np.random.Generator
 ) -> FloatArray:
-    """Return noise (m, k) of unit variance, of which ``share`` is a Gauss-Markov process and the rest ``white`` (m, k).
+    """Return noise (m, k) of unit variance, the sum of scaled ``white`` noise and a scaled Gauss-Markov process.
 
-    n = sqrt(1 - share) w + sqrt(share) b,  so that E[n(t) n(t + tau)] = share exp(-|tau|/time) for tau > 0.
+    The noise is n = sqrt(1 - share) w + sqrt(share) b, with the white noise w and the Gauss-Markov process b. The
+    autocorrelation of the noise is E[n(t) n(t + tau)] = share exp(-|tau|/time) for a lag tau that is not 0.
     """
     if not share:
         return white

@@ -1,4 +1,4 @@
-"""The path of the robot: passes and headland turns, or a given path through waypoints; smooth steps, sums of sines."""
+"""Paths of a simulated vehicle: parallel passes with headland turns, or a path given by waypoints or a table."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,19 +8,19 @@ import numpy as np
 
 from jerkbench.arrays import BoolArray, FloatArray
 
-# Sums of sines, with their derivatives.
+# Sums of sines and their derivatives.
 
 
 def harmonics(
     x: FloatArray, frequency: FloatArray, sine: FloatArray, cosine: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return y_c = sum_w a_cw sin(k_w x) + b_cw cos(k_w x), and dy_c/dx, both (n, c).
+    """Return the sums y_c = sum_w a_cw sin(k_w x) + b_cw cos(k_w x) and their derivatives dy_c/dx, both (n, c).
 
     Args:
-        x: (n,) time or distance.
-        frequency: (w,) k, in radians per unit of x.
-        sine: (c, w) a.
-        cosine: (c, w) b.
+        x: (n,) times or distances at which the sums are evaluated.
+        frequency: (w,) frequencies k in radians per unit of x.
+        sine: (c, w) coefficients a of the sines.
+        cosine: (c, w) coefficients b of the cosines.
     """
     phase = np.multiply.outer(x, frequency)
     sines, cosines = np.sin(phase), np.cos(phase)
@@ -29,51 +29,51 @@ def harmonics(
 
 
 def _weigh(waves: FloatArray, weights: FloatArray) -> FloatArray:
-    # einsum, not @: so small a product only loses by the threads of BLAS, most of all when a sweep fills the cores
+    # einsum is used instead of @, because the threads of BLAS slow down such a small product in a parallel sweep
     return np.asarray(np.einsum("nw,cw->nc", waves, weights))
 
 
-# Smooth steps, so that speed and height can be differentiated twice.
+# Smooth steps, with which speed and height are twice differentiable.
 
 
 def smoothstep(u: FloatArray) -> FloatArray:
-    """S(u) = 10 u^3 - 15 u^4 + 6 u^5 from 0 to 1 over 0 <= u <= 1; its first two derivatives vanish at both ends."""
+    """Return S(u) = 10 u^3 - 15 u^4 + 6 u^5, a step from 0 to 1 whose first two derivatives vanish at both ends."""
     w = np.clip(u, 0.0, 1.0)
     return np.asarray(w**3 * (10.0 + w * (6.0 * w - 15.0)))
 
 
 def smoothstep_rate(u: FloatArray) -> FloatArray:
-    """dS/du = 30 u^2 (1 - u)^2."""
+    """Return the derivative dS/du = 30 u^2 (1 - u)^2 of the smooth step S."""
     w = np.clip(u, 0.0, 1.0)
     return np.asarray(30.0 * (w * (1.0 - w)) ** 2)
 
 
 def smoothstep_area(u: FloatArray) -> FloatArray:
-    """Integral of S from 0 to u: u^4 (u^2 - 3 u + 5/2) up to u = 1, and u - 1/2 beyond."""
+    """Return the integral of the smooth step S from 0 to u, which is u^4 (u^2 - 3 u + 5/2) for 0 <= u <= 1."""
     w = np.clip(u, 0.0, 1.0)
     return np.asarray((w * w) ** 2 * (w * (w - 3.0) + 2.5) + np.maximum(u - 1.0, 0.0))
 
 
 @dataclass(frozen=True)
 class Path:
-    """Boustrophedon: stand, ramp up, then straight passes and turns of 180 degrees to alternating sides.
+    """Boustrophedon path: a rest, an acceleration, then straight passes and turns of 180 degrees to alternating sides.
 
-    The speed is a sum of smoothsteps S, one for each change; in a turn of length T that starts at t_0 the yaw rate is
+    The speed is a sum of smooth steps S, one for each change of the speed. In a turn of the duration T that starts at
+    t_0, the yaw rate is a raised cosine, first to the left and then to alternating sides::
 
-        (pi/T) (1 - cos(2 pi (t - t_0)/T)),  left at first, then right, left, ...
+        (pi/T) (1 - cos(2 pi (t - t_0)/T))
 
-    A pass ends and the next one begins with the change between the two speeds, so that a turn is driven at
-    ``turn_speed_mps`` from its first to its last moment.
+    The speed changes at the end and at the start of a pass, so the speed in the complete turn is ``turn_speed_mps``.
 
     Attributes:
-        stand_s: how long it stands at the start.
-        ramp_s: how long it takes to reach the speed of a pass.
-        pass_s: length of a pass, speed changes included.
-        turn_s: length T of a turn.
-        speed_mps: horizontal speed on a pass.
-        turn_speed_mps: horizontal speed in a turn.
-        speed_change_s: how long it takes from one speed to the other.
-        heading_rad: first heading, from east towards north.
+        stand_s: time at rest at the start [s].
+        ramp_s: duration of the acceleration from rest to the speed of a pass [s].
+        pass_s: duration of a pass, including the speed changes [s].
+        turn_s: T, duration of a turn of 180 degrees [s].
+        speed_mps: horizontal speed on a pass [m/s].
+        turn_speed_mps: horizontal speed in a turn [m/s].
+        speed_change_s: duration of a change between the speeds of a pass and of a turn [s].
+        heading_rad: initial heading, measured from east towards north [rad].
     """
 
     stand_s: float
@@ -86,24 +86,24 @@ class Path:
     heading_rad: float
 
     def turn_starts_s(self, until_s: float) -> FloatArray:
-        """Times before ``until_s`` at which a turn begins."""
+        """Return the start times of the turns that start before ``until_s``."""
         first, period = self.stand_s + self.ramp_s + self.pass_s, self.pass_s + self.turn_s
         return first + period * np.arange(max(0, int(np.ceil((until_s - first) / period))), dtype=float)
 
     def speed_mps_at(self, t_s: FloatArray) -> FloatArray:
-        """Horizontal speed (n,) at increasing times (n,)."""
+        """Return the horizontal speed (n,) at increasing times (n,)."""
         changes = self._speed_changes(t_s)
         return np.asarray(sum(change * smoothstep((t_s - start) / length) for start, length, change in changes))
 
     def distance_m_at(self, t_s: FloatArray) -> FloatArray:
-        """Horizontal distance (n,) driven since the start."""
+        """Return the horizontal distance (n,) from the start at increasing times (n,)."""
         changes = self._speed_changes(t_s)
         return np.asarray(
             sum(change * length * smoothstep_area((t_s - start) / length) for start, length, change in changes)
         )
 
     def yaw_rad_at(self, t_s: FloatArray) -> FloatArray:
-        """Yaw (n,), not wrapped; each turn adds +-(pi w - sin(2 pi w)/2) with w = (t - t_0)/T in [0, 1]."""
+        """Return the unwrapped yaw (n,). Each turn adds +-(pi w - sin(2 pi w)/2) with w = (t - t_0)/T in [0, 1]."""
         yaw = np.full_like(t_s, self.heading_rad)
         for number, start in enumerate(self.turn_starts_s(t_s[-1])):
             w = np.clip((t_s - start) / self.turn_s, 0.0, 1.0)
@@ -111,7 +111,7 @@ class Path:
         return yaw
 
     def _speed_changes(self, t_s: FloatArray) -> list[tuple[float, float, float]]:
-        """Start, length and size of each change of speed."""
+        """Return the start time, the duration and the size of each change of the speed."""
         changes = [(self.stand_s, self.ramp_s, self.speed_mps)]
         slower = self.turn_speed_mps - self.speed_mps
         for start in self.turn_starts_s(t_s[-1] + self.speed_change_s):
@@ -120,22 +120,22 @@ class Path:
         return changes
 
 
-# A given path: through waypoints at a speed, or through a table of times and positions.
+# Paths that are given by waypoints and a speed, or by a table of times and positions.
 
 FINE_M = 0.01
-"""Step in which the length of a path is summed up."""
+"""Step of the numerical integration of the length of a path [m]."""
 
 Curve = Callable[[FloatArray, int], FloatArray]
-"""From a parameter (n,) and the order of the derivative to (n, 3)."""
+"""A function of a parameter (n,) and the order of the derivative that returns points or derivatives (n, 3)."""
 
 
 class Way(NamedTuple):
-    """A motion at n times: along a smooth path, or what vibration adds to one.
+    """Motion at n time stamps, either along a smooth path or of a vibration.
 
     Attributes:
-        enu_m: (n, 3) position.
-        velocity_mps: (n, 3) its derivative.
-        euler_rad: (n, 3) roll (0 along a path), pitch and yaw, which is not wrapped.
+        enu_m: (n, 3) position [m].
+        velocity_mps: (n, 3) derivative of the position [m/s].
+        euler_rad: (n, 3) roll (0 along a path), pitch and unwrapped yaw [rad].
     """
 
     enu_m: FloatArray
@@ -144,48 +144,51 @@ class Way(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """The speed over a way of a given length: stand, ramp up, go on, ramp down to a stop at its end.
+    """Speed on a path of a given length: a rest, an acceleration, a constant speed, and a deceleration at the end.
 
-    speed(t) = v [S((t - stand)/ramp) - S((t - stop)/ramp)], S the quintic smoothstep, and the stop begins such that
-    the integral is the length: stop = stand + length/v.
+    The speed is v [S((t - rest)/ramp) - S((t - stop)/ramp)] with the quintic smooth step S. The deceleration starts at
+    the time stop = rest + length/v, because the integral of the speed is the length.
 
     Attributes:
-        length_m: of the way, at least speed times ramp.
-        stand_s: standing at the start.
-        ramp_s: of both ramps.
-        speed_mps: v.
+        length_m: length of the path, at least speed times ramp [m].
+        rest_s: duration of the rest at the start [s].
+        ramp_s: duration of the acceleration and of the deceleration [s].
+        speed_mps: v, constant speed between acceleration and deceleration [m/s].
     """
 
     length_m: float
-    stand_s: float
+    rest_s: float
     ramp_s: float
     speed_mps: float
 
     @property
     def duration_s(self) -> float:
-        """Time until it stands again."""
-        return self.stand_s + self.length_m / self.speed_mps + self.ramp_s
+        """Time until the end of the deceleration [s]."""
+        return self.rest_s + self.length_m / self.speed_mps + self.ramp_s
 
     def speed_mps_at(self, t_s: FloatArray) -> FloatArray:
-        """Return the speed (n,)."""
+        """Return the speed (n,) at the times (n,)."""
         up, down = self._progress(t_s)
         return np.asarray(self.speed_mps * (smoothstep(up) - smoothstep(down)))
 
     def distance_m_at(self, t_s: FloatArray) -> FloatArray:
-        """Return the distance driven (n,)."""
+        """Return the distance from the start (n,) at the times (n,)."""
         up, down = self._progress(t_s)
         return np.asarray(self.speed_mps * self.ramp_s * (smoothstep_area(up) - smoothstep_area(down)))
 
     def _progress(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        up = (t_s - self.stand_s) / self.ramp_s
+        up = (t_s - self.rest_s) / self.ramp_s
         return up, up - self.length_m / self.speed_mps / self.ramp_s
 
 
 class WaypointPath:
-    """A cubic spline through waypoints (k, 3), k >= 2, over the sum of the straight distances between them."""
+    """A path along a cubic spline through at least two waypoints (k, 3).
+
+    The parameter of the spline is the cumulative sum of the distances between the waypoints.
+    """
 
     def __init__(self, waypoints_m: FloatArray) -> None:
-        """Lay the spline, and measure its length."""
+        """Compute the spline through the waypoints and the length of the path."""
         from scipy.interpolate import CubicSpline
 
         chords = np.linalg.norm(np.diff(waypoints_m, axis=0), axis=1)
@@ -198,7 +201,7 @@ class WaypointPath:
         self._parameter = CubicSpline(lengths, u)
 
     def driven(self, t_s: FloatArray, drive: Drive) -> Way:
-        """Return the motion at the times (n,); the velocity is the position's derivative to the last digit."""
+        """Return the motion at the times (n,). The velocity is the exact derivative of the position."""
         distance = np.clip(drive.distance_m_at(t_s), 0.0, self.length_m)
         u = self._parameter(distance)
         tangent = self._curve(u, 1)
@@ -207,9 +210,10 @@ class WaypointPath:
 
 
 def table_curve(table_t_s: FloatArray, enu_m: FloatArray, sigma_m: float) -> Curve:
-    """Return the cubic spline over time through the places (k, 3), or near them.
+    """Return a cubic spline over time that interpolates or approximates the positions (k, 3).
 
-    With ``sigma_m`` > 0 each axis is a smoothing spline whose mean squared distance from the places is sigma^2 at most.
+    If ``sigma_m`` is 0, the spline interpolates the positions. Otherwise, the spline of each axis is a smoothing spline
+    whose mean squared distance from the positions is at most sigma^2.
     """
     from scipy.interpolate import CubicSpline, UnivariateSpline
 
@@ -221,17 +225,18 @@ def table_curve(table_t_s: FloatArray, enu_m: FloatArray, sigma_m: float) -> Cur
 
 
 def curve_way(t_s: FloatArray, curve: Curve, min_speed_mps: float) -> tuple[Way, BoolArray]:
-    """Return the motion at the times (n,), and where it is faster than the minimum, level, so that it has a course."""
+    """Return the motion at the times (n,), and a mask (n,) of the times with a speed above ``min_speed_mps``."""
     velocity = curve(t_s, 1)
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) > min_speed_mps
     return Way(curve(t_s, 0), velocity, along(velocity, moving)), moving
 
 
 def along(direction: FloatArray, known: BoolArray) -> FloatArray:
-    """Roll, pitch and yaw (n, 3) of a vehicle that points along ``direction`` (n, 3) and does not roll.
+    """Return roll, pitch and yaw (n, 3) of a vehicle that points along ``direction`` (n, 3), with a roll of 0.
 
-    pitch = -atan(up/level), positive nose down; yaw = atan2(north, east). Where it is not ``known`` (n,) the angles go
-    straight from the last that is to the next one; zero if none is.
+    The pitch is -atan(up/horizontal), positive for nose down, and the yaw is atan2(north, east). In rows in which the
+    direction is not ``known`` (n,), the angles are interpolated linearly between known directions. If no direction is
+    known, all angles are 0.
     """
     if not known.any():
         return np.zeros_like(direction)

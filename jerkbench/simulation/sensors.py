@@ -1,4 +1,4 @@
-"""Position, velocity and heading measurements of a true motion, with noise; the slow errors of a receiver."""
+"""Measurements of simulated sensors (IMU, position, velocity, heading), with noise and time-correlated errors."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -11,7 +11,7 @@ from jerkbench.geometry import dcm_from_euler, wrap_angle
 from jerkbench.random_streams import stream
 from jerkbench.recording import (
     GRAVITY_MPS2,
-    ErrorLaw,
+    ErrorModel,
     Heading,
     Imu,
     Origin,
@@ -25,12 +25,12 @@ from jerkbench.simulation.truth import Truth
 
 
 def antenna_m(enu_m: FloatArray, euler_rad: FloatArray, arm_m: tuple[float, ...]) -> FloatArray:
-    """Return where an antenna is (m, 3): p + Omega l, with the arm l forward, left, up of the body."""
+    """Return the position p + Omega l (m, 3) of an antenna, where l is the lever arm (forward, left, up)."""
     return np.asarray(enu_m + dcm_from_euler(euler_rad) @ np.asarray(arm_m)) if any(arm_m) else enu_m
 
 
 def white(seed: int, sensor: str, shape: tuple[int, ...], on: bool) -> FloatArray:
-    """Return noise of unit variance from the sensor's own stream; zeros when it is not ``on``."""
+    """Return white noise of unit variance from the random stream of the sensor, or zeros if ``on`` is false."""
     return stream(seed, "dataset", sensor).standard_normal(shape) if on else np.zeros(shape)
 
 
@@ -38,29 +38,29 @@ def _covariances(sigma: tuple[float, ...], rows: int) -> FloatArray:
     return np.tile(np.diag(np.square(sigma)), (rows, 1, 1))
 
 
-# The slow errors of a simulated receiver, besides white noise: they last, are late, and are of an
-# antenna.
+# Slowly varying errors of a simulated receiver: correlated noise, latency, and the error of a lever arm.
 
 _MEASURED = ("position", "velocity", "heading")
 
 
 @dataclass(frozen=True)
 class SlowErrors:
-    """Errors of position, velocity and heading that are not new each time; all off by default.
+    """Time-correlated errors of position, velocity and heading. By default, all these errors are disabled.
 
-    The noise of a stream keeps its sigma, and has for lags tau > 0 the autocorrelation s exp(-tau/T). A fix with the
-    stamp t is the place of the antenna at t - d: p + Omega l, with l what is left of the lever arm when the arm as
-    measured has been taken off. The covariance is that of one measurement alone: s, d and l are not reported.
+    The autocorrelation of the noise is s exp(-tau/T) at a lag tau > 0. A position fix with the stamp t is the position
+    p + Omega l of the antenna at the time t - d, where l is the difference between the true and the measured lever arm.
+    A fix is omitted if t - d is before the start. The reported covariance is the covariance of a single measurement and
+    does not include the effects of s, d and l.
 
     Attributes:
-        position_coloured_share: s of position, from 0 (white) to 1.
-        position_coloured_time_s: T of position.
-        velocity_coloured_share: s of velocity.
-        velocity_coloured_time_s: T of velocity.
-        heading_coloured_share: s of heading.
-        heading_coloured_time_s: T of heading.
-        position_latency_s: d, a multiple of the IMU's interval; no fix is of a time before the start.
-        lever_arm_error_m: l, forward, left, up.
+        position_coloured_share: s, correlated fraction of the variance of the position noise, from 0 (white) to 1 [-].
+        position_coloured_time_s: T, correlation time of the position noise [s].
+        velocity_coloured_share: s, correlated fraction of the variance of the velocity noise, from 0 (white) to 1 [-].
+        velocity_coloured_time_s: T, correlation time of the velocity noise [s].
+        heading_coloured_share: s, correlated fraction of the variance of the heading noise, from 0 (white) to 1 [-].
+        heading_coloured_time_s: T, correlation time of the heading noise [s].
+        position_latency_s: d, latency of the position fixes, a multiple of the interval of the IMU [s].
+        lever_arm_error_m: l, error of the lever arm: forward, left, up [m].
     """
 
     position_coloured_share: float = 0.0
@@ -73,67 +73,74 @@ class SlowErrors:
     lever_arm_error_m: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def check_slow_errors(self, subject: str, imu_rate_hz: float) -> None:
-        """Raise a PluginError, about ``subject``, unless shares, times, latency and lever arm make sense."""
+        """Check the parameters of the time-correlated errors.
+
+        Raises:
+            PluginError: a fraction, a time, the latency or the lever arm is invalid; the message contains ``subject``.
+        """
         require_axes(subject, self, ("lever_arm_error_m",), positive=False)
         require_positive(subject, self, tuple(f"{sensor}_coloured_time_s" for sensor in _MEASURED))
         for name in (f"{sensor}_coloured_share" for sensor in _MEASURED):
             if not 0 <= getattr(self, name) <= 1:
-                raise PluginError(f"{subject}: {name} is {getattr(self, name)}; a share is from 0 to 1.")
+                raise PluginError(f"{subject}: {name} is {getattr(self, name)}; it must be from 0 to 1.")
         samples = self.position_latency_s * imu_rate_hz
         if not (0 <= samples < np.inf and abs(samples - round(samples)) < 1e-6):
             raise PluginError(
-                f"{subject}: position_latency_s is {self.position_latency_s}; it must be 0 or a multiple of the IMU's"
-                f" interval, {1 / imu_rate_hz:g} s."
+                f"{subject}: position_latency_s is {self.position_latency_s}; it must be 0 or a multiple of the"
+                f" interval of the IMU, {1 / imu_rate_hz:g} s."
             )
 
     def with_slow(self, sensor: str, t_s: FloatArray, white: FloatArray, seed: int) -> FloatArray:
-        """Return noise (m, k) of unit variance, the white one (m, k) with the sensor's own share that lasts."""
+        """Return noise (m, k) of unit variance, which combines ``white`` (m, k) with correlated noise of the sensor."""
         share, time_s = getattr(self, f"{sensor}_coloured_share"), getattr(self, f"{sensor}_coloured_time_s")
         return coloured(t_s, white, share, time_s, stream(seed, "dataset", sensor, "coloured"))
 
 
-# The sensors of a simulated vehicle: from its true motion to a recording.
+# Sensors of a simulated vehicle, which measure its true motion and return a recording.
 
 MAX_SAMPLES = 2_000_000
-"""Of the IMU in one simulated drive: 5 h at 100 Hz; to simulate it takes 2 GB."""
+"""Maximum number of IMU samples of a simulated drive: 5 h at 100 Hz, whose simulation needs 2 GB of memory."""
 START_UTC = datetime(2024, 5, 14, 14, 0, tzinfo=UTC)
 _IMUS = ("per_sample", *GRADES)
 _STREAMS = ("accelerometer", "gyro", "position", "velocity", "heading", "terrain", "vibration", "impacts")
-"""Sources of randomness that ``silent`` can name; what a vehicle does not have is silent anyway."""
+"""Sources of randomness that ``silent`` can name. Sources that a vehicle does not have are ignored."""
 
 
 @dataclass(frozen=True)
 class Sensors(SlowErrors):
-    """IMU, GNSS and the reference of a simulated vehicle.
+    """Simulated IMU, GNSS receiver and reference of a vehicle.
 
-    Truth and IMU agree exactly. Over the interval that ends at its stamp each sample is
+    Without sensor errors, an integration of the IMU samples gives exactly the true motion. A sample of the IMU is
+    computed for the interval that ends at the stamp of the sample::
 
         gyro = Log(Omega_{k-1}' Omega_k)/dt
         accel = [(Omega_{k-1} + Omega_k)/2]^-1 ((v_k - v_{k-1})/dt + (0, 0, g))
 
-    plus noise, cut off at the accelerometer's range. GNSS noise has the sigma that is reported; by default it is white.
-    Every source of randomness has its own stream: switching one off does not move the others.
+    Noise is added to these samples, and the accelerometer is limited to its range. The reported covariance is the true
+    covariance of the GNSS noise, which is white by default. Every source of randomness has an independent random
+    stream, so disabling one source does not change the others.
 
     Source: IEEE Std 952 for the terms of the IMU grades.
 
     Attributes:
-        imu_rate_hz: rate of the IMU.
-        gnss_rate_hz: rate of position, velocity and heading; the IMU's rate is a multiple of it.
-        reference_rate_hz: rate of the reference; the IMU's rate is a multiple of it.
-        imu: per_sample (the two sigmas below, nothing else), or the grade consumer, industrial or tactical.
-        accel_sigma_mps2: noise of one accelerometer sample, with per_sample.
-        gyro_sigma_radps: noise of one gyro sample, with per_sample.
-        accel_range_g: the accelerometer's range in g; null: no limit.
-        position_sigma_m: noise of position, east, north, up.
-        velocity_sigma_mps: noise of velocity, east, north, up.
-        heading_sigma_rad: noise of heading.
-        noise: whether sensors have any errors; without, the covariances are still reported.
-        silent: sources of randomness that are switched off one by one: accelerometer, gyro (each with its biases),
-            position, velocity, heading, terrain, vibration, impacts. Covariances are still reported, the others draw
-            what they drew.
-        latitude_deg: of the origin.
-        longitude_deg: of the origin.
-        height_m: of the origin.
+        imu_rate_hz: rate of the IMU [Hz].
+        gnss_rate_hz: rate of position, velocity and heading; the rate of the IMU is a multiple of this rate [Hz].
+        reference_rate_hz: rate of the reference; the rate of the IMU is a multiple of this rate [Hz].
+        imu: error model: per_sample (white noise with the two sigmas below), or the grade consumer, industrial or
+            tactical.
+        accel_sigma_mps2: standard deviation of an accelerometer sample with the error model per_sample [m/s2].
+        gyro_sigma_radps: standard deviation of a gyro sample with the error model per_sample [rad/s].
+        accel_range_g: measurement range of the accelerometer; null for an unlimited range [g].
+        position_sigma_m: standard deviations of the position noise: east, north, up [m].
+        velocity_sigma_mps: standard deviations of the velocity noise: east, north, up [m/s].
+        heading_sigma_rad: standard deviation of the heading noise [rad].
+        noise: if false, the sensors have no random errors, but the reported covariances do not change.
+        silent: names of the disabled sources of randomness: accelerometer, gyro (each with its biases), position,
+            velocity, heading, terrain, vibration, impacts. The reported covariances and the other sources do not
+            change.
+        latitude_deg: latitude of the origin [deg].
+        longitude_deg: longitude of the origin [deg].
+        height_m: ellipsoidal height of the origin [m].
     """
 
     imu_rate_hz: float = 100.0
@@ -155,9 +162,15 @@ class Sensors(SlowErrors):
     def record(
         self, name: str, truth: Truth, seed: int, static_start_s: float, false_mps2: FloatArray | None = None
     ) -> Recording:
-        """Return what the sensors see of ``truth`` (from t = 0 on, at the IMU's rate).
+        """Return a recording with the measurements of all sensors during a true motion.
 
-        ``false_mps2`` (n, m, 3) is specific force that only the accelerometer feels, within each sample.
+        Args:
+            name: name of the recording.
+            truth: true motion, which starts at t = 0 and has the rate of the IMU.
+            seed: seed of all random streams.
+            static_start_s: duration of the rest at the start [s].
+            false_mps2: (n, m, 3) false specific force, which the accelerometer measures without a corresponding motion
+                [m/s2].
         """
         fixes = every(truth, self.imu_rate_hz / self.gnss_rate_hz)
         imu = self._imu(truth, seed, false_mps2)
@@ -176,7 +189,11 @@ class Sensors(SlowErrors):
         )
 
     def check_sensors(self, subject: str) -> None:
-        """Raise a PluginError about ``subject`` unless every choice exists and every number makes sense."""
+        """Check the parameters of the sensors.
+
+        Raises:
+            PluginError: a parameter is invalid; the error message contains ``subject``.
+        """
         require_known(f"imu of {subject}", self.imu, _IMUS)
         for source in self.silent:
             require_known(f"source of randomness of {subject}", source, _STREAMS)
@@ -190,12 +207,16 @@ class Sensors(SlowErrors):
         self.check_slow_errors(subject, self.imu_rate_hz)
 
     def check_length(self, subject: str, duration_s: float) -> None:
-        """Raise a PluginError where a drive of this length has more samples than memory should hold."""
+        """Check that a drive of ``duration_s`` has at most `MAX_SAMPLES` samples of the IMU.
+
+        Raises:
+            PluginError: the drive has more than `MAX_SAMPLES` samples of the IMU.
+        """
         samples = duration_s * self.imu_rate_hz
         if samples > MAX_SAMPLES:
             raise PluginError(
-                f"{subject}: {duration_s:g} s at imu_rate_hz {self.imu_rate_hz:g} are {samples:.3g} samples; a"
-                f" simulated drive has at most {MAX_SAMPLES:,}: shorten it, or lower the rate."
+                f"{subject}: {duration_s:g} s with imu_rate_hz={self.imu_rate_hz:g} give {samples:.3g} samples, but a"
+                f" simulated drive has at most {MAX_SAMPLES:,}. Decrease the duration or imu_rate_hz."
             )
 
     def _imu(self, truth: Truth, seed: int, false_mps2: FloatArray | None) -> Imu:
@@ -207,29 +228,28 @@ class Sensors(SlowErrors):
             gyro = with_sensor_errors(gyro, gyro_errors, 1.0 / self.imu_rate_hz, seed, "gyro")
         return Imu(truth.t_s[1:], saturate(force, false_mps2, self.accel_range_g), gyro)
 
-    def heard(self, source: str, size: float) -> float:
-        """Return ``size``, or nothing where the source of randomness is silent."""
+    def unless_silent(self, source: str, size: float) -> float:
+        """Return ``size``, or 0 if the source of randomness is disabled by ``silent``."""
         return 0.0 if source in self.silent else size
 
     def _on(self, sensor: str) -> bool:
         return self.noise and sensor not in self.silent
 
     def _sensor_errors(self) -> tuple[SensorErrors, SensorErrors]:
-        """Return the errors of accelerometer and gyro."""
         if self.imu == "per_sample":
             return SensorErrors(self.accel_sigma_mps2), SensorErrors(self.gyro_sigma_radps)
         grade = GRADES[self.imu]
         return grade.accelerometer(self.imu_rate_hz), grade.gyro(self.imu_rate_hz)
 
-    def _drawn(self, imu: Imu, position: Position, velocity: Velocity) -> ErrorLaw | None:
-        """Return the law of the errors; None where a sensor has none, or its errors are more than white noise."""
+    def _drawn(self, imu: Imu, position: Position, velocity: Velocity) -> ErrorModel | None:
+        """Return the distribution of the errors, or None if an `ErrorModel` cannot describe the errors of a sensor."""
         limit = np.inf if self.accel_range_g is None else self.accel_range_g * GRAVITY_MPS2
-        cut_off = bool((np.abs(imu.accel_mps2) >= limit).any())
-        if self.imu != "per_sample" or cut_off or not all(map(self._on, ("accelerometer", "position", "velocity"))):
+        limited = bool((np.abs(imu.accel_mps2) >= limit).any())
+        if self.imu != "per_sample" or limited or not all(map(self._on, ("accelerometer", "position", "velocity"))):
             return None
         of_position = self.position_coloured_share, self.position_coloured_time_s
         of_velocity = self.velocity_coloured_share, self.velocity_coloured_time_s
-        return ErrorLaw(imu, position, velocity, self.accel_sigma_mps2, *of_position, *of_velocity)
+        return ErrorModel(imu, position, velocity, self.accel_sigma_mps2, *of_position, *of_velocity)
 
     def _position(self, truth: Truth, fixes: Truth, seed: int) -> Position:
         late = round(self.position_latency_s * self.imu_rate_hz)
@@ -251,13 +271,13 @@ class Sensors(SlowErrors):
         return Heading(fixes.t_s, wrap_angle(yaw_rad), np.full(len(yaw_rad), self.heading_sigma_rad))
 
     def _noise(self, sensor: str, fixes: Truth, axes: int, seed: int) -> FloatArray:
-        """Return (m, axes) of unit variance, white and coloured; zeros where the sensor is silent."""
+        """Return white and correlated noise (m, axes) of unit total variance, or zeros if the sensor is disabled."""
         fresh = white(seed, sensor, (len(fixes.t_s), axes), self._on(sensor))
         return self.with_slow(sensor, fixes.t_s, fresh, seed) if self._on(sensor) else fresh
 
 
 def every(truth: Truth, ratio: float) -> Truth:
-    """Return every ``ratio``-th row; the start, row 0, is none of them."""
+    """Return every ``ratio``-th row of the true motion. Row 0, the start, is not included."""
     step = round(ratio)
     rows = slice(step, None, step)
     return Truth(truth.t_s[rows], truth.enu_m[rows], truth.velocity_mps[rows], truth.euler_rad[rows])

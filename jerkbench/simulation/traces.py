@@ -1,7 +1,7 @@
-"""A trace: the errors of a real receiver's fixes, with the covariances that it reported.
+"""Traces, which contain errors of the fixes of a real receiver and the reported covariances.
 
-Each has its errors and sigmas, in ENU, and the correlations of the reported covariance; beside a file of this package
-lies the licence of the data that it was derived from.
+A trace file has columns with the errors and the reported standard deviations in ENU, and with the correlations of the
+reported covariance. The traces of this package are stored together with the licences of their data.
 """
 
 import json
@@ -20,19 +20,19 @@ from jerkbench.files import write_atomically
 from jerkbench.recording import Recording, Reference
 
 _MIN_ROWS = 10
-"""A shorter trace has neither a distribution nor a correlation."""
+"""Minimum number of fixes of a trace. Distribution and correlation cannot be estimated from fewer fixes."""
 
 
 @dataclass(frozen=True)
 class About:
-    """Where a trace comes from.
+    """Metadata about the origin of a trace.
 
     Attributes:
-        recording: the fixes.
-        reference: what they were compared with.
-        licence: of the data that it was derived from; empty: not stated.
-        origin: where those data are; empty: not stated.
-        offset_m: constant (east, north, up) that was taken off the errors: their median, or zeros.
+        recording: name of the recording that contains the fixes.
+        reference: name of the reference relative to which the errors were computed.
+        licence: licence of the data; an empty string if it is not stated.
+        origin: web address of the data; an empty string if it is not stated.
+        offset_m: constant offset (east, north, up) that was subtracted from the errors, the median or zeros [m].
     """
 
     recording: str
@@ -44,13 +44,13 @@ class About:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Fixes less reference, in ENU; what is missing in time was a gap.
+    """Errors of fixes (fix minus reference) in ENU, with gaps where the receiver had no fixes.
 
     Attributes:
-        t_s: (m,) times, from 0 on.
-        error_m: (m, 3) east, north, up.
-        covariance_m2: (m, 3, 3) as the receiver reported it.
-        about: where it comes from.
+        t_s: (m,) times of the fixes; the first time is 0 [s].
+        error_m: (m, 3) errors of the fixes in east, north and up [m].
+        covariance_m2: (m, 3, 3) covariances reported by the receiver [m2].
+        about: metadata about the origin of the trace.
     """
 
     t_s: FloatArray
@@ -59,29 +59,28 @@ class Trace:
     about: About = field(default_factory=lambda: About("unknown", "unknown"))
 
     def __post_init__(self) -> None:
-        """Check shapes, times, errors and covariances."""
         m = len(self.t_s)
         if m < _MIN_ROWS:
-            raise RecordingError(f"A trace of {m} fixes says too little; it needs {_MIN_ROWS}.")
+            raise RecordingError(f"A trace needs at least {_MIN_ROWS} fixes, but this one has {m}.")
         for name, shape in {"t_s": (m,), "error_m": (m, 3), "covariance_m2": (m, 3, 3)}.items():
             object.__setattr__(self, name, frozen(self, name, getattr(self, name), shape))
         require_times(self, self.t_s)
-        require(np.isfinite(self.error_m).all(axis=1), self, "error_m", "the error is no number")
+        require(np.isfinite(self.error_m).all(axis=1), self, "error_m", "the error is not finite")
         smallest = np.linalg.eigvalsh(self.covariance_m2)[:, 0]
         require(smallest > 0, self, "covariance_m2", "the covariance is not positive definite")
 
     @property
     def interval_s(self) -> float:
-        """The usual interval between fixes (median)."""
+        """The median interval between fixes [s]."""
         return float(np.median(np.diff(self.t_s)))
 
     @property
     def period_s(self) -> float:
-        """After so long it begins anew: its length and one interval."""
+        """The period with which the trace is repeated: its duration plus one interval [s]."""
         return float(self.t_s[-1] - self.t_s[0]) + self.interval_s
 
     def local_moment_m2(self, window_s: float) -> FloatArray:
-        """Return (m, 3, 3) the mean of e e' over the fixes within half a window of each, itself included."""
+        """Return the mean of e e' (m, 3, 3) over all fixes in a window of length ``window_s`` centred at each fix."""
         squares = self.error_m[:, :, None] * self.error_m[:, None, :]
         sums = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(squares, axis=0)])
         first = np.searchsorted(self.t_s, self.t_s - 0.5 * window_s - 1e-9)
@@ -89,7 +88,7 @@ class Trace:
         return np.asarray((sums[last] - sums[first]) / (last - first)[:, None, None])
 
 
-# Traces as Parquet files: those of this package by their name, a person's own by their path.
+# Trace files in the Parquet format: a name selects a trace of this package, a path selects a file of the user.
 
 SHIPPED = Path(__file__).parent / "shipped"
 SUFFIX = ".parquet"
@@ -98,33 +97,35 @@ _SIGMAS = ("east_sigma_m", "north_sigma_m", "up_sigma_m")
 CORRELATIONS = {"east_north": (0, 1), "east_up": (0, 2), "north_up": (1, 2)}
 _KEY = b"jerkbench_trace"
 DECIMALS = 4
-"""Of errors and sigmas: .1 mm."""
+"""Number of decimals of stored errors and standard deviations: 0.1 mm."""
 
 
 def shipped() -> list[str]:
-    """Names of the traces of this package, sorted."""
+    """Return the names of the traces of this package, sorted."""
     return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
 
 
 def trace_path(trace: str) -> Path:
-    """Return the file of a trace: its name if it is one of this package, or a path that ends in .parquet.
+    """Return the path of a trace file for the name of a trace of this package or for the path of a .parquet file.
 
     Raises:
-        RecordingError: there is none.
+        RecordingError: the named trace or the file does not exist.
     """
     if trace in shipped():
         return SHIPPED / f"{trace}{SUFFIX}"
     path = Path(trace).expanduser()
     if path.suffix != SUFFIX:
-        others = "`jerkbench data trace` makes others: give the file."
+        others = "For a trace made with `jerkbench data trace`, give the path of its file."
         raise RecordingError(f"{unknown('trace', trace, shipped())} {others}")
     if not path.is_file():
-        raise RecordingError(f"There is no file {path}; correct 'trace', or make it with `jerkbench data trace`.")
+        raise RecordingError(
+            f"The file {path} does not exist; correct 'trace', or create the file with `jerkbench data trace`."
+        )
     return path
 
 
 def write_trace(trace: Trace, path: Path) -> None:
-    """Write a trace; errors and sigmas to .1 mm, correlations to .001."""
+    """Write a trace to a file, with errors and standard deviations rounded to 0.1 mm and correlations to 0.001."""
     sigma = np.sqrt(np.diagonal(trace.covariance_m2, axis1=1, axis2=2))
     numbers = dict(zip((*ERRORS, *_SIGMAS), np.round(np.hstack([trace.error_m, sigma]), DECIMALS).T, strict=True))
     for name, (i, j) in CORRELATIONS.items():
@@ -136,16 +137,16 @@ def write_trace(trace: Trace, path: Path) -> None:
 
 
 def read_trace(path: Path) -> Trace:
-    """Read a trace.
+    """Read a trace from a file.
 
     Raises:
-        RecordingError: the file is none.
+        RecordingError: the file does not contain a trace.
     """
     return _read(path, path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=8)
-def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - it says when to read it again
+def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - part of the key of the cache
     try:
         table = pq.read_table(path)
         names = ("t_s", *ERRORS, *_SIGMAS, *CORRELATIONS)
@@ -153,12 +154,15 @@ def _read(path: Path, version: int) -> Trace:  # noqa: ARG001 - it says when to 
         about = json.loads((table.schema.metadata or {})[_KEY])
         origin = About(**{**about, "offset_m": tuple(about["offset_m"])})
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
-        raise RecordingError(f"{path} is no trace: {error}; make it with `jerkbench data trace`.") from error
+        raise RecordingError(f"{path} is not a trace ({error}); create a trace with `jerkbench data trace`.") from error
     return Trace(values["t_s"], np.column_stack([values[name] for name in ERRORS]), _covariances(values), origin)
 
 
 def _covariances(values: dict[str, FloatArray]) -> FloatArray:
-    """Return (m, 3, 3); where rounding left none that is positive definite, the variances alone."""
+    """Return the covariances (m, 3, 3).
+
+    The correlations are ignored in rows in which the rounded correlation matrix is not positive definite.
+    """
     sigma = np.maximum(np.column_stack([values[name] for name in _SIGMAS]), 10.0**-DECIMALS)
     correlation = np.tile(np.eye(3), (len(sigma), 1, 1))
     for name, (i, j) in CORRELATIONS.items():
@@ -167,15 +171,15 @@ def _covariances(values: dict[str, FloatArray]) -> FloatArray:
     return np.asarray(correlation * sigma[:, :, None] * sigma[:, None, :])
 
 
-# A trace in a few words.
+# Summary of a trace as text.
 
 LAGS_S = (1.0, 10.0)
 _GAP = 1.5
-"""A step of more than so many usual intervals is a gap."""
+"""An interval of more than this multiple of the median interval is a gap."""
 
 
 def trace_text(trace: Trace) -> str:
-    """Return rows, rate, gaps, size and correlation of the errors."""
+    """Return a text with the number, rate, gaps, size and correlation of the errors in a trace."""
     gaps = (steps := np.diff(trace.t_s))[steps > _GAP * trace.interval_s]
     level = np.hypot(trace.error_m[:, 0], trace.error_m[:, 1])
     nees = np.einsum("mi,mij,mj->m", trace.error_m, np.linalg.inv(trace.covariance_m2), trace.error_m)
@@ -192,61 +196,60 @@ def trace_text(trace: Trace) -> str:
 
 
 def lagged_correlation(trace: Trace, lag_s: float) -> FloatArray:
-    """Return (3,) of the errors about their mean, over all pairs of fixes that are ``lag_s`` apart."""
+    """Return the autocorrelation (3,) of the errors at the lag ``lag_s``, over all pairs of fixes with this lag."""
     error = trace.error_m - trace.error_m.mean(axis=0)
     later = np.searchsorted(trace.t_s, trace.t_s + lag_s - 0.25 * trace.interval_s)
     paired = later < len(trace.t_s)
     paired[paired] &= np.abs(trace.t_s[later[paired]] - trace.t_s[paired] - lag_s) < 0.5 * trace.interval_s
     products = error[paired] * error[later[paired]]
     variance = np.mean(error**2, axis=0)
-    moving = (variance > 0) & paired.any()  # a trace of the plane has no errors of up
+    moving = (variance > 0) & paired.any()  # a horizontal trace has no vertical errors
     return np.where(moving, products.sum(axis=0) / max(paired.sum(), 1) / np.where(moving, variance, 1.0), np.nan)
 
 
-# The trace of a recording's fixes, from a better reference.
+# Computation of a trace from the fixes and the reference of a recording.
 
 _NEAR_S = 1.5
-"""The reference is taken linearly between its stamps, where these are no further apart."""
+"""Maximum interval between stamps of the reference for a linear interpolation [s]."""
 
 
 def trace_of(recording: Recording, *, centred: bool = True, licence: str = "", origin: str = "") -> Trace:
-    """Return the errors of the fixes against the reference, with the covariances as reported.
+    """Return a trace with the errors of the fixes relative to the reference and the reported covariances.
 
     Args:
-        recording: with position fixes, and a reference that has positions of its own.
-        centred: take the median off: a constant offset is a matter of datum and lever arm, which no fix shows.
-        licence: of the data.
-        origin: where the data are.
+        recording: recording with position fixes and with a reference that is not a copy of the fixes.
+        centred: if true, the median error is subtracted, because datum and lever arm cause a constant offset.
+        licence: licence of the data.
+        origin: address of the data.
 
     Raises:
-        RecordingError: it has no fixes, no reference but the fixes themselves, or too few that both have.
+        RecordingError: the recording has no fixes, its reference is a copy of the fixes, or too few fixes have a
+            reference.
     """
     position, reference = recording.position, recording.reference
     if position is None or reference.enu_m is None:
-        raise RecordingError(f"{recording.name} lacks position fixes or a reference of positions: no errors to trace.")
+        raise RecordingError(f"{recording.name} has no position fixes or no reference positions; a trace needs both.")
     true, known = _at(reference, position.t_s)
-    kept = known & np.isfinite(position.enu_m).all(axis=1)
-    if kept.sum() < _MIN_ROWS:
-        few = f"{kept.sum()} fixes where its reference is known; {_MIN_ROWS} are needed."
-        raise RecordingError(f"{recording.name} has {few}")
-    error = (position.enu_m - true)[kept]
+    usable = known & np.isfinite(position.enu_m).all(axis=1)
+    if usable.sum() < _MIN_ROWS:
+        raise RecordingError(f"{recording.name} has {usable.sum()} fixes with a reference; {_MIN_ROWS} are needed.")
+    error = (position.enu_m - true)[usable]
     if not error.any():
-        own = "is its own fixes, which have no errors against themselves."
-        raise RecordingError(f"The reference of {recording.name} {own}")
+        raise RecordingError(f"The reference of {recording.name} is a copy of its fixes; give another reference.")
     offset = np.median(error, axis=0) if centred else np.zeros(3)
     about = About(recording.name, reference.source, licence, origin, tuple(offset.tolist()))
-    t_s = position.t_s[kept]
-    return Trace(t_s - t_s[0], error - offset, position.covariance_m2[kept], about)
+    t_s = position.t_s[usable]
+    return Trace(t_s - t_s[0], error - offset, position.covariance_m2[usable], about)
 
 
 def _at(reference: Reference, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the reference (m, 3) at ``t_s``, and where it is known."""
+    """Return the positions (m, 3) of the reference at ``t_s``, and a mask (m,) of the times with a known position."""
     values = reference.enu_m
     usable = reference.scored & np.isfinite(values).all(axis=1) if values is not None else np.zeros(0, dtype=np.bool_)
     if values is None or usable.sum() < 2:
         return np.full((len(t_s), 3), np.nan), np.zeros(len(t_s), dtype=np.bool_)
-    own_s, own_m = reference.t_s[usable], values[usable]
-    near = np.isfinite(linear_at(own_s, own_m, t_s, _NEAR_S)).all(axis=1)
-    exact = np.isin(np.round(t_s, 6), np.round(own_s, 6))
-    true = np.column_stack([np.interp(t_s, own_s, axis) for axis in own_m.T])
+    true_s, true_m = reference.t_s[usable], values[usable]
+    near = np.isfinite(linear_at(true_s, true_m, t_s, _NEAR_S)).all(axis=1)
+    exact = np.isin(np.round(t_s, 6), np.round(true_s, 6))
+    true = np.column_stack([np.interp(t_s, true_s, axis) for axis in true_m.T])
     return true, near | exact

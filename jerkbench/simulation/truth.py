@@ -1,4 +1,4 @@
-"""The true motion: the ground, ruts, vibration and the path put together; and force that is felt but not moved."""
+"""True motion from path, terrain, ruts and vibration, and false specific force of the accelerometer."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,12 +17,12 @@ TRACK_PER_M = 0.6
 
 
 class Ground(NamedTuple):
-    """The ground under the robot at each time.
+    """Height and inclination of the ground under the robot at n times.
 
     Attributes:
-        height_m: (n,) height of the ground under the robot.
-        slope: (n, 2) the profile's slope along the path (which has no direction in the plane), and the hill's along x.
-        roll_rad: (n,) what the difference between left and right track adds to roll.
+        height_m: (n,) height of the ground [m].
+        slope: (n, 2) slope of the terrain along the path, and slope of the hill in the direction x (east) [-].
+        roll_rad: (n,) roll due to the height difference of the left and the right track [rad].
     """
 
     height_m: FloatArray
@@ -31,25 +31,26 @@ class Ground(NamedTuple):
 
 
 class Terrain(NamedTuple):
-    """Height h(s) + A sin(2 pi x/L), and roll r(s); s is the distance driven, x points east.
+    """Terrain with the height h(s) + A sin(2 pi x/L) and the roll r(s), for the distance s and the coordinate x (east).
 
-    h and r are sums of 36 waves with random phases, n from .03 to 1.2 cycles/m in geometric steps, of amplitude
+    The functions h and r are sums of 36 waves with random phases. The wavenumbers n of the waves are geometrically
+    spaced from 0.03 to 1.2 cycles/m. The amplitude of a wave depends on the roughness c::
 
-        c sqrt(2 G_0 (n/n_0)^-2 dn)/(1 + (n/.6)^2),  G_0 = 1024e-6 m3,  n_0 = .1 cycles/m
+        c sqrt(2 G_0 (n/n_0)^-2 dn)/(1 + (n/0.6)^2),  G_0 = 1024e-6 m3,  n_0 = 0.1 cycles/m
 
-    with c = ``roughness`` for h and .6 ``roughness`` (in radians) for r. The last factor is there because the track
-    bridges waves shorter than itself. G_0 (n/n_0)^-2 is the displacement spectrum of ISO 8608; its class D has the
-    geometric mean 1024e-6 m3 and class E 4096e-6 m3 (from 2048e-6), so that c = 1.5 (c^2 G_0 = 2304e-6) lies in
-    class E and c = 2 in its middle.
+    The factor c is ``roughness`` for h and ``roughness`` times ``roll_ratio`` for r. The denominator models that the
+    track of the robot bridges short waves. The displacement spectrum of ISO 8608 is G_0 (n/n_0)^-2. The geometric mean
+    of G_0 is 1024e-6 m3 in class D and 4096e-6 m3 in class E, which starts at 2048e-6 m3. Therefore, c = 1.5
+    (c^2 G_0 = 2304e-6 m3) is in class E, and c = 2 is the geometric mean of class E.
 
     Source: ISO 8608:2016, Mechanical vibration - Road surface profiles - Reporting of measured data.
 
     Attributes:
-        wavenumber_per_m: (36,) n [cycles/m].
-        sine: (2, 36) coefficients of sin(2 pi n s) in h [m] and in r [rad].
-        cosine: (2, 36) those of cos(2 pi n s).
-        hill_height_m: A.
-        hill_length_m: L.
+        wavenumber_per_m: (36,) wavenumbers n [cycles/m].
+        sine: (2, 36) coefficients of sin(2 pi n s) in h [m] and r [rad].
+        cosine: (2, 36) coefficients of cos(2 pi n s) in h [m] and r [rad].
+        hill_height_m: A, amplitude of the hill [m].
+        hill_length_m: L, wavelength of the hill [m].
     """
 
     wavenumber_per_m: FloatArray
@@ -59,7 +60,7 @@ class Terrain(NamedTuple):
     hill_length_m: float
 
     def at(self, distance_m: FloatArray, east_m: FloatArray) -> Ground:
-        """Return the ground (n,) after a distance (n,), at an absolute x (n,)."""
+        """Return the ground at n distances from the start and at the corresponding n coordinates x (east)."""
         value, slope = harmonics(distance_m, 2.0 * np.pi * self.wavenumber_per_m, self.sine, self.cosine)
         hill = 2.0 * np.pi / self.hill_length_m
         height = value[:, 0] + self.hill_height_m * np.sin(hill * east_m)
@@ -70,7 +71,7 @@ class Terrain(NamedTuple):
 def draw_terrain(
     rng: np.random.Generator, roughness: float, roll_ratio: float, hill_height_m: float, hill_length_m: float
 ) -> Terrain:
-    """Draw the phases of both profiles; ``roll_ratio`` is the roll's share of the roughness [rad/m]."""
+    """Return a terrain with random phases. The ratio of the amplitudes of roll and height is ``roll_ratio`` [rad/m]."""
     n = np.geomspace(MIN_CYCLES_PER_M, MAX_CYCLES_PER_M, WAVES)
     phases = rng.uniform(0.0, 2.0 * np.pi, (2, WAVES))
     sizes = wave_amplitudes(n) * roughness * np.array([[1.0], [roll_ratio]])
@@ -78,7 +79,7 @@ def draw_terrain(
 
 
 def wave_amplitudes(wavenumber_per_m: FloatArray) -> FloatArray:
-    """Amplitudes [m] for c = 1 of geometric wavenumbers (w,); a wave stands for the band around it, dn wide."""
+    """Return the amplitudes (w,) [m] of waves with geometrically spaced wavenumbers (w,), for the roughness c = 1."""
     n = wavenumber_per_m
     half_step = np.sqrt(n[1] / n[0])
     width = n * (half_step - 1.0 / half_step)
@@ -86,25 +87,25 @@ def wave_amplitudes(wavenumber_per_m: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(2.0 * psd * width) / (1.0 + (n / TRACK_PER_M) ** 2))
 
 
-# Ruts: the robot drops, is thrown and slowed, and its accelerometer feels more than it moves.
+# Ruts, in which the robot drops, tilts and becomes slower.
 
 
 @dataclass(frozen=True)
 class Ruts:
-    """At each time t_r the robot drops into a rut and drives on at the lower level.
+    """Ruts into which the robot drops at the times t_r. The robot continues on the lower level.
 
-    With u = (t - t_r)/tau, the step H(u) = (1 + tanh u)/2 and the pulse B(u) = 1 - tanh^2 u::
+    A rut changes the motion by a step H(u) = (1 + tanh u)/2 and a pulse B(u) = 1 - tanh^2 u, with u = (t - t_r)/tau::
 
         height -= drop H;  speed -= dip B;  pitch += pitch_0 B;  roll += roll_0 B
         distance -= dip tau (1 + tanh u)
 
     Attributes:
-        times_s: t_r; empty: no rut.
-        drop_m: how deep.
-        tau_s: tau, how quickly.
-        speed_dip_mps: dip.
-        pitch_rad: pitch_0, nose down.
-        roll_rad: roll_0, right side down.
+        times_s: t_r, times of the ruts; an empty tuple for no rut [s].
+        drop_m: drop, depth of each rut [m].
+        tau_s: tau, time constant of the step and of the pulse [s].
+        speed_dip_mps: dip, maximum decrease of the speed in a rut [m/s].
+        pitch_rad: pitch_0, maximum pitch in a rut, positive for nose down [rad].
+        roll_rad: roll_0, maximum roll in a rut, positive for right side down [rad].
     """
 
     times_s: tuple[float, ...]
@@ -115,47 +116,47 @@ class Ruts:
     roll_rad: float
 
     def pulse(self, t_s: FloatArray) -> FloatArray:
-        """Sum of B (n,) over the ruts."""
+        """Return the sum (n,) of the pulses B of all ruts."""
         return np.asarray(sum((1.0 - np.tanh((t_s - t) / self.tau_s) ** 2 for t in self.times_s), 0.0 * t_s))
 
     def steps(self, t_s: FloatArray) -> FloatArray:
-        """Sum of H (n,): how many ruts it has dropped into."""
+        """Return the sum (n,) of the steps H of all ruts."""
         return np.asarray(sum((0.5 * (1.0 + np.tanh((t_s - t) / self.tau_s)) for t in self.times_s), 0.0 * t_s))
 
 
-# Vibration of engine and tracks, as true motion.
+# Vibration of engine and tracks, which is part of the true motion.
 
 _SINES = 14
 LOWEST_HZ = 8.0
 MAX_VIBRATION_HZ = 35.0
 AXIS_SHARE = np.array([0.7, 0.7, 1.0])
-"""Rms of east, north and up, in parts of the nominal one."""
+"""Ratio of the rms of the acceleration in east, north and up to the nominal rms."""
 
 
 class Vibration(NamedTuple):
-    """14 sines between 8 and 35 Hz, one at a random place in each 14th of the band.
+    """Vibration of 14 sines from 8 to 35 Hz, with one random frequency in each of 14 equal parts of the band.
 
-    Each axis d(t) = sum_i a_i sin(w_i t) + b_i cos(w_i t) has its own random phases, and all sines have the same
-    acceleration (displacements, those of an angle: the same amplitude). With an envelope E(t) the
-    displacement is E d and the velocity E d' + E' d, so that position and velocity stay consistent.
+    The motion d(t) = sum_i a_i sin(w_i t) + b_i cos(w_i t) of each axis has independent random phases. All sines of a
+    displacement have the same amplitude of the acceleration. All sines of an angle have the same amplitude of the
+    angle. With an envelope E(t), the displacement is E d, and the velocity is the derivative E d' + E' d.
 
     Attributes:
-        frequency_radps: (14,) w.
-        sine: (6, 14) a: east, north, up [m], roll, pitch, yaw [rad].
-        cosine: (6, 14) b.
+        frequency_radps: (14,) angular frequencies w [rad/s].
+        sine: (6, 14) coefficients a for east, north, up [m] and roll, pitch, yaw [rad].
+        cosine: (6, 14) coefficients b for east, north, up [m] and roll, pitch, yaw [rad].
     """
 
     frequency_radps: FloatArray
     sine: FloatArray
     cosine: FloatArray
 
-    def grown(self, t_s: FloatArray, begin_s: float, ramp_s: float) -> Way:
-        """Return the motion at times (n,) that grows over ``ramp_s`` from ``begin_s`` on."""
-        u = (t_s - begin_s) / ramp_s
+    def grown(self, t_s: FloatArray, start_s: float, ramp_s: float) -> Way:
+        """Return the vibration at n times. The envelope increases from 0 at ``start_s`` to 1 over ``ramp_s``."""
+        u = (t_s - start_s) / ramp_s
         return self.at(t_s, smoothstep(u), smoothstep_rate(u) / ramp_s)
 
     def at(self, t_s: FloatArray, envelope: FloatArray, envelope_rate: FloatArray) -> Way:
-        """Return the motion at times (n,) under an envelope (n,) and its derivative [1/s]."""
+        """Return the vibration at n times for the envelope (n,) and its time derivative (n,) [1/s]."""
         bare, rate = harmonics(t_s, self.frequency_radps, self.sine, self.cosine)
         shaped = envelope[:, None] * bare
         velocity = envelope[:, None] * rate[:, :3] + envelope_rate[:, None] * bare[:, :3]
@@ -163,29 +164,30 @@ class Vibration(NamedTuple):
 
 
 def draw_vibration(rng: np.random.Generator, accel_mps2: float, angle_rad: float) -> Vibration:
-    """Draw frequencies and phases.
+    """Return a vibration with random frequencies and phases.
 
     Args:
-        rng: the stream of the vibration.
-        accel_mps2: rms of the vertical acceleration; a horizontal axis has .7 of it.
-        angle_rad: rms of roll, of pitch and of yaw.
+        rng: random stream of the vibration.
+        accel_mps2: rms of the vertical acceleration; the rms of each horizontal acceleration is 0.7 times as large
+            [m/s2].
+        angle_rad: rms of each of the angles roll, pitch and yaw [rad].
     """
     band = (MAX_VIBRATION_HZ - LOWEST_HZ) / _SINES
     w = 2.0 * np.pi * (LOWEST_HZ + band * (np.arange(_SINES) + rng.uniform(size=_SINES)))
     phases = rng.uniform(0.0, 2.0 * np.pi, (6, _SINES))
-    unit = np.sqrt(2.0 / _SINES)  # amplitude of each of 14 sines whose sum has an rms of one
+    unit = np.sqrt(2.0 / _SINES)  # amplitude of a sine, so that the sum has an rms of 1
     shift = accel_mps2 * unit * np.multiply.outer(AXIS_SHARE, w**-2.0)
     sizes = np.vstack([shift, np.full((3, _SINES), angle_rad * unit)])
     return Vibration(w, sizes * np.cos(phases), sizes * np.sin(phases))
 
 
-# Specific force that the accelerometer feels though the robot does not move so: ruts and impacts.
+# False specific force of ruts and impacts, which the accelerometer measures without a corresponding motion.
 
 IMPACT_S = 0.02
 
 
 def inner_times(t_s: FloatArray, per_sample: int) -> FloatArray:
-    """Times (n, m) in the middle of ``per_sample`` parts of each interval; ``t_s`` (n + 1,) are the interval's ends."""
+    """Divide each of the n intervals between the times ``t_s`` into m equal parts, and return their middles (n, m)."""
     parts = (np.arange(per_sample) + 0.5) / per_sample
     return np.asarray(t_s[:-1, None] + np.diff(t_s)[:, None] * parts)
 
@@ -193,7 +195,7 @@ def inner_times(t_s: FloatArray, per_sample: int) -> FloatArray:
 def rut_force(
     inner_s: FloatArray, times_s: tuple[float, ...], force_mps2: tuple[float, ...], decay_s: float
 ) -> FloatArray:
-    """Return (n, m, 3): ``force_mps2`` from each time on, decaying as exp(-t/``decay_s``)."""
+    """Return the force (n, m, 3), which is ``force_mps2`` at each time of a rut and then decays exponentially."""
     size = np.zeros_like(inner_s)
     for start in times_s:
         since = inner_s - start
@@ -201,14 +203,14 @@ def rut_force(
     return np.asarray(size[:, :, None] * np.asarray(force_mps2))
 
 
-def draw_impacts(rng: np.random.Generator, per_s: float, begin_s: float, end_s: float) -> FloatArray:
-    """Draw the times of a Poisson process between two times, sorted."""
-    length = max(0.0, end_s - begin_s)
-    return np.sort(begin_s + length * rng.uniform(size=rng.poisson(per_s * length)))
+def draw_impacts(rng: np.random.Generator, per_s: float, start_s: float, end_s: float) -> FloatArray:
+    """Return the sorted times of a Poisson process with the rate ``per_s`` from ``start_s`` to ``end_s``."""
+    length = max(0.0, end_s - start_s)
+    return np.sort(start_s + length * rng.uniform(size=rng.poisson(per_s * length)))
 
 
 def impact_force(inner_s: FloatArray, times_s: FloatArray, peak_mps2: float) -> FloatArray:
-    """Return (n, m, 3): at each time a half sine of 20 ms, upwards in the body."""
+    """Return the force (n, m, 3) in the body frame, an upward half sine of 20 ms from the time of each impact."""
     force = np.zeros((inner_s.size, 3))
     flat = inner_s.ravel()
     for start in times_s:
@@ -219,13 +221,13 @@ def impact_force(inner_s: FloatArray, times_s: FloatArray, peak_mps2: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """True motion at n times; the first one is the start.
+    """True motion of the vehicle at n times. The first time is the start.
 
     Attributes:
-        t_s: (n,) times.
-        enu_m: (n, 3) position, (0, 0, 0) at the start.
-        velocity_mps: (n, 3) in ENU.
-        euler_rad: (n, 3) roll, pitch, yaw; yaw is not wrapped.
+        t_s: (n,) times [s].
+        enu_m: (n, 3) position, (0, 0, 0) at the start [m].
+        velocity_mps: (n, 3) velocity in ENU [m/s].
+        euler_rad: (n, 3) roll, pitch and unwrapped yaw [rad].
     """
 
     t_s: FloatArray
@@ -235,14 +237,14 @@ class Truth:
 
 
 class Course(NamedTuple):
-    """The motion in the plane, at n times.
+    """Horizontal motion of the vehicle at n times.
 
     Attributes:
-        speed_mps: (n,) horizontal speed.
-        distance_m: (n,) distance driven.
-        yaw_rad: (n,) heading of the path.
-        velocity_mps: (n, 2) east and north.
-        en_m: (n, 2) east and north.
+        speed_mps: (n,) horizontal speed [m/s].
+        distance_m: (n,) distance from the start [m].
+        yaw_rad: (n,) heading of the path [rad].
+        velocity_mps: (n, 2) velocity: east and north [m/s].
+        en_m: (n, 2) position: east and north [m].
     """
 
     speed_mps: FloatArray
@@ -255,12 +257,12 @@ class Course(NamedTuple):
 def simulate_truth(t_s: FloatArray, path: Path, terrain: Terrain, vibration: Vibration, ruts: Ruts) -> Truth:
     """Return the true motion at equidistant times (n,).
 
-    With the slope f along the path and l to its left, the angles are
+    The slope f of the ground along the path and the slope l to the left determine pitch and roll::
 
-        pitch = -atan(f) (positive is nose down),  roll = atan(l) + r(s),  yaw of the path,
+        pitch = -atan(f) (positive is nose down),  roll = atan(l) + r(s)
 
-    each plus vibration and ruts. The vertical velocity is the derivative of the height that the robot drives over.
-    Vibration comes with the first movement, growing over the ramp: while it stands it is at rest.
+    The yaw is the yaw of the path. Vibration and ruts are added to the angles. The vertical velocity is the derivative
+    of the height. The vibration starts with the motion, and its amplitude increases during the ramp of the speed.
     """
     course = drive_course(t_s, path, ruts)
     ground = terrain.at(course.distance_m, course.en_m[:, 0])
@@ -278,8 +280,8 @@ def simulate_truth(t_s: FloatArray, path: Path, terrain: Terrain, vibration: Vib
 
 
 def drive_course(t_s: FloatArray, path: Path, ruts: Ruts) -> Course:
-    """Return the motion in the plane; east and north by Simpson's rule over each interval."""
-    fine_t_s = np.empty(2 * len(t_s) - 1)  # the times, and the middle between each two
+    """Return the horizontal motion. Simpson's rule integrates the velocity over each interval."""
+    fine_t_s = np.empty(2 * len(t_s) - 1)  # the times and the middles of the intervals between them
     fine_t_s[::2], fine_t_s[1::2] = t_s, 0.5 * (t_s[:-1] + t_s[1:])
     yaw = path.yaw_rad_at(fine_t_s)
     speed = path.speed_mps_at(fine_t_s) - ruts.speed_dip_mps * ruts.pulse(fine_t_s)
@@ -291,7 +293,7 @@ def drive_course(t_s: FloatArray, path: Path, ruts: Ruts) -> Course:
 
 
 def _lean(course: Course, ground: Ground) -> FloatArray:
-    """Roll, pitch and yaw (n, 3) of a robot that lies on the ground."""
+    """Return the roll, pitch and yaw (n, 3) of a robot that is parallel to the ground."""
     forward = ground.slope[:, 0] + ground.slope[:, 1] * np.cos(course.yaw_rad)
     leftward = -ground.slope[:, 1] * np.sin(course.yaw_rad)
     return np.column_stack([np.arctan(leftward) + ground.roll_rad, -np.arctan(forward), course.yaw_rad])

@@ -1,4 +1,4 @@
-"""Every adaptation once more, straight from its formulas: 6 x 6 matrices with a mask, histories as lists."""
+"""Independent implementations of adaptations, and sequences of innovations."""
 
 import numpy as np
 from scipy.linalg import block_diag, sqrtm
@@ -8,7 +8,7 @@ BLOCKS = (slice(0, 3), slice(3, 6))
 
 
 class Update:
-    """One update, the rows that are absent filled with zeros in y and h, and with 1 in R."""
+    """One update. Absent rows are filled with 0 in y and h, and with 1 in R."""
 
     def __init__(self, y, HPHt, R, rows):
         self.there = np.isin(np.arange(6), rows)
@@ -19,7 +19,7 @@ class Update:
         self.h, self.r = np.diag(self.HPHt) * self.there, np.diag(self.R) * self.there
 
     def of(self, block):
-        """The three sums of a block, and how many of its rows are there."""
+        """Return the three sums of a block, and the number of its present rows."""
         return (self.y[block] ** 2).sum(), self.h[block].sum(), self.r[block].sum(), self.there[block].sum()
 
     def nis(self, block=slice(0, 6)):
@@ -27,7 +27,7 @@ class Update:
 
 
 class Histories:
-    """The squared innovations of each row, oldest first."""
+    """The squared innovations of each row, in the order of time."""
 
     def __init__(self):
         self.of = [[] for _ in range(6)]
@@ -69,8 +69,8 @@ class NaiveIae:
     def __call__(self, u):
         w = self.past.mean(u, 10)
         full = np.array([len(values) >= 10 for values in self.past.of]) & u.there
-        keep = np.where(full, 0.0, 1.0)
-        R = u.R * np.outer(keep, keep)
+        unfilled = np.where(full, 0.0, 1.0)
+        R = u.R * np.outer(unfilled, unfilled)
         return R + np.diag(np.where(full, np.maximum(w - u.h, 0.1 * u.r), 0.0))
 
 
@@ -122,7 +122,7 @@ def naive_huber(u):
 
 
 def naive_igg3(u):
-    """The weight as a piecewise function on v, R = R + what its inverse adds."""
+    """The weight as a piecewise function of v; its inverse inflates R."""
     v = np.abs(u.y) / np.sqrt(np.diag(u.S))
     middle = (2 / np.maximum(v, 1e-300)) * ((6 - v) / (6 - 2)) ** 2
     weight = np.select([v <= 2, v < 6], [1.0, middle], 0.0)
@@ -133,7 +133,7 @@ def naive_igg3(u):
 
 
 class NaiveRelaxingGate:
-    """The width itself is remembered, not the count."""
+    """The memory contains the width and not the number of rejections."""
 
     def __init__(self):
         self.streak, self.width = np.zeros(6, int), np.full(6, 3.0)
@@ -156,7 +156,7 @@ def naive_student_t(u):
 
 
 class NaiveVariationalBayes:
-    """With the information form of the posterior: another way to H P+ H' and to the residual."""
+    """H P+ H' and the residual are computed with the information form of the posterior."""
 
     def __init__(self):
         self.alpha, self.beta = np.zeros(6), np.zeros(6)
@@ -165,13 +165,13 @@ class NaiveVariationalBayes:
         new = u.there & (self.alpha == 0)
         self.alpha[new], self.beta[new] = 3.0, 3.0 * u.r[new]
         rows, rho = np.flatnonzero(u.there), 1 - np.exp(-4)
-        alpha, kept = rho * self.alpha[rows] + 0.5, rho * self.beta[rows]
-        HPHt, y, beta = u.HPHt[np.ix_(rows, rows)], u.y[rows], kept
+        alpha, prior_beta = rho * self.alpha[rows] + 0.5, rho * self.beta[rows]
+        HPHt, y, beta = u.HPHt[np.ix_(rows, rows)], u.y[rows], prior_beta
         for _ in range(2):
             r = beta / alpha
             posterior = np.linalg.inv(np.linalg.inv(HPHt) + np.diag(1 / r))
             residual = y - posterior @ np.diag(1 / r) @ y
-            beta = kept + 0.5 * (residual**2 + np.diag(posterior))
+            beta = prior_beta + 0.5 * (residual**2 + np.diag(posterior))
         self.alpha[rows], self.beta[rows] = alpha, beta
         R = np.eye(6)
         R[rows, rows] = r
@@ -179,7 +179,7 @@ class NaiveVariationalBayes:
 
 
 def posterior_residual(u, R):
-    """z - H x+ of an update with R, with H = I: x+ = (P^-1 + R^-1)^-1 R^-1 y on the rows that are there."""
+    """z - H x+ of an update with R and H = I, where x+ = (P^-1 + R^-1)^-1 R^-1 y on the present rows."""
     rows = np.flatnonzero(u.there)
     at = np.ix_(rows, rows)
     information = np.linalg.inv(R[at])
@@ -215,3 +215,25 @@ class NaiveAdaptiveQ:
             return 1.0
         alpha = np.where(u.there, w - u.r, 0.0).sum() / u.h.sum()
         return float(np.clip(np.sqrt(max(alpha, 0.0)), 1.0, 100.0))
+
+
+ROWS = ([0, 1, 2, 3, 4, 5], [0, 1, 2], [3, 4, 5], [2], [0, 2, 4])
+
+
+def sequence(seed, length=80, largest=60.0):
+    """Return (innovation, HPHt, R, rows) of each update, with full matrices HPH' and R."""
+    rng = np.random.default_rng(seed)
+    for k in range(length):
+        rows = np.array(ROWS[0] if k < 15 else ROWS[rng.integers(len(ROWS))])
+        m = len(rows)
+        half = rng.normal(size=(2, m, 2 * m))
+        HPHt, R = half @ half.transpose(0, 2, 1) * 10.0 ** rng.uniform(-3, 1, size=(2, 1, 1))
+        scale = (0.3, 1.0, 5.0, largest)[rng.integers(4)] if k % 40 < 30 else 8.0  # sometimes consecutive outliers
+        innovation = scale * np.linalg.cholesky(HPHt + R) @ rng.normal(size=m)
+        yield innovation, HPHt, R, rows
+
+
+def diagonal_sequence(seed, length=80, largest=60.0):
+    """Return a sequence with a diagonal R."""
+    for innovation, HPHt, R, rows in sequence(seed, length, largest):
+        yield innovation, HPHt, np.diag(np.diag(R)), rows

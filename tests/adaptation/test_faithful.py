@@ -1,4 +1,4 @@
-"""Methods that weigh the prior or change it, on both engines, against their papers' equations in textbook form."""
+"""Methods that change the prior, with both engines, against the equations of their papers in textbook form."""
 
 from functools import partial
 
@@ -67,14 +67,12 @@ WALK = [
     ("maximum_correntropy", {"bandwidth": 5.0, **AT_UPDATE}, (0.18, 0.26), (1.02, 1.12)),
     ("maximum_correntropy", {"bandwidth": 2.0, **ONE_SIDED, **AT_UPDATE}, (0.18, 0.26), (0.15, 0.45)),
 ]
-"""Ratios of RMSE to the plain filter's where Q is small, and where it is large against R."""
+"""Ratios of the RMSE to the RMSE of the Kalman filter, for a small Q and for a Q that is large compared with R."""
 
 
 @pytest.mark.parametrize(("name", "parameters", "small", "large"), WALK)
-def test_outliers_of_a_scalar_random_walk_are_rejected_but_not_by_a_prior_that_is_doubted_more(
-    name, parameters, small, large
-):
-    """R = 1, 5 % outliers of 30 sigma: with Q = 10 a filter that may doubt its prior prefers to."""
+def test_outliers_of_a_random_walk_are_rejected_unless_the_prior_has_less_weight(name, parameters, small, large):
+    """R = 1 with 5 % outliers of 30 sigma; with Q = 10, methods that weight the prior reduce its weight."""
     for Q, (low, high) in ((0.1, small), (10.0, large)):
         ratio = walk_rmse(create("adaptation", {"name": name, **parameters}), Q) / walk_rmse(NoAdaptation(), Q)
         assert low <= ratio <= high

@@ -1,4 +1,4 @@
-"""The federated filter against its explicit local filters."""
+"""The federated filter against explicit local filters."""
 
 import json
 
@@ -13,7 +13,7 @@ BLOCKS = (slice(0, 3), slice(3, 6))
 
 
 def local_update(x, P, z, R, share, adaptive):
-    """One local filter's information, with its own prior P / share and its own factor on R."""
+    """Information of one local filter, with the prior P / share and its factor on R."""
     prior = P / share
     S = prior[: len(z), : len(z)]
     energy, h, r = ((z - x[: len(z)]) ** 2).sum(), np.trace(S), np.trace(R)
@@ -26,8 +26,8 @@ def local_update(x, P, z, R, share, adaptive):
 
 
 def federated_update(x, P, z, R, beta, *, adaptive=True):
-    """Both locals, position and velocity, and their fusion."""
-    velocity_first = np.r_[3:6, 0:3, 6 : len(x)]  # the local of velocity sees its block at the front
+    """The fusion of the local filters of position and velocity."""
+    velocity_first = np.r_[3:6, 0:3, 6 : len(x)]  # the block of the local filter comes first
     back = np.argsort(velocity_first)
     a, u = local_update(x, P, z[BLOCKS[0]], R[BLOCKS[0], BLOCKS[0]], beta, adaptive)
     shuffled = np.ix_(velocity_first, velocity_first)
@@ -37,7 +37,7 @@ def federated_update(x, P, z, R, beta, *, adaptive=True):
 
 
 def central_update(x, P, z, R, adaptation):
-    """The update of the engine, in the textbook's form."""
+    """The update of the engine in textbook form."""
     n = len(x)
     innovation, HPHt = z - x[:6], P[:6, :6]
     adapted = adaptation.adapt(innovation, HPHt, R, np.arange(6), empty_memory(adaptation))
@@ -60,7 +60,7 @@ def case(seed, scale):
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("beta", [0.1, 0.5, 0.8])
 @pytest.mark.parametrize("scale", [0.1, 2.0, 30.0])
-def test_explicit_locals_equal_the_central_filter_with_scaled_blocks(seed, beta, scale):
+def test_explicit_local_filters_equal_the_central_filter_with_scaled_blocks(seed, beta, scale):
     x, P, z, R = case(seed, scale)
     federated = create("adaptation", {"name": "federated", "beta": beta})
     wanted_x, wanted_P = federated_update(x, P, z, R, beta)
@@ -71,7 +71,7 @@ def test_explicit_locals_equal_the_central_filter_with_scaled_blocks(seed, beta,
 
 
 @pytest.mark.parametrize("beta", [0.05, 0.5, 0.7])
-def test_without_adaptation_the_locals_are_the_central_filter_for_any_beta(beta):
+def test_without_adaptation_local_filters_equal_the_central_filter_for_any_beta(beta):
     x, P, z, R = case(3, 10.0)
     fused_x, fused_P = federated_update(x, P, z, R, beta, adaptive=False)
     central_x, central_P = central_update(x, P, z, R, create("adaptation", {"name": "none"}))

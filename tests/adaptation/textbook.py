@@ -1,7 +1,7 @@
-"""Filters of the literature as corrections of a plain filter: dense, the prior and the measurement in one stack.
+"""Filters of the literature with full matrices, where prior and measurement are stacked.
 
-Each is written from its paper's equations over x, P, z, H, R, with inverses and weighted least squares; what the
-plugins do about rows, memories and rounding is theirs alone.
+Each filter follows the equations of its paper with x, P, z, H and R, matrix inverses and weighted least squares. The
+treatment of absent rows, memories and rounding errors by the plugins is not included.
 """
 
 import numpy as np
@@ -11,18 +11,18 @@ from plain_filter import update
 
 
 def least_squares(x, P, z, H, R, weights):
-    """The state of least weighted squares of the whitened stack [x; z], what is left of it, and the covariances."""
+    """Return the weighted least-squares state of the whitened stack [x; z], its residuals, and the covariances."""
     n = len(x)
     root = np.linalg.cholesky(block_diag(P, R))
     W, D = np.linalg.solve(root, np.vstack([np.eye(n), H])), np.linalg.solve(root, np.concatenate([x, z]))
     stack = root @ np.diag(1.0 / weights) @ root.T
-    C = np.sqrt(weights)  # no normal equations: they carry half the digits where weights are 1e-8
+    C = np.sqrt(weights)  # normal equations would lose half the digits with weights of 1e-8
     best = np.linalg.lstsq(C[:, None] * W, C * D, rcond=None)[0]
     return best, D - W @ best, (stack[:n, :n], stack[n:, n:])
 
 
 def reweighted(prior, z, H, R, weight, sides, start="update"):
-    """The fixed point of the weights, first those of the prediction or of the update: (x, P~, R~)."""
+    """Return (x, P~, R~) at the fixed point of the weights, which start from the prediction or the update."""
     n, last = len(prior.x), prior.x
     weights = np.ones(n + len(z))
     if start == "prediction":
@@ -38,13 +38,13 @@ def reweighted(prior, z, H, R, weight, sides, start="update"):
 
 
 def huber(prior, z, H, R, rows, sides="both"):
-    """Karlgaard."""
+    """The method of Karlgaard (2015)."""
     _, P, R = reweighted(prior, z, H, R, lambda r: 1.0 / np.maximum(np.abs(r) / 1.345, 1.0), sides)
     return update(prior.x, P, z, H, R)
 
 
 def correntropy(prior, z, H, R, rows, sides="both", start="prediction", sigma=5.0):
-    """Chen: the gain of the weighted covariances, the covariance of the nominal ones."""
+    """The method of Chen (2017): the gain from the weighted covariances, the covariance from the nominal ones."""
     _, P, Rw = reweighted(prior, z, H, R, lambda r: np.exp(-(r**2) / (2.0 * sigma**2)), sides, start)
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + Rw)
     rest = np.eye(len(prior.x)) - K @ H
@@ -59,13 +59,13 @@ SIMILARITY = {
 
 
 def squares(prior, x, P, z, H):
-    """D_x and D_z."""
+    """Return D_x and D_z."""
     d, e = x - prior.x, z - H @ x
     return P + np.outer(d, d), H @ P @ H.T + np.outer(e, e)
 
 
 def similarity(prior, z, H, R, rows, sides="both", function="log"):
-    """Huang 2021."""
+    """The method of Huang (2021)."""
     n, m, w, xi, weight, last = len(prior.x), len(z), SIMILARITY[function], 1.0, 1.0, prior.x
     for _ in range(50):
         x, P = update(prior.x, prior.P / xi, z, H, R / weight)
@@ -79,7 +79,7 @@ def similarity(prior, z, H, R, rows, sides="both", function="log"):
 
 
 def student_t(prior, z, H, R, rows, sides="both"):
-    """Huang 2017."""
+    """The method of Huang (2017)."""
     n, m, x, P, E, xi = len(prior.x), len(z), prior.x, prior.P, prior.P, 1.0
     for _ in range(10):
         D_x, D_z = squares(prior, x, P, z, H)
@@ -92,7 +92,7 @@ def student_t(prior, z, H, R, rows, sides="both"):
 
 
 class VariationalPriorAndNoise:
-    """Huang 2018; u and U by the set of rows."""
+    """The method of Huang (2018), with u and U for each set of rows."""
 
     def __init__(self):
         self.known = {}
@@ -111,7 +111,7 @@ class VariationalPriorAndNoise:
 
 
 def sliding_innovation(prior, z, H, R, rows, width=10.0):
-    """Gadsden, with the pseudo-inverse as such."""
+    """The method of Gadsden (2020), with an explicit pseudo-inverse."""
     y = z - H @ prior.x
     K = np.linalg.pinv(H) @ np.diag(np.minimum(1.0, np.abs(y) / (width * np.sqrt(np.diag(R)))))
     rest = np.eye(len(prior.x)) - K @ H
@@ -119,7 +119,7 @@ def sliding_innovation(prior, z, H, R, rows, width=10.0):
 
 
 class StrongTracking:
-    """Zhou, with a share alpha for each state."""
+    """The method of Zhou (1996), with a weight alpha for each state."""
 
     def __init__(self, alpha=None, rho=0.95, beta=1.0):
         self.alpha, self.rho, self.beta, self.v = alpha, rho, beta, {}
@@ -136,7 +136,7 @@ class StrongTracking:
 
 
 class SageHusaBoth:
-    """R and Q, each with its own clock; of both the diagonals, Q as factors on the model's."""
+    """The diagonals of R and Q with separate counters; Q is a factor on the Q of the model."""
 
     def __init__(self):
         self.r, self.k, self.g, self.updates = np.zeros(6), np.zeros(6, int), None, 0

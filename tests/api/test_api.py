@@ -1,12 +1,15 @@
-"""`jerkbench.run` and `jerkbench run` are two ways to ask the same question."""
+"""The Python interface, also in plain scripts."""
 
 import inspect
+import subprocess
+import sys
 
 import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 
 import jerkbench
+from commands import PATIENCE_S, environment
 from commands import verb as command_line
 from jerkbench.errors import PluginError
 from jerkbench.hydra_app.configuration import Schema
@@ -97,7 +100,7 @@ def test_the_same_names_are_the_same_cell_as_on_the_command_line(words, argument
     [
         ({"filter": "baseline_untund"}, "There is no filter 'baseline_untund'. Did you mean 'baseline_untuned'"),
         ({"attitude": "reel"}, "There is no attitude 'reel'. Did you mean 'real'"),
-        ({"filter": {"accel_mps2": 1.0}}, "filter is .* which has no name"),
+        ({"filter": {"accel_mps2": 1.0}}, "filter is .*, without the key 'name'"),
         ({"filter": {"name": "baseline_untuned", "acel_mps2": 1.0}}, "parameter of filter baseline 'acel_mps2'"),
         ({"noise": "tund"}, "There is no noise 'tund'. Did you mean 'tuned'"),
         ({"noise": {"acel_mps2": 1.0}}, "There is no parameter of noise 'acel_mps2'. Did you mean 'accel_mps2'"),
@@ -107,7 +110,7 @@ def test_the_same_names_are_the_same_cell_as_on_the_command_line(words, argument
         ),
         (
             {"disturbance": {"name": "combined", "imu_bias": 3}},
-            "disturbance combined, 'imu_bias' is 3; give its parameters",
+            "disturbance combined: 'imu_bias' is 3; give its parameters",
         ),
     ],
 )
@@ -116,9 +119,8 @@ def test_what_is_wrong_is_a_sentence(arguments, said):
         jerkbench.run(**arguments)
 
 
-def test_the_attitude_filter_is_what_the_data_set_prefers_unless_one_is_given():
+def test_defaults_are_those_of_the_command_line_and_the_attitude_is_what_the_data_set_prefers():
     drive = by_parts(dataset=DRIVE)
-
     assert (drive.labels.attitude, drive.scenario.attitude.sigma_accel_mps2, drive.scenario.attitude.propagation) == (
         "real",
         0.5,
@@ -126,14 +128,72 @@ def test_the_attitude_filter_is_what_the_data_set_prefers_unless_one_is_given():
     )
     assert by_parts(dataset=DRIVE, attitude="tilt").labels.attitude == "tilt"
     assert by_parts().labels.attitude == "field"
-
-
-def test_the_defaults_are_those_of_the_command_line():
     defaults = {name: p.default for name, p in inspect.signature(jerkbench.run).parameters.items()}
     for name in ("seeds", "first_seed", "burn_in_s"):
         assert defaults[name] == getattr(Schema, name) == getattr(Protocol, name)
     entries = OmegaConf.load(config_folder() / "config.yaml").defaults
     chosen = {group: name for entry in entries if entry not in ("_self_", "schema") for group, name in entry.items()}
-
     assert {name: chosen[name] for name in default_names()} == dict(default_names())
     assert set(default_names()) >= {*GROUPS, "disturbance", "noise"}
+
+
+SWEEP = """
+from jerkbench import api
+print("begun", flush=True)
+short = {{"name": "field", "duration_s": 12}}
+study = api.sweep("study", dataset=short, filter=[{filters}], seeds=1, workers={workers})
+print(study.rows["status"].tolist())
+"""
+
+FILTER = """
+import jerkbench
+from dataclasses import dataclass
+from jerkbench.filters.kinematic import Jerk
+
+@jerkbench.register("filter", "mine")
+@dataclass(frozen=True)
+class Mine(Jerk):
+    '''A filter of the user's.'''
+"""
+
+
+def script(folder, *parts):
+    """Run a script; returns the finished process."""
+    (folder / "script.py").write_text("\n".join(parts), encoding="utf-8")
+    command = [sys.executable, "script.py"]
+    return subprocess.run(
+        command, cwd=folder, env=environment(), capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "filters", "workers"),
+    [
+        ("import filters_of_mine", ("mine", "jerk"), 2),
+        pytest.param(FILTER, ("mine", "jerk"), 1, marks=pytest.mark.slow),
+    ],
+    ids=["a filter of a module beside it", "a filter of its own, in one process"],
+)
+def test_a_script_without_a_guard_runs_once_and_its_report_is_drawn(tmp_path, before, filters, workers):
+    (tmp_path / "filters_of_mine.py").write_text(FILTER, encoding="utf-8")
+    done = script(
+        tmp_path,
+        before,
+        SWEEP.format(filters=", ".join(map(repr, filters)), workers=workers),
+        "print(api.report(study).is_file())",
+    )
+
+    assert (done.returncode, done.stdout.split("\n")) == (0, ["begun", "['ok', 'ok']", "True", ""]), done.stderr
+    assert "no figures" not in done.stderr
+    assert set(load_study(tmp_path / "study").rows["filter"]) == set(filters)
+
+
+def test_more_workers_are_refused_for_a_filter_of_the_script_itself(tmp_path):
+    done = script(tmp_path, FILTER, SWEEP.format(filters="'mine', 'jerk'", workers=2))
+
+    assert done.returncode == 1
+    assert done.stderr.endswith(
+        "Mine is defined in the script itself, so other processes cannot import it; give workers=1, or move the "
+        "class into a module that the script imports.\n"
+    )
+    assert not (tmp_path / "study").exists()

@@ -1,4 +1,4 @@
-"""The multiplicative Kalman filter: its loop against plain matrices, closed forms, and what its options promise."""
+"""The multiplicative Kalman filter: its loop against matrix equations and closed forms, and its options."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,8 @@ from jerkbench.attitude.common import TiltStart
 from jerkbench.attitude.mekf import Mekf, run_mekf
 
 
-def cross(v):
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-def in_plain_matrices(plugin, imu, C, P):
-    """The docstring's equations, with a whole gain and a Joseph update."""
+def with_full_matrices(plugin, imu, C, P):
+    """The equations of the docstring, with a full gain matrix and a Joseph update."""
     b, a_prev, squares, x = np.zeros(3), np.zeros(3), [], []
     window = max(1, round(plugin.window_s / 0.01))
     for y_G, y_A in zip(imu.gyro_radps, imu.accel_mps2, strict=True):
@@ -26,7 +22,7 @@ def in_plain_matrices(plugin, imu, C, P):
         C, P = C @ step, F @ P @ F.T + dt * np.diag(noise)
         c = plugin.external_memory if plugin.adapt == "lee" else 0.0
         e = y_A - c * a_prev - G * C[2]
-        H = np.hstack([G * cross(C[2]), np.zeros((3, 3))])
+        H = np.hstack([G * np.cross(C[2], np.eye(3)).T, np.zeros((3, 3))])
         white = plugin.accel_density**2 / dt
         C0 = np.diag(H @ P @ H.T) + white
         squares = [*squares, e**2][-window:]
@@ -56,15 +52,15 @@ PLUGINS = [
 
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("plugin", PLUGINS)
-def test_the_loop_is_the_equations(plugin, compiled):
+def test_the_loop_agrees_with_the_equations(plugin, compiled):
     imu, C = shaken(400).imu, Rotation.from_euler("YX", [-0.2, 0.1]).as_matrix()
     sigma = 0.005 if plugin.bias else 0.0
     state = plugin.state(TiltStart(C[2], 0.03), 0.01)
     loop = common._compiled(run_mekf, "the attitude filter mekf") if compiled else run_mekf
     x, triggered = np.empty((400, 3)), np.empty(400, dtype=bool)
     loop(state, imu.gyro_radps.copy(), imu.accel_mps2.copy(), np.full(400, 0.01), x, triggered)
-    wanted, b, P = in_plain_matrices(plugin, imu, C, np.diag([0.03] * 3 + [sigma**2] * 3))
-    np.testing.assert_allclose(x, wanted, rtol=0, atol=1e-9)
+    expected, b, P = with_full_matrices(plugin, imu, C, np.diag([0.03] * 3 + [sigma**2] * 3))
+    np.testing.assert_allclose(x, expected, rtol=0, atol=1e-9)
     np.testing.assert_allclose(state.b, b, rtol=0, atol=1e-9)
     np.testing.assert_allclose(state.P, P, rtol=1e-6, atol=1e-12)
     np.testing.assert_array_equal(state.P, state.P.T)
@@ -77,8 +73,8 @@ def test_a_constant_rate_is_followed(adapt):
     assert degrees_between(Mekf(adapt).verticals(drive)[0], truth).max() < 0.02
 
 
-def test_a_bias_is_found_and_without_its_states_it_tilts():
-    """In the steady state of the plain filter the correction's rate is N_G g/N_A: tilt = b/rate."""
+def test_a_bias_is_estimated_or_causes_a_tilt_without_its_states():
+    """In the steady state of the filter without bias, the rate of the correction is N_G g/N_A, so tilt = b/rate."""
     n = 60000
     drive = recording(np.tile([0.002, 0.0, 0.0], (n, 1)), np.tile([0.0, 0.0, G], (n, 1)), 2.0)
     found, _ = Mekf().verticals(drive)
@@ -87,7 +83,7 @@ def test_a_bias_is_found_and_without_its_states_it_tilts():
     np.testing.assert_allclose(np.abs(left[-1, 1]), 0.002 / (1e-3 * G / 0.1), rtol=0.02)
 
 
-def test_a_constant_acceleration_is_taken_for_gravity_unless_it_is_recognised():
+def test_a_constant_acceleration_causes_a_tilt_unless_it_is_detected():
     drive = pushed([1.0, 0.0, 0.0])
     tilt = Mekf(bias=False).verticals(drive)[0][-1]
     np.testing.assert_allclose(tilt[0] / tilt[2], 1.0 / G, rtol=1e-3)
@@ -96,8 +92,8 @@ def test_a_constant_acceleration_is_taken_for_gravity_unless_it_is_recognised():
 
 
 @pytest.mark.parametrize("plugin", [Mekf(), Mekf(bias=False), Mekf("lee", external_memory=0.5, window_s=0.2)])
-def test_a_setting_means_the_same_at_100_and_at_400_hz(plugin):
-    """The same motion and the same densities of noise."""
+def test_parameters_do_not_depend_on_the_sampling_rate(plugin):
+    """The motion and the noise densities are the same."""
     drives = (pushed([1.0, 0.5, 0.0], 12.0, rate_hz=rate_hz) for rate_hz in (100.0, 400.0))
     ends = [plugin.verticals(drive)[0][-1] for drive in drives]
     assert degrees_between(*ends) < 0.1

@@ -1,4 +1,4 @@
-"""The tilt filter: reference values, its equations one by one, and what they promise."""
+"""The tilt filter: reference values, its equations, and their properties."""
 
 import itertools
 import json
@@ -24,16 +24,12 @@ def golden(shared_folder):
     return json.loads((shared_folder / "reference" / "golden.json").read_text())
 
 
-def of_golden(given):
-    return Tilt(given["adapt"], given["sigma_G"], given["sigma_A"], given["c_a"], normalise=given["normalise"])
-
-
 def compiled():
     return common._compiled(run_tilt, "the tilt filter")
 
 
 def after(samples, p, x=LEVEL, P=None, a_prev=(0.0, 0.0, 0.0), loop=run_tilt):
-    """What the loop leaves behind ``samples`` (gyro, accel, dt): its state, its update, x and the flags."""
+    """State, update, x and triggers of the loop after ``samples`` (gyro, accel, dt)."""
     n = len(samples[2])
     state, path, flags = p.state(TiltStart(np.array(x), 0.03)), np.empty((n, 3)), np.empty(n, dtype=bool)
     state.P[:] = 0.03 * np.eye(3) if P is None else P
@@ -45,8 +41,8 @@ def after(samples, p, x=LEVEL, P=None, a_prev=(0.0, 0.0, 0.0), loop=run_tilt):
 @pytest.mark.parametrize("loop", [lambda: run_tilt, compiled], ids=["uncompiled", "compiled"])
 @pytest.mark.parametrize("name", ["tilt_mtf_triggered", "tilt_none"])
 def test_one_step_equals_the_reference_values(name, loop, golden):
-    given, wanted = golden[name]["inputs"], golden[name]["outputs"]
-    p = of_golden(given)
+    given, expected = golden[name]["inputs"], golden[name]["outputs"]
+    p = Tilt(given["adapt"], given["sigma_G"], given["sigma_A"], given["c_a"], normalise=given["normalise"])
     samples = np.array([given["y_G"]]), np.array([given["y_A"]]), np.array([given["dt"]])
     state, update, _, (triggered,) = after(samples, p, given["x"], given["P"], given["a_prev"], loop())
     roll, pitch = roll_pitch(state.x)
@@ -58,14 +54,14 @@ def test_one_step_equals_the_reference_values(name, loop, golden):
         "a_ext": update.a_prev,
         "roll": roll,
         "pitch": pitch,
-        "P_prior": (np.diag(wanted["P_prior"]), (update.C0 - p.sigma_accel_mps2**2) / G**2),
+        "P_prior": (np.diag(expected["P_prior"]), (update.C0 - p.sigma_accel_mps2**2) / G**2),
     }
-    assert triggered == wanted["triggered"]
-    assert got.keys() == wanted.keys() - {"triggered", "x_prior"}  # e and x tell of x-
+    assert triggered == expected["triggered"]
+    assert got.keys() == expected.keys() - {"triggered", "x_prior"}  # x_prior follows from e and x
     prior = got.pop("P_prior")
     np.testing.assert_allclose(*prior, rtol=0, atol=1e-10)
     for key, value in got.items():
-        np.testing.assert_allclose(value, wanted[key], rtol=0, atol=1e-10, err_msg=key)
+        np.testing.assert_allclose(value, expected[key], rtol=0, atol=1e-10, err_msg=key)
 
 
 def skew(v):
@@ -73,7 +69,7 @@ def skew(v):
 
 
 def tilt_by_equations(x, P, gyro, accel, dt, p):
-    """x (n, 3) and the triggers (n,) of a run: whole matrices, and the library's exponential and inverse."""
+    """x (n, 3) and the triggers (n,) of a run, with full matrices and the exponential and inverse of SciPy."""
     a_prev, squares, path, flags, H = np.zeros(3), [], [], [], G * np.eye(3)
     for y_G, y_A, step in zip(gyro, accel, dt, strict=True):
         Phi = expm(-step * skew(y_G)) if p.propagation == "exact" else np.eye(3) - step * skew(y_G)
@@ -103,7 +99,7 @@ def tilt_by_equations(x, P, gyro, accel, dt, p):
 
 
 def shaken(n, seed=0):
-    """A turning, shaken IMU with uneven intervals: quiet at first, so that it triggers now and then only."""
+    """A rotating, shaken IMU with irregular intervals. It is quiet at first, so only some samples trigger."""
     rng = np.random.default_rng(seed)
     gyro = 0.3 * rng.normal(size=(n, 3))
     gyro[7] = 0.0
@@ -114,7 +110,7 @@ def shaken(n, seed=0):
 
 @pytest.mark.parametrize("adapt", ADAPTATIONS)
 @pytest.mark.parametrize("propagation", PROPAGATIONS)
-def test_a_run_equals_the_equations_one_by_one(adapt, propagation):
+def test_a_run_agrees_with_the_equations(adapt, propagation):
     samples = shaken(80)
     for window, memory, normalise in itertools.product((1, 4), (0.0, 0.6), (True, False)):
         if adapt == "lee" and not memory:
@@ -128,7 +124,7 @@ def test_a_run_equals_the_equations_one_by_one(adapt, propagation):
 
 
 def test_exact_propagation_follows_a_fast_constant_rotation():
-    # The accelerometer counts for nothing here, so that the gyro alone carries the tilt.
+    # The accelerometer has no weight here, so only the gyro determines the tilt.
     rate, dt, n = np.array([9.0, -20.0, 11.0]), 1 / 285.71, 2000
     p = Tilt("none", sigma_accel_mps2=1e9, propagation="exact")
     *_, x, _ = after((np.tile(rate, (n, 1)), np.zeros((n, 3)), np.full(n, dt)), p, loop=compiled())
@@ -137,7 +133,7 @@ def test_exact_propagation_follows_a_fast_constant_rotation():
 
 
 def accelerating(adapt, rest, moving):
-    """Pitch and trigger of a level robot that rests, then accelerates forwards with 1 m/s2."""
+    """Pitch and triggers of a level robot that is at rest and then accelerates forwards with 1 m/s2."""
     n = rest + moving
     accel = np.tile([1.0, 0.0, G], (n, 1))
     accel[:rest, 0] = 0.0
@@ -146,18 +142,15 @@ def accelerating(adapt, rest, moving):
     return roll_pitch(x)[1], triggered
 
 
-def test_mtf_keeps_a_level_robot_level_while_it_accelerates():
+def test_mtf_keeps_an_accelerating_robot_level_and_no_adaptation_does_not():
     rest, moving, q = 800, 500, (0.01 * 0.0017) ** 2
     pitch, triggered = accelerating("mtf", rest, moving)
     np.testing.assert_array_equal(triggered, np.arange(rest + moving) >= rest)
-    # With S = e^2 a step moves x by g P/e. P starts from its steady value at rest and grows by q a sample.
+    # With S = e^2 a step moves x by g P/e. P starts from its steady value at rest and grows by q per sample.
     steady = math.sqrt(q) * 0.02 / G
     drift = G * (moving * steady + q * moving**2 / 2) / 1.0
     assert -pitch[-1] == pytest.approx(drift, rel=0.02)
     assert drift < 0.01 * math.atan2(1.0, G)
-
-
-def test_without_adaptation_the_tilt_goes_to_the_apparent_vertical():
     pitch, _ = accelerating("none", 200, 3000)
     assert pitch[-1] == pytest.approx(-math.atan2(1.0, G), abs=1e-4)
 
@@ -171,11 +164,11 @@ def naive_dcm(roll, pitch, yaw):
 
 
 def test_gravity_is_compensated_as_in_the_reference_values(golden):
-    given, wanted = golden["gravity_compensation"]["inputs"], golden["gravity_compensation"]["outputs"]
+    given, expected = golden["gravity_compensation"]["inputs"], golden["gravity_compensation"]["outputs"]
     dcm = dcm_from_euler(np.array([*roll_pitch(np.array(given["x"])), given["yaw"]]))
-    np.testing.assert_allclose(dcm, wanted["Omega"], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(dcm, expected["Omega"], rtol=0, atol=1e-10)
     u = common.compensate_gravity(dcm[None], np.array([given["f_body"]]), "endpoint")
-    np.testing.assert_allclose(u[0], wanted["u"], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(u[0], expected["u"], rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("compensation", ["midpoint", "endpoint"])
@@ -183,9 +176,9 @@ def test_gravity_is_compensated_sample_by_sample(compensation):
     euler = np.array([[0.1, -0.2, 0.3], [0.2, 0.1, 0.5], [-0.1, 0.0, 3.0]])
     force = np.array([[0.5, 0.2, 9.9], [-0.3, 0.4, 9.7], [1.0, 0.0, 9.81]])
     Omega = [naive_dcm(*each) for each in euler]
-    wanted = []
+    expected = []
     for k in range(3):
         turn = (Omega[k - 1] + Omega[k]) / 2 if compensation == "midpoint" and k else Omega[k]
-        wanted.append(turn @ force[k] - [0, 0, 9.81])
+        expected.append(turn @ force[k] - [0, 0, 9.81])
     got = common.compensate_gravity(dcm_from_euler(euler), force, compensation)
-    np.testing.assert_allclose(got, wanted, atol=1e-14)
+    np.testing.assert_allclose(got, expected, atol=1e-14)

@@ -33,7 +33,7 @@ WALK = 2e-4
 
 
 def circle_chord(begin_s, end_s, yaw_rad, rate_radps, speed_mps, slope_mps2=0.0):
-    """The way on a circle whose yaw is ``yaw_rad`` at time 0; the speed is ``speed_mps`` in the middle."""
+    """A chord of a circle with the yaw ``yaw_rad`` at time 0 and the speed ``speed_mps`` in the middle."""
     middle_s = 0.5 * (begin_s + end_s)
 
     def along(t, part):
@@ -43,7 +43,7 @@ def circle_chord(begin_s, end_s, yaw_rad, rate_radps, speed_mps, slope_mps2=0.0)
 
 
 @pytest.mark.parametrize("rate_radps", [0.0, 0.1, -0.9])
-def test_a_course_is_referred_to_its_end_through_any_turn(rate_radps):
+def test_the_offset_of_a_chord_is_correct_for_any_turn(rate_radps):
     nodes_s = np.arange(0.0, 10.001, 0.01)
     way = circle_chord(2.345, 5.0, 2.5, rate_radps, 8.0)
     chords = Chords(np.array([2.345]), np.array([5.0]), np.array([way]), np.array([0.03]))
@@ -54,13 +54,13 @@ def test_a_course_is_referred_to_its_end_through_any_turn(rate_radps):
     assert (courses.t_s[0], courses.lag_s[0]) == (5.0, pytest.approx(0.5 * (5.0 - 2.345)))
 
 
-def test_what_the_speed_may_have_done_in_a_turn_is_in_the_sigma():
+def test_the_sigma_includes_an_acceleration_in_a_turn():
     nodes_s = np.arange(0.0, 10.001, 0.01)
     way = circle_chord(2.0, 4.0, 0.3, 0.5, 8.0, slope_mps2=1.0)
     chords = Chords(np.array([2.0]), np.array([4.0]), np.array([way]), np.array([1e-6]))
     courses = courses_of(chords, nodes_s, 0.5 * nodes_s, 1e-6)
 
-    assert courses.sigma_rad[0] == pytest.approx(courses.offset_rad[0] - 0.3, rel=0.02)  # the slope was one sigma
+    assert courses.sigma_rad[0] == pytest.approx(courses.offset_rad[0] - 0.3, rel=0.02)  # the acceleration is one sigma
     assert courses.sigma_rad[0] == pytest.approx(0.5 * 2.0**2 / (12 * 8.0), rel=0.05)  # a w T^2/(12 v)
 
 
@@ -68,7 +68,7 @@ def test_the_filter_is_least_squares_of_offset_and_bias(monkeypatch):
     monkeypatch.setattr(track, "YAW_BIAS_WALK", 0.0)
     rng = np.random.default_rng(0)
     t_s, lag_s, sigma = np.cumsum(rng.uniform(0.5, 3.0, 40)), rng.uniform(0.2, 2.0, 40), rng.uniform(0.02, 0.1, 40)
-    z = 3.0 - 0.004 * (t_s - lag_s) + sigma * rng.normal(size=40)  # over pi nowhere: the slope is negative
+    z = 3.0 - 0.004 * (t_s - lag_s) + sigma * rng.normal(size=40)  # does not exceed pi, because the slope is negative
     drift = filter_drift(Courses(t_s, lag_s, wrap_angle(z), sigma), (0.001, 0.01), 0.0)
     rows = np.column_stack([np.ones(40), t_s - lag_s - t_s[-1]]) / sigma[:, None]  # of the state at the last course
     A, b = np.vstack([rows, [0.0, 100.0]]), np.concatenate([z / sigma, [0.1]])  # and 0.001 +- 0.01 as one more row
@@ -86,20 +86,20 @@ def constant(z, every_s=2.0):
     return Courses(every_s * np.arange(1.0, n + 1), np.zeros(n), wrap_angle(np.array(z)), np.full(n, 0.05))
 
 
-def test_one_course_that_contradicts_is_dropped_and_two_that_agree_start_anew():
+def test_one_outlier_is_dropped_and_two_consistent_outliers_restart_the_filter():
     single = filter_drift(constant([0.1, 0.1, 2.0, 0.1, 0.1]), (0.0, 1e-6), WALK)
     np.testing.assert_allclose(single.x[:, 0], 0.1, atol=1e-9)
     assert len(single.t_s) == 4
 
     reversed_first = filter_drift(constant([np.pi, 0.1, 0.1, 0.1]), (0.0, 1e-6), WALK)
     np.testing.assert_allclose(reversed_first.x[-1, 0], 0.1, atol=1e-9)
-    assert reversed_first.P[1, 0, 0] == pytest.approx(0.05**2)  # what was known before is forgotten
+    assert reversed_first.P[1, 0, 0] == pytest.approx(0.05**2)  # earlier courses are ignored
 
     scattered = filter_drift(constant([0.1, 2.0, -2.0, 0.1]), (0.0, 1e-6), WALK)
     np.testing.assert_allclose(scattered.x[:, 0], 0.1, atol=1e-9)
 
 
-def test_the_rest_shows_the_bias_and_without_one_it_is_unknown():
+def test_a_rest_determines_the_bias():
     t_s = np.arange(1, 501) / 100
     rate = np.where(t_s <= 2.0, 0.03, 0.5)
 
@@ -108,7 +108,7 @@ def test_the_rest_shows_the_bias_and_without_one_it_is_unknown():
 
 
 def curved_drive(rate=0.1, speed=2.0, bias=0.05, rest_s=2.0):
-    """At rest, then on a circle from yaw 0.5 on; the gyro has a bias."""
+    """A rest, then a circle that starts with the yaw 0.5; the gyro has a bias."""
     recording = recording_at_rest(duration_s=30.0, gnss_rate_hz=4, velocity=None, static_start_s=rest_s)
     t, fixes = recording.imu.t_s, recording.position
     gyro = np.zeros((len(t), 3))
@@ -121,29 +121,23 @@ def curved_drive(rate=0.1, speed=2.0, bias=0.05, rest_s=2.0):
     return replace(recording, imu=Imu(t, recording.imu.accel_mps2, gyro), position=replace(fixes, enu_m=enu))
 
 
-def test_before_the_first_course_it_is_that_one_less_the_gyro_without_its_bias():
+def test_before_a_course_the_gyro_without_its_bias_is_subtracted_and_later_fixes_have_no_effect():
     recording = curved_drive()
     imu = recording.imu
     yaw = estimate_yaw(imu, *np.zeros((2, len(imu.t_s))), required_track(recording), WALK)
     true = 0.5 + 0.1 * np.maximum(imu.t_s - 2.0, 0.0)
-
     np.testing.assert_allclose(wrap_angle(yaw.rad - true), 0.0, atol=2e-3)
     assert yaw.sigma_rad[-1] < yaw.sigma_rad[0] < 0.05
-
-
-def test_a_later_fix_changes_nothing_before_its_own_time():
-    recording = curved_drive()
     enu_m = recording.position.enu_m.copy()
     enu_m[-20:] += [0.3, -0.3, 0.0]
     moved = replace(recording, position=replace(recording.position, enu_m=enu_m))
     before, after = (Tilt().estimate(r).euler_rad[:, 2] for r in (recording, moved))
     same = recording.imu.t_s < recording.position.t_s[-20]
-
     np.testing.assert_array_equal(before[same], after[same])
     assert (before != after)[~same].any()
 
 
-def test_auto_takes_the_track_where_there_is_no_heading_and_no_velocity_over_ground():
+def test_auto_uses_the_track_without_headings_and_velocities_over_ground():
     recording = curved_drive()
     slow = Velocity([5.0], [[0.1, 0.1, 0.0]], [np.eye(3)])
     for velocity in (None, slow, Velocity.along_course([5.0], [2.0], 0.1)):
@@ -152,19 +146,19 @@ def test_auto_takes_the_track_where_there_is_no_heading_and_no_velocity_over_gro
     rest = recording_at_rest(velocity=None)
     assert select_headings(rest, "auto", 0.5, 0.0087) is None
     assert Tilt().estimate(rest).yaw_sigma_rad[0] == UNKNOWN_RAD
-    with pytest.raises(RecordingError, match="its fixes show no course"):
+    with pytest.raises(RecordingError, match="no course can be computed from the fixes"):
         select_headings(rest, "track", 0.5, 0.0087)
 
 
 @pytest.fixture(scope="module")
 def car():
-    """A car with fixes of .4 m at 1 Hz and nothing else."""
+    """A car with position fixes at 1 Hz with a sigma of 0.4 m, and no other measurements."""
     way = ((0.0, 0.0), (150.0, 0.0), (180.0, 30.0), (180.0, 200.0), (150.0, 230.0), (0.0, 230.0))
     path = DrivenPath(waypoints_m=way, ramp_s=6.0, speed_mps=10.0, gnss_rate_hz=1.0, position_sigma_m=(0.4, 0.4, 0.8))
     return [replace(path.load(seed), velocity=None, heading=None) for seed in range(3)]
 
 
-def test_a_car_with_nothing_but_fixes_knows_its_yaw_and_how_well(car):
+def test_the_yaw_of_a_car_with_only_fixes_is_consistent(car):
     for recording in car:
         attitude = Tilt(adapt="mtf", sigma_accel_mps2=0.5, propagation="exact").estimate(recording)
         off = wrap_angle(attitude.euler_rad[:, 2] - recording.reference.euler_rad[:, 2])
@@ -182,7 +176,7 @@ def test_eskf15_starts_with_the_sigma_of_the_track(car):
 
     assert coarse.yaw_sigma_rad[0] > 0.05
     for source in ("attitude", "track"):
-        chosen = replace(model, yaw_source=source)
-        assert first_yaw(chosen, recording, attitude, 0)[0] == pytest.approx(attitude.euler_rad[0, 2], abs=1e-9)
+        modified = replace(model, yaw_source=source)
+        assert first_yaw(modified, recording, attitude, 0)[0] == pytest.approx(attitude.euler_rad[0, 2], abs=1e-9)
     assert first_yaw(model, recording, coarse, 0)[1] == coarse.yaw_sigma_rad[0]
     assert model.estimate(recording, attitude, NoAdaptation()).failure == ""

@@ -1,4 +1,4 @@
-"""The attitude filters of the package vqf: what the package gives alone, closed forms, gaps, starts."""
+"""The attitude filters of the package vqf: agreement with the package, closed forms, gaps, and the start."""
 
 import numpy as np
 import pytest
@@ -10,10 +10,8 @@ from jerkbench.errors import RecordingError
 
 package = pytest.importorskip("vqf")
 
-TRIALS = (1, 8, 16, 24, 30, 35)
 
-
-def alone(imu, step_s, offline=False, **parameters):
+def direct(imu, step_s, offline=False, **parameters):
     samples = imu.gyro_radps.copy(), imu.accel_mps2.copy()
     if offline:
         return vertical_of(package.offlineVQF(*samples, None, step_s, parameters)["quat6D"])
@@ -21,28 +19,25 @@ def alone(imu, step_s, offline=False, **parameters):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trial", TRIALS)
-def test_on_broad_it_gives_the_numbers_of_the_package(trial, shared_folder):
+@pytest.mark.parametrize("trial", [1, 8, 16, 24, 30, 35])
+def test_on_broad_it_agrees_with_the_package(trial, shared_folder):
     drive = Broad(str(shared_folder / "data" / "broad"), trial).load(0)
     step_s = drive.imu.t_s[1] - drive.imu.t_s[0]
-    assert degrees_between(Vqf().verticals(drive)[0], alone(drive.imu, step_s)).max() < 1e-3
-    assert degrees_between(OfflineVqf().verticals(drive)[0], alone(drive.imu, step_s, offline=True)).max() < 1e-3
+    assert degrees_between(Vqf().verticals(drive)[0], direct(drive.imu, step_s)).max() < 1e-3
+    assert degrees_between(OfflineVqf().verticals(drive)[0], direct(drive.imu, step_s, offline=True)).max() < 1e-3
 
 
-def test_its_parameters_are_the_package_s():
+def test_parameters_are_passed_to_the_package():
     drive, off = shaken(3000), {"rest_bias": False, "motion_bias": False}
     ours = Vqf(tau_acc_s=1.0, bias_forgetting_s=20.0, **off).verticals(drive)[0]
     assert Vqf(1.0, False, False, 20.0) == Vqf(tau_acc_s=1.0, bias_forgetting_s=20.0, **off)  # noqa: FBT003 - in order
     same = {"tauAcc": 1.0, "restBiasEstEnabled": False, "motionBiasEstEnabled": False, "biasForgettingTime": 20.0}
-    np.testing.assert_allclose(ours, alone(drive.imu, drive.imu.nominal_interval_s, **same), atol=1e-9)
+    np.testing.assert_allclose(ours, direct(drive.imu, drive.imu.nominal_interval_s, **same), atol=1e-9)
     for other in ({"tau_acc_s": 2.0}, {"tau_acc_s": 1.0, "motion_bias": True}):
         assert np.abs(ours - Vqf(**off | other).verticals(drive)[0]).max() > 1e-4
-
-
-def test_the_time_of_its_bias_is_the_package_s():
     drive = shaken(3000)
     ours = Vqf(bias_forgetting_s=2.0).verticals(drive)[0]
-    np.testing.assert_allclose(ours, alone(drive.imu, drive.imu.nominal_interval_s, biasForgettingTime=2.0), atol=1e-9)
+    np.testing.assert_allclose(ours, direct(drive.imu, drive.imu.nominal_interval_s, biasForgettingTime=2.0), atol=1e-9)
     assert np.abs(ours - Vqf().verticals(drive)[0]).max() > 1e-6
 
 
@@ -52,7 +47,7 @@ def test_a_constant_rate_is_followed(plugin):
     assert degrees_between(plugin.verticals(drive)[0], truth).max() < 0.02
 
 
-def test_a_constant_acceleration_is_taken_for_gravity_after_its_time_constant():
+def test_a_constant_acceleration_causes_a_tilt_with_the_time_constant():
     """A step through a Butterworth low-pass of second order with the cut-off sqrt(2)/(2 pi tau): a closed form."""
     tau = 3.0
     x, _ = Vqf(tau_acc_s=tau, rest_bias=False, motion_bias=False).verticals(pushed([1.0, 0.0, 0.0], 40.0, rest_s=10.0))
@@ -63,7 +58,7 @@ def test_a_constant_acceleration_is_taken_for_gravity_after_its_time_constant():
     np.testing.assert_allclose(x[-1, 0] / x[-1, 2], 1.0 / G, atol=1e-4)
 
 
-def test_a_constant_acceleration_shows_half_in_the_smoother_when_it_begins():
+def test_a_constant_acceleration_has_half_its_effect_in_the_smoother_at_its_start():
     """The same low-pass forwards and backwards has the response 1/(1 + (w/wc)^4): a step of it is a closed form."""
     tau, off = 1.0, {"rest_bias": False, "motion_bias": False}
     x, _ = OfflineVqf(tau_acc_s=tau, **off).verticals(pushed([1.0, 0.0, 0.0], 20.0, rest_s=10.0))
@@ -73,8 +68,8 @@ def test_a_constant_acceleration_shows_half_in_the_smoother_when_it_begins():
     np.testing.assert_allclose(x[:, 0] / x[:, 2], level / G, atol=1e-5)
 
 
-def test_over_a_gap_the_rate_of_its_end_holds():
-    """A second is missing in the middle of a turn."""
+def test_in_a_gap_the_rate_at_its_end_is_used():
+    """One second is missing in the middle of a turn."""
     drive, truth = turning([0.0, 0.4, 0.0], seconds=10.0)
     there = np.r_[0:500, 600:1000]
     gap = recording(drive.imu.gyro_radps[there], drive.imu.accel_mps2[there], 2.0, t_s=drive.imu.t_s[there])
@@ -83,8 +78,8 @@ def test_over_a_gap_the_rate_of_its_end_holds():
         OfflineVqf().verticals(gap)
 
 
-def test_it_starts_where_it_is_told():
-    """In motion, gravity takes the acceleration for tilt, and rest starts level."""
+def test_it_starts_with_the_requested_alignment():
+    """In motion, gravity interprets the acceleration as tilt, and rest starts level."""
     drive = recording(np.zeros((200, 3)), np.tile([2.0, 0.0, G], (200, 1)))
     slow = {"tau_acc_s": 30.0, "rest_bias": False}
     assert degrees_between(Vqf(**slow).verticals(drive)[0][0], [0.0, 0.0, 1.0]) > 10.0

@@ -1,4 +1,4 @@
-"""What an audit says of rows that are made: every number again in pandas, and what must be said of known ratios."""
+"""The answer of an audit: every number is computed again from the rows with pandas."""
 
 import dataclasses
 import json
@@ -6,17 +6,9 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from recomputed import recomputed
 
-from experiment_scripts import experiment
-from jerkbench.campaign.answer import (
-    NO_FAULT,
-    answered,
-    compared_text,
-    judged_audit,
-    kinds_of,
-    pays_from,
-)
+from commands import experiment
+from jerkbench.campaign.answer import NO_FAULT, answered, compared_text, judged_audit, kinds_of, pays_from
 from jerkbench.campaign.audit import losses_of, write_audit_manifest, write_protocol
 from jerkbench.errors import PluginError
 from jerkbench.evaluation.drives_and_tunings import statements
@@ -48,11 +40,8 @@ def of(answer, *method):
     return answer.methods.set_index(METHOD).loc[method]
 
 
-def test_every_number_is_that_of_twenty_lines_of_pandas(answer):
+def test_every_number_is_that_of_twenty_lines_of_pandas_and_its_verdict_is_said(answer):
     same_as_in_pandas(answer)
-
-
-def test_what_is_better_and_what_is_worse_is_said_so(answer):
     assert of(answer, "jerk", "mtf")["own_verdict"] == "better"
     assert of(answer, "baseline", "chi2")["own_verdict"] == "worse"
     kinds = answer.kinds[(answer.kinds["adaptation"] == "mtf") & (answer.kinds["filter"] == "jerk")]
@@ -76,7 +65,7 @@ def test_another_mixture_is_that_of_its_drives_alone(answer):
     without = kinds_of(answer.rows)[NO_FAULT]
     y = (answer.losses.methods - answer.losses.plains[answer.losses.model])[:, :, without]
 
-    np.testing.assert_allclose([one.ratio for one in said.own_plain], np.exp(y.mean(axis=(1, 2))))
+    np.testing.assert_allclose([one.ratio for one in said.same_model_plain], np.exp(y.mean(axis=(1, 2))))
     assert "With outliers=0.2, from 160 weighted drives" in PAGE.reweighted_text(answer.rows, "outliers=0.2")
 
 
@@ -89,13 +78,16 @@ def test_a_mixture_that_cannot_be_is_refused_in_a_sentence(answer, mixture, said
         PAGE.reweighted(answer.rows, answer.losses, mixture)
 
 
-def test_a_verdict_that_turns_is_a_defect(answer):
+def test_a_verdict_that_turns_is_a_defect_and_a_method_without_a_row_an_error(answer):
     ratios = {("jerk", "mtf"): 0.5, ("baseline", "chi2"): 0.6}
     other = statements(losses_of(made_rows(seed=1, ratio=ratios)))
     text = compared_text(SMALL.methods, answer.said, other)
-
-    assert "2 turn from better to worse or back, which is a defect" in text
+    assert "2 change between better and worse, which is a defect" in text
     assert "- jerk + mtf, own plain filter: better, then worse" in text
+    judged = answer.rows.judged
+    lacking = dataclasses.replace(answer.rows, judged=judged[judged["adaptation"] != "mtf"])
+    with pytest.raises(KeyError, match="mtf"):
+        losses_of(lacking)
 
 
 def test_the_page_and_the_summary_say_the_same(answer, tmp_path):
@@ -127,9 +119,52 @@ def test_an_audit_of_equal_methods_says_nothing():
     assert said.error.low <= 0.05
 
 
-def test_a_method_without_a_row_is_no_row_of_nan(answer):
-    judged = answer.rows.judged
-    lacking = dataclasses.replace(answer.rows, judged=judged[judged["adaptation"] != "mtf"])
-
-    with pytest.raises(KeyError, match="mtf"):
-        losses_of(lacking)
+def recomputed(folder_or_rows, protocol):
+    """Return numbers by name, from the tables drives, judged and tuned."""
+    drives, judged, tuned = (getattr(folder_or_rows, name) for name in ("drives", "judged", "tuned"))
+    judged = judged.assign(method=judged["filter"].astype(str) + " + " + judged["adaptation"].astype(str))
+    judged["loss"] = (
+        judged["log_error"].astype(float).fillna(judged["seed"].map(drives.set_index("seed")["level"]) + np.log(100))
+    )
+    tuned = tuned.assign(method=tuned["filter"].astype(str) + " + " + tuned["adaptation"].astype(str))
+    plain = [f"{model} + none" for model in protocol.filters]
+    methods = [f"{model} + {name}" for model in protocol.filters for name in protocol.compared]
+    cube = judged[judged["tried"] > 1].pivot_table(index=["tried", "tuning", "seed"], columns="method", values="loss")
+    narrow, wide = cube.loc[protocol.trials], cube.loc[protocol.plain_trials]
+    lowest = tuned[tuned["trial"] < protocol.trials].pivot_table(
+        index="tuning", columns="method", values="loss", aggfunc="min"
+    )
+    widest = tuned[tuned["method"].isin(plain)].pivot_table(
+        index="tuning", columns="method", values="loss", aggfunc="min"
+    )
+    published = [m for m in methods if protocol.adaptations[m.split(" + ")[1]] != "own"]
+    best = pd.concat(
+        [narrow.xs(r, level="tuning", drop_level=False)[lowest.loc[r, plain].idxmin()] for r in lowest.index]
+    )
+    pick = pd.concat(
+        [narrow.xs(r, level="tuning", drop_level=False)[lowest.loc[r, published].idxmin()] for r in lowest.index]
+    )
+    with_more = pd.concat([wide.xs(r, level="tuning", drop_level=False)[widest.loc[r].idxmin()] for r in widest.index])
+    own = pd.DataFrame({m: narrow[m] - narrow[f"{m.split(' + ')[0]} + none"] for m in methods})
+    faults = drives.set_index("seed").filter(like="drawn.fault.").notna().rename(columns=lambda name: name[12:])
+    drive = own.groupby("seed").mean()
+    kinds = {"no fault": ~faults.any(axis=1), **{kind: faults[kind] for kind in faults}}
+    by_kind = {kind: np.exp(drive[member.reindex(drive.index)].mean()) for kind, member in kinds.items()}
+    at_defaults = judged[judged["tried"] == 1].pivot_table(index="seed", columns="method", values="loss").mean()
+    price, gain = (drive[kinds["no fault"].reindex(drive.index) == none].mean() for none in (True, False))
+    return {
+        "own_ratio": np.exp(own.mean()),
+        "best_ratio": np.exp((narrow[methods].sub(best, axis=0)).mean()),
+        "average": np.exp(own[published].mean().mean()),
+        "pick": np.exp((pick - with_more).mean()),
+        "untuned": np.exp(
+            pd.Series({m: at_defaults[m] - narrow[f"{m.split(' + ')[0]} + none"].mean() for m in methods})
+        ),
+        "worse_3": (drive > np.log(1.03)).mean(),
+        "worse_100": (drive > np.log(2)).mean(),
+        "lost": judged[judged["tried"] == protocol.trials]
+        .groupby("method")["log_error"]
+        .apply(lambda e: e.isna().mean())[methods],
+        "pays_from": (price.clip(lower=0) / (price.clip(lower=0) - gain)).where(gain < 0),
+        "kinds": pd.DataFrame(by_kind),
+    }

@@ -1,9 +1,11 @@
-"""The protocols of the audit: what they state has to be there, be so, and decide on every seed."""
+"""The protocols of the audit, and arguments of `jerkbench audit` that are refused."""
 
 import dataclasses
+import json
 
 import pytest
 
+from commands import verb
 from jerkbench import plugins
 from jerkbench.campaign.protocol import PUBLISHED, audit_protocol, read_protocol
 from jerkbench.errors import PluginError
@@ -18,12 +20,14 @@ def full():
     return read_protocol("full")
 
 
-def test_it_lists_every_adaptation_with_what_it_is(full):
+def test_it_lists_every_adaptation_with_what_it_is_and_its_digest_the_laws_of_the_drives(full):
     apart = {full.plain, *full.references}
-    ours = {name for name in plugins.names("adaptation") if plugins.is_own(plugins.get("adaptation", name))}
-
+    ours = {name for name in plugins.names("adaptation") if plugins.is_builtin(plugins.get("adaptation", name))}
     assert full.adaptations == {name: provenance_of(plugins.get("adaptation", name)).kind for name in ours - apart}
     assert len(full.methods) == 4 * 27
+    assert full.laws == preset("dataset", "mixture")
+    milder = {**full.laws, "fault_shares": [0.95, 0.05]}
+    assert dataclasses.replace(full, laws=milder).digest != full.digest
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -45,17 +49,15 @@ def test_no_drive_is_used_twice_in_one_or_in_two_protocols():
     assert len(set(seeds)) == len(seeds)
 
 
-def test_the_laws_of_the_drives_are_part_of_the_digest(full):
-    assert full.laws == preset("dataset", "mixture")
-    milder = {**full.laws, "fault_shares": [0.95, 0.05]}
-    assert dataclasses.replace(full, laws=milder).digest != full.digest
-
-
-@pytest.mark.parametrize(("more", "less"), [({"trails": 3}, ()), ({}, ("trials",))], ids=["unknown", "missing"])
-def test_a_parameter_that_is_wrong_is_named(more, less):
+@pytest.mark.parametrize(
+    ("more", "less", "message"),
+    [({"trails": 3}, (), "has the unknown key trails"), ({}, ("trials",), "does not have the key trials")],
+    ids=["unknown", "missing"],
+)
+def test_a_parameter_that_is_wrong_is_named(more, less, message):
     stated = {k: v for k, v in preset("audit", "small").items() if k not in less} | more | {"laws": {}}
 
-    with pytest.raises(PluginError, match=f"mine.yaml lacks {[*more, *less][0]}"):
+    with pytest.raises(PluginError, match=f"mine.yaml {message}"):
         audit_protocol(stated, "mine.yaml")
 
 
@@ -63,3 +65,35 @@ def test_a_parameter_that_is_wrong_is_named(more, less):
 def test_too_few_drives_or_tunings_are_refused_before_anything_runs(field, given, least):
     with pytest.raises(PluginError, match=f"{field} is {given}; give {least} or more"):
         dataclasses.replace(read_protocol("small"), **{field: given})
+
+
+@pytest.mark.parametrize("word", ["--stored", "--against=other"])
+def test_nothing_stored_is_refused_in_a_sentence(tmp_path, word):
+    done = verb("audit", word, "--scale", "small", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "results/audit-small" in done.stderr
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("words", [[], ["--stored"]], ids=" ".join)
+def test_an_empty_scale_is_refused_and_starts_nothing(tmp_path, monkeypatch, words):
+    monkeypatch.setattr("jerkbench.campaign.audit.run_audit", lambda *_, **__: pytest.fail("an audit"))
+
+    done = verb("audit", "--scale", "", *words, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert "There is no preset of audit ''" in done.stderr
+
+
+def test_the_results_of_another_protocol_are_not_mixed_with_these(tmp_path):
+    folder = tmp_path / "results" / "audit-small"
+    folder.mkdir(parents=True)
+    (folder / "protocol.json").write_text(json.dumps({"digest": "817ceac5945c"}), encoding="utf-8")
+
+    done = verb("audit", "--scale", "small", cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert "another protocol: its digest is 817ceac5945c" in done.stderr
+    assert not (folder / "runs").exists()

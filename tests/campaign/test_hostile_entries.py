@@ -17,7 +17,7 @@ from jerkbench.campaign.entry import read_entry
 from jerkbench.errors import JerkbenchError
 
 ROOT = Path(__file__).parents[2]
-WHOLE = ROOT / "results" / "suite-v2" / "jerk-none"
+COMPLETE_ENTRY = ROOT / "results" / "suite-v2" / "jerk-none"
 
 
 @pytest.fixture(scope="module")
@@ -29,14 +29,14 @@ def hostile():
 
 @pytest.fixture
 def entry(tmp_path):
-    return shutil.copytree(WHOLE, tmp_path / "damaged")
+    return shutil.copytree(COMPLETE_ENTRY, tmp_path / "damaged")
 
 
 @pytest.mark.filterwarnings("default::RuntimeWarning")  # forged values overflow: on the command line that is a line
 def test_every_kind_of_damage_to_every_file_ends_in_a_sentence(hostile, tmp_path):
     rng, codes = np.random.default_rng(2), []
     for number in range(len(hostile.KINDS) * len(hostile.FILES)):
-        damaged = hostile.surroundings(WHOLE, tmp_path / "entries")
+        damaged = hostile.surroundings(COMPLETE_ENTRY, tmp_path / "entries")
         what = hostile.damage(damaged, number, rng)
 
         done = verb("suite", "verify", str(damaged), "--rows", "0", cwd=tmp_path)
@@ -111,11 +111,11 @@ def test_rows_of_other_types_are_refused_and_name_the_column(entry, column, valu
 
 def test_a_damaged_entry_is_a_remark_on_the_board_and_the_others_have_their_places(entry, tmp_path):
     (entry / "settings.yaml").write_text("[]")
-    unknown = shutil.copytree(WHOLE, tmp_path / "unknown")
+    unknown = shutil.copytree(COMPLETE_ENTRY, tmp_path / "unknown")
     manifest = json.loads((unknown / "manifest.json").read_text())
     (unknown / "manifest.json").write_text(json.dumps(manifest | {"suite": "v9"}))
     alone = verb("suite", "board", str(tmp_path), "--rows", "0", cwd=tmp_path)
-    shutil.copytree(WHOLE, tmp_path / "whole")
+    shutil.copytree(COMPLETE_ENTRY, tmp_path / "whole")
 
     done = verb("suite", "board", str(tmp_path), "--rows", "0", cwd=tmp_path)
 

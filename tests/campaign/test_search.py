@@ -10,15 +10,7 @@ from linear_gaussian import R_POSITION, R_VELOCITY, SIGMA_A, Level, LinearGaussi
 
 from jerkbench.campaign.outcome import budget_curve, indistinct_intervals
 from jerkbench.campaign.runs import CampaignRuns
-from jerkbench.campaign.search import (
-    FAILED_RUN,
-    Budget,
-    Evaluator,
-    objective_of,
-    score,
-    search,
-    tune,
-)
+from jerkbench.campaign.search import FAILED_RUN, Budget, Evaluator, objective_of, score, search, tune
 from jerkbench.campaign.space import space_of
 from jerkbench.campaign.split import Seeds, by_seeds
 from jerkbench.errors import JerkbenchError, PluginError
@@ -144,15 +136,22 @@ def test_a_damaged_block_is_run_again(tmp_path, damage, evaluator_of):
     assert search(evaluator_of(cell, folder=tmp_path), cases, Budget(3)).setting == first.setting
 
 
-def test_the_setting_before_the_search_is_one_of_the_trials_and_a_larger_budget_begins_alike(evaluator_of):
+def test_the_setting_before_the_search_is_one_of_the_trials_and_another_restart_another_scramble(
+    evaluator_of, tmp_path
+):
     cell = cell_of()
     cases, evaluator = by_seeds([cell], Seeds(1, 0, 1)), evaluator_of(cell)
     small, large = (search(evaluator, cases, Budget(count)).trials for count in (5, 20))
-
     assert small.settings[0] == evaluator.space.start == (0.2, 1.0, 1.0)
     assert large.settings[:5] == small.settings
     assert large.means[0] == pytest.approx(0.0)  # the plain filter at its defaults is itself
     assert [size for size, _ in budget_curve(large)] == [1, 4, 16, 20]
+    cases = by_seeds([cell], Seeds(1, 0, 2))
+    evaluator = Evaluator(space_of(cell), objective_of("rmse"), CampaignRuns(tmp_path))
+    tuning = tune("baseline-none", cases, evaluator, Budget(4, restarts=3))
+    assert len({outcome.setting for outcome in tuning.outcomes}) == 3
+    assert tuning.setting == tuning.outcomes[0].setting
+    assert tuning.interval_s == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize("sampler", ["tpe", "cma_es"])
@@ -176,37 +175,17 @@ def test_a_lost_run_counts_log_100_and_none_counts_more():
     assert objective.level(values[1:2], 1000.0) == pytest.approx(1000.0)
 
 
-def test_what_has_no_range_cannot_be_tuned():
-    with pytest.raises(PluginError, match="neither the filter gnss_only nor the adaptation none"):
+def test_the_best_on_an_edge_is_told_whole_numbers_stay_whole_and_no_range_is_refused():
+    with pytest.raises(PluginError, match="no parameter of the filter gnss_only and the adaptation none has a range"):
         space_of(cell_of(model="gnss_only"))
-
-
-def test_another_restart_is_another_scramble(tmp_path):
-    cell = cell_of()
-    cases = by_seeds([cell], Seeds(1, 0, 2))
-    evaluator = Evaluator(space_of(cell), objective_of("rmse"), CampaignRuns(tmp_path))
-
-    tuning = tune("baseline-none", cases, evaluator, Budget(4, restarts=3))
-
-    assert len({outcome.setting for outcome in tuning.outcomes}) == 3
-    assert tuning.setting == tuning.outcomes[0].setting
-    assert tuning.interval_s == pytest.approx(0.02)
-
-
-def test_a_best_on_an_edge_is_told():
     space = space_of(cell_of())
-
     assert space.at_edge((9.9, 1.0, 1.0)) == [
         "filter.accel_mps2 = 9.9 lies at the high end of its range (0.01 to 10, logarithmic); the best may lie beyond."
     ]
     assert not space.at_edge(space.start)
-
-
-def test_whole_numbers_stay_whole():
     cell = cell_of(model="jerk", adaptation="mtf")
     space = space_of(cell)
     applied = space.applied(cell, space.setting(np.full(len(space.parameters), 0.5)))
-
     assert applied.method.adaptation.window == 7
     assert isinstance(applied.method.adaptation.window, int)
     assert applied.method.filter.accel_mps2 == pytest.approx(np.sqrt(0.01 * 10.0))

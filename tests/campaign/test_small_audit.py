@@ -1,4 +1,4 @@
-"""`jerkbench audit --scale small`: killed and gone on with by two processes, against one that was left alone."""
+"""`jerkbench audit` with a tiny protocol: killed and continued by two processes, compared with an undisturbed audit."""
 
 import os
 import signal
@@ -10,23 +10,38 @@ import pandas as pd
 import pytest
 from test_audit_answer import same_as_in_pandas
 
-from commands import PATIENCE_S, environment
-from jerkbench.campaign.answer import answered, judged_audit
-from jerkbench.campaign.audit import read_rows, run_audit
-from jerkbench.campaign.protocol import read_protocol
+from commands import PATIENCE_S, environment, verb
+from jerkbench.campaign.answer import answered
+from jerkbench.campaign.audit import read_rows
 from jerkbench.errors import JerkbenchError
-from jerkbench.jobs.executors import LOCAL
 
-COMMAND = [sys.executable, "-m", "jerkbench", "audit", "--scale", "small", "--workers"]
+PROTOCOL = """\
+defaults: [small, _self_]
+filters: [baseline]
+apart: [eskf15]
+apart_with_adaptations: []
+trials: 3
+plain_trials: 4
+apart_drives: 4
+only: [mtf, sage_husa_qr]
+"""
+COMMAND = ["--config-dir", "conf", "audit", "--scale", "tiny", "--workers"]
+
+
+def with_protocol(folder):
+    """Write the protocol to a configuration folder in ``folder``."""
+    (folder / "conf" / "audit").mkdir(parents=True)
+    (folder / "conf" / "audit" / "tiny.yaml").write_text(PROTOCOL, encoding="utf-8")
+    return folder
 
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
-    """An audit of one process that was left alone."""
-    folder = tmp_path_factory.mktemp("alone") / "audit-small"
-    run_audit(read_protocol("small"), folder, LOCAL, workers=1)
-    judged_audit(folder)
-    return folder
+    """An audit of one process that was not interrupted."""
+    folder = with_protocol(tmp_path_factory.mktemp("alone"))
+    done = verb(*COMMAND, "1", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "results" / "audit-tiny"
 
 
 def runs_of(folder):
@@ -37,8 +52,9 @@ def runs_of(folder):
 
 @pytest.mark.slow
 def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
-    folder = tmp_path / "results" / "audit-small"
-    begun = subprocess.Popen([*COMMAND, "1"], cwd=tmp_path, env=environment(), stderr=subprocess.DEVNULL)
+    folder = with_protocol(tmp_path) / "results" / "audit-tiny"
+    command = [sys.executable, "-m", "jerkbench", *COMMAND]
+    begun = subprocess.Popen([*command, "1"], cwd=tmp_path, env=environment(), stderr=subprocess.DEVNULL)
     since = time.monotonic()
     while not list(folder.glob("runs/*/*.parquet")):
         assert begun.poll() is None
@@ -48,9 +64,8 @@ def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
     begun.wait()
     assert not (folder / "answer.json").exists()
     stored = runs_of(folder)
-    done = subprocess.run([*COMMAND, "2"], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    done = subprocess.run([*command, "2"], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "settings are done already" in done.stderr
     again = runs_of(folder)
     assert not again.duplicated(["cell.key", "seed"]).any()
     kept = stored.merge(again, on=["cell.key", "seed"], suffixes=("", "_again"))
@@ -68,15 +83,6 @@ def test_a_killed_audit_goes_on_and_comes_out_the_same(alone, tmp_path):
 @pytest.mark.slow
 def test_every_number_of_the_small_audit_is_that_of_pandas(alone):
     same_as_in_pandas(answered(read_rows(alone)))
-
-
-@pytest.mark.slow
-def test_a_small_audit_on_a_cluster_comes_out_the_same(alone, tmp_path):
-    pytest.importorskip("dask")
-    words = [sys.executable, "-m", "jerkbench", "audit", "--scale", "small", "--cluster", "dask", "--workers", "2"]
-    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "results/audit-small/methods.csv").read_bytes() == (alone / "methods.csv").read_bytes()
 
 
 @pytest.mark.slow

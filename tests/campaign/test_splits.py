@@ -59,54 +59,38 @@ def test_by_time_nothing_after_the_share_is_read_while_tuning(tmp_path):
 
     (clean, unseen), (spoilt, spoilt_unseen) = trials
     assert np.array_equal(clean.trials.runs, spoilt.trials.runs)
-    assert unseen.chosen[0] != spoilt_unseen.chosen[0]
+    assert unseen.tuned[0] != spoilt_unseen.tuned[0]
 
 
-def test_an_excerpt_ends_where_it_says_and_scores_from_where_it_says():
+def test_an_excerpt_ends_where_it_says_and_too_short_a_one_is_refused():
     recording = Drive().load(0)
-
     early, late = (Excerpt(0.5, late).apply(recording, 0) for late in (False, True))
-
     for stream in (early.imu, early.position, early.velocity, early.reference):
         assert stream.t_s[-1] <= 6.0
     assert len(early.imu.accel_mps2) == len(early.imu.t_s) == 300
     assert late.imu is recording.imu
     assert np.array_equal(late.reference.scored, recording.reference.t_s >= 6.0)
-
-
-def test_too_short_an_excerpt_is_refused():
-    with pytest.raises(RecordingError, match="take a larger share"):
+    with pytest.raises(RecordingError, match="increase share"):
         Excerpt(0.01, late=False).apply(Drive().load(0), 0)
 
 
-def test_a_family_that_is_held_out_is_scored_and_never_tuned_on_and_the_nominal_case_is_in_both():
+def test_what_is_held_out_is_scored_and_never_tuned_on_and_the_nominal_case_is_in_both():
     cells = [cell_of(name) for name in ("none", "outliers", "imu_bias", "wheel_slip")]
-
     cases = by_label(cells, "disturbance", ["outliers", "imu_bias"], FEW)
-
     assert [case.labels.disturbance for case in cases.tune] == ["none", "wheel_slip"]
     assert sorted(case.labels.disturbance for case in cases.test) == ["imu_bias", "none", "outliers"]
     assert cases.split.endswith("; seeds 0 to 1 to tune, 2 to 2 to choose, 3 to 4 to test")
     seen = {draw for case in (*cases.tune, *cases.choose) for draw in case.draws}
     assert not seen & {draw for case in cases.test for draw in case.draws}
-
-
-def test_a_recording_that_is_held_out_is_never_tuned_on():
     cells = [cell_of(dataset=name) for name in ("field", "field_combined")]
-
     cases = by_label(cells, "dataset", ["field_combined"], FEW)
-
     assert [case.labels.dataset for case in cases.tune] == ["field"]
     assert [case.labels.dataset for case in cases.test] == ["field_combined"]
 
 
-def test_seeds_of_what_is_not_random_are_refused():
+def test_seeds_of_what_is_not_random_and_scenarios_of_two_methods_are_refused():
     with pytest.raises(PluginError, match="use split=time"):
         by_seeds([drive()], FEW)
-
-
-def test_scenarios_of_two_methods_are_refused():
     other = job_of_parts({**SINGLE, "filter": "jerk"}, ["none"], None, Protocol())
-
     with pytest.raises(PluginError, match="different values of filter"):
         by_seeds([cell_of(), other], FEW)

@@ -1,4 +1,4 @@
-"""`jerkbench tune` as a person types it: what it says, what it writes, what it refuses."""
+"""`jerkbench tune`: what it prints, what it writes, and what it refuses."""
 
 import json
 import re
@@ -11,7 +11,8 @@ import pytest
 import yaml
 from scipy import stats
 
-from commands import jerkbench, verb
+import pages
+from commands import verb
 from jerkbench.campaign.outcome import against_default
 from jerkbench.campaign.search import TuningScore
 from jerkbench.jobs.store import Store
@@ -34,54 +35,40 @@ def tuned(tmp_path_factory):
     return folder, done.stdout
 
 
-def test_it_says_that_the_budgets_were_equal_and_what_is_worth_what(tuned):
+def test_it_says_that_budgets_were_equal_and_writes_trials_figure_and_files_for_other_programs(tuned):
     folder, out = tuned
-
     assert "Equal budgets: each of 2 methods tried 4 settings." in out
     assert "Split: seeds 0 to 0 to tune, 1 to 1 to choose, 2 to 3 to test." in out
     record = json.loads((folder / "results/adhoc/tune/baseline-chi2/tuning.json").read_text())
     assert record["trials"] == 4
-    assert set(record["unseen"]) == {
-        "field(duration_s=12), none, field",
-        "field(duration_s=12), outliers, field",
-    }
+    assert set(record["unseen"]) == {"field(duration_s=12), none, field", "field(duration_s=12), outliers, field"}
     assert len(record["setting"]) == 5
-
-
-def test_every_trial_is_written_and_the_figure(tuned):
     place = tuned[0] / "results/adhoc/tune/baseline-none"
     trials = pd.read_csv(place / "trials.csv")
-
     assert len(trials) == 4
     assert trials["filter.accel_mps2"][0] == 0.2
     assert trials["loss"][0] == pytest.approx(0.0, abs=1e-12)
     assert (place / "search.png").stat().st_size > 5000
-
-
-def test_a_run_takes_the_preset_with_the_tuned_values(tuned):
-    folder, _ = tuned
-    place = folder / "results/adhoc/tune/baseline-chi2"
+    place = tuned[0] / "results/adhoc/tune/baseline-chi2"
     setting = json.loads((place / "tuning.json").read_text())["setting"]
-
-    words = ["--config-dir", str(place / "conf"), "experiment=baseline_chi2_tuned", "dataset.duration_s=12"]
-    done = verb("run", *words, "seeds=1", "study=taken", "figures=false", cwd=folder)
-
-    assert done.returncode == 0, done.stderr
-    (stored,), _ = Store(folder / "results/taken").read()
-    cell = stored.metadata
-    assert [cell["labels"][name] for name in ("filter", "adaptation", "noise")] == [
-        "baseline, tuned",
-        "chi2",
-        "default",
-    ]
-    assert cell["spec"]["filter"]["accel_mps2"] == pytest.approx(setting["filter.accel_mps2"])
-    assert cell["spec"]["adaptation"]["longest"] == setting["adaptation.longest"]
-    assert cell["spec"]["r_scale"]["velocity"] == pytest.approx(setting["r_scale.velocity"])
+    texts = {path.name: path.read_text() for path in (place / "export").iterdir()}
+    node, gins, own = (
+        yaml.safe_load(texts[name]) for name in ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
+    )
+    density = setting["filter.accel_mps2"] ** 2 * 0.01  # the field's IMU gives 100 samples a second
+    noise = node["ekf_filter_node"]["ros__parameters"]["process_noise_covariance"]
+    assert len(noise) == 225
+    assert noise[16 * 6] == pytest.approx(density, rel=1e-4)
+    assert min(noise[::16]) > 0  # a zero would freeze that state
+    assert noise[0] == 0.05  # its own default
+    assert gins["imunoise"]["vrw"] == pytest.approx([60 * density**0.5] * 3, rel=1e-4)
+    assert own["filter"]["velocity_random_walk_mps_per_sqrt_h"] == pytest.approx(60 * density**0.5, rel=1e-4)
+    assert all("oes not map" in text for text in texts.values())
 
 
 def printed(text):
     """The words of the command that a page prints."""
-    return shlex.split(text.partition("Take it with: jerkbench ")[2].splitlines()[0])
+    return shlex.split(text.partition("Run the tuned method with: jerkbench ")[2].splitlines()[0])
 
 
 def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tuned):
@@ -91,12 +78,14 @@ def test_the_command_that_is_printed_runs_what_was_tuned_where_it_was_tuned(tune
     command = printed((place / "tuning.md").read_text())
     assert command[-1] == "first_seed=4"  # 0 to 3 are of the tuning
 
-    done = jerkbench(*command, "seeds=1", "study=printed", "figures=false", cwd=folder)
+    done = verb(*command, "seeds=1", "study=printed", "figures=false", cwd=folder)
 
     assert done.returncode == 0, done.stderr
     cells = [stored.metadata for stored in Store(folder / "results/printed").read()[0]]
     assert {cell["labels"]["disturbance"] for cell in cells} == {"none", "outliers"}
     for cell in cells:
+        labels = [cell["labels"][name] for name in ("filter", "adaptation", "noise")]
+        assert labels == ["baseline, tuned", "chi2", "default"]
         assert cell["spec"]["dataset"]["duration_s"] == 12
         assert cell["spec"]["filter"]["accel_mps2"] == pytest.approx(setting["filter.accel_mps2"])
         assert cell["spec"]["adaptation"]["longest"] == setting["adaptation.longest"]
@@ -122,7 +111,7 @@ def test_the_report_of_a_study_of_tuned_methods_is_true(tuned):
     review = re.sub(r"<[^>]*>", "", text)
     assert re.search(rf"Were the baselines tuned with the same budget\?\s*passed\s*{budget}", review)
     assert "best noise of the sweep" not in text
-    assert "Nothing can be compared" not in text
+    assert "No comparison is possible" not in text
 
 
 def test_default_and_tuned_methods_are_side_by_side_and_the_review_passes(tuned):
@@ -166,7 +155,7 @@ def test_compare_tunes_all_methods_and_runs_them_on_unused_seeds(tmp_path):
 def test_a_tuning_that_makes_a_method_worse_is_named():
     ratios = np.exp(0.3 + 0.02 * np.random.default_rng(1).standard_normal(20))
     score = TuningScore(np.zeros(1), np.full(1, 0.3), 0, 0, 20, np.ones(20), ratios)
-    tuning = SimpleNamespace(name="jerk-mtf", outcome=SimpleNamespace(place=3), score=score)
+    tuning = SimpleNamespace(name="jerk-mtf", outcome=SimpleNamespace(best=3), score=score)
 
     *_, verdict, advice, _ = against_default([tuning])
 
@@ -181,7 +170,7 @@ def test_the_command_keeps_what_was_given_and_not_tuned(tmp_path):
     done = verb("tune", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 
-    ran = jerkbench(*printed(done.stdout), "seeds=1", "study=printed", cwd=tmp_path)
+    ran = verb(*printed(done.stdout), "seeds=1", "study=printed", cwd=tmp_path)
 
     assert ran.returncode == 0, ran.stderr
     ((stored,), _) = Store(tmp_path / "results/printed").read()
@@ -191,25 +180,6 @@ def test_the_command_keeps_what_was_given_and_not_tuned(tmp_path):
     assert (spec["adaptation"]["window"], spec["r_scale"]["position"]) == (3, 2)
     record = json.loads(next(tmp_path.rglob("tuning.json")).read_text())
     assert spec["filter"]["accel_mps2"] == pytest.approx(record["setting"]["filter.accel_mps2"])
-
-
-def test_the_files_for_other_programs_hold_the_noise_and_say_what_does_not_map(tuned):
-    place = tuned[0] / "results/adhoc/tune/baseline-chi2"
-    setting = json.loads((place / "tuning.json").read_text())["setting"]
-    texts = {path.name: path.read_text() for path in (place / "export").iterdir()}
-    node, gins, own = (
-        yaml.safe_load(texts[name]) for name in ("robot_localization.yaml", "kf-gins.yaml", "eskf15.yaml")
-    )
-    density = setting["filter.accel_mps2"] ** 2 * 0.01  # the field's IMU gives 100 samples a second
-
-    noise = node["ekf_filter_node"]["ros__parameters"]["process_noise_covariance"]
-    assert len(noise) == 225
-    assert noise[16 * 6] == pytest.approx(density, rel=1e-4)
-    assert min(noise[::16]) > 0  # a zero would freeze that state
-    assert noise[0] == 0.05  # its own default
-    assert gins["imunoise"]["vrw"] == pytest.approx([60 * density**0.5] * 3, rel=1e-4)
-    assert own["filter"]["velocity_random_walk_mps_per_sqrt_h"] == pytest.approx(60 * density**0.5, rel=1e-4)
-    assert all("oes not map" in text for text in texts.values())
 
 
 def test_the_same_command_goes_on_where_it_was(tuned):
@@ -225,17 +195,17 @@ def test_the_same_command_goes_on_where_it_was(tuned):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["filter=gnss_only"], "There is nothing to tune: neither the filter gnss_only nor the adaptation none"),
+        (["filter=gnss_only"], "no parameter of the filter gnss_only and the adaptation none has a range"),
         (["filter=baseline,jerk"], "There are 2 methods; add -m"),
-        (["trials=0"], "at least one trial"),
+        (["trials=0"], "trials and finalists must be at least 1"),
         (["trials=many"], "trials:"),
         (["sampler=soboll"], "Did you mean 'sobol'"),
         (["objective=rmsee"], "Did you mean 'rmse'"),
         (["split=seed"], "Did you mean 'seeds'"),
-        (["split=families"], "held_out=[...]"),
-        (["split=families", "held_out=[wheel_slip]"], "needs scenarios on both sides"),
+        (["split=families"], "held_out=[NAME,...]"),
+        (["split=families", "held_out=[wheel_slip]"], "each part needs at least one scenario"),
         (["knobs=[filter.acel_mps2]"], "Did you mean 'filter.accel_mps2'"),
-        (["test_seeds=0"], "at least one seed to tune and one to test"),
+        (["test_seeds=0"], "tune_seeds and test_seeds must be at least 1"),
         (["filter.sigma=3"], "sigma"),
         (["jerk"], "give KEY=VALUE"),
     ],
@@ -249,20 +219,10 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(tmp_path, words, sentence)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cluster", ["local", "dask"])
-def test_a_cluster_finds_what_this_process_finds(tuned, tmp_path, cluster):
-    """Two scenarios on two threads, or on two processes of Dask; the trials are those of the fixture."""
-    if cluster == "dask":
-        pytest.importorskip("distributed")
-    words = [
-        "filter=baseline",
-        "adaptation=chi2",
-        "disturbance=none,outliers",
-        *FAST,
-        f"cluster={cluster}",
-        "workers=2",
-    ]
-    done = jerkbench("tune", *[word for word in words if word != "workers=1"], cwd=tmp_path)
+def test_two_workers_find_what_this_process_finds(tuned, tmp_path):
+    fast = [word for word in FAST if word != "workers=1"]
+    words = ["filter=baseline", "adaptation=chi2", "disturbance=none,outliers", *fast, "workers=2"]
+    done = verb("tune", *words, cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
     own, here = (folder / "results/adhoc/tune/baseline-chi2/trials.csv" for folder in (tmp_path, tuned[0]))
@@ -301,4 +261,55 @@ def test_presets_of_one_name_in_two_folders_are_refused(tmp_path):
     done = verb("run", "--config-dir", "a", "--config-dir", "b", "filter=mine", cwd=tmp_path)
 
     assert done.returncode != 0
-    assert "different presets of one name; rename one of them." in done.stderr
+    assert "different presets with the same name; rename one file." in done.stderr
+
+
+@pytest.mark.parametrize(("velocity", "knobs"), [("", 1), (",1.0,0,0", 2)])
+def test_r_of_velocities_is_tuned_where_there_are_velocities(tmp_path, velocity, knobs):
+    t_s = np.arange(400) / 10
+    rows = [f"{t},{1.0 * t:.3f},{0.3 * np.sin(t):.3f},0{velocity}" for t in t_s]
+    names = "t,east_m,north_m,up_m" + (",ve,vn,vu" if velocity else "")
+    (tmp_path / "log.csv").write_text("\n".join([names, *rows]))
+    assert verb("data", "inspect", "log.csv", "--preset", "mine.yaml", cwd=tmp_path).returncode == 0
+    words = ["dataset=mine", "filter=constant_velocity", "trials=2", "finalists=1", "objective=likelihood", "workers=1"]
+    done = verb("tune", "--config-dir", ".", *words, "split=time", "figures=none", cwd=tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("| r_scale.") == knobs
+
+
+HUSKY = ["dataset=husky_bag", "dataset.file=BAG"]
+QUICK = {"tune": ["trials=2", "figures=false"], "run": ["figures=false"], "data": []}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recording", ["husky_bag", "drive"])
+def test_the_page_goes_well_from_the_log_to_the_settings(recording, shared_folder, tmp_path):
+    data = shared_folder / "data"
+    log = {"husky_bag": data / "robot_localization/test1.bag", "drive": data / "rtklib_drive_0708"}[recording]
+    drive = ["dataset=rtklib", f"dataset.folder={log}"]
+    own = drive if recording == "drive" else ["dataset=husky_bag", f"dataset.file={log}"]
+
+    for words in pages.commands("one_bag"):
+        typed = [word for word in words if word not in HUSKY]
+        typed += own if len(typed) < len(words) else []
+        typed = [str(log) if word == "BAG" else word for word in typed]
+        done = verb(*typed, *QUICK[typed[0]], cwd=tmp_path)
+        assert done.returncode == 0, (typed, done.stderr)
+
+    place = tmp_path / "results/bag/tune/bias-none"
+    assert "the first 50 % of the time to tune" in (place / "tuning.md").read_text()
+    for path in (place / "export").iterdir():
+        assert yaml.safe_load(path.read_text())
+
+
+@pytest.mark.slow
+def test_a_search_for_the_likelihood_warns_of_innovations_that_stay_correlated(tmp_path):
+    drive = ["dataset.duration_s=60", "dataset.position_sigma_m=[2,2,4]", "seeds=1", "figures=none", "workers=1"]
+    words = ["tune", "filter=baseline", "objective=likelihood", "split=time", "trials=2", "finalists=1", *drive]
+    slow = ["dataset=field", "dataset.position_coloured_share=0.95", "dataset.position_coloured_time_s=30"]
+    coloured = verb(*words, *slow, "study=coloured", cwd=tmp_path)
+    assert "Warning: successive innovations of the tuned filter have the correlation 0." in coloured.stdout
+    white = verb(*words, "dataset=field_white", "study=white", cwd=tmp_path)
+    assert "On runs that the search has not used" in white.stdout, white.stderr
+    assert "Warning" not in white.stdout

@@ -1,12 +1,11 @@
-"""Each check fails on a plugin that is broken in just the way it looks for, with a sentence that says so."""
+"""The checks of plugins, on plugins that are broken in one way each, and the check before a run."""
 
-import dataclasses
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
-from jerkbench import testing
+from jerkbench import plugins, testing
 from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.disturbances.imu import ImuBias as BiasDisturbance
@@ -14,39 +13,20 @@ from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.estimate import Streamed, Updates
 from jerkbench.evaluation.metrics.position import PositionRmse
+from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.rows import job_rows
 from jerkbench.kinematic.trajectory_score import scored_trajectory
+from jerkbench.plugins.checks import complaint
 from jerkbench.plugins.samples import small_recording, true_attitude
+from made_jobs import with_method
 
 
-def fails(kind, plugin, sentence):
-    with pytest.raises(AssertionError, match=sentence) as caught:
-        getattr(testing, f"check_{kind}")(plugin)
-    assert str(caught.value).endswith((".", "1, 0.01."))
-
-
-def adaptation(adapt, *, size=0, fade=None):
-    """An adaptation made of functions."""
-
-    class Broken(NoAdaptation):
-        def memory_size(self):
-            return size
-
-    Broken.adapt = adapt
-    if fade is not None:
-        Broken.fade = fade
-    return Broken()
-
-
-class Counting(NoAdaptation):
-    """Remembers outside its memory."""
-
-    seen = 0
-
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        type(self).seen += 1
-        return R * (1.0 + type(self).seen)
+def broken(base=object, **members):
+    """An object of a class that differs from its base in some members."""
+    return type("Broken", (base,), members)()
 
 
 def in_place(part):
@@ -80,98 +60,72 @@ def poisons_memory(self, innovation, HPHt, R, rows, memory):
     return R
 
 
-ADAPTATIONS = {
-    "changes innovation in place": adaptation(in_place("innovation")),
-    "changes HPHt in place": adaptation(in_place("HPHt")),
-    "changes R in place": adaptation(in_place("R")),
-    "changes rows in place": adaptation(in_place("rows")),
-    "second run": Counting(),
-    "is not symmetric": adaptation(asymmetric),
-    "negative variance": adaptation(negative),
-    "not positive semidefinite": adaptation(indefinite),
-    "NaN as a variance": adaptation(sometimes_nan),
-    "shape": adaptation(lambda self, y, HPHt, R, rows, memory: np.diag(R)),
-    "must be float64": adaptation(lambda self, y, HPHt, R, rows, memory: R.astype(np.float32)),
-    "must be a NumPy array": adaptation(lambda self, y, HPHt, R, rows, memory: R.tolist()),
-    "the memory of Broken holds NaN": adaptation(poisons_memory, size=1),
-    "must be positive": adaptation(NoAdaptation.adapt, fade=lambda self, *update: 0.0),
-    "is inf; it must be positive and finite": adaptation(NoAdaptation.adapt, fade=lambda self, *update: np.inf),
-}
+def adapting(adapt, **members):
+    return broken(NoAdaptation, adapt=adapt, **members)
 
 
-def prior_of(change):
-    """An adaptation of the prior covariance alone."""
-    return type("Broken", (NoAdaptation,), {"adapt_prior": lambda self, x, P, F, *update: change(P, F)})()
-
-
-def gain_of(change):
-    """An adaptation with a gain of its own."""
-    return type("Broken", (NoAdaptation,), {"adapt_gain": lambda self, x, P, y, R, rows, memory: change(P[:, rows])})()
-
-
-def doubled_in_place(P, F):
+def doubled_in_place(self, x, P, F, *update):
     F *= 2.0
     return P.copy()
 
 
-BEYOND_R = {
+def prior_of(change):
+    """An adaptation of the prior covariance alone."""
+    return broken(NoAdaptation, adapt_prior=lambda self, x, P, F, *update: change(P, F))
+
+
+def gain_of(change):
+    """An adaptation with a gain of its own."""
+    return broken(NoAdaptation, adapt_gain=lambda self, x, P, y, R, rows, memory: change(P[:, rows]))
+
+
+ADAPTATIONS = {
+    **{f"changes {part} in place": adapting(in_place(part)) for part in ("innovation", "HPHt", "rows")},
+    "is not symmetric": adapting(asymmetric),
+    "negative variance": adapting(negative),
+    "not positive semidefinite": adapting(indefinite),
+    "NaN as a variance": adapting(sometimes_nan),
+    "must be float64": adapting(lambda self, y, HPHt, R, rows, memory: R.astype(np.float32)),
+    "must be a NumPy array": adapting(lambda self, y, HPHt, R, rows, memory: R.tolist()),
+    "the memory of Broken holds NaN": adapting(poisons_memory, memory_size=lambda self: 1),
+    "must be positive": broken(NoAdaptation, fade=lambda self, *update: 0.0),
+    "is inf; it must be positive and finite": broken(NoAdaptation, fade=lambda self, *update: np.inf),
     r"adapt_prior\(\) has shape": prior_of(lambda P, F: P[:6, :6].copy()),
     r"adapt_prior\(\) is not symmetric": prior_of(lambda P, F: F @ P),
     r"adapt_prior\(\) has a negative variance": prior_of(lambda P, F: -P),
-    r"adapt_prior\(\) changes F in place": prior_of(doubled_in_place),
+    r"adapt_prior\(\) changes F in place": broken(NoAdaptation, adapt_prior=doubled_in_place),
     r"adapt_gain\(\) has shape": gain_of(lambda PHt: PHt.T.copy()),
     r"adapt_gain\(\) holds NaN": gain_of(lambda PHt: PHt * np.nan),
 }
 
 
-class BrokenJerk(Jerk):
+def jerk(spoil):
     """A jerk filter whose model is spoilt."""
-
-    def __init__(self, spoil, extra=None):
-        super().__init__()
-        object.__setattr__(self, "spoil", spoil)
-        object.__setattr__(self, "extra", extra)
-
-    def axis_model(self, dt, dt0):
-        return self.spoil(*super().axis_model(dt, dt0))
-
-    def initial_variances(self):
-        return super().initial_variances() if self.extra is None else self.extra
+    return broken(Jerk, axis_model=lambda self, dt, dt0: spoil(*Jerk.axis_model(self, dt, dt0)))
 
 
 FILTERS = {
-    r"A of .* has shape": BrokenJerk(lambda A, b, Q: (A[:2, :2], b, Q)),
-    r"b of .* has shape": BrokenJerk(lambda A, b, Q: (A, b[:, None], Q)),
-    r"Q of .* has a negative variance": BrokenJerk(lambda A, b, Q: (A, b, -Q)),
-    r"Q of .* is not symmetric": BrokenJerk(lambda A, b, Q: (A, b, Q + np.triu(Q, 1))),
-    r"holds NaN": BrokenJerk(lambda A, b, Q: (A, b * np.nan, Q)),
-    r"must follow velocity": BrokenJerk(lambda A, b, Q: (np.eye(3), b, Q)),
-    r"a step of a nanosecond": BrokenJerk(lambda A, b, Q: (A, b, Q + np.diag([0, 0, 1.0]))),
-    r"another result the second time": BrokenJerk(
-        lambda A, b, Q, seen=[]: (A, b, Q * (1 + len(seen), seen.append(0))[0])
-    ),
-    r"initial_variances\(\) has a negative": BrokenJerk(lambda *model: model, np.array([-1.0])),
-    r"returns the type list; it must be ndarray": BrokenJerk(lambda *model: model, [1.0]),
-    r"neither axis_model\(\) nor estimate\(\)": NoAdaptation(),
+    r"A of .* has shape": jerk(lambda A, b, Q: (A[:2, :2], b, Q)),
+    r"b of .* has shape": jerk(lambda A, b, Q: (A, b[:, None], Q)),
+    r"Q of .* has a negative variance": jerk(lambda A, b, Q: (A, b, -Q)),
+    r"Q of .* is not symmetric": jerk(lambda A, b, Q: (A, b, Q + np.triu(Q, 1))),
+    r"holds NaN": jerk(lambda A, b, Q: (A, b * np.nan, Q)),
+    r"must follow velocity": jerk(lambda A, b, Q: (np.eye(3), b, Q)),
+    r"a step of a nanosecond": jerk(lambda A, b, Q: (A, b, Q + np.diag([0, 0, 1.0]))),
+    r"another result the second time": jerk(lambda A, b, Q, seen=[]: (A, b, Q * (1 + len(seen), seen.append(0))[0])),
+    r"initial_variances\(\) has a negative": broken(Jerk, initial_variances=lambda self: np.array([-1.0])),
+    r"returns the type list; it must be ndarray": broken(Jerk, initial_variances=lambda self: [1.0]),
 }
 
 
-class BrokenEstimator(GnssOnly):
+def estimator(**changes):
     """An estimator whose result is spoilt."""
 
-    def __init__(self, **changes):
-        object.__setattr__(self, "changes", changes)
-
     def estimate(self, recording, attitude, adaptation):
-        estimate = super().estimate(recording, attitude, adaptation)
-        changes = {name: change(getattr(estimate, name)) for name, change in self.changes.items()}
-        return dataclasses.replace(estimate, **changes)
+        right = GnssOnly.estimate(self, recording, attitude, adaptation)
+        return replace(right, **{name: change(getattr(right, name)) for name, change in changes.items()})
 
-
-class Unwilling(GnssOnly):
-    """Accepts nothing."""
-
-    adaptations = ()
+    return broken(GnssOnly, estimate=estimate)
 
 
 class Meddling(GnssOnly):
@@ -183,31 +137,20 @@ class Meddling(GnssOnly):
 
 
 ESTIMATORS = {
-    "fails on a small recording: tired": BrokenEstimator(failure=lambda _: "tired"),
-    "estimates nothing": BrokenEstimator(index=lambda index: index[:0]),
-    "do not increase": BrokenEstimator(index=lambda index: index[::-1]),
-    "position_m holds NaN": BrokenEstimator(position_m=lambda p: p * np.nan),
-    "velocity_mps has shape": BrokenEstimator(velocity_mps=lambda v: v[:, :2]),
-    "covariance has shape": BrokenEstimator(covariance=lambda P: P[:, :3, :3]),
-    "covariance has a negative variance": BrokenEstimator(covariance=lambda P: -P),
-    "must be a tuple of names": Unwilling(),
-    "changes its input in place": Meddling(),
+    "fails on a small recording: tired": estimator(failure=lambda _: "tired"),
+    "estimates nothing": estimator(index=lambda index: index[:0]),
+    "do not increase": estimator(index=lambda index: index[::-1]),
+    "position_m holds NaN": estimator(position_m=lambda p: p * np.nan),
+    "velocity_mps has shape": estimator(velocity_mps=lambda v: v[:, :2]),
+    "covariance has shape": estimator(covariance=lambda P: P[:, :3, :3]),
+    "covariance has a negative variance": estimator(covariance=lambda P: -P),
+    "must be a tuple of names": broken(GnssOnly, adaptations=()),
 }
 
 
-class BrokenDisturbance(BiasDisturbance):
-    """A disturbance made of a function."""
-
-    def __init__(self, apply, seeded=False, replicates=1):
-        super().__init__()
-        for name, value in {"change": apply, "seeded": seeded, "count": replicates}.items():
-            object.__setattr__(self, name, value)
-
-    def apply(self, recording, seed):
-        return self.change(recording, seed)
-
-    def replicates(self):
-        return self.count
+def disturbance(apply, replicates=1, **members):
+    members |= {"apply": lambda self, recording, seed: apply(recording, seed), "replicates": lambda self: replicates}
+    return broken(BiasDisturbance, **({"seeded": False} | members))
 
 
 def global_numbers(recording, seed):
@@ -223,35 +166,24 @@ def thawing(recording, seed):
 
 
 DISTURBANCES = {
-    "returns the type NoneType; it must be Recording": BrokenDisturbance(lambda recording, seed: None),
-    "it is not seeded and has 1 replicates": BrokenDisturbance(lambda r, seed: replace(r, name=f"{r.name} {seed}")),
-    "it is not seeded and has 2 replicates": BrokenDisturbance(
+    "returns the type NoneType; it must be Recording": disturbance(lambda recording, seed: None),
+    "it is not seeded and has 1 replicates": disturbance(lambda r, seed: replace(r, name=f"{r.name} {seed}")),
+    "it is not seeded and has 2 replicates": disturbance(
         lambda r, seed: replace(r, name=f"{r.name} {seed % 3}"), replicates=2
     ),
-    "global random numbers": BrokenDisturbance(global_numbers, seeded=True),
-    "another result the second time": BrokenDisturbance(
+    "global random numbers": disturbance(global_numbers, seeded=True),
+    "another result the second time": disturbance(
         lambda r, seed: replace(r, name=str(np.random.default_rng().random())), seeded=True
     ),
-    "changes its input in place": BrokenDisturbance(thawing),
-    "is 0; it must be an integer, at least 1": BrokenDisturbance(lambda r, seed: r, replicates=0),
-    "replicates.. is 1.5": BrokenDisturbance(lambda r, seed: r, replicates=1.5),
-    "seeded is 'yes'": BrokenDisturbance(lambda r, seed: r, seeded="yes"),
+    "changes its input in place": disturbance(thawing),
+    "is 0; it must be an integer, at least 1": disturbance(lambda r, seed: r, replicates=0),
+    "replicates.. is 1.5": disturbance(lambda r, seed: r, replicates=1.5),
+    "seeded is 'yes'": disturbance(lambda r, seed: r, seeded="yes"),
 }
 
 
-@dataclass(frozen=True)
-class Source:
-    """A data set made of a function."""
-
-    make: object
-    mark: object = ""
-    seeded: object = True
-
-    def load(self, seed):
-        return self.make(seed)
-
-    def fingerprint(self):
-        return self.mark
+def dataset(load, mark="", seeded=True):
+    return broken(load=lambda self, seed: load(seed), fingerprint=lambda self: mark, seeded=seeded)
 
 
 def numbered(seed):
@@ -259,98 +191,81 @@ def numbered(seed):
 
 
 DATASETS = {
-    "returns the type int; it must be Recording": Source(lambda seed: seed),
-    "gives no positions": Source(lambda seed: replace(numbered(seed), position=None)),
-    "another result the second time": Source(lambda seed: numbered(np.random.default_rng().random())),
-    "returns the type int; it must be str": Source(numbered, mark=7),
-    "its seeded is True": Source(lambda seed: numbered(0)),
-    "its seeded is False": Source(numbered, seeded=False),
+    "returns the type int; it must be Recording": dataset(lambda seed: seed),
+    "gives no positions": dataset(lambda seed: replace(numbered(seed), position=None)),
+    "another result the second time": dataset(lambda seed: numbered(np.random.default_rng().random())),
+    "returns the type int; it must be str": dataset(numbered, mark=7),
+    ".seeded is True": dataset(lambda seed: numbered(0)),
+    ".seeded is False": dataset(numbered, seeded=False),
 }
 
 
-class FromReference:
-    """An attitude filter that looks at the reference; its result can be spoilt."""
-
-    def __init__(self, **changes):
-        self.changes = changes
+def attitude(**changes):
+    """An attitude filter that reads the reference; its result can be spoilt."""
 
     def estimate(self, recording):
-        attitude = true_attitude(recording)
-        return replace(attitude, **{name: change(getattr(attitude, name)) for name, change in self.changes.items()})
+        right = true_attitude(recording)
+        return replace(right, **{name: change(getattr(right, name)) for name, change in changes.items()})
+
+    return broken(estimate=estimate)
 
 
 ATTITUDES = {
-    "t_s must be the stamps": FromReference(t_s=lambda t: t + 0.1),
-    "dcm has shape": FromReference(dcm=lambda dcm: dcm[:-1]),
-    "euler_rad holds NaN": FromReference(euler_rad=lambda euler: euler * np.nan),
-    "matrices that are no rotations": FromReference(dcm=lambda dcm: 1.01 * dcm),
-    "are no rotations": FromReference(dcm=lambda dcm: -dcm),
-    "dcm is not Rz": FromReference(dcm=lambda dcm: dcm.transpose(0, 2, 1)),
-    "type float64; it must be .*, bool": FromReference(triggered=lambda triggered: triggered.astype(float)),
-    "triggered has shape": FromReference(triggered=lambda triggered: triggered[:-1]),
+    "t_s must be the stamps": attitude(t_s=lambda t: t + 0.1),
+    "dcm has shape": attitude(dcm=lambda dcm: dcm[:-1]),
+    "euler_rad holds NaN": attitude(euler_rad=lambda euler: euler * np.nan),
+    "matrices that are not rotations": attitude(dcm=lambda dcm: 1.01 * dcm),
+    "are not rotations": attitude(dcm=lambda dcm: -dcm),
+    "dcm is not Rz": attitude(dcm=lambda dcm: dcm.transpose(0, 2, 1)),
+    "type float64; it must be .*, bool": attitude(triggered=lambda triggered: triggered.astype(float)),
+    "triggered has shape": attitude(triggered=lambda triggered: triggered[:-1]),
 }
 
 
-class Metric:
-    """A metric made of a function."""
-
-    def __init__(self, evaluate):
-        self.evaluate = evaluate
-
-
-class Disagreeing(PositionRmse):
-    """Its two methods differ."""
-
-    def evaluate(self, estimate, recording, counted):
-        return PositionRmse().evaluate(estimate, recording, counted)
-
-    def summarise(self, sums):
-        return {name: 1.01 * value for name, value in super().summarise(sums).items()}
-
-
-def moves_the_estimate(estimate, recording, counted):
+def moves_the_estimate(self, estimate, recording, counted):
     estimate.position_m[0] += 1.0
     return {"a_m": 0.0}
 
 
 METRICS = {
-    "returns no value": Metric(lambda *run: {}),
-    "must be dict": Metric(lambda *run: 1.0),
-    "must be a float": Metric(lambda *run: {"a_m": "1"}),
-    "if fewer rows are scored": Metric(lambda e, r, counted: {"a_m": 0.0} if counted.any() else {}),
-    "changes its input in place": Metric(moves_the_estimate),
-    r"summarise\(\) returns": Disagreeing(),
+    "returns no value": broken(evaluate=lambda self, *run: {}),
+    "must be dict": broken(evaluate=lambda self, *run: 1.0),
+    "must be a float": broken(evaluate=lambda self, *run: {"a_m": "1"}),
+    "if fewer rows are scored": broken(evaluate=lambda self, e, r, counted: {"a_m": 0.0} if counted.any() else {}),
+    "changes its input in place": broken(evaluate=moves_the_estimate),
+    r"summarise\(\) returns": broken(
+        PositionRmse,
+        evaluate=lambda self, *run: PositionRmse().evaluate(*run),
+        summarise=lambda self, sums: {name: 1.01 * value for name, value in PositionRmse.summarise(self, sums).items()},
+    ),
 }
 
 
-class BrokenEngine(FilterpyEngine):
+def engine(offset_m=0.0, adaptation=None):
     """An engine that adds to the position, or takes another adaptation."""
 
-    def __init__(self, offset_m=0.0, adaptation=None):
-        super().__init__()
-        object.__setattr__(self, "offset_m", offset_m)
-        object.__setattr__(self, "adaptation", adaptation)
+    def run(self, timeline, model, given):
+        estimate = FilterpyEngine.run(self, timeline, model, adaptation or given)
+        return replace(estimate, position_m=estimate.position_m + offset_m)
 
-    def run(self, timeline, model, adaptation):
-        estimate = super().run(timeline, model, self.adaptation or adaptation)
-        return replace(estimate, position_m=estimate.position_m + self.offset_m)
+    return broken(FilterpyEngine, run=run)
 
 
 ENGINES = {
-    "off the reference engine": BrokenEngine(offset_m=1e-5),
-    ".* off the reference engine": BrokenEngine(adaptation=NoAdaptation()),
+    "off the reference engine": engine(offset_m=1e-5),
+    ".* off the reference engine": engine(adaptation=NoAdaptation()),
 }
 BROKEN = [
-    *(("adaptation", each) for each in (ADAPTATIONS, BEYOND_R)),
-    *(("filter", each) for each in (FILTERS, ESTIMATORS)),
-    *(("disturbance", DISTURBANCES), ("dataset", DATASETS), ("attitude", ATTITUDES)),
-    *(("metric", METRICS), ("engine", ENGINES)),
+    *(("adaptation", ADAPTATIONS), ("filter", FILTERS), ("filter", ESTIMATORS), ("disturbance", DISTURBANCES)),
+    *(("dataset", DATASETS), ("attitude", ATTITUDES), ("metric", METRICS), ("engine", ENGINES)),
 ]
 
 
 @pytest.mark.parametrize(("kind", "sentence", "plugin"), [(kind, *each) for kind, of in BROKEN for each in of.items()])
 def test_each_check_finds_its_defect(kind, sentence, plugin):
-    fails(kind, plugin, sentence)
+    with pytest.raises(AssertionError, match=sentence) as caught:
+        getattr(testing, f"check_{kind}")(plugin)
+    assert str(caught.value).endswith((".", "1, 0.01."))
 
 
 def drops_all(self, innovation, HPHt, R, rows, memory):
@@ -358,8 +273,8 @@ def drops_all(self, innovation, HPHt, R, rows, memory):
 
 
 RIGHT = [
-    *(("adaptation", adaptation(drops_all)), ("attitude", FromReference()), ("metric", PositionRmse())),
-    *(("dataset", Source(numbered)), ("dataset", Source(lambda seed: numbered(0), seeded=False))),
+    *(("adaptation", adapting(drops_all)), ("attitude", attitude()), ("metric", PositionRmse())),
+    *(("dataset", dataset(numbered)), ("dataset", dataset(lambda seed: numbered(0), seeded=False))),
 ]
 
 
@@ -418,7 +333,6 @@ def local_plugin():
         (Thawed(), "Thawed is not a frozen dataclass"),
         (Undocumented(), "does not document its parameter extra"),
         (Silent(), "Silent has no docstring"),
-        (Listed(), "Listed is not hashable"),
         (local_plugin(), "cannot be pickled"),
         (Forgetful(window=3), "is different after pickling"),
     ],
@@ -488,27 +402,121 @@ def test_a_compiled_way_that_goes_another_way():
 def test_a_compiled_way_that_does_not_say_when_a_run_strays():
     """Its sums are right: they are made from the trajectory."""
 
-    class Silent(GnssOnly):
-        def run_settings(self, runs, estimators, adaptations, *, updates, attitude, threads):
-            streamed = (self._sums(run, adaptation) for run, adaptation in zip(runs, adaptations, strict=True))
-            return [result._replace(strayed_m2=0.0, rows_left=0.0) for result in streamed]
-
+    class Mute(BrokenBatched):
         def _sums(self, run, adaptation):
-            return scored_trajectory(self.estimate(run.recording, run.attitude, adaptation), run.scoring)
-
-        def estimate_compiled(self, recording, attitude, adaptation):
-            return self.estimate(recording, attitude, adaptation)
+            sums = scored_trajectory(self.estimate(run.recording, run.attitude, adaptation), run.scoring)
+            return sums._replace(diverged_m2=0.0, rows_left=0.0)
 
     with pytest.raises(AssertionError, match="reports '' for a run that diverged"):
-        testing.check_filter(Silent())
+        testing.check_filter(Mute())
 
 
 def test_an_adaptation_that_changes_something_and_says_that_it_does_not():
-    class Lying(NoAdaptation):
-        changes_nothing = True
-
-        def adapt(self, innovation, HPHt, R, rows, memory):
-            return 4.0 * R
-
     with pytest.raises(AssertionError, match="changes_nothing"):
-        testing.check_adaptation(Lying())
+        testing.check_adaptation(adapting(lambda self, y, HPHt, R, rows, memory: 4.0 * R, changes_nothing=True))
+
+
+@dataclass(frozen=True)
+class Plain:
+    """R as it is; no memory_size."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return R
+
+
+class InPlace(Plain):
+    """Changes R where it lies."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        R *= 4.0
+        return R
+
+
+class Growing(Plain):
+    """Counts on itself."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        object.__setattr__(self, "n", getattr(self, "n", 0) + 1)
+        return R * (1.0 + 0.01 * self.n)
+
+
+class Slim(Plain):
+    """Returns the diagonal alone."""
+
+    def adapt(self, innovation, HPHt, R, rows, memory):
+        return np.diag(R)
+
+
+@dataclass(frozen=True)
+class Empty:
+    """Has nothing."""
+
+
+@dataclass(frozen=True)
+class OneSided:
+    """Has no initial variances."""
+
+    def axis_model(self, dt, dt0):
+        return np.eye(2), np.zeros(2), np.eye(2)
+
+
+SENTENCES = [
+    ("adaptation", Listed(), "Listed is not hashable"),
+    ("adaptation", InPlace(), r"InPlace.adapt\(\) changes R in place; it must work on a copy"),
+    ("adaptation", Growing(), "Growing gives another result in a second run .* must be in memory"),
+    ("adaptation", Slim(), r"Slim.adapt\(\) has shape \(6,\); it must be \(6, 6\)"),
+    ("adaptation", Empty(), r"Empty has no method adapt\(\); an adaptation needs it"),
+    ("filter", Empty(), r"Empty has neither axis_model\(\) nor estimate\(\)"),
+    ("filter", OneSided(), r"OneSided has no method initial_variances\(\); a kinematic filter needs it"),
+    ("filter", Meddling(), r"Meddling.estimate\(\) changes its input in place"),
+    ("disturbance", Empty(), r"Empty has no method apply\(\); a disturbance needs it"),
+    ("metric", Empty(), r"Empty has no method evaluate\(\); a metric needs it"),
+    ("attitude", Empty(), r"Empty has no method estimate\(\); an attitude needs it"),
+    ("dataset", Empty(), r"Empty has no method load\(\); a dataset needs it"),
+    ("engine", Empty(), r"Empty has no method run\(\); an engine needs it"),
+]
+
+
+@pytest.mark.parametrize(("kind", "plugin", "sentence"), SENTENCES)
+def test_the_probe_and_the_check_say_the_same(kind, plugin, sentence):
+    with pytest.raises(AssertionError, match=sentence) as checked:
+        testing.check_plugin(kind, plugin)
+    assert complaint(kind, plugin).partition(" (")[0] == str(checked.value).partition(" (")[0]
+
+
+PASSING = [("adaptation", Plain()), ("adaptation", Mtf()), ("filter", Jerk()), ("filter", Eskf15())]
+
+
+@pytest.mark.parametrize(("kind", "plugin"), PASSING)
+def test_a_plugin_that_is_right_passes(kind, plugin):
+    assert complaint(kind, plugin) == ""
+
+
+def cell_with(adaptation):
+    spec = {kind: {"name": name} for kind, name in (("filter", "baseline"), ("engine", "filterpy"))}
+    spec |= {"dataset": {"name": "field", "duration_s": 12.0}, "attitude": {"name": "gyro_only"}, "disturbance": []}
+    return with_method(build({**spec, "adaptation": {"name": "none"}}, Protocol(seeds=2)), adaptation=adaptation)
+
+
+@pytest.mark.parametrize("adaptation", [InPlace(), Growing(), Slim()])
+def test_it_is_said_before_the_run_and_every_seed_is_a_row_that_says_so(adaptation):
+    cell = cell_with(adaptation)
+    rows, _ = job_rows(cell)
+
+    assert [row["status"] for row in rows] == ["failed", "failed"]
+    assert {row["reason"] for row in rows} == {complaint("adaptation", adaptation)}
+    with pytest.raises(PluginError, match=type(adaptation).__name__):
+        job_rows(cell, strict=True)
+
+
+def test_one_without_memory_size_runs_on_the_reference_engine():
+    rows, _ = job_rows(cell_with(Plain()))
+    assert [row["status"] for row in rows] == ["ok", "ok"]
+
+
+def test_a_missing_method_is_refused_before_anything_runs(monkeypatch):
+    monkeypatch.setitem(plugins._registry["disturbance"], "empty", Empty)
+    spec = {kind: {"name": name} for kind, name in (("filter", "baseline"), ("engine", "compiled"))}
+    spec |= {"dataset": {"name": "field"}, "attitude": {"name": "tilt"}, "adaptation": {"name": "none"}}
+    with pytest.raises(PluginError, match=r"Empty has no method apply\(\)"):
+        build({**spec, "disturbance": [{"name": "empty"}]}, Protocol())

@@ -78,30 +78,33 @@ def test_a_first_fix_that_leaps_is_dropped_and_not_the_origin(tmp_path):
     np.testing.assert_array_equal((origin.latitude_deg, origin.longitude_deg, origin.height_m), gnss[1, [0, 1, 4]])
     np.testing.assert_array_equal(recording.position.t_s, whole.position.t_s[1:])
     np.testing.assert_allclose(recording.position.enu_m, whole.position.enu_m[1:] - whole.position.enu_m[1], atol=1e-4)
-    assert "1 of 101 fixes leaps out of its neighbours by more than 50 m: dropped." in recording.notes
+    assert "GNSS: 1 of 101 rows have a position more than 50 m from its neighbours: dropped." in recording.notes
 
 
-def test_fixes_stand_on_the_line_less_their_age(tmp_path):
+def test_fixes_stand_on_the_line_less_their_age_and_the_bearing_is_a_course(tmp_path):
     recording = Comma2k19(write_segment(tmp_path), position_age_s=0.08).load(0)
     np.testing.assert_allclose(recording.position.t_s, 0.05 + 0.1 * np.arange(101) - 0.08, atol=1e-9)
     np.testing.assert_allclose(recording.position.covariance_m2[3], 0.25 * np.eye(3))
     assert recording.start_utc.timestamp() == pytest.approx(1.5e9 - 0.05, abs=1e-5)
     assert (recording.static_start_s, recording.imu.t_s[0]) == (0.0, 0.0)
+    heading = Comma2k19(write_segment(tmp_path), course_age_s=0.1).load(0).heading
+    assert heading.source == "course"
+    np.testing.assert_allclose(heading.yaw_rad, np.radians(80.0))
+    np.testing.assert_allclose(heading.t_s, 0.1 * np.arange(101) - 0.05, atol=1e-9)
+    assert len(Comma2k19(str(tmp_path), course_min_speed_mps=11.0).load(0).heading.t_s) == 0
 
 
-def test_the_reference_is_in_enu_at_the_first_fix(tmp_path):
+def test_the_reference_is_in_enu_at_the_first_fix_and_the_imu_is_turned_to_forward_left_up(tmp_path):
     reference = Comma2k19(write_segment(tmp_path), **AHEAD).load(0).reference
     np.testing.assert_allclose(reference.t_s, np.arange(201) * 0.05 - 0.03, atol=1e-9)
     np.testing.assert_allclose(reference.enu_m, np.outer(np.arange(201) * 0.5, [0, 1, 0]), atol=1e-3)
     np.testing.assert_allclose(reference.velocity_mps, np.tile([0, 10.0, 0], (201, 1)), atol=1e-6)
     np.testing.assert_allclose(reference.euler_rad, np.tile([0, 0, np.pi / 2], (201, 1)), atol=1e-6)
     assert not reference.independent
-
-
-def test_the_imu_is_turned_to_forward_left_up(tmp_path):
     imu = Comma2k19(write_segment(tmp_path), **AHEAD).load(0).imu
     np.testing.assert_allclose(imu.accel_mps2[5], [0.1, -0.2, 9.8])
     np.testing.assert_allclose(imu.gyro_radps[5], [0.01, -0.02, -0.03])
+    check_plugin("dataset", Comma2k19(write_segment(tmp_path)))
 
 
 def test_the_mounting_turns_imu_and_reference_alike(tmp_path):
@@ -130,25 +133,20 @@ def test_the_wheel_is_scaled_and_survives_an_outage(tmp_path):
     assert Comma2k19(str(tmp_path), wheel=False).load(0).velocity is None
 
 
-def test_the_bearing_is_a_course(tmp_path):
-    heading = Comma2k19(write_segment(tmp_path), course_age_s=0.1).load(0).heading
-    assert heading.source == "course"
-    np.testing.assert_allclose(heading.yaw_rad, np.radians(80.0))
-    np.testing.assert_allclose(heading.t_s, 0.1 * np.arange(101) - 0.05, atol=1e-9)
-    assert len(Comma2k19(str(tmp_path), course_min_speed_mps=11.0).load(0).heading.t_s) == 0
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"processed_log/IMU/gyro/value": np.zeros((5, 3))}, "gyro/value 5; they must be the same"),
+        (
+            {"processed_log/IMU/gyro/value": np.zeros((5, 3))},
+            r"the same number of rows.* 5 \(processed_log/IMU/gyro/value\); copy",
+        ),
         ({"processed_log/IMU/gyro/value": np.zeros((1001, 2))}, r"shape \(1001, 2\); it must have 3 columns"),
-        ({"processed_log/CAN/speed/value": np.full((501, 1), np.nan)}, "speed/value holds NaN"),
+        ({"processed_log/CAN/speed/value": np.full((501, 1), np.nan)}, "speed/value contains NaN"),
         ({"processed_log/CAN/speed/t": np.array([{}], dtype=object)}, "speed/t cannot be read as a NumPy array"),
-        ({"processed_log/IMU/gyro/value": np.full((1001, 3), 1e3)}, "gyro/value, row 1 holds a value beyond 100"),
-        ({"processed_log/GNSS/live_gnss_ublox/value": np.full((101, 6), 1e200)}, "row 1 holds a value beyond 1e"),
+        ({"processed_log/IMU/gyro/value": np.full((1001, 3), 1e3)}, "gyro/value, row 1 has a value beyond 100"),
+        ({"processed_log/GNSS/live_gnss_ublox/value": np.full((101, 6), 1e200)}, "row 1 has a value beyond 1e"),
         ({"global_pose/frame_times": np.zeros(201)}, "t_s row 1 .* does not increase"),
-        ({"processed_log/GNSS/live_gnss_ublox/value": np.zeros((101, 6))}, "101 rows have a place of zeros"),
+        ({"processed_log/GNSS/live_gnss_ublox/value": np.zeros((101, 6))}, "101 rows have a position of zeros"),
         ({"processed_log/GNSS/live_gnss_ublox/value": np.full((101, 6), [48, 11, 0, 1.6e12, 0, 0])}, "UTC of fix 1 is"),
     ],
 )
@@ -168,10 +166,6 @@ def test_a_missing_file_is_named(tmp_path):
         Comma2k19(folder).fingerprint()
     with pytest.raises(PluginError, match="wheel_scale"):
         Comma2k19(folder, wheel_scale=0.0)
-
-
-def test_it_conforms(tmp_path):
-    check_plugin("dataset", Comma2k19(write_segment(tmp_path)))
 
 
 def test_the_real_minute_has_the_published_facts(shared_folder):

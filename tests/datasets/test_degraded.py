@@ -71,7 +71,7 @@ def test_tokyo(degraded):
     assert nees(error, covariance)[sure].mean() == pytest.approx(3100, rel=0.1)
     np.testing.assert_allclose(autocorrelation(error, t_s, 1.0), [0.65, 0.65], atol=0.06)
     np.testing.assert_allclose(autocorrelation(error, t_s, 10.0), [0.42, 0.23], atol=0.04)
-    assert "21 of 8851 covariances of RTK1105.csv are not positive definite" in " ".join(recording.notes)
+    assert "RTK1105.csv: 21 of 8851 rows have a covariance that is not positive definite" in " ".join(recording.notes)
     assert recording.velocity is not None
 
 

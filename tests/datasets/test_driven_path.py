@@ -70,7 +70,7 @@ def test_a_straight_line_against_the_closed_form():
     assert recording.static_start_s == 3.0
 
 
-def test_the_spline_passes_its_waypoints_at_its_speed():
+def test_the_spline_passes_its_waypoints_at_its_speed_and_points_along_its_way():
     points = ((0.0, 0.0, 0.0), (20.0, 5.0, 1.0), (30.0, 30.0, -1.0), (0.0, 40.0, 2.0))
     reference = DrivenPath(**SMOOTH, waypoints_m=points).load(0).reference
     for point in points:
@@ -79,9 +79,6 @@ def test_the_spline_passes_its_waypoints_at_its_speed():
     steady = (reference.t_s > 6.1) & (reference.t_s < reference.t_s[-1] - 3.2)
     np.testing.assert_allclose(speed[steady], 1.5, rtol=1e-4)
     np.testing.assert_allclose(np.diff(reference.enu_m, axis=0)[1000] / 0.01, reference.velocity_mps[1000], atol=0.01)
-
-
-def test_it_points_along_its_way_and_positive_pitch_is_nose_down():
     points = ((0.0, 0.0, 0.0), (20.0, 5.0, 1.0), (30.0, 30.0, -1.0))
     reference = DrivenPath(**SMOOTH, waypoints_m=points).load(0).reference
     moving = np.linalg.norm(reference.velocity_mps, axis=1) > 0.1
@@ -154,10 +151,10 @@ def test_seeds_and_fingerprint(table):
         ({"waypoints_m": ((0.0, 0.0), (1.0, 0.0, 0.0))}, "give two or more"),
         ({"waypoints_m": ((0.0,), (1.0,))}, "give two or more"),
         ({"waypoints_m": ((0.0, 0.0), (float("nan"), 1.0))}, "give two or more"),
-        ({"waypoints_m": ((0.0, 0.0), (1.0, 0.0), (1.0, 0.0))}, "waypoints 1 and 2 of waypoints_m are the same"),
+        ({"waypoints_m": ((0.0, 0.0), (1.0, 0.0), (1.0, 0.0))}, "waypoints 1 and 2 of waypoints_m have the same"),
         ({"speed_mps": 0.0}, "speed_mps is 0.0"),
         ({"smoothing_m": -1.0}, "smoothing_m is -1.0"),
-        ({"gnss_rate_hz": 7.0}, "whole multiple"),
+        ({"gnss_rate_hz": 7.0}, "integer multiple"),
         ({"imu": "tacticle"}, "no imu of dataset path 'tacticle'"),
     ],
 )
@@ -167,12 +164,9 @@ def test_a_value_that_makes_no_sense_is_one_sentence(wrong, sentence):
     assert sentence in str(error.value)
 
 
-def test_a_path_too_short_for_its_ramps():
-    with pytest.raises(PluginError, match=r"the path is 2\.0 m long; two ramps"):
+def test_drives_that_are_too_short_and_files_that_hold_none_are_sentences(table, tmp_path):
+    with pytest.raises(PluginError, match=r"the path is 2\.0 m long, but two ramps"):
         DrivenPath(waypoints_m=((0.0, 0.0), (2.0, 0.0))).load(0)
-
-
-def test_files_that_hold_no_drive_are_sentences(table, tmp_path):
     with pytest.raises(RecordingError, match="There is no file"):
         DrivenPath(file=str(tmp_path / "no.csv")).fingerprint()
     t_s = np.arange(10.0)
@@ -180,9 +174,9 @@ def test_files_that_hold_no_drive_are_sentences(table, tmp_path):
         DrivenPath(file=table(t_s, np.zeros((10, 3)))).load(0)
     with pytest.raises(RecordingError, match="line 4: the time does not increase"):
         DrivenPath(file=table([0.0, 1.0, 0.5, 3.0], np.zeros((4, 3)))).load(0)
-    with pytest.raises(RecordingError, match="has 3 places"):
+    with pytest.raises(RecordingError, match="has 3 positions"):
         DrivenPath(file=table(t_s[:3], np.zeros((3, 3)))).load(0)
-    with pytest.raises(RecordingError, match="too short for a fix"):
+    with pytest.raises(RecordingError, match="shorter than the interval between fixes"):
         DrivenPath(file=table(t_s[:4] / 100, circle(t_s[:4]))).load(0)
     (tmp_path / "odd.csv").write_text("t,e,n,u\n0,0,0,0\n1,1,x,0\n")
     with pytest.raises(RecordingError, match="line 3, field 3 is 'x'"):

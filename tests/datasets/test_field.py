@@ -1,22 +1,18 @@
+"""The simulated field and its versions."""
+
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from jerkbench.datasets.field import Field, FieldHeadland, FieldRuts, FieldVibration, FieldWhite
+from jerkbench import run
+from jerkbench.datasets.field import Field, FieldVibration, FieldWhite
 from jerkbench.errors import PluginError
 from jerkbench.geometry import dcm_from_euler
+from jerkbench.jobs.names import choose
+from jerkbench.jobs.study import load_study
 from jerkbench.plugins import create
-
-FIELDS = {
-    "field": Field,
-    "field_white": FieldWhite,
-    "field_ruts": FieldRuts,
-    "field_vibration": FieldVibration,
-    "field_headland": FieldHeadland,
-}
-PERFECT = {"noise": False, "false_forces": False, "accel_range_g": None}
-G = np.array([0.0, 0.0, 9.81])
 
 
 @pytest.fixture(scope="module")
@@ -43,27 +39,24 @@ def changed(one, other):
     return {name for name in a if not np.array_equal(a[name], b[name])}
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("name", ["field", "field_white", "field_ruts", "field_vibration", "field_headland"])
 def test_integrating_the_imu_returns_the_true_velocity_and_position(name):
-    recording = create("dataset", {"name": name, **PERFECT}).load(2)
+    recording = create("dataset", {"name": name, "noise": False, "false_forces": False, "accel_range_g": None}).load(2)
     reference = recording.reference
     dcm, v, p = dcm_from_euler(reference.euler_rad), reference.velocity_mps[0], reference.enu_m[0]
     for k in range(1, len(reference.t_s)):
-        u = 0.5 * (dcm[k - 1] + dcm[k]) @ recording.imu.accel_mps2[k] - G
+        u = 0.5 * (dcm[k - 1] + dcm[k]) @ recording.imu.accel_mps2[k] - [0.0, 0.0, 9.81]
         p = p + 0.01 * v + 0.5 * 0.01**2 * u
         v = v + 0.01 * u
     np.testing.assert_allclose(v, reference.velocity_mps[-1], rtol=0, atol=1e-3)
     np.testing.assert_allclose(p, reference.enu_m[-1], rtol=0, atol=1e-3)
 
 
-def test_stamps_coincide_exactly(drive):
+def test_stamps_coincide_exactly_and_a_thinned_reference_keeps_its_rows(drive):
     np.testing.assert_array_equal(drive.imu.t_s, np.arange(1, 15001) / 100)
     np.testing.assert_array_equal(drive.reference.t_s, drive.imu.t_s)
     for measured in (drive.position, drive.velocity, drive.heading):
         np.testing.assert_array_equal(measured.t_s, drive.imu.t_s[19::20])
-
-
-def test_a_thinned_reference_keeps_rows_of_the_full_one(drive):
     thin = FieldWhite(reference_rate_hz=10.0).load(1).reference
     np.testing.assert_array_equal(thin.t_s, drive.reference.t_s[9::10])
     np.testing.assert_array_equal(thin.enu_m, drive.reference.enu_m[9::10])
@@ -80,15 +73,12 @@ def test_it_stands_still_at_the_start():
     np.testing.assert_allclose(recording.imu.gyro_radps[rest], 0.0, atol=1e-12)
 
 
-def test_imu_noise_has_its_sigma(drive):
+def test_noise_has_the_sigma_that_is_reported_and_headings_are_wrapped(drive):
     clean = FieldWhite(noise=False).load(1)
     for name, sigma in (("accelerometer", 0.02), ("gyro", 0.0017)):
         noise = imu_arrays(drive)[name] - imu_arrays(clean)[name]
         np.testing.assert_allclose(noise.std(axis=0), sigma, rtol=0.03)
         np.testing.assert_allclose(noise.mean(axis=0), 0.0, atol=4 * sigma / np.sqrt(15000))
-
-
-def test_measurement_noise_has_the_sigma_that_is_reported(drive):
     rows = np.searchsorted(drive.reference.t_s, drive.position.t_s)
     position = drive.position.enu_m - drive.reference.enu_m[rows]
     velocity = drive.velocity.mps - drive.reference.velocity_mps[rows]
@@ -101,6 +91,11 @@ def test_measurement_noise_has_the_sigma_that_is_reported(drive):
     np.testing.assert_allclose(drive.velocity.covariance_m2ps2[7], np.diag([9e-4, 9e-4, 36e-4]))
     np.testing.assert_allclose(drive.heading.sigma_rad, 0.0087)
     assert drive.position.true_covariance_m2 is None
+    assert np.abs(drive.heading.yaw_rad).max() <= np.pi
+    assert np.abs(drive.reference.euler_rad[:, 2]).max() <= np.pi
+    turns = (FieldWhite().truth(1).euler_rad[1:, 2] - drive.reference.euler_rad[:, 2]) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
+    assert set(np.round(turns)) == {0.0, 1.0}
 
 
 def test_without_noise_every_sensor_says_the_truth():
@@ -108,14 +103,6 @@ def test_without_noise_every_sensor_says_the_truth():
     np.testing.assert_array_equal(recording.position.enu_m, recording.reference.enu_m[19::20])
     np.testing.assert_array_equal(recording.velocity.mps, recording.reference.velocity_mps[19::20])
     np.testing.assert_allclose(recording.heading.yaw_rad, recording.reference.euler_rad[19::20, 2], atol=1e-12)
-
-
-def test_headings_are_wrapped(drive):
-    assert np.abs(drive.heading.yaw_rad).max() <= np.pi
-    assert np.abs(drive.reference.euler_rad[:, 2]).max() <= np.pi
-    turns = (FieldWhite().truth(1).euler_rad[1:, 2] - drive.reference.euler_rad[:, 2]) / (2 * np.pi)
-    np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
-    assert set(np.round(turns)) == {0.0, 1.0}
 
 
 def test_a_seed_is_one_recording():
@@ -173,9 +160,6 @@ def test_switching_false_forces_off_changes_the_accelerometer_after_the_ramp_onl
     where = np.flatnonzero(difference[:, 2] > 1e-9)
     assert with_them.imu.t_s[where[0]] > 6.0
     assert 20 <= (np.diff(where) > 1).sum() <= 70  # 43 impacts are expected
-
-
-def test_no_sample_is_beyond_the_range():
     accel = FieldVibration().load(4).imu.accel_mps2
     assert accel.max() == pytest.approx(4 * 9.81)
 
@@ -189,14 +173,11 @@ def test_tilt_is_gentle_and_not_made_by_short_waves():
     assert (2 * np.abs(slow[1:] / len(tilt)) ** 2).sum() > 0.9 * tilt.var(axis=0).sum()
 
 
-def test_pitch_follows_the_climb_and_is_positive_nose_down():
+def test_pitch_follows_the_climb_and_roll_the_hill():
     recording = FieldWhite(noise=False, vibration_mps2=0.0, vibration_rad=0.0).load(1)
     velocity = recording.reference.velocity_mps[1000:]
     climb = np.arctan(velocity[:, 2] / np.hypot(velocity[:, 0], velocity[:, 1]))
     np.testing.assert_allclose(recording.reference.euler_rad[1000:, 1], -climb, atol=1e-9)
-
-
-def test_roll_lifts_the_left_side_where_the_hill_is_on_the_left():
     north = FieldWhite(duration_s=10.0, roughness=0.0, vibration_rad=0.0, vibration_mps2=0.0, heading_rad=np.pi / 2)
     roll = north.load(0).reference.euler_rad[0, 0]
     assert roll == pytest.approx(-np.arctan(0.4 * 2 * np.pi / 60))  # driving north, the hill rises to the right
@@ -206,8 +187,8 @@ def test_roll_lifts_the_left_side_where_the_hill_is_on_the_left():
     ("parameter", "sentence"),
     [
         ({"imu": "tacticle"}, "Did you mean 'tactical'"),
-        ({"gnss_rate_hz": 7.0}, "whole multiple"),
-        ({"reference_rate_hz": 200.0}, "whole multiple"),
+        ({"gnss_rate_hz": 7.0}, "integer multiple"),
+        ({"reference_rate_hz": 200.0}, "integer multiple"),
         ({"speed_mps": 0.0}, "speed_mps is 0.0; it must be a positive number"),
         ({"duration_s": float("nan")}, "duration_s"),
         ({"roughness": -1.0}, "roughness is -1.0; it must be zero or positive"),
@@ -218,9 +199,97 @@ def test_roll_lifts_the_left_side_where_the_hill_is_on_the_left():
         ({"pass_s": 3.0}, "pass_s"),
         ({"duration_s": 0.1}, "duration_s"),
         ({"ruts": True, "rut_times_s": (1.0,)}, "rut_times_s"),
+        ({"position_coloured_share": 1.1}, "position_coloured_share is 1.1"),
+        ({"velocity_coloured_time_s": 0.0}, "velocity_coloured_time_s is 0.0"),
+        ({"position_latency_s": 0.005}, "position_latency_s"),
+        ({"position_latency_s": -0.01}, "position_latency_s is -0.01"),
+        ({"lever_arm_error_m": (0.0, 0.0)}, "lever_arm_error_m"),
     ],
 )
 def test_a_value_that_makes_no_sense_is_one_sentence(parameter, sentence):
     with pytest.raises(PluginError, match="dataset field") as error:
         FieldWhite(**parameter)
     assert sentence in str(error.value)
+
+
+GOLDEN = {
+    ("none", "jerk", "none"): (0.015630116090114284, 4.303542318399316),
+    ("multipath_single_axis", "baseline", "mtf"): (0.03200351636407505, 4.890663873242818),
+    ("rtk_float", "jerk", "none"): (0.39495630160870465, 82.93338718997019),
+    ("wheel_slip", "jerk", "sage_husa"): (0.018802518696758343, 5.591112110042042),
+    ("outliers", "jerk", "chi2"): (0.015676376958248465, 4.325723156798601),
+}
+"""RMSE [m] and ANEES of seed 0 over 60 s, from the code before there was a second version."""
+
+COLOURED = {name for name, value in vars(FieldWhite()).items() if value != vars(Field())[name]}
+"""The parameters by which the versions differ."""
+
+COMMITTED = {("none", "jerk", "none"): "0.0162", ("multipath_single_axis", "baseline", "mtf"): "0.0234"}
+"""Cells of the first published table: arithmetic means of 20 seeds."""
+
+
+@pytest.mark.parametrize("cell", GOLDEN)
+def test_old_numbers_stay(cell):
+    disturbance, model, adaptation = cell
+    dataset = {"name": "field_white", "duration_s": 60.0}
+    row = run(dataset=dataset, disturbance=disturbance, filter=model, adaptation=adaptation, seeds=1).iloc[0]
+    assert (row.position_rmse_m, row.anees) == pytest.approx(GOLDEN[cell], rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", COMMITTED)
+def test_the_committed_rows_are_those_of_the_first_version(cell):
+    disturbance, model, adaptation = cell
+    rows = run(dataset="field_white", disturbance=disturbance, filter=model, adaptation=adaptation, seeds=20)
+    assert f"{rows.position_rmse_m.mean():.4f}" == COMMITTED[cell]
+    kept = (
+        load_study(Path(__file__).parents[2] / "results" / "paper20")
+        .rows.set_index(["dataset", "disturbance", "filter", "adaptation"])
+        .sort_index()
+    )
+    kept = kept.loc[("field_white", *cell)].sort_values("seed")
+    assert list(kept.seed) == list(rows.seed)
+    for column in ("position_rmse_m", "anees"):
+        assert list(rows[column]) == pytest.approx(list(kept[column]), rel=1e-12)
+
+
+@pytest.mark.parametrize("variant", ["ruts", "vibration", "headland", "combined"])
+def test_a_preset_of_the_first_version_is_its_variant_but_for_the_sensors(variant):
+    old, new = (choose("dataset", f"{name}_{variant}").plain for name in ("field_white", "field"))
+    old, new = (vars(create("dataset", plain)) for plain in (old, new))
+    assert {name for name in old if old[name] != new[name]} == COLOURED
+
+
+def noise_of(seed, **changes):
+    drive = Field(**changes).load(seed)
+    truth = drive.reference
+    rows = np.searchsorted(truth.t_s, drive.position.t_s - 1e-6)
+    return drive, truth, rows
+
+
+def test_a_share_of_the_noise_lasts_and_a_fix_is_late_and_off_by_the_arm():
+    plain = {"position_latency_s": 0.0, "lever_arm_error_m": (0.0, 0.0, 0.0)}
+    unit = []
+    for seed in range(12):
+        drive, truth, rows = noise_of(seed, **plain)
+        unit.append((drive.position.enu_m - truth.enu_m[rows]) / Field().position_sigma_m)
+    e = np.stack(unit)
+    assert np.mean(e**2) == pytest.approx(1.0, abs=0.08)
+    for lag_s in (0.2, 1.0, 5.0):
+        k = round(lag_s * 5)
+        assert np.mean(e[:, k:] * e[:, :-k]) == pytest.approx(0.7 * np.exp(-lag_s / 5.0), abs=0.08)
+    drive, truth, rows = noise_of(0, noise=False, position_latency_s=0.25, lever_arm_error_m=(0.5, -0.2, 0.1))
+    old = rows - 25
+    there = old >= 0
+    place = truth.enu_m[old] + dcm_from_euler(truth.euler_rad[old]) @ np.array([0.5, -0.2, 0.1])
+    np.testing.assert_allclose(drive.position.enu_m[there], place[there], atol=1e-9)
+
+
+def test_streams_are_apart():
+    both, less = Field(duration_s=20.0).load(1), Field(duration_s=20.0, velocity_coloured_share=0.0).load(1)
+    np.testing.assert_array_equal(both.position.enu_m, less.position.enu_m)
+    np.testing.assert_array_equal(both.heading.yaw_rad, less.heading.yaw_rad)
+    assert not np.array_equal(both.velocity.mps, less.velocity.mps)
+    silent = Field(duration_s=20.0, silent=("position",), position_latency_s=0.0, lever_arm_error_m=(0, 0, 0)).load(1)
+    rows = np.searchsorted(silent.reference.t_s, silent.position.t_s - 1e-6)
+    np.testing.assert_allclose(silent.position.enu_m, silent.reference.enu_m[rows], atol=1e-12)

@@ -79,21 +79,16 @@ def test_windows_have_the_lengths_of_the_plan(values, kind):
     assert most == (2 if kind == "rtk_float_overconfident" else 3)
 
 
-def test_numbers_of_faults_their_kinds_and_the_fields_have_the_stated_shares(drawn):
+def test_faults_have_the_stated_shares_and_parameters_are_independent(drawn):
     numbers = np.bincount([len(faults) for _, _, faults in drawn])
     kinds = pd.Series([kind for _, _, faults in drawn for kind in faults]).value_counts()
     white = sum(base == "field_white" for base, _, _ in drawn)
-
     assert stats.chisquare(numbers, SEEDS * np.array([0.2, 0.4, 0.25, 0.15])).pvalue > 0.01
     assert len(kinds) == 13
     assert stats.chisquare(kinds).pvalue > 0.01
     assert stats.binomtest(white, SEEDS).pvalue > 0.01
-
-
-def test_parameters_are_independent_of_each_other_and_of_the_faults(drawn):
     table = pd.DataFrame([{**drive, "faults": len(faults), "white": len(base)} for base, drive, faults in drawn])
     pairs = list(itertools.combinations(table, 2))
-
     least = min(stats.spearmanr(table[one], table[other]).pvalue for one, other in pairs)
     assert least > 0.01 / len(pairs)
 

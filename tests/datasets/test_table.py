@@ -128,13 +128,18 @@ def urbannav(folder):
     reference.insert(0, "GPS TOW (s)", 200000 + FIX_S)
     reference.insert(1, "GPS Week", week)
     write(folder / "Odaiba_reference.csv", reference)
-    lines = [
-        "%  UTC latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+    stamps = [datetime.fromtimestamp(round(start + t, 3), tz=UTC).strftime("%Y/%m/%d %H:%M:%S.%f") for t in FIX_S]
+    solution(folder / "rover.pos", "UTC", stamps, geodetic(enu))
+
+
+def solution(path, clock, stamps, places):
+    """As RTKLIB writes it."""
+    names = "latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+    rows = [
+        " ".join([stamp, *(f"{v:.12f}" for v in place), "5 9 2 1 4 0 0 0 0 0"])
+        for stamp, place in zip(stamps, places, strict=True)
     ]
-    for t, place in zip(FIX_S, geodetic(enu), strict=True):
-        stamp = datetime.fromtimestamp(round(start + t, 3), tz=UTC).strftime("%Y/%m/%d %H:%M:%S.%f")
-        lines.append(" ".join([stamp, *(f"{v:.12f}" for v in place), "5 9 2 1 4 0 0 0 0 0"]))
-    (folder / "rover.pos").write_text("\n".join(lines))
+    path.write_text("\n".join([f"%  {clock} {names}", *rows]))
 
 
 def ppc(folder):
@@ -157,14 +162,7 @@ def ppc(folder):
     rows = np.column_stack([200000 + FIX_S, np.full(95, week), places, ecef, angles, velocity])
     lines = [", ".join(f"{value:.12g}" for value in row) for row in rows]
     (folder / "reference.csv").write_text("\n".join([", ".join(names), *lines]))
-    header = (
-        "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
-    )
-    fixes = [
-        " ".join([f"{week} {200000 + t:.3f}", *(f"{v:.12f}" for v in place), "5 9 2 1 4 0 0 0 0 0"])
-        for t, place in zip(FIX_S, places, strict=True)
-    ]
-    (folder / "rover.pos").write_text("\n".join([header, *fixes]))
+    solution(folder / "rover.pos", "GPST", [f"{week} {200000 + t:.3f}" for t in FIX_S], places)
 
 
 def other_notes(recording):
@@ -203,15 +201,23 @@ def test_nanoseconds_stay_exact_and_date_the_start(tmp_path):
     assert recording.start_utc == datetime.fromtimestamp(START_NS // 10**9, tz=UTC) + timedelta(microseconds=763555)
 
 
-def test_weeks_and_times_of_week_are_gps_time(tmp_path):
+def test_a_solution_is_of_the_earth_and_takes_an_origin(tmp_path):
     urbannav(tmp_path)
     recording = loaded("urbannav", tmp_path)
     assert recording.start_utc == datetime(2018, 12, 18, 7, 33, 2, tzinfo=UTC)  # week 2032 begins on 16 December
     np.testing.assert_allclose(recording.position.covariance_m2[0], np.diag([1.0, 4.0, 16.0]))
-    with pytest.raises(PluginError, match="epoch must be gps"):
+    with pytest.raises(PluginError, match="set epoch to gps"):
         loaded("urbannav", tmp_path, epoch="none")
     with pytest.raises(RecordingError, match="out-outvel=on"):
         loaded("urbannav", tmp_path, velocity_file="rover.pos")
+    urbannav(tmp_path)
+    with pytest.raises(PluginError, match="geodetic and reference_frame is enu"):
+        loaded("urbannav", tmp_path, reference_frame="enu")
+    south = np.array([LATITUDE, LONGITUDE, HEIGHT]) - [np.degrees(1000 / NORTH_M_PER_RAD), 0, 0]
+    recording = loaded("urbannav", tmp_path, origin=south.tolist())
+    expected = np.column_stack(pymap3d.geodetic2enu(*geodetic(circle(FIX_S)[0]).T, *south))
+    np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-5)
+    np.testing.assert_allclose(recording.reference.enu_m, expected, atol=1e-5)
 
 
 def test_a_solution_beside_times_of_unix(tmp_path):
@@ -273,7 +279,7 @@ def test_a_row_keeps_its_number_where_others_are_left_out(tmp_path):
     table["gz"] = ["", "1", "", "2", "x", "3", "4", "5"]
     table.loc[[0, 2], ["ax", "ay", "az", "gx", "gy"]] = np.nan
     table.to_csv(tmp_path / "imu.csv", index=False)
-    with pytest.raises(RecordingError, match=r"row 5, column gz: 'x' is no number"):
+    with pytest.raises(RecordingError, match=r"row 5, column gz: 'x' is not a number"):
         Tables(str(tmp_path)).load(0)
     table.assign(hx=np.nan, hy=np.nan, hz=np.nan).to_csv(tmp_path / "imu.csv", index=False)
     with pytest.raises(RecordingError, match="hx, hy, hz"):
@@ -319,7 +325,7 @@ def test_units_axes_shifts_and_parquet(tmp_path):
     check_plugin("dataset", dataset)
 
 
-def test_another_unit_is_a_sentence_and_a_damaged_sample_is_dropped(tmp_path):
+def test_wrong_values_are_named_and_a_damaged_sample_is_dropped(tmp_path):
     write(tmp_path / "imu.csv", PLAIN | {"az": np.where(np.arange(1000) >= 6, 9e5, 1.0)})
     with pytest.raises(RecordingError, match=r"imu\.csv, specific force, row 7"):
         Tables(str(tmp_path), **GIVEN).load(0)
@@ -327,6 +333,12 @@ def test_another_unit_is_a_sentence_and_a_damaged_sample_is_dropped(tmp_path):
     recording = Tables(str(tmp_path), **GIVEN).load(0)
     assert len(recording.imu.t_s) == 999
     assert any(note.startswith("imu.csv: 1 of 1000 rows have a specific force beyond") for note in recording.notes)
+    write(tmp_path / "imu.csv", PLAIN | {"ay": ["x" if k == 7 else 0.0 for k in range(1000)]})
+    with pytest.raises(RecordingError, match="row 8, column ay"):
+        Tables(str(tmp_path)).load(0)
+    write(tmp_path / "imu.csv", PLAIN | {"t": [np.nan if k == 7 else float(k) for k in range(1000)]})
+    with pytest.raises(RecordingError, match="row 8, column t: 'nan' is not a time in s"):
+        Tables(str(tmp_path)).load(0)
 
 
 @pytest.mark.parametrize("every", [2, 5])
@@ -386,12 +398,19 @@ def test_a_first_fix_that_leaps_is_not_the_origin(tmp_path, frame, leap):
     expected = np.column_stack(pymap3d.geodetic2enu(*kept.T, *kept[0]))
     np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-5)
     np.testing.assert_array_equal(recording.reference.enu_m, recording.position.enu_m)
-    assert other_notes(recording) == ("2 of 95 fixes leap out of their neighbours by more than 50 m: dropped.",)
+    assert other_notes(recording) == (
+        "fix.csv: 2 of 95 rows have a position more than 50 m from its neighbours: dropped.",
+    )
 
 
-def test_a_pattern_of_solutions_reads_all_files(tmp_path):
+def test_a_pattern_of_solutions_reads_all_files_but_marks_of_events(tmp_path):
     urbannav(tmp_path)
     whole = loaded("urbannav", tmp_path)
+    (tmp_path / "rover_events.pos").write_text((tmp_path / "rover.pos").read_text())
+    np.testing.assert_array_equal(loaded("urbannav", tmp_path).position.enu_m, whole.position.enu_m)
+    named = loaded("urbannav", tmp_path, position_file="rover_events.pos")
+    np.testing.assert_array_equal(named.position.enu_m, whole.position.enu_m)
+    (tmp_path / "rover_events.pos").unlink()
     head, *rows = (tmp_path / "rover.pos").read_text().splitlines()
     for name, part in (("rover.pos", rows[:40]), ("rover_2.pos", rows[40:])):
         (tmp_path / name).write_text("\n".join([head, *part]))
@@ -400,18 +419,8 @@ def test_a_pattern_of_solutions_reads_all_files(tmp_path):
     np.testing.assert_allclose(both.position.enu_m, whole.position.enu_m)
     assert len(loaded("urbannav", tmp_path, position_file="rover.pos").position.t_s) == 40
     (tmp_path / "a.pos").write_text("\n".join([head, *rows]))
-    with pytest.raises(RecordingError, match=r"85 of 190 rows are more than a second older"):
+    with pytest.raises(RecordingError, match=r"85 of 190 rows are more than 1 s older"):
         loaded("urbannav", tmp_path)
-
-
-def test_marks_of_events_beside_a_solution_are_not_read(tmp_path):
-    urbannav(tmp_path)
-    whole = loaded("urbannav", tmp_path)
-    (tmp_path / "rover_events.pos").write_text((tmp_path / "rover.pos").read_text())
-
-    np.testing.assert_array_equal(loaded("urbannav", tmp_path).position.enu_m, whole.position.enu_m)
-    named = loaded("urbannav", tmp_path, position_file="rover_events.pos")
-    np.testing.assert_array_equal(named.position.enu_m, whole.position.enu_m)
 
 
 def test_files_of_a_pattern_with_other_columns_are_refused(tmp_path):
@@ -449,7 +458,8 @@ MIXED = [("enu", "geodetic"), ("ned", "ecef"), ("geodetic", "enu"), ("ecef", "ne
 @pytest.mark.parametrize(("fixes", "reference"), MIXED)
 def test_a_local_frame_beside_one_of_the_earth_needs_an_origin(tmp_path, fixes, reference):
     enu, given = local_and_geodetic(tmp_path, fixes, reference)
-    with pytest.raises(PluginError, match=rf"position_frame is {fixes} and reference_frame {reference}.*give origin"):
+    said = rf"position_frame is {fixes} and reference_frame is {reference}.*Give origin"
+    with pytest.raises(PluginError, match=said):
         Tables(str(tmp_path), **given)
     recording = Tables(str(tmp_path), **given, origin=(LATITUDE, LONGITUDE, HEIGHT)).load(0)
     np.testing.assert_allclose(recording.position.enu_m, enu, atol=1e-6)
@@ -471,17 +481,6 @@ def test_frames_of_one_kind_need_no_origin_but_may_have_one(tmp_path):
     np.testing.assert_allclose(recording.reference.enu_m, enu, atol=1e-6)
 
 
-def test_a_solution_is_of_the_earth_and_takes_an_origin(tmp_path):
-    urbannav(tmp_path)
-    with pytest.raises(PluginError, match="geodetic and reference_frame enu"):
-        loaded("urbannav", tmp_path, reference_frame="enu")
-    south = np.array([LATITUDE, LONGITUDE, HEIGHT]) - [np.degrees(1000 / NORTH_M_PER_RAD), 0, 0]
-    recording = loaded("urbannav", tmp_path, origin=south.tolist())
-    expected = np.column_stack(pymap3d.geodetic2enu(*geodetic(circle(FIX_S)[0]).T, *south))
-    np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-5)
-    np.testing.assert_allclose(recording.reference.enu_m, expected, atol=1e-5)
-
-
 def test_a_reference_of_angles_alone_needs_no_origin(tmp_path):
     write(tmp_path / "imu.csv", PLAIN)
     enu = circle(FIX_S)[0]
@@ -494,14 +493,11 @@ def test_a_reference_of_angles_alone_needs_no_origin(tmp_path):
     np.testing.assert_allclose(recording.reference.euler_rad[0], [0.1, 0.2, 0.3])
 
 
-def test_gravity_on_another_axis_is_a_note(tmp_path):
+def test_gravity_on_another_axis_is_a_note_and_a_changed_row_changes_the_fingerprint(tmp_path):
     write(tmp_path / "imu.csv", PLAIN)
     turned = Tables(str(tmp_path), **GIVEN, imu_axes=("z", "-y", "x")).load(0)
-    assert "feels gravity on +x, and a body (forward, left, up) on +z" in turned.notes[0]
+    assert "has gravity on +x, but a body (forward, left, up) has it on +z" in turned.notes[0]
     assert other_notes(Tables(str(tmp_path), **GIVEN).load(0)) == ()
-
-
-def test_a_row_that_changes_changes_the_fingerprint(tmp_path):
     write(tmp_path / "imu.csv", PLAIN)
     before = Tables(str(tmp_path)).fingerprint()
     with (tmp_path / "imu.csv").open("a") as file:
@@ -526,24 +522,15 @@ def test_what_does_not_fit_is_a_sentence(tmp_path, changes, said):
         Tables(str(tmp_path), **changes).load(0)
 
 
-def test_a_cell_that_is_no_number_is_named(tmp_path):
-    write(tmp_path / "imu.csv", PLAIN | {"ay": ["x" if k == 7 else 0.0 for k in range(1000)]})
-    with pytest.raises(RecordingError, match="row 8, column ay"):
-        Tables(str(tmp_path)).load(0)
-    write(tmp_path / "imu.csv", PLAIN | {"t": [np.nan if k == 7 else float(k) for k in range(1000)]})
-    with pytest.raises(RecordingError, match="row 8, column t: 'nan' is no time in s"):
-        Tables(str(tmp_path)).load(0)
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"imu_axes": ("x", "y", "-z")}, "right-handed"),
-        ({"imu_axes": ("x", "y", "up")}, "give three of x, y, z"),
-        ({"imu_accel": ("a",)}, "imu_accel has 1 entries, .*; give 3"),
+        ({"imu_axes": ("x", "y", "-z")}, "imu_axes is .*, which is left-handed; check the signs"),
+        ({"imu_axes": ("x", "y", "up")}, "give three sensor axes"),
+        ({"imu_accel": ("a",)}, "imu_accel has 1 entries, .*; it must have 3"),
         ({"position_frame": "utm"}, "no position_frame 'utm'"),
         ({"time_unit": "minutes"}, "no time_unit 'minutes'"),
-        ({"velocity_frame": "speed"}, "velocity_columns has 3 entries, .*; give 1"),
+        ({"velocity_frame": "speed"}, "velocity_columns has 3 entries, .*; it must have 1"),
         ({"position_sigma_m": 0.0}, "position_sigma_m"),
         ({"origin": (49.0, 8.4)}, r"origin is \(49.0, 8.4\); give latitude \[deg\], longitude \[deg\] and height"),
         ({"origin": (8.4, 490.0, 110.0)}, r"origin is \(8.4, 490.0, 110.0\), which is not on Earth"),

@@ -62,10 +62,10 @@ def test_names_above_a_table_that_is_said_to_have_none_are_left_out(tmp_path):
 @pytest.mark.parametrize(
     ("first", "last", "dropped"),
     [
-        ("0.1,0.2", "", "the first row is not whole, as where a log was cut: 1 dropped"),
-        (None, "7.0,0.1,9.", "the last row is not whole"),
-        (None, "7.0,0.1,0.2,9.8,0,0,-", "the last row is not whole"),
-        ("81,0,0,0", "7", "the first and the last rows are not whole, as where a log was cut: 2 dropped"),
+        ("0.1,0.2", "", "the first row is truncated: 1 dropped"),
+        (None, "7.0,0.1,9.", "the last row is truncated"),
+        (None, "7.0,0.1,0.2,9.8,0,0,-", "the last row is truncated"),
+        ("81,0,0,0", "7", "the first and the last rows are truncated: 2 dropped"),
     ],
 )
 def test_rows_that_were_cut_are_dropped_and_counted(tmp_path, first, last, dropped):
@@ -88,7 +88,7 @@ def test_a_time_alone_that_was_cut_is_dropped_and_counted(tmp_path):
     recording = Tables(str(tmp_path), **numbered()).load(0)
     assert len(recording.imu.t_s) == N - 1
     assert recording.duration_s == pytest.approx(1.98, abs=1e-5)
-    assert "the first row is not whole" in recording.notes[0]
+    assert "the first row is truncated" in recording.notes[0]
 
 
 @pytest.mark.parametrize("compressed", [False, True])
@@ -135,7 +135,7 @@ def test_covariances_come_in_any_number_of_columns(tmp_path, given, columns, exp
     np.testing.assert_allclose(position.covariance_m2, [expected(v) for v in VARIANCE], rtol=1e-9)
 
 
-def test_covariances_in_other_axes_are_turned(tmp_path):
+def test_covariances_in_other_axes_are_turned_and_impossible_ones_keep_their_variances(tmp_path):
     imu_text(tmp_path, ",".join(NAMES))
     six = dict(zip("pqrsxy", (1.0, 2.0, 3.0, 0.1, 0.2, -0.3), strict=True))
     matrix = np.array([[1, 0.1, 0.2], [0.1, 2, -0.3], [0.2, -0.3, 3]])
@@ -154,23 +154,19 @@ def test_covariances_in_other_axes_are_turned(tmp_path):
     np.testing.assert_allclose(recording.velocity.mps, PLACES @ east_north_up.T, atol=1e-12)
     with pytest.raises(RecordingError, match="give origin"):
         Tables(str(tmp_path), **given, position_covariance_frame="ecef").load(0)
-
-
-def test_covariances_that_rounding_made_impossible_keep_their_variances(tmp_path):
     imu_text(tmp_path, ",".join(NAMES))
     fixes(tmp_path, a=0.01, b=0.01, c=0.04, d=[0.01] * 3 + [0.0] * 7, x=0.0)
     given = {"position_covariance": ("a", "b", "c", "d", "x", "x")}
     recording = Tables(str(tmp_path), **FIXES, **given).load(0)
     np.testing.assert_allclose(recording.position.covariance_m2, np.tile(np.diag([0.01, 0.01, 0.04]), (10, 1, 1)))
-    assert "3 of 10 covariances of fix.csv are not positive definite: the sizes of their variances alone are used." in (
-        recording.notes
-    )
+    fault = "fix.csv: 3 of 10 rows have a covariance that is not positive definite"
+    assert f"{fault}: only the sizes of their variances are used." in recording.notes
 
 
 def test_sigmas_and_covariances_at_once_are_refused():
     with pytest.raises(PluginError, match="both given"):
         Tables("here", position_sigma=("a",), position_covariance=("b",))
-    with pytest.raises(PluginError, match=r"position_covariance has 2 entries, .*; give 0, 1, 3, 6 or 9"):
+    with pytest.raises(PluginError, match=r"position_covariance has 2 entries, .*; it must have 0, 1, 3, 6 or 9"):
         Tables("here", position_covariance=("a", "b"))
 
 

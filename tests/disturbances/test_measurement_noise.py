@@ -15,7 +15,7 @@ R_V = np.diag([1.0, 2.0, 3.0]) * 1e-3
 
 @pytest.fixture(scope="module")
 def noisy(make):
-    """White noise of the reported, correlated covariance: 6001 fixes and velocities at 50 Hz."""
+    """6001 fixes and velocities at 50 Hz with white noise of the reported, correlated covariance."""
     t_s = np.arange(6001) / 50
     rng = np.random.default_rng(5)
     p, v = (rng.multivariate_normal(np.zeros(3), R, len(t_s)) for R in (R_P, R_V))
@@ -24,12 +24,12 @@ def noisy(make):
 
 
 def whitened(recording):
-    """Squared Mahalanobis norm over 3, under the reported covariance: one for honest noise."""
+    """Squared Mahalanobis norm divided by 3, with the reported covariance; the mean is 1 if this is correct."""
     p, v = recording.position.enu_m, recording.velocity.mps
     return [np.einsum("mi,ij,mj->m", x, np.linalg.inv(R), x) / 3 for x, R in ((p, R_P), (v, R_V))]
 
 
-def test_steps_double_sigma_and_keep_the_shape_of_the_covariance(noisy):
+def test_steps_double_sigma_and_scale_the_covariance(noisy):
     done = NoiseStep(times_s=(100.0, 50.0)).apply(noisy, 0)
     for ratio in whitened(done):
         for begin, end, factor in ((0, 50, 1), (50, 100, 2), (100, 120, 4)):
@@ -41,9 +41,12 @@ def test_steps_double_sigma_and_keep_the_shape_of_the_covariance(noisy):
     np.testing.assert_array_equal(done.velocity.covariance_m2ps2, noisy.velocity.covariance_m2ps2)
     np.testing.assert_allclose(done.velocity.true_covariance_m2ps2[[0, 2500, 5000]], [R_V, 4 * R_V, 16 * R_V])
     np.testing.assert_allclose(done.position.true_covariance_m2[[2499, -1]], [R_P, 16 * R_P])
+    position = dataclasses.replace(noisy.position, true_covariance_m2=5 * noisy.position.covariance_m2)
+    done = NoiseStep().apply(dataclasses.replace(noisy, position=position), 0).position
+    np.testing.assert_allclose(done.true_covariance_m2[-1], (5 + 15) * R_P)
 
 
-def test_the_sine_begins_at_one_and_crests_after_half_a_period(noisy):
+def test_the_sine_starts_at_one_and_is_largest_after_half_a_period(noisy):
     done = NoiseSine(largest=5.0, period_s=60.0).apply(noisy, 0)
     k = np.sqrt(done.position.true_covariance_m2[:, 0, 0] / R_P[0, 0])
     np.testing.assert_allclose(k[[0, 750, 1500, 3000, 4500]], [1, 3, 5, 1, 5], atol=1e-9)
@@ -55,7 +58,7 @@ def test_the_sine_begins_at_one_and_crests_after_half_a_period(noisy):
             assert ratio[part].mean() == pytest.approx(wanted, rel=0.2)
 
 
-def test_a_tenth_has_ten_sigma_in_position_and_velocity_on_their_own(noisy):
+def test_a_tenth_has_ten_sigma_in_position_and_velocity_independently(noisy):
     done = HeavyTailed().apply(noisy, 0)
     hits = []
     for stream, R, name in ((done.position, R_P, "true_covariance_m2"), (done.velocity, R_V, "true_covariance_m2ps2")):
@@ -69,14 +72,8 @@ def test_a_tenth_has_ten_sigma_in_position_and_velocity_on_their_own(noisy):
     assert abs(np.corrcoef(*hits)[0, 1]) < 0.06
 
 
-def test_noise_on_a_true_covariance_that_is_there(noisy):
-    position = dataclasses.replace(noisy.position, true_covariance_m2=5 * noisy.position.covariance_m2)
-    done = NoiseStep().apply(dataclasses.replace(noisy, position=position), 0).position
-    np.testing.assert_allclose(done.true_covariance_m2[-1], (5 + 15) * R_P)
-
-
 @pytest.mark.parametrize("plugin", [NoiseStep(), NoiseSine(), HeavyTailed()])
-def test_one_of_the_two_suffices_and_axes_that_are_absent_stay_absent(make, plugin):
+def test_position_or_velocity_is_sufficient_and_absent_axes_stay_absent(make, plugin):
     t_s = np.arange(400) / 4
     enu_m = np.tile([0.0, np.nan, 0.0], (400, 1))
     covariance = np.tile(np.diag([1.0, np.nan, 1.0]), (400, 1, 1))
@@ -109,7 +106,7 @@ def test_outliers_are_single_gross_and_random_in_direction(make):
     assert done.velocity is recording.velocity
 
 
-def test_multipath_moves_all_axes_each_by_its_own(make):
+def test_multipath_has_independent_offsets_on_all_axes(make):
     recording = make(duration_s=150.0, rate_hz=10)
     offsets = []
     for seed in range(15):

@@ -7,19 +7,16 @@ import numpy as np
 import pytest
 from test_side_by_side import BURN_IN_S, assert_same, one, side_by_side, trajectory
 
-from jerkbench.adaptation.chi2 import Chi2Gate
-from jerkbench.adaptation.iae import InnovationBased
-from jerkbench.adaptation.mtf import Mtf
-from jerkbench.adaptation.mtf_block import MtfBlock
-from jerkbench.adaptation.mtf_nis import MtfNis
+from jerkbench.adaptation.chi2 import Chi2Gate, RelaxingGate
+from jerkbench.adaptation.mtf import Mtf, MtfBlock, MtfNis
 from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.adaptation.relaxing_gate import RelaxingGate
-from jerkbench.adaptation.variational_bayes import VariationalBayes
-from jerkbench.adaptation.vbakf_pr import VariationalPriorAndNoise
-from jerkbench.compilation.lanes import above, chosen
+from jerkbench.adaptation.variational_bayes import VariationalBayes, VariationalPriorAndNoise
+from jerkbench.adaptation.windowed import InnovationBased
+from jerkbench.compilation.lanes import above, select
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.evaluated_run import prepare_reference
 from jerkbench.filters.kinematic import Baseline, Jerk
+from jerkbench.kinematic.rules import _first_reason
 from jerkbench.timeline import Run
 
 
@@ -87,7 +84,7 @@ def test_a_run_remembers_its_own_updates_whatever_its_neighbours_lack(uneven, cl
         rules = [replace(rule, guard=k % 3) for k, rule in enumerate(rules)]
     prepared = [prepare_reference(*pair, BURN_IN_S) for pair in uneven]
     runs = [
-        Run(timeline, p.scoring if consistency else p.errors_alone)
+        Run(timeline, p.scoring if consistency else p.errors_only)
         for (_, timeline), p in zip(uneven, prepared, strict=True)
     ]
     together = CompiledEngine().run_settings(runs, [Jerk()] * 11, rules, updates=False, threads=1)
@@ -98,8 +95,23 @@ def test_a_run_remembers_its_own_updates_whatever_its_neighbours_lack(uneven, cl
         np.testing.assert_array_equal(got.nees, alone.nees)
     for got, (recording, timeline), rule in zip(together, uneven, rules, strict=True):
         wanted = trajectory(recording, timeline, Jerk(), rule)
-        rmse_m = np.sqrt(got.whole_m2 / prepared[0].rows.whole.sum())
+        rmse_m = np.sqrt(got.with_burn_in_m2 / prepared[0].rows.with_burn_in.sum())
         assert rmse_m == pytest.approx(wanted["position_rmse_whole_m"], rel=1e-9)
+
+
+@dataclass(frozen=True)
+class Fades(NoAdaptation):
+    """Fades the prior covariance more if the first innovation is larger."""
+
+    lanes: ClassVar[bool] = True
+
+    def fade(self, innovation, HPHt, R, rows, memory):
+        return 1.0 + abs(innovation[0])
+
+
+def test_a_run_is_not_faded_by_the_updates_of_other_runs(uneven):
+    for got, pair in zip(side_by_side(uneven[:6], Baseline(), Fades()), uneven, strict=False):
+        assert_same(got, trajectory(*pair, Baseline(), Fades()), {})
 
 
 @dataclass(frozen=True)
@@ -113,7 +125,7 @@ class Bounded(NoAdaptation):
         adapted = R.copy()
         for i in range(len(rows)):
             size = abs(innovation[i])
-            adapted[i, i] = chosen(2.0 * size, self.limit, np.inf, R[i, i]) + 0.0 * above(self.limit, size)
+            adapted[i, i] = select(2.0 * size, self.limit, np.inf, R[i, i]) + 0.0 * above(self.limit, size)
         return adapted
 
 
@@ -143,4 +155,10 @@ def test_one_that_cannot_be_asked_at_once_is_asked_by_each_run_and_a_sentence_sa
     for got, pair in zip(side_by_side(rough[:2], Baseline(), Branches()), rough, strict=False):
         assert_same(got, trajectory(*pair, Baseline(), Branches()), {})
 
-    assert "Branches is asked by each run, not by eight at once:" in capsys.readouterr().err
+    assert "Branches is called for each run separately, because it cannot be compiled" in capsys.readouterr().err
+
+
+def test_the_reason_has_no_colours_and_not_the_name_of_a_pass():
+    message = "\x1b[1m\x1b[1mFailed in nopython mode\n\x1b[0m\x1b[31mCannot use a vector as a condition\x1b[0m"
+
+    assert _first_reason(message) == "Cannot use a vector as a condition"

@@ -7,8 +7,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.adaptation.oracle import Oracle
+from jerkbench.adaptation.none import NoAdaptation, Oracle
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.filters.gnss_only import GnssOnly

@@ -10,8 +10,7 @@ from engine_agreement import with_other_last_bits
 from jerkbench import plugins
 from jerkbench.adaptation.huber import Huber
 from jerkbench.adaptation.mtf import Mtf
-from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.adaptation.oracle import Oracle
+from jerkbench.adaptation.none import NoAdaptation, Oracle
 from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.evaluation.evaluated_run import can_stream, evaluate_run, prepare_reference, sums_from
@@ -70,9 +69,16 @@ def assert_same(got, wanted, tolerance):
         assert got[name] == pytest.approx(value, rel=1e-9, abs=max(allowed, 1e-15), nan_ok=True), name
 
 
-@pytest.mark.parametrize("adaptation", slow_where_dense(ADAPTATIONS))
-@pytest.mark.parametrize("model", FILTERS)
-def test_every_filter_with_every_adaptation_has_the_metrics_of_the_reference_engine(several, model, adaptation):
+PAIRS = [("jerk", name) for name in ADAPTATIONS]
+PAIRS += [(name, rule) for name in FILTERS if name != "jerk" for rule in ("mtf", "huber")]
+"""Every adaptation, and every filter with a rule that changes R and with a rule that changes the prior.
+
+`test_compiled_engine.py` compares the trajectories of all pairs.
+"""
+
+
+@pytest.mark.parametrize(("model", "adaptation"), slow_where_dense(PAIRS))
+def test_every_filter_and_every_adaptation_have_the_metrics_of_the_reference_engine(several, model, adaptation):
     pair = plugins.create("filter", {"name": model}), plugins.create("adaptation", {"name": adaptation})
     pairs = several[:2]
 
@@ -80,9 +86,12 @@ def test_every_filter_with_every_adaptation_has_the_metrics_of_the_reference_eng
 
     for result, (recording, timeline) in zip(got, pairs, strict=True):
         wanted = trajectory(recording, timeline, *pair)
-        moved = [trajectory(recording, with_other_last_bits(timeline, seed), *pair) for seed in range(2)]
-        rounding = {name: 10.0 * max(abs(m[name] - wanted[name]) for m in moved) for name in wanted}
-        assert_same(result, wanted, rounding)
+        try:
+            assert_same(result, wanted, {})
+        except AssertionError:  # only amplified rounding is an excuse
+            moved = [trajectory(recording, with_other_last_bits(timeline, seed), *pair) for seed in range(2)]
+            rounding = {name: 10.0 * max(abs(m[name] - wanted[name]) for m in moved) for name in wanted}
+            assert_same(result, wanted, rounding)
 
 
 def test_a_run_does_not_depend_on_its_neighbours(several):
@@ -290,7 +299,7 @@ def test_a_run_without_consistency_has_all_other_sums(several):
             updates=False,
             threads=1,
         )
-        for scorings in ([s.scoring for s in score], [s.errors_alone for s in score])
+        for scorings in ([s.scoring for s in score], [s.errors_only for s in score])
     ]
 
     for whole, bare in zip(*both, strict=True):

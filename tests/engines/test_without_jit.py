@@ -3,14 +3,14 @@
 import pandas as pd
 import pytest
 
-from commands import SHORT, jerkbench
+from commands import SHORT, jerkbench, verb
 
 
 @pytest.mark.slow
 def test_a_run_goes_on_the_reference_engine_and_says_so_once(tmp_path):
     words = ["run", *SHORT, "adaptation=mtf"]
     without = jerkbench(*words, "study=without", cwd=tmp_path, NUMBA_DISABLE_JIT="1")
-    reference = jerkbench(*words, "study=reference", "engine=filterpy", cwd=tmp_path)
+    reference = verb(*words, "study=reference", "engine=filterpy", cwd=tmp_path)
     rmse = [
         pd.read_csv(tmp_path / "results" / study / "rows.csv")["position_rmse_m"][0]
         for study in ("without", "reference")

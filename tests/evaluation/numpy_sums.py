@@ -35,8 +35,8 @@ def sums_of(estimate: Estimate, recording: Recording, counted: BoolArray) -> Sum
             position_m2=_over_axes(p2, rows.position, tuple(POSITION_AXES.values())),
             position_rows=rows.position.sum(axis=1).astype(np.float64),
             position_max_m=float(np.sqrt(norm2[rows.position[0]]).max()) if rows.position[0].any() else float("nan"),
-            whole_m2=float(norm2[rows.whole].sum()),
-            whole_rows=float(rows.whole.sum()),
+            with_burn_in_m2=float(norm2[rows.with_burn_in].sum()),
+            rows_with_burn_in=float(rows.with_burn_in.sum()),
             velocity_m2ps2=_over_axes(v2, rows.velocity, tuple(VELOCITY_AXES.values())),
             velocity_rows=rows.velocity.sum(axis=1).astype(np.float64),
             nees=nees,
@@ -65,13 +65,9 @@ def drifts_mps(error_m: FloatArray, t_s: FloatArray) -> FloatArray:
 
 
 def nested_squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return (n, k): e' P^-1 e of the first 1, 2, ..., n states of each of k rows.
+    """Return (n, k): e' P^-1 e of the first 1, 2, ..., n states of k rows of errors (k, n) and covariances (k, n, n).
 
     By elimination, P = L D L', all rows of a block in step. NaN from the first pivot on that is not positive.
-
-    Args:
-        error: (k, n).
-        covariance: (k, n, n), symmetric.
     """
     squares = np.empty(error.shape[::-1])
     for begin in range(0, len(error), BLOCK):
@@ -102,7 +98,7 @@ def _squares(error: FloatArray, truth: FloatArray | None, estimate: Estimate) ->
 
 def _over_axes(squares: FloatArray, rows: BoolArray, axes: tuple[tuple[int, ...], ...]) -> FloatArray:
     """Sum of ``squares`` (k, 3) over the axes and the rows of each set."""
-    return np.array([squares[which][:, chosen].sum() for which, chosen in zip(rows, axes, strict=True)])
+    return np.array([squares[which][:, select].sum() for which, select in zip(rows, axes, strict=True)])
 
 
 def _nees(error: FloatArray, covariance: FloatArray, rows: Rows) -> tuple[float, float]:

@@ -1,15 +1,21 @@
-"""NEES and NIS against naive loops and the chi-square distribution."""
+"""NEES, NIS and the likelihood of innovations, compared with naive loops."""
 
 import dataclasses
 import math
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, multivariate_normal
 
-from jerkbench.estimate import Estimate
-from jerkbench.evaluation.metrics.consistency import Consistency
+from jerkbench.adaptation.none import NoAdaptation
+from jerkbench.engines.compiled_engine import CompiledEngine
+from jerkbench.engines.filterpy_engine import FilterpyEngine
+from jerkbench.estimate import Estimate, Updates
+from jerkbench.evaluation.metrics.consistency import Consistency, InnovationLikelihood
+from jerkbench.filters.kinematic import ConstantVelocity
 from jerkbench.recording import Imu, Recording, Reference
+from jerkbench.timeline import build_timeline
+from synthetic import level_attitude, recording_at_rest
 
 BURN_IN_S = 5.0
 
@@ -46,16 +52,14 @@ def test_errors_drawn_from_the_covariance_are_in_the_chi_square_band():
         assert low < values[column] < high
 
 
-def test_anis_is_the_naive_loop_over_the_updates_after_the_burn_in(estimate, recording, counted):
+def test_anis_is_the_naive_loop_over_the_updates_after_the_burn_in_and_dropped_rows_do_not_count(
+    estimate, recording, counted
+):
     u = estimate.updates
     terms = [nis / rows for t, nis, rows in zip(u.t_s, u.nis, u.rows, strict=True) if t >= BURN_IN_S]
     values = Consistency().evaluate(estimate, recording, counted)
     assert 0 < len(terms) < len(u.t_s)
     assert values["anis_per_row"] == pytest.approx(sum(terms) / len(terms), rel=1e-12)
-
-
-def test_dropped_rows_do_not_count_as_rows(estimate, recording, counted):
-    u = estimate.updates
     R_diagonal, nis_used = u.R_diagonal.copy(), u.nis_used.copy()
     whole, half = np.flatnonzero((u.rows == 6) & (u.t_s >= BURN_IN_S))[:2]
     R_diagonal[whole], nis_used[whole] = np.inf, np.nan
@@ -77,3 +81,61 @@ def test_a_covariance_that_is_none_gives_nan(estimate, recording, counted, bad):
     values = Consistency().evaluate(dataclasses.replace(estimate, covariance=covariance), recording, counted)
     assert math.isnan(values["anees"])
     assert math.isnan(values["anees_position"])
+
+
+ENGINES = [CompiledEngine(), FilterpyEngine()]
+
+
+def noisy(missing=False):
+    recording = recording_at_rest(duration_s=2.0)
+    p, v, rng = recording.position, recording.velocity, np.random.default_rng(2)
+    z_p = p.enu_m + 0.01 * rng.standard_normal(p.enu_m.shape)
+    z_v = v.mps + 0.03 * rng.standard_normal(v.mps.shape)
+    if missing:
+        z_v[3:5], z_p[6] = np.nan, np.nan
+    position, velocity = dataclasses.replace(p, enu_m=z_p), dataclasses.replace(v, mps=z_v)
+    return dataclasses.replace(recording, position=position, velocity=velocity)
+
+
+def naive_loss(timeline, model):
+    """A plain loop over the timeline, with the density of SciPy."""
+    x, P, losses = timeline.x0.copy(), timeline.P0.copy(), []
+    for dt, update in zip(timeline.dt_s, timeline.update, strict=True):
+        if dt > 0:
+            A, _, Q = model.axis_model(dt, timeline.dt0_s)
+            F = np.kron(A, np.eye(3))
+            x, P = F @ x, F @ P @ F.T + np.kron(Q, np.eye(3))
+        if update >= 0:
+            z, R = timeline.measurements.z[update], timeline.measurements.R[update]
+            rows = np.flatnonzero(np.isfinite(z))
+            H = np.eye(6)[rows]
+            S = H @ P @ H.T + R[np.ix_(rows, rows)]
+            losses.append(-multivariate_normal(H @ x, S).logpdf(z[rows]))
+            K = P @ H.T @ np.linalg.inv(S)
+            x, P = x + K @ (z[rows] - H @ x), P - K @ S @ K.T
+    return np.mean(losses)
+
+
+@pytest.mark.parametrize("missing", [False, True])
+@pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: type(engine).__name__)
+def test_it_is_the_mean_negative_log_density_of_the_measurements(engine, missing):
+    recording, model = noisy(missing), ConstantVelocity()
+    timeline = build_timeline(recording, level_attitude(recording))
+    estimate = engine.run(timeline, model, NoAdaptation())
+    counted = np.ones(len(estimate.index), dtype=bool)
+
+    values = InnovationLikelihood().evaluate(estimate, recording, counted)
+
+    assert values == {"innovation_log_loss": pytest.approx(naive_loss(timeline, model), rel=1e-9)}
+
+
+def test_an_estimator_that_keeps_no_determinant_has_no_value():
+    updates = Updates(np.ones(2), np.full(2, 6.0), np.ones(2), np.ones(2), np.ones((2, 6)), np.ones((2, 6)))
+    recording = noisy()
+    timeline = build_timeline(recording, level_attitude(recording))
+    estimate = CompiledEngine().run(timeline, ConstantVelocity(), NoAdaptation())
+    estimate = dataclasses.replace(estimate, updates=updates)
+
+    values = InnovationLikelihood().evaluate(estimate, recording, np.ones(len(estimate.index), dtype=bool))
+
+    assert np.isnan(values["innovation_log_loss"])

@@ -7,11 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t
 
-from jerkbench.evaluation.correlated_errors import (
-    autocorrelation,
-    block_interval,
-    correlation_rows,
-)
+from jerkbench.evaluation.correlated_errors import autocorrelation, block_interval, correlation_rows
 from jerkbench.evaluation.over_seeds import mean_interval
 
 
@@ -28,16 +24,13 @@ def test_the_correlation_time_is_that_of_the_process(phi):
     assert found == pytest.approx(expected, rel=0.12)
 
 
-def test_the_autocorrelation_is_the_naive_sum():
+def test_the_autocorrelation_is_the_naive_sum_and_of_columns_that_of_each():
     x = autoregressive(0.7, 50, 2)[0]
     c = x - x.mean()
     naive = [sum(c[i] * c[i + k] for i in range(50 - k)) / sum(c * c) for k in range(50)]
     np.testing.assert_allclose(autocorrelation(x), naive, atol=1e-12)
     np.testing.assert_allclose(autocorrelation(x, 20), naive[:21], atol=1e-12)
     np.testing.assert_allclose(autocorrelation(x[:9]), autocorrelation(x[:9], 8), atol=1e-12)
-
-
-def test_the_autocorrelation_of_columns_is_that_of_each():
     columns = np.column_stack([*autoregressive(0.5, 70, 3, count=2), np.full(70, 0.1)])
     for last in (None, 20):
         together = autocorrelation(columns, last)
@@ -72,10 +65,18 @@ def test_it_holds_the_true_rmse_95_times_in_100(phi, n):
     assert 0.93 <= np.mean(held) <= 0.97
 
 
-def test_the_rmse_is_that_of_the_rows_and_the_same_rows_give_the_same():
+def test_the_rmse_is_that_of_the_rows_and_short_recordings_have_no_interval():
     squares = np.arange(1.0, 101.0)
     assert block_interval(squares).rmse == pytest.approx(math.sqrt(50.5))
     assert block_interval(squares) == block_interval(squares.copy())
+    trend = np.linspace(0, 1, 100)
+    got = block_interval(trend)
+    assert math.isfinite(got.rmse)
+    assert math.isnan(got.low)
+    for nothing in (np.empty(0), np.array([1.0, np.nan])):
+        assert math.isnan(block_interval(nothing).rmse)
+    got = block_interval(np.full(100, 4.0))
+    assert (got.low, got.rmse, got.high) == pytest.approx((2.0, 2.0, 2.0))
 
 
 @pytest.mark.parametrize("times", [80, 150])
@@ -95,17 +96,3 @@ def test_below_75_correlation_times_it_is_too_short_to_say():
     got = [block_interval(x) for x in autoregressive(phi, 4000, 7, count=50) ** 2]
     assert all(math.isnan(i.low) == (75 * i.correlation > 4000) for i in got)
     assert np.mean([math.isnan(i.low) for i in got]) > 0.8
-
-
-def test_a_recording_that_is_too_short_has_no_interval():
-    trend = np.linspace(0, 1, 100)
-    got = block_interval(trend)
-    assert math.isfinite(got.rmse)
-    assert math.isnan(got.low)
-    for nothing in (np.empty(0), np.array([1.0, np.nan])):
-        assert math.isnan(block_interval(nothing).rmse)
-
-
-def test_a_constant_error_is_its_own_interval():
-    got = block_interval(np.full(100, 4.0))
-    assert (got.low, got.rmse, got.high) == pytest.approx((2.0, 2.0, 2.0))

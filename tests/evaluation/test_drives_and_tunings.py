@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
+from commands import experiment
 from jerkbench.errors import PluginError
 from jerkbench.evaluation import drives_and_tunings
 from jerkbench.evaluation.drives_and_tunings import (
@@ -10,12 +11,13 @@ from jerkbench.evaluation.drives_and_tunings import (
     crossed_intervals,
     intervals_from,
     log_losses,
-    mixture_weights,
     procedure_error,
     resampled,
     statements,
 )
 from jerkbench.evaluation.judgement import Verdict
+
+mixture_weights = experiment("audit/audit_page.py").mixture_weights
 
 M, P, R, D = 12, 4, 16, 60
 
@@ -90,7 +92,7 @@ def test_an_interval_holds_as_often_as_it_says():
     assert stats.binomtest(int(np.sum(inside)), len(inside), 0.95).pvalue > 0.01
 
 
-def test_comparators_are_the_own_plain_filter_and_the_best_of_each_tuning():
+def test_comparators_are_the_own_plain_filter_and_the_best_of_each_tuning_and_share_the_error():
     losses = drawn_losses(np.random.default_rng(5))
     average, pick, own, best = comparisons(losses)
     for r in range(R):
@@ -101,6 +103,14 @@ def test_comparators_are_the_own_plain_filter_and_the_best_of_each_tuning():
         np.testing.assert_array_equal(best[:, r], losses.methods[:, r] - losses.plains[plain, r])
         np.testing.assert_array_equal(pick[0, r], losses.methods[chosen, r] - losses.wide[wide, r])
     np.testing.assert_allclose(average[0], sum(own[m] for m in range(M // 2)) / (M // 2))
+    losses = drawn_losses(np.random.default_rng(9))
+    said, level = statements(losses), 0.05 / 3
+    ways = [said.average, said.pick, said.same_model_plain[3], said.best_plain[3]]
+    levels = [level, level, level / (2 * M), level / (2 * M)]
+    for one, y, alone in zip(ways, comparisons(losses), levels, strict=True):
+        _, low, high, _ = crossed_intervals(y, alone)
+        place = 3 if len(y) > 1 else 0
+        np.testing.assert_allclose([one.low, one.high], np.exp([low[place], high[place]]))
 
 
 def test_where_nothing_differs_few_audits_say_that_something_does():
@@ -108,7 +118,7 @@ def test_where_nothing_differs_few_audits_say_that_something_does():
     for _ in range(300):
         losses = drawn_losses(random, 0.25)
         said = statements(losses)
-        each = [said.average, said.pick, *said.own_plain, *said.best_plain]
+        each = [said.average, said.pick, *said.same_model_plain, *said.best_plain]
         wrong += any(one.verdict in (Verdict.BETTER, Verdict.WORSE) for one in each)
         over_drives = comparisons(losses)[3].mean(axis=1)
         naive += bool((stats.ttest_1samp(over_drives, 0.0, axis=1).pvalue < 0.05 / 3 / (2 * M)).any())
@@ -121,7 +131,7 @@ def test_verdicts_of_known_ratios():
     losses, shift = drawn_losses(np.random.default_rng(7)), np.zeros((M, 1, 1))
     near = losses.plains[losses.model] + 0.01 * crossed(np.random.default_rng(8), M, 0.1, 0.3, 0.2)
     shift[:5, 0, 0] = np.log([0.5, 0.96, 1.0, 1.04, 1.5])
-    said = statements(losses._replace(methods=near + shift)).own_plain[:5]
+    said = statements(losses._replace(methods=near + shift)).same_model_plain[:5]
 
     assert [one.verdict for one in said] == ["better", "better", "equal", "worse", "worse"]
     assert [one.small for one in said] == [False, True, True, True, False]
@@ -129,17 +139,6 @@ def test_verdicts_of_known_ratios():
     assert str(said[2]).endswith("] equal")
     for one, ratio in zip(said, (0.5, 0.96, 1.0, 1.04, 1.5), strict=True):
         assert one.low < ratio < one.high
-
-
-def test_three_families_share_the_error():
-    losses = drawn_losses(np.random.default_rng(9))
-    said, level = statements(losses), 0.05 / 3
-    ways = [said.average, said.pick, said.own_plain[3], said.best_plain[3]]
-    levels = [level, level, level / (2 * M), level / (2 * M)]
-    for one, y, alone in zip(ways, comparisons(losses), levels, strict=True):
-        _, low, high, _ = crossed_intervals(y, alone)
-        place = 3 if len(y) > 1 else 0
-        np.testing.assert_allclose([one.low, one.high], np.exp([low[place], high[place]]))
 
 
 def test_an_audit_that_is_drawn_is_that_of_the_rows_that_were_drawn():
@@ -171,13 +170,9 @@ def test_what_was_never_drawn_cannot_be_added(member, share):
         mixture_weights(np.array(member), share)
 
 
-def test_a_lost_run_costs_a_multiple_of_the_plain_filter():
+def test_a_lost_run_costs_a_multiple_and_a_method_that_is_its_plain_filter_decides_nothing():
     losses = log_losses(np.array([0.2, np.nan]), np.array([False, True]), np.array([0.1, 0.3]), 10.0)
-
     np.testing.assert_allclose(np.exp(losses), [0.2, 3.0])
-
-
-def test_a_method_that_is_its_plain_filter_decides_nothing():
     assert np.isnan(crossed_intervals(np.zeros((1, R, D)), 0.05)[1]).all()
 
 

@@ -1,4 +1,4 @@
-"""Position, velocity and attitude errors against naive loops."""
+"""Errors of position, velocity, attitude and inclination, compared with naive loops."""
 
 import dataclasses
 import math
@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from jerkbench.evaluation.counted_rows import counted_rows
-from jerkbench.evaluation.metrics.attitude import AttitudeRmse
+from jerkbench.evaluation.metrics.attitude import AttitudeRmse, Inclination
 from jerkbench.evaluation.metrics.position import PositionRmse, VelocityRmse
 from jerkbench.evaluation.metrics.recovery import Outage, OutageAxes
+from jerkbench.geometry import dcm_from_euler
+from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
 
 BURN_IN_S = 5.0
 
@@ -51,25 +53,30 @@ def test_an_rmse_is_the_naive_loop(estimate, recording, counted, metric, value, 
     assert metric.evaluate(estimate, recording, counted)[column] == pytest.approx(expected, rel=1e-12)
 
 
-def test_whole_run_counts_the_burn_in_but_not_what_is_not_scored(estimate, recording, counted):
+def test_the_whole_run_counts_the_burn_in_and_the_largest_error_is_the_naive_loop(estimate, recording, counted):
     truths = recording.reference.enu_m[estimate.index]
     scored = recording.reference.scored[estimate.index]
     values = PositionRmse().evaluate(estimate, recording, counted)
     assert values["position_rmse_whole_m"] == pytest.approx(naive_rms(estimate.position_m, truths, (0, 1, 2), scored))
     assert values["position_rmse_whole_m"] != values["position_rmse_m"]
-
-
-def test_position_max_is_the_naive_loop(estimate, recording, counted):
-    truths = recording.reference.enu_m[estimate.index]
     distances = [math.dist(p, q) for p, q, row in zip(estimate.position_m, truths, counted, strict=True) if row]
     largest = max(d for d in distances if not math.isnan(d))
     assert PositionRmse().evaluate(estimate, recording, counted)["position_max_m"] == pytest.approx(largest)
 
 
-def test_yaw_error_does_not_see_full_turns(estimate, recording, counted):
+def test_the_yaw_error_does_not_see_full_turns_nor_a_reference_that_stands_on_its_nose(estimate, recording, counted):
     turned = dataclasses.replace(estimate, euler_rad=estimate.euler_rad + np.array([0.0, 0.0, 4 * math.pi]))
     before = AttitudeRmse().evaluate(estimate, recording, counted)["yaw_rmse_rad"]
     assert AttitudeRmse().evaluate(turned, recording, counted)["yaw_rmse_rad"] == pytest.approx(before, rel=1e-9)
+    euler = recording.reference.euler_rad.copy()
+    euler[30:, 1] = 1.5
+    steep = dataclasses.replace(recording, reference=dataclasses.replace(recording.reference, euler_rad=euler))
+    values = AttitudeRmse().evaluate(estimate, steep, counted)
+    level = counted & (np.abs(euler[estimate.index, 1]) < np.radians(75))
+    error = (estimate.euler_rad - euler[estimate.index])[:, 0]
+    error = (error + np.pi) % (2 * np.pi) - np.pi
+    assert 0 < level.sum() < counted.sum()
+    assert values["roll_rmse_rad"] == pytest.approx(np.sqrt(np.mean(error[level] ** 2)))
 
 
 def naive_outage(estimate, recording, counted):
@@ -134,24 +141,18 @@ def test_outage_is_the_naive_loop(estimate, recording, holes, burn_in_s, n):
     )
 
 
-def test_an_error_without_any_way_is_no_part_of_it(estimate, recording):
+def test_what_is_no_error_at_the_end_of_an_outage_does_not_count(estimate, recording, counted):
     still = dataclasses.replace(recording.reference, enu_m=np.ones_like(recording.reference.enu_m))
     parked = dataclasses.replace(recording, reference=still)
     values = Outage().evaluate(estimate, parked, counted_rows(estimate, parked, BURN_IN_S))
     assert math.isnan(values["outage_end_percent"])
     assert values["outage_end_m"] > 0
-
-
-def test_an_outage_that_the_run_does_not_reach_the_end_of_is_not_counted(estimate, recording):
     names = ("index", "position_m", "velocity_mps", "covariance", "euler_rad")
     for reached_s, n in ((22.0, 2), (21.0, 2), (20.5, 1)):
         reached = recording.reference.t_s[estimate.index] <= reached_s
         cut = dataclasses.replace(estimate, **{name: getattr(estimate, name)[reached] for name in names})
         values = Outage().evaluate(cut, recording, counted_rows(cut, recording, BURN_IN_S))
         assert values["outages_counted"] == n
-
-
-def test_without_an_error_at_any_end_and_without_outages_no_error_applies(estimate, recording, counted):
     unknown = holed(recording, unknown=(*range(20, 28), *range(40, 44)))
     values = Outage().evaluate(estimate, unknown, counted_rows(estimate, unknown, BURN_IN_S))
     assert values.pop("outages_counted") == 0
@@ -159,10 +160,6 @@ def test_without_an_error_at_any_end_and_without_outages_no_error_applies(estima
     nothing = Outage().evaluate(estimate, always, counted)
     assert len(nothing) == 5
     assert all(math.isnan(value) for value in (*values.values(), *nothing.values()))
-
-
-def test_an_outage_ends_before_the_fix_at_its_end(estimate, recording, counted):
-    """At t = 14 s a fix is back, and an estimate there may already have used it."""
     at_end = int(np.flatnonzero(recording.reference.t_s[estimate.index] == 14.0)[0])
     position_m = estimate.position_m.copy()
     position_m[at_end] += 1e6
@@ -170,15 +167,12 @@ def test_an_outage_ends_before_the_fix_at_its_end(estimate, recording, counted):
     assert values == Outage().evaluate(estimate, recording, counted)
 
 
-def test_an_estimate_that_is_nan_is_not_left_out(estimate, recording, counted):
+def test_an_estimate_that_is_nan_is_not_left_out_and_a_huge_error_is_infinite(estimate, recording, counted):
     position_m = estimate.position_m.copy()
     position_m[40] = np.nan
     values = PositionRmse().evaluate(dataclasses.replace(estimate, position_m=position_m), recording, counted)
     assert math.isnan(values["position_rmse_m"])
     assert math.isnan(values["position_max_m"])
-
-
-def test_a_huge_error_is_infinite_and_warns_of_nothing(estimate, recording, counted):
     far = dataclasses.replace(estimate, position_m=estimate.position_m + 1e200)
     assert PositionRmse().evaluate(far, recording, counted)["position_rmse_m"] == math.inf
 
@@ -197,3 +191,63 @@ def test_the_axes_of_outage_errors_are_the_naive_loop(estimate, recording, count
     )
     nothing = OutageAxes().evaluate(estimate, recording, np.zeros(len(estimate.index), dtype=bool))
     assert all(math.isnan(value) for value in nothing.values())
+
+
+def test_the_angle_is_that_between_the_third_rows_of_the_matrices_whatever_the_yaw(estimate, recording, counted):
+    truth = recording.reference.euler_rad[estimate.index]
+    cosines = np.einsum("ki,ki->k", dcm_from_euler(estimate.euler_rad)[:, 2], dcm_from_euler(truth)[:, 2])
+    angles = np.arccos(cosines)[counted]
+    values = Inclination().evaluate(estimate, recording, counted)
+    assert values["inclination_rmse_rad"] == pytest.approx(np.sqrt(np.mean(angles**2)), rel=1e-9)
+    assert values["inclination_rmse_deg"] == pytest.approx(np.degrees(values["inclination_rmse_rad"]))
+    assert values["inclination_max_deg"] == pytest.approx(np.degrees(angles.max()))
+    turned = dataclasses.replace(estimate, euler_rad=estimate.euler_rad + np.array([0.0, 0.0, 1.0]))
+    assert Inclination().evaluate(turned, recording, counted) == pytest.approx(
+        Inclination().evaluate(estimate, recording, counted), nan_ok=True
+    )
+    blind = dataclasses.replace(recording, reference=dataclasses.replace(recording.reference, euler_rad=None))
+    assert all(np.isnan(value) for value in Inclination().evaluate(estimate, blind, counted).values())
+
+
+def still_recording(tilt_rad, turning_radps=0.0):
+    """Ten seconds at rest whose reference is rolled by ``tilt_rad`` against the accelerometer; scored nowhere."""
+    t_s = np.arange(1000) / 100
+    euler = np.zeros((1000, 3))
+    euler[:, 0] = tilt_rad
+    euler[:100] = np.nan
+    gyro = np.zeros((1000, 3))
+    gyro[::2, 1] = turning_radps
+    reference = Reference(t_s, "made", independent=True, euler_rad=euler, scored=np.zeros(1000, dtype=bool))
+    return Recording("still", Imu(t_s, np.tile([0.0, 0.0, 9.9], (1000, 1)), gyro), reference)
+
+
+def floor_deg(estimate, recording):
+    nothing = np.zeros(0, dtype=bool)
+    none = dataclasses.replace(estimate, index=np.zeros(0, dtype=np.int64), euler_rad=np.zeros((0, 3)))
+    return Inclination().evaluate(none, recording, nothing)["inclination_floor_deg"]
+
+
+def test_the_floor_is_what_accelerometer_and_reference_disagree_by_at_rest(estimate):
+    assert floor_deg(estimate, still_recording(0.01)) == pytest.approx(np.degrees(0.01), rel=1e-9)
+    assert np.isnan(floor_deg(estimate, still_recording(0.01, turning_radps=0.1)))
+
+
+@pytest.mark.parametrize("known", ["reference", "velocity", "places"])
+def test_straight_driving_is_no_rest(estimate, known):
+    standing = still_recording(0.01)
+    t_s = np.arange(100) / 10
+    along = np.column_stack([np.maximum(t_s - 5.0, 0.0) * 8.0, 0 * t_s, 0 * t_s])
+    speed = np.column_stack([8.0 * (t_s > 5.0), 0 * t_s, 0 * t_s])
+    tilted = standing.reference.euler_rad.copy()
+    tilted[500:, 0] = 0.5
+    reference = dataclasses.replace(standing.reference, euler_rad=tilted)
+    moving = dataclasses.replace(standing, reference=reference)
+    cov = np.tile(np.eye(3), (100, 1, 1))
+    if known == "velocity":
+        moving = dataclasses.replace(moving, velocity=Velocity(t_s, speed, cov))
+    elif known == "places":
+        moving = dataclasses.replace(moving, position=Position(t_s, along, cov))
+    else:
+        rate = np.interp(reference.t_s, t_s, speed[:, 0])[:, None] * [1.0, 0.0, 0.0]
+        moving = dataclasses.replace(moving, reference=dataclasses.replace(reference, velocity_mps=rate))
+    assert floor_deg(estimate, moving) == pytest.approx(np.degrees(0.01), rel=1e-9)

@@ -103,12 +103,21 @@ def silent(error_m, covariance_m2):
     )
 
 
-def test_of_a_consistent_filter_the_share_of_silent_errors_is_that_of_chi_square():
+def test_silent_errors_of_a_consistent_filter_are_those_of_chi_square_and_count_in_seconds():
     draw, n = np.random.default_rng(2), 200_000
     root = draw.normal(size=(3, 3))
     got = silent(draw.normal(size=(n, 3)) @ root.T, np.tile(root @ root.T, (n, 1, 1)))
-
     assert got["silent_error_percent"] == pytest.approx(100 * chi2.sf(9.0, 3), rel=0.03)
+    error = np.zeros((60, 3))
+    error[[3, 4, 10, 11, 12, 13, 40], 1] = 3.01
+    got = silent(error, np.tile(np.eye(3), (60, 1, 1)))
+    none = silent(error, np.full((60, 3, 3), np.nan))
+    assert got == {"silent_error_percent": pytest.approx(100 * 7 / 60), "silent_error_s": 4.0}
+    assert np.isnan(list(none.values())).all()
+    recording = standing(30.0)
+    run = estimated(recording)
+    moved = dataclasses.replace(run, position_m=run.position_m + 100.0)
+    assert api.evaluate(moved, recording)["silent_error_percent"] == 100.0
 
 
 def test_of_a_filter_whose_model_is_true_the_share_is_that_of_chi_square_and_of_one_that_is_too_sure_more():
@@ -128,21 +137,3 @@ def test_of_a_filter_whose_model_is_true_the_share_is_that_of_chi_square_and_of_
 
     assert share(accel_mps2) == pytest.approx(100 * chi2.sf(9.0, 3), rel=0.15)
     assert share(accel_mps2 / 4) > 10.0
-
-
-def test_the_longest_silence_is_counted_in_seconds_and_a_filter_without_covariance_has_none():
-    error = np.zeros((60, 3))
-    error[[3, 4, 10, 11, 12, 13, 40], 1] = 3.01
-    got = silent(error, np.tile(np.eye(3), (60, 1, 1)))
-    none = silent(error, np.full((60, 3, 3), np.nan))
-
-    assert got == {"silent_error_percent": pytest.approx(100 * 7 / 60), "silent_error_s": 4.0}
-    assert np.isnan(list(none.values())).all()
-
-
-def test_silent_errors_stand_beside_the_rmse_by_default():
-    recording = standing(30.0)
-    run = estimated(recording)
-    moved = dataclasses.replace(run, position_m=run.position_m + 100.0)
-
-    assert api.evaluate(moved, recording)["silent_error_percent"] == 100.0

@@ -79,7 +79,7 @@ def test_comparisons_of_different_sizes_keep_their_places(rng):
         assert (judgement.low, judgement.high) == pytest.approx(tuple(np.exp(ends)))
 
 
-def test_twelve_lost_of_twenty_runs_are_never_better(rng):
+def test_twelve_lost_of_twenty_runs_are_never_better_and_a_lost_run_is_the_worst_rank(rng):
     base = scatter(rng, 0.3)
     risky = 0.9 * base * scatter(rng, 0.01)
     risky[:12] = np.inf
@@ -88,6 +88,12 @@ def test_twelve_lost_of_twenty_runs_are_never_better(rng):
     assert found.ratio == math.inf  # the median run is lost
     assert found.p_failed == pytest.approx(2 * binomtest(12, 12).pvalue)  # one of two tests
     assert judge(base, risky).verdict is Verdict.FEWER_FAILED
+    a = 0.9 * base * scatter(rng, 0.01)
+    b = base.copy()
+    b[4] = np.inf
+    found = judge(a, b)
+    assert found.verdict is Verdict.BETTER
+    assert found.p == pytest.approx(2 * binomtest(20, 20).pvalue)
 
 
 @pytest.mark.parametrize("lost", range(1, 12))
@@ -96,17 +102,6 @@ def test_who_loses_more_runs_is_not_better(rng, lost):
     risky = 0.5 * base * scatter(rng, 0.01)
     risky[:lost] = np.inf
     assert judge(risky, base).verdict in {Verdict.UNDECIDED, Verdict.MORE_FAILED}
-
-
-def test_a_lost_run_is_the_worst_rank(rng):
-    """One run of b is lost, and a is smaller in all others: the sign test has twenty of twenty for a."""
-    base = scatter(rng, 0.3)
-    a = 0.9 * base * scatter(rng, 0.01)
-    b = base.copy()
-    b[4] = np.inf
-    found = judge(a, b)
-    assert found.verdict is Verdict.BETTER
-    assert found.p == pytest.approx(2 * binomtest(20, 20).pvalue)
 
 
 @pytest.mark.parametrize(("seeds", "verdict"), [(20, Verdict.UNDECIDED), (400, Verdict.EQUAL)])
@@ -128,17 +123,13 @@ def test_equal_within_3_percent_needs_99_seeds_without_a_loss(rng, seeds, verdic
     assert found.reason == ("" if verdict is Verdict.EQUAL else "rare failures cannot be excluded")
 
 
-def test_the_losses_of_either_are_told_with_their_bounds(rng):
+def test_losses_are_told_with_their_bounds_and_smaller_errors_in_spite_of_more_are_undecided(rng):
     base = scatter(rng, 0.3)
     a = base * scatter(rng, 0.1)
     a[:3] = np.inf
     assert judge(a, base).failure_rates == "3 of 20 failed (up to 34 %) against 0 of 20 failed (up to 14 %)"
     assert judge(base, a).failure_rates == judge(a, base).swapped.failure_rates
     assert judge(base, base).failure_rates == "0 of 20 failed (up to 14 %)"
-
-
-def test_smaller_errors_in_spite_of_more_losses_are_undecided_and_the_reason_is_told(rng):
-    base = scatter(rng, 0.3)
     a = 0.5 * base * scatter(rng, 0.01)
     a[0] = np.inf
     found = judge(a, base)
@@ -146,7 +137,7 @@ def test_smaller_errors_in_spite_of_more_losses_are_undecided_and_the_reason_is_
     assert found.reason == "the method with the smaller errors failed in more runs"
 
 
-def test_a_lock_out_is_no_scatter(rng):
+def test_a_lock_out_is_no_scatter_and_a_method_that_is_always_wrong_has_none(rng):
     """Of one run that is fifty times as wrong the mean says nothing; the median does, by the exact sign test."""
     base = scatter(rng, 0.3)
     a = 0.8 * base * scatter(rng, 0.01)
@@ -159,18 +150,14 @@ def test_a_lock_out_is_no_scatter(rng):
     assert found.failure_rates == f"0 of 20 failed (up to 14 %) against {other}"
     assert found.verdict is Verdict.BETTER
     assert found.ratio == pytest.approx(0.8, rel=0.02)
-
-
-def test_a_method_that_is_always_many_times_as_wrong_has_no_lock_outs(rng):
-    base = scatter(rng, 0.3)
     found = judge(50 * base * scatter(rng, 0.1), base)
     assert (found.verdict, found.median, found.outlying) == (Verdict.WORSE, False, (0, 0))
     scattered = judge(50 * base * scatter(rng, 1.5), base)
     assert (scattered.verdict, scattered.median) == (Verdict.WORSE, True)
 
 
-@pytest.mark.parametrize("share", [0.2, 0.45, 0.6, 0.75, 0.9])
-@pytest.mark.parametrize("factor", [12, 50, 1000])
+@pytest.mark.parametrize("share", [0.2, 0.6, 0.9])
+@pytest.mark.parametrize("factor", [12, 1000])
 @pytest.mark.parametrize("seeds", [10, 20, 50])
 def test_a_method_that_is_ruined_in_a_share_of_the_runs_does_not_win(rng, seeds, factor, share):
     """In these runs b is many times as wrong, else the two are equal."""
@@ -203,51 +190,28 @@ def test_one_failure_more_is_equal_where_its_share_is_surely_below_the_margin(rn
     assert found.verdict is verdict
 
 
-def test_bit_for_bit_the_same_is_equal(rng):
+def test_the_same_is_equal_the_margin_decides_and_p_grows_with_the_study(rng):
     base = scatter(rng, 0.3, 99)
     assert judge(base, base.copy()).verdict is Verdict.EQUAL
     assert judge(base[:2], base[:2].copy()).verdict is Verdict.UNDECIDED
-
-
-def test_without_a_seed_there_is_no_verdict():
     found = judge([np.nan], [1.0])
     assert (found.n, found.verdict) == (0, Verdict.UNDECIDED)
     assert math.isnan(found.ratio)
-
-
-def test_the_margin_decides_what_is_equal(rng):
     base = scatter(rng, 0.3, 29)
     a = 1.05 * base * scatter(rng, 0.01, 29)
     assert judge(a, base).verdict is Verdict.WORSE
     assert judge(a, base, margin=0.1).verdict is Verdict.SMALL
-
-
-def test_p_grows_with_the_study(rng):
     one = log_ratios(scatter(rng, 0.1) * 0.93, scatter(rng, 0.1))
     others = [log_ratios(scatter(rng, 0.1), scatter(rng, 0.1)) for _ in range(60)]
     assert judged([one, *others])[0].p > judged([one])[0].p
 
 
-def test_the_largest_t_of_one_comparison_is_the_studentised_bootstraps(rng):
+def test_the_largest_t_of_one_comparison_is_the_studentised_bootstraps_and_its_tail_a_pareto(rng):
     """Against scipy's own resamples of the studentised mean: the 95 % points agree to the scatter of 5000 draws."""
     x = rng.standard_normal(15)
     drawn = rng.choice(x - x.mean(), (5000, 15))
     t = np.abs(ttest_1samp(drawn, 0, axis=1).statistic)
     assert max_t(x[None]).critical(0.05) == pytest.approx(np.quantile(t, 0.95), rel=0.06)
-
-
-def test_p_and_critical_value_agree(rng):
-    family = max_t(rng.standard_normal((7, 12)))
-    c = family.critical(0.05)
-    assert (family.p(c * (1 + 1e-9)) <= 0.05).all()
-    assert (family.p(c * (1 - 1e-9)) > 0.05).all()
-    np.testing.assert_allclose(family.p(np.full(7, 1e9)), 1 / 2000)
-    assert np.isinf(family.critical(5e-5)).all()
-
-
-def test_the_scale_of_a_mean_is_the_pareto_that_fits_its_largest_t_best(rng):
-    """Of one mean there is no family to be common with: Hill's estimator is the maximum likelihood, as scipy's is."""
-    x = rng.standard_normal(15)
     drawn = np.random.default_rng(_SEED).multinomial(15, np.full(15, 1 / 15), _RESAMPLES)
     values = [np.repeat(x - x.mean(), counts) for counts in drawn]
     t = np.sort([abs(ttest_1samp(value, 0).statistic) for value in values])[::-1]
@@ -255,6 +219,12 @@ def test_the_scale_of_a_mean_is_the_pareto_that_fits_its_largest_t_best(rng):
     quantile, slope, _ = max_t(x[None]).scales
     assert quantile[0] == pytest.approx(t[100])
     assert slope[0] == pytest.approx(1 / shape, rel=1e-3)
+    family = max_t(rng.standard_normal((7, 12)))
+    c = family.critical(0.05)
+    assert (family.p(c * (1 + 1e-9)) <= 0.05).all()
+    assert (family.p(c * (1 - 1e-9)) > 0.05).all()
+    np.testing.assert_allclose(family.p(np.full(7, 1e9)), 1 / 2000)
+    assert np.isinf(family.critical(5e-5)).all()
 
 
 def test_one_comparison_with_a_seed_apart_does_not_set_the_bar_for_the_others(rng):
@@ -303,20 +273,16 @@ def test_few_studies_of_equal_methods_have_a_false_sentence(name):
     assert wrong / 400 <= 0.072
 
 
-def test_a_method_that_diverges_more_often_is_not_called_better_because_its_other_runs_are_much_better():
+def test_a_method_that_diverges_more_often_is_not_called_better_by_its_other_runs():
     """One ordinary run makes all runs of b outliers; they do not outweigh runs that diverged."""
     fewer = [math.inf] * 3 + [1 / 1.5] + [1 / 20] * 16
     more = [math.inf] * 4 + [2.0] + [1 / 11] * 15
-
     assert judge(fewer, np.ones(20)).verdict is Verdict.UNDECIDED
     assert judge(np.ones(20), fewer).verdict is Verdict.UNDECIDED
     assert judge(more, np.ones(20)).verdict is Verdict.UNDECIDED
+    assert judge([math.inf] * 4 + [0.98] * 36, np.ones(40)).verdict is not Verdict.SMALL
 
 
 @pytest.mark.parametrize("zeros", [11, 20])
 def test_errors_of_zero_are_better(zeros):
     assert judge([0.0] * zeros + [0.5] * (20 - zeros), np.ones(20)).verdict is Verdict.BETTER
-
-
-def test_a_small_difference_is_not_one_if_the_better_method_failed_more_often():
-    assert judge([math.inf] * 4 + [0.98] * 36, np.ones(40)).verdict is not Verdict.SMALL

@@ -94,8 +94,12 @@ def test_samples_without_scatter_or_without_finite_ends(values, mean, end):
     assert tuple(mean_interval(values)) == pytest.approx((mean, end, end), nan_ok=True)
 
 
-def test_nan_is_left_out():
+def test_nan_is_left_out_and_of_an_infinite_spread_there_is_no_interval():
     assert mean_interval([1.0, math.nan, 2.0, 4.0]) == mean_interval([1.0, 2.0, 4.0])
+    good, wide = map(Interval._make, np.transpose(mean_intervals(Samples.of([[1.0, 2.0], [-1e308, 1e308]]))))
+    assert good == mean_interval([1.0, 2.0])
+    assert wide.mean == 0.0
+    assert math.isnan(wide.low)
 
 
 @pytest.mark.parametrize(
@@ -106,14 +110,7 @@ def test_odd_samples_warn_of_nothing_and_contain_their_mean(values):
     assert interval.low <= interval.mean <= interval.high  # of fewer than five values Student's may lie outside them
 
 
-def test_of_a_spread_that_is_infinite_there_is_no_interval():
-    good, wide = map(Interval._make, np.transpose(mean_intervals(Samples.of([[1.0, 2.0], [-1e308, 1e308]]))))
-    assert good == mean_interval([1.0, 2.0])
-    assert wide.mean == 0.0
-    assert math.isnan(wide.low)
-
-
-def test_ends_stay_within_the_values():
+def test_ends_stay_within_the_values_and_neither_order_nor_company_changes_them():
     """Rounding gave errors of which none is negative an interval from -7e-18 on."""
     rng = np.random.default_rng(11)
     for n in (5, 7):
@@ -121,9 +118,6 @@ def test_ends_stay_within_the_values():
         samples = samples[np.ptp(samples, axis=1) > 0]
         _, low, high = mean_intervals(Samples.of(list(samples)))
         assert ((samples.min(axis=1) <= low) & (low <= high) & (high <= samples.max(axis=1))).all()
-
-
-def test_neither_order_nor_company_changes_it():
     rng = np.random.default_rng(7)
     samples = [rng.gamma(2.0, size=n) for n in (20, 5, 20, 1, 20) + (20,) * 40]
     together = np.transpose(mean_intervals(Samples.of(samples)))

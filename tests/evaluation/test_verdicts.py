@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from jerkbench.evaluation.consistency_verdict import chi2_band, runs_verdict
 from jerkbench.evaluation.correlated_errors import whiteness_of_rows
+from jerkbench.evaluation.over_seeds import chi2_band, runs_verdict
 
 A = np.array([[1.0, 0.1], [0.0, 1.0]])
 Q = np.array([[0.1**3 / 3, 0.1**2 / 2], [0.1**2 / 2, 0.1]])
@@ -64,9 +64,14 @@ def test_the_band_is_chi_squares():
     assert np.mean((draws > low) & (draws < high)) == pytest.approx(0.95, abs=0.005)
 
 
-def test_of_no_run_and_of_one_nothing_is_known():
+def test_the_word_for_few_runs():
     assert runs_verdict([], 6) == "not known"
     assert runs_verdict([5.9], 6) == "not known"
+    assert runs_verdict([0.5, 6.0, 30.0], 6) == "not known"
+    assert runs_verdict([0.1, 0.5, 2.0, 6.0, 60.0, 90.0], 6) == "not known"
+    assert runs_verdict([0.0, 0.0, 1.0], 6) == "not known"
+    assert runs_verdict([5.5, 6.1, 6.6], 6) == "consistent"
+    assert runs_verdict([3.7, 4.0, 4.2], 6) == "too cautious"
 
 
 # Three seeds of filters that are hundreds of times too sure of themselves: Student's interval of the mean holds 6.
@@ -75,17 +80,6 @@ def test_of_no_run_and_of_one_nothing_is_known():
 )
 def test_what_no_test_rejects_is_not_consistent_for_that(averages):
     assert runs_verdict(averages, 6) == "overconfident"
-
-
-def test_what_holds_the_expectation_and_much_more_is_not_known():
-    assert runs_verdict([0.5, 6.0, 30.0], 6) == "not known"
-    assert runs_verdict([0.1, 0.5, 2.0, 6.0, 60.0, 90.0], 6) == "not known"
-    assert runs_verdict([0.0, 0.0, 1.0], 6) == "not known"
-
-
-def test_few_runs_that_agree_are_enough():
-    assert runs_verdict([5.5, 6.1, 6.6], 6) == "consistent"
-    assert runs_verdict([3.7, 4.0, 4.2], 6) == "too cautious"
 
 
 def test_runs_that_were_lost_are_none_of_the_consistent_ones():
@@ -113,12 +107,9 @@ def test_innovations_of_a_matched_filter_are_white_and_of_a_mismatched_one_are_n
     assert whiteness(wrong[0]).first > 1.96 / np.sqrt(len(wrong[0]))
 
 
-def test_white_noise_gives_uniform_p():
+def test_white_noise_gives_uniform_p_and_few_innovations_say_nothing():
     p = [whiteness(y).p for y in np.random.default_rng(7).normal(size=(2000, 300))]
     assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.02)
     assert np.mean(p) == pytest.approx(0.5, abs=0.03)
-
-
-def test_few_innovations_say_nothing():
     got = whiteness(np.array([1.0, np.nan, 2.0]))
     assert math.isnan(got.p)

@@ -24,11 +24,8 @@ def recording():
     return FieldWhite(duration_s=12.0, reference_rate_hz=5.0).load(1)
 
 
-def test_it_conforms():
+def test_it_conforms_and_agrees_with_the_smoother_of_eskf15(recording):
     check_plugin("filter", GtsamGraph())
-
-
-def test_it_agrees_with_the_smoother_of_eskf15(recording):
     attitude = Tilt().estimate(recording)
     given = {"use_heading": False, "initial_yaw_sigma_rad": 0.05, "gyro_bias_from_rest": False}
     oracle = Eskf15Smoother(**given).estimate(recording, attitude, NoAdaptation())
@@ -36,7 +33,6 @@ def test_it_agrees_with_the_smoother_of_eskf15(recording):
     rows = np.isin(oracle.index, mine.index)
     sigma = np.sqrt(np.diagonal(oracle.covariance, axis1=1, axis2=2))[rows]
     x = [np.hstack([own.position_m, own.velocity_mps]) for own in (mine, oracle)]
-
     assert rows.sum() == len(mine.index) > 40
     assert np.median(np.abs(x[0] - x[1][rows]) / sigma) < 0.2
     ratios = np.sqrt(np.diagonal(mine.covariance, axis1=1, axis2=2)) / sigma

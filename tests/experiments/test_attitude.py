@@ -4,20 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiment_scripts import EXPERIMENTS, experiment
+from commands import EXPERIMENTS, experiment
 from jerkbench.attitude.mekf import Mekf
 
 page = experiment("attitude/page.py")
-from tables import (  # noqa: E402 - next to the page
-    TRIED_EACH,
-    TUNINGS,
-    errors_of,
-    holm,
-    losses_left_out,
-    settings_left_out,
-    tried,
-    verdicts_on,
-)
+from tables import TRIED_EACH, TUNINGS, errors_of, holm, losses_left_out, settings_left_out, tried, verdicts_on  # noqa: E402 - next to the page
 from trials import METHODS, SETTINGS, all_trials, error_deg, kitti_pieces  # noqa: E402 - next to the page
 
 
@@ -26,12 +17,9 @@ def errors():
     return errors_of(pd.read_parquet(page.HERE / page.KEPT))
 
 
-def test_the_tables_of_the_page_are_those_of_the_rows(errors):
+def test_the_tables_of_the_page_are_those_of_the_rows_of_every_method_setting_and_trial(errors):
     text = (EXPERIMENTS / "attitude" / "README.md").read_text(encoding="utf-8")
     assert page.filled(text, errors) == text
-
-
-def test_every_method_has_every_setting_on_every_trial(errors):
     for domain, trials in (("broad", 20), ("tstick", 11), ("kitti", 28), ("kitti_start", 25), ("field", 16)):
         for method in METHODS:
             assert errors[domain][method].shape == (SETTINGS, trials)
@@ -76,12 +64,9 @@ def test_a_setting_makes_its_plugin(name):
     assert method.plugin(setting, 100.0, "track").alignment == "track"
 
 
-def test_holm_is_what_the_paper_says():
+def test_holm_is_as_published_a_better_method_is_found_and_a_set_that_is_not_there_left_out(tmp_path):
     np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
     assert holm([0.6, 0.9]) == [1.0, 1.0]
-
-
-def test_a_method_that_is_always_better_is_found():
     n = np.random.default_rng(0).normal(size=(TUNINGS, 20))
     losses = {"constant": n, "vqf": n - 0.2, "mekf": n + 0.01 * n[::-1]}
     found = verdicts_on(losses, "constant")
@@ -89,6 +74,7 @@ def test_a_method_that_is_always_better_is_found():
     assert (found["vqf"].wins, found["vqf"].n, found["vqf"].word) == (20, 20, "better")
     assert found["vqf"].p == pytest.approx(2 * 2 * 0.5**20)
     assert found["mekf"].word == "undecided"
+    assert {trial.domain for trial in all_trials(tmp_path)} == {"field"}
 
 
 def test_a_piece_ends_where_samples_are_missing(tmp_path):
@@ -124,10 +110,6 @@ def test_a_known_start_is_that_of_the_track_and_what_it_took_does_not_count(tmp_
     )
     assert of_gravity > 4.0
     assert of_track < 1.0
-
-
-def test_a_set_that_is_not_there_is_left_out(tmp_path):
-    assert {trial.domain for trial in all_trials(tmp_path)} == {"field"}
 
 
 @pytest.mark.parametrize("name", ["broad", "tstick", "kitti_start", "field"])

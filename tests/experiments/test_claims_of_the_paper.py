@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiment_scripts import experiment
+from commands import experiment
 from jerkbench.campaign.answer import NO_FAULT
 from made_rows import cell_rows, made_rows, study_rows
 
@@ -31,14 +31,11 @@ def test_ten_times_is_judged_under_each_kind_of_fault(times, word):
     assert (where_it_holds(claim) == "nowhere") == (word != "holds")
 
 
-def test_centimetres_are_of_the_error_in_metres():
+def test_centimetres_are_of_the_error_in_metres_and_resilience_asked_under_a_fault_only():
     claim = found(-3.0)["an"]
     assert claim.unit == "m"
     assert "does not hold" not in claim.words  # exp(-3 - 3) m
     assert claim.words.count("holds") > 6
-
-
-def test_resilience_is_asked_under_a_fault_only():
     claim, other = found(-1.5)["resilient:"], found(-1.5)["more"]
     assert {s.fault for s in other.scenarios} - {s.fault for s in claim.scenarios} == {NO_FAULT}
     assert "| resilient: under a fault better | baseline |" in claim_table([claim])
@@ -55,17 +52,11 @@ def test_the_papers_claim_is_judged(factor, word):
     assert ten_times.claims(pd.DataFrame(rows[:SEEDS])) == []
 
 
-def test_few_seeds_neither_hold_a_claim_nor_refute_it():
+def test_few_seeds_neither_hold_a_claim_nor_refute_it_and_a_study_says_in_how_many_cases():
     rng = np.random.default_rng(2)
     base = np.exp(rng.normal(size=3))
     rows = [*cell_rows("baseline", "none", list(base)), *cell_rows("jerk", "mtf", list(base / 30))]
     (said,) = ten_times.claims(pd.DataFrame(rows))
     assert "Seen: 30.0 times, over 3 runs, without an interval; 0 of 3 failed (up to 63 %)." in said
-
-
-def test_a_study_says_of_each_opponent_in_how_many_cases_the_claim_holds():
     assert "it holds in 2" in ten_times.said(study_rows(20, 30.0))[0]
-
-
-def test_where_nothing_is_shown_the_claim_does_not_hold_either():
     assert ten_times.said(study_rows(2, 12.0)) == [ten_times.NOTHING_SHOWN]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.stats import binomtest
 
-from experiment_scripts import experiment
+from commands import experiment
 
 left_out = experiment("journeys/left_out.py")
 EACH, SETTINGS, TUNINGS, Taken = left_out.EACH, left_out.SETTINGS, left_out.TUNINGS, left_out.Taken
@@ -13,7 +13,7 @@ EACH, SETTINGS, TUNINGS, Taken = left_out.EACH, left_out.SETTINGS, left_out.TUNI
 TAKEN = Taken(list("abcdef"), ["A", "A", "B", "C", "C", "D"], ["x", "x", "x", "y", "y", "z"])
 
 
-def test_a_recording_is_scored_with_the_best_setting_of_other_groups():
+def test_a_recording_is_scored_with_the_best_setting_of_other_groups_and_the_average_of_others():
     loss = np.random.default_rng(3).normal(size=(SETTINGS, 6))
     found = left_out.tuned_elsewhere(loss, TAKEN)
     assert found.shape == (TUNINGS, 6)
@@ -28,14 +28,33 @@ def test_a_recording_is_scored_with_the_best_setting_of_other_groups():
                         of.setdefault(TAKEN.replicate[other], []).append(loss[setting, other])
                 means[setting] = np.mean([np.mean(values) for values in of.values()])
             assert found[r, k] == loss[min(means, key=means.get), k]
+    rows = pd.DataFrame(
+        [
+            (recording, "baseline", rule, setting, error)
+            for recording in "ab"
+            for rule, errors in (("none", (2.0, 3.0)), ("mtf", (np.nan, 5.0)))
+            for setting, error in enumerate(errors)
+        ],
+        columns=list(left_out.COLUMNS),
+    )
+    found = left_out.log_errors(rows, ["b", "a"], ("baseline", "none"))
+    np.testing.assert_allclose(np.exp(found["baseline", "mtf"]), [[200.0, 200.0], [5.0, 5.0]])
+    losses = {
+        ("baseline", "none"): np.zeros((TUNINGS, 6)),
+        ("jerk", "none"): np.ones((TUNINGS, 6)),
+        ("baseline", "mtf"): np.full((TUNINGS, 6), 0.5),
+        ("jerk", "mtf"): np.full((TUNINGS, 6), 1.1),
+        ("baseline", "sage_husa_qr"): np.full((TUNINGS, 6), 9.0),
+    }
+    np.testing.assert_allclose(left_out.average_method(losses), 0.3)
+    table = left_out.ratio_table(losses, TAKEN, "trip")
+    assert table.count("\n") == 4
+    assert "| baseline + sage_husa_qr | own | 8103.08" in table
 
 
-def test_what_has_nothing_to_tune_is_itself():
+def test_what_has_nothing_to_tune_is_itself_and_a_replicate_a_median():
     loss = np.arange(6.0)[None]
     np.testing.assert_array_equal(left_out.tuned_elsewhere(loss, TAKEN), np.tile(loss, (TUNINGS, 1)))
-
-
-def test_a_replicate_is_the_median_over_its_recordings_and_the_tunings():
     values = np.random.default_rng(5).normal(size=(TUNINGS, 6))
     wanted = [np.median(values[:, :2]), np.median(values[:, 2]), np.median(values[:, 3:5]), np.median(values[:, 5])]
     np.testing.assert_allclose(left_out.of_replicates(values, TAKEN), wanted)
@@ -69,32 +88,4 @@ def test_the_exact_interval_is_that_of_the_sign_test(n, shift):
 def test_the_words(d, word):
     names = [str(k) for k in range(13)]
     own = left_out.over_replicates(np.tile(d, (TUNINGS, 1)), Taken(names, names, names))
-    assert own.word == word
-
-
-def test_a_lost_run_counts_a_hundred_times_the_plain_filter():
-    rows = pd.DataFrame(
-        [
-            (recording, "baseline", rule, setting, error)
-            for recording in "ab"
-            for rule, errors in (("none", (2.0, 3.0)), ("mtf", (np.nan, 5.0)))
-            for setting, error in enumerate(errors)
-        ],
-        columns=list(left_out.COLUMNS),
-    )
-    found = left_out.log_errors(rows, ["b", "a"], ("baseline", "none"))
-    np.testing.assert_allclose(np.exp(found["baseline", "mtf"]), [[200.0, 200.0], [5.0, 5.0]])
-
-
-def test_the_average_leaves_our_own_methods_out():
-    losses = {
-        ("baseline", "none"): np.zeros((TUNINGS, 6)),
-        ("jerk", "none"): np.ones((TUNINGS, 6)),
-        ("baseline", "mtf"): np.full((TUNINGS, 6), 0.5),
-        ("jerk", "mtf"): np.full((TUNINGS, 6), 1.1),
-        ("baseline", "sage_husa_qr"): np.full((TUNINGS, 6), 9.0),
-    }
-    np.testing.assert_allclose(left_out.average_method(losses), 0.3)
-    table = left_out.ratio_table(losses, TAKEN, "journey")
-    assert table.count("\n") == 4
-    assert "| baseline + sage_husa_qr | own | 8103.08" in table
+    assert own.verdict == word

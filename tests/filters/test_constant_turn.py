@@ -1,4 +1,4 @@
-"""The turn against circles and differences; without a turn it is the filter of constant velocity."""
+"""The filter `constant_turn` against circles, finite differences, and the filter `constant_velocity`."""
 
 import dataclasses
 
@@ -30,7 +30,7 @@ def recording(fixes_s, reference_s):
 
 @pytest.mark.parametrize("dt", [0.2, 3.0])
 @pytest.mark.parametrize("w", [0.0, 1e-9, -3e-5, 0.1, -0.6])
-def test_a_step_is_an_arc_and_its_jacobian_that_of_differences(w, dt):
+def test_a_step_is_an_arc_and_its_jacobian_agrees_with_differences(w, dt):
     x = np.array([5.0, -3.0, 1.0, 7.0, 2.0, -0.5, w])
     start = x[3] + 1j * x[4]
     fine = (np.arange(20000) + 0.5) * dt / 20000
@@ -44,7 +44,7 @@ def test_a_step_is_an_arc_and_its_jacobian_that_of_differences(w, dt):
     np.testing.assert_allclose(turn_jacobian(x, dt), differences, atol=1e-6)
 
 
-def test_a_turn_goes_on_through_a_gap():
+def test_a_turn_continues_through_a_gap():
     fixes_s = np.concatenate([np.arange(0.0, 40.0), np.arange(60.0, 80.0)])
     drive = recording(fixes_s, np.arange(0.0, 60.0, 0.5))
     attitude = no_attitude(drive.clock_s)
@@ -58,7 +58,7 @@ def test_a_turn_goes_on_through_a_gap():
     assert error(turn) < 0.1 * error(straight)
 
 
-def test_without_a_turn_it_is_the_filter_of_constant_velocity():
+def test_without_a_turn_it_equals_constant_velocity():
     drive = recording(np.arange(0.0, 20.0), np.arange(0.0, 19.0, 0.25))
     attitude = no_attitude(drive.clock_s)
     turn = ConstantTurn(1.5, 0.0, 0.0).estimate(drive, attitude, NONE)
@@ -68,7 +68,7 @@ def test_without_a_turn_it_is_the_filter_of_constant_velocity():
     np.testing.assert_allclose(turn.updates.nis, straight.updates.nis, rtol=1e-6)
 
 
-def test_it_is_a_plugin_that_takes_every_adaptation_that_does_not_fade():
+def test_it_supports_every_adaptation_that_does_not_fade():
     check_plugin("filter", ConstantTurn())
     drive = recording(np.arange(0.0, 30.0), np.arange(0.0, 29.0))
     drive = dataclasses.replace(

@@ -1,4 +1,4 @@
-"""The inertial navigation as a whole: what it must find where the truth is known."""
+"""The complete inertial filter on recordings with known truth."""
 
 from dataclasses import asdict, replace
 
@@ -15,8 +15,8 @@ from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.imu import ImuBias
 from jerkbench.disturbances.outages import GnssOutage, PositionOutage
 from jerkbench.errors import PluginError
-from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.iekf import InvariantEkf
+from jerkbench.filters.eskf15 import Eskf15, InvariantEkf
+from jerkbench.inertial.compiled_runs import solve_compiled
 from jerkbench.presets import preset
 from jerkbench.recording import Heading, Imu, Reference, Velocity
 from jerkbench.simulation.imu import ALLAN_FLOOR, BIAS_TIME_S, GRADES, with_sensor_errors
@@ -26,11 +26,11 @@ TACTICAL, CONSUMER = (
     replace(GRADES[name], gyro_scale_ppm=0.0, accel_scale_ppm=0.0, misalignment_mrad=0.0)
     for name in ("tactical", "consumer")
 )
-"""Without scale factors and misalignments, of which the filter knows nothing."""
+"""Without scale factors and misalignments, which the filter does not model."""
 
 
 def tuned(grade):
-    """The filter with the noise and the biases of the sensor's data sheet."""
+    """The filter with the noise and the biases of the data sheet."""
     return Eskf15(
         grade.angle_random_walk_deg_per_sqrt_h,
         grade.velocity_random_walk_mps_per_sqrt_h,
@@ -43,13 +43,6 @@ def tuned(grade):
     )
 
 
-def tuned_to_white_noise():
-    """For .0017 rad/s and .02 m/s2 a sample at 100 Hz, and the biases of the disturbance ``imu_bias``."""
-    arw, vrw = float(np.rad2deg(0.0017) / 10.0 * 60.0), 0.02 / 10.0 * 60.0
-    gyro = float(np.rad2deg(0.002) * 3600.0)
-    return Eskf15(arw, vrw, gyro_instability_deg_per_h=0.0, gyro_turn_on_deg_per_h=gyro, accel_turn_on_mg=8.2)
-
-
 def biased_drive(seed, imu="per_sample", duration_s=36.0):
     """A drive of the simulated field, and the (6,) gyro and accelerometer bias at its end."""
     dataset = FieldWhite(imu=imu, duration_s=duration_s, reference_rate_hz=1.0)
@@ -59,7 +52,7 @@ def biased_drive(seed, imu="per_sample", duration_s=36.0):
         samples = recording.imu, clean.imu
         gyro, accel = np.subtract(*(i.gyro_radps for i in samples)), np.subtract(*(i.accel_mps2 for i in samples))
         return recording, np.concatenate([gyro[-1], accel[-1]])
-    # what a sensor shows that does not move, without its noise
+    # the bias: the output of a sensor at rest without noise
     grade, rate, nothing = GRADES[imu], dataset.imu_rate_hz, np.zeros_like(clean.imu.gyro_radps)
     sensors = (grade.gyro(rate), "gyro"), (grade.accelerometer(rate), "accelerometer")
     shown = [with_sensor_errors(nothing, replace(e, noise=0.0), 1.0 / rate, seed, name) for e, name in sensors]
@@ -67,8 +60,8 @@ def biased_drive(seed, imu="per_sample", duration_s=36.0):
 
 
 def error_and_covariance(model, recording, bias):
-    """(15,) truth less estimate and (15, 15) its covariance at the last stamp of the reference: the last sample."""
-    solution = model.solve(recording, Tilt().estimate(recording), NoAdaptation())
+    """Truth minus estimate (15,) and its covariance (15, 15) at the last stamp of the reference."""
+    solution = solve_compiled(model.inputs(recording, Tilt().estimate(recording)), NoAdaptation())
     reference, state = recording.reference, solution.state
     true = Rotation.from_euler("ZYX", reference.euler_rad[-1, ::-1])
     phi = (true * Rotation.from_matrix(state.dcm).inv()).as_rotvec()
@@ -78,7 +71,7 @@ def error_and_covariance(model, recording, bias):
 
 
 def outcomes_of(model, seeds, *drive):
-    """NEES of the whole state (15) and of the navigation (6), and the largest error of a bias over its sigma."""
+    """NEES of the full state (15) and of position and velocity (6), and the largest error of a bias over its sigma."""
     found = []
     for seed in range(seeds):
         error, P = error_and_covariance(model, *biased_drive(seed, *drive))
@@ -88,14 +81,14 @@ def outcomes_of(model, seeds, *drive):
 
 
 def in_its_band(nees, states):
-    """Whether the mean of independent NEES lies in its 95 % band."""
+    """True if the mean of independent NEES lies in its 95 % band."""
     low, high = chi2.ppf([0.025, 0.975], states * len(nees)) / len(nees)
     return low < nees.mean() < high
 
 
 @pytest.fixture(scope="module")
 def field():
-    """A noise-free drive of the simulated robot; reference at the rate of the fixes."""
+    """A noise-free drive of the simulated robot, with the reference at the rate of the fixes."""
     return FieldWhite(duration_s=30.0, noise=False, reference_rate_hz=5.0).load(1)
 
 
@@ -105,21 +98,28 @@ def noisy_field():
 
 
 def position_errors(model, recording):
-    estimate = model.estimate(recording, Tilt().estimate(recording), NoAdaptation())
+    estimate = model.estimate_compiled(recording, Tilt().estimate(recording), NoAdaptation())
     assert estimate.failure == ""
     return estimate, np.linalg.norm(estimate.position_m - recording.reference.enu_m[estimate.index], axis=1)
 
 
-def test_a_perfect_recording_gives_the_truth(field):
+def test_a_perfect_recording_gives_the_truth_also_with_body_velocities(field):
     estimate, error = position_errors(Eskf15(), field)
     truth = field.reference
-
     assert error.max() < 1e-3
     assert np.abs(estimate.velocity_mps - truth.velocity_mps[estimate.index]).max() < 3e-3
     turns = Rotation.from_euler("ZYX", estimate.euler_rad[:, ::-1])
     true = Rotation.from_euler("ZYX", truth.euler_rad[estimate.index][:, ::-1])
     assert (turns * true.inv()).magnitude().max() < 3e-3
     assert np.nanmax(estimate.updates.nis) < 0.1
+    recording = shown_in_body(field)
+    wrong = Tilt().estimate(field)  # errors of the attitude filter after the start have no effect
+    late = np.arange(len(wrong.t_s)) > 100
+    turn = Rotation.from_euler("x", 0.3).as_matrix()
+    wrong = replace(wrong, dcm=np.where(late[:, None, None], wrong.dcm @ turn, wrong.dcm))
+    estimate = Eskf15().estimate(recording, wrong, NoAdaptation())
+    error = estimate.position_m - recording.reference.enu_m[estimate.index]
+    assert np.abs(error).max() < 1e-3
 
 
 def shown_in_body(recording):
@@ -131,25 +131,13 @@ def shown_in_body(recording):
     )
 
 
-def test_a_velocity_in_the_body_is_turned_with_its_own_attitude(field):
-    recording = shown_in_body(field)
-    wrong = Tilt().estimate(field)  # the attitude filter is off after the start; this one must not care
-    late = np.arange(len(wrong.t_s)) > 100
-    turn = Rotation.from_euler("x", 0.3).as_matrix()
-    wrong = replace(wrong, dcm=np.where(late[:, None, None], wrong.dcm @ turn, wrong.dcm))
-    estimate = Eskf15().estimate(recording, wrong, NoAdaptation())
-
-    error = estimate.position_m - recording.reference.enu_m[estimate.index]
-    assert np.abs(error).max() < 1e-3
-
-
 def with_wheel(recording, scale):
-    """The recording with a wheel's speed in the place of its velocity."""
+    """The recording with a wheel speed instead of the velocity."""
     shown = shown_in_body(recording).velocity
     return replace(recording, velocity=Velocity.along_course(shown.t_s, scale * shown.mps[:, 0], 0.03))
 
 
-def test_a_wheel_that_shows_too_much_is_found_out(noisy_field):
+def test_the_scale_error_of_a_wheel_is_estimated(noisy_field):
     recording = PositionOutage(windows_s=((20.0, 30.0),)).apply(with_wheel(noisy_field, 1.05), 0)
     attitude = Tilt().estimate(recording)
     trusting, careful = (
@@ -168,19 +156,15 @@ def test_a_wheel_that_shows_too_much_is_found_out(noisy_field):
     assert errors[1] < 0.5 * errors[0]
 
 
-def test_a_wheel_stands_on_its_own_point_and_its_absent_axes_are_no_rows(field):
+def test_lever_arms_of_wheel_and_antenna_are_used_and_absent_axes_ignored(field):
     arm = np.array([-1.5, 0.4, -0.6])
     recording = with_wheel(field, 1.0)
     rate = field.imu.gyro_radps[np.searchsorted(field.imu.t_s, recording.velocity.t_s - 1e-6)]
     there = recording.velocity.mps[:, 0] + np.cross(rate, arm)[:, 0]
     shown = replace(recording, velocity=Velocity.along_course(recording.velocity.t_s, there, 0.03))
     estimate, _ = position_errors(Eskf15(nonholonomic_point_m=tuple(arm)), shown)
-
     assert np.nanmax(estimate.updates.nis) < 0.1
     assert set(estimate.updates.rows) <= {1.0, 4.0}
-
-
-def test_the_lever_arm_carries_the_antenna_to_the_imu_and_back(field):
     arm = np.array([0.8, -0.4, 1.5])
     rows = np.searchsorted(field.reference.t_s, field.position.t_s - 1e-6)
     turn = Rotation.from_euler("ZYX", field.reference.euler_rad[rows][:, ::-1])
@@ -191,7 +175,6 @@ def test_the_lever_arm_carries_the_antenna_to_the_imu_and_back(field):
     back = Eskf15(antenna_m=tuple(arm), reference_point_m=tuple(arm)).estimate(
         recording, Tilt().estimate(field), NoAdaptation()
     )
-
     assert at_imu.max() < 1e-2
     assert ignored.max() > 1.0
     shown = replace(recording, reference=Reference(antenna.t_s, "", independent=True, enu_m=antenna.enu_m))
@@ -199,7 +182,11 @@ def test_the_lever_arm_carries_the_antenna_to_the_imu_and_back(field):
 
 
 def test_nees_lies_in_its_band_and_the_biases_within_three_sigma():
-    nees, _, biases = outcomes_of(tuned_to_white_noise(), 6, "per_sample", 30.0)
+    """The noise is 0.0017 rad/s and 0.02 m/s2 per sample at 100 Hz, and the biases are those of `imu_bias`."""
+    arw, vrw = float(np.rad2deg(0.0017) / 10.0 * 60.0), 0.02 / 10.0 * 60.0
+    gyro = float(np.rad2deg(0.002) * 3600.0)
+    model = Eskf15(arw, vrw, gyro_instability_deg_per_h=0.0, gyro_turn_on_deg_per_h=gyro, accel_turn_on_mg=8.2)
+    nees, _, biases = outcomes_of(model, 6, "per_sample", 30.0)
 
     assert in_its_band(nees, 15)
     assert (biases < 3.0).sum() >= 5
@@ -211,7 +198,7 @@ def test_nees_lies_in_its_band_and_the_biases_within_three_sigma():
     [("tactical", TACTICAL, Eskf15), ("consumer", CONSUMER, Eskf15), ("tactical", TACTICAL, InvariantEkf)],
 )
 def test_the_grades_of_imu_are_consistent_too(imu, grade, kind, monkeypatch):
-    """The invariant one with the tactical grade alone: with large biases its missing second order shows in its NEES."""
+    """The invariant filter is tested with the tactical grade only: with large biases its NEES is too high."""
     monkeypatch.setitem(GRADES, imu, grade)
     nees, of_navigation, biases = outcomes_of(kind(**asdict(tuned(grade))), 20, imu)
 
@@ -220,22 +207,18 @@ def test_the_grades_of_imu_are_consistent_too(imu, grade, kind, monkeypatch):
     assert (biases < 3.0).sum() >= 19
 
 
-@pytest.mark.parametrize("imu", GRADES)
-def test_there_is_a_preset_for_each_grade_of_imu(imu):
-    made = asdict(plugins.create("filter", preset("filter", f"eskf15_{imu}")))
-    wanted = asdict(tuned(GRADES[imu]))
-    given = {name: value for name, value in made.items() if isinstance(value, float)}
-
-    assert given == pytest.approx({name: wanted[name] for name in given}, rel=1e-3)
-    assert all(value == wanted[name] for name, value in made.items() if name not in given)
-
-
 @pytest.mark.parametrize("name", [*GRADES, "drive"])
-def test_the_invariant_filter_has_the_same_presets(name):
+def test_there_is_a_preset_of_both_filters_for_each_grade_of_imu(name):
     mine, other = (plugins.create("filter", preset("filter", f"{kind}_{name}")) for kind in ("iekf", "eskf15"))
 
     assert isinstance(mine, InvariantEkf)
-    assert asdict(mine) == asdict(other)
+    made = asdict(mine)
+    assert made == asdict(other)
+    if name in GRADES:
+        requested = asdict(tuned(GRADES[name]))
+        given = {key: value for key, value in made.items() if isinstance(value, float)}
+        assert given == pytest.approx({key: requested[key] for key in given}, rel=1e-3)
+        assert all(value == requested[key] for key, value in made.items() if key not in given)
 
 
 def test_scale_factors_and_misalignments_make_it_overconfident():
@@ -245,13 +228,13 @@ def test_scale_factors_and_misalignments_make_it_overconfident():
 
 
 def rotating_recording(t_end_s=20.0):
-    """At rest at the origin, with headings a quarter of a turn away from the first yaw, across the branch of atan2."""
+    """At rest at the origin, with headings 90 degrees away from the initial yaw, across the branch of atan2."""
     rest = recording_at_rest(duration_s=t_end_s, velocity=None, static_start_s=2.0)
     t_s = np.arange(1, 5 * int(t_end_s)) / 5.0
     return replace(rest, heading=Heading(t_s, np.full(len(t_s), -3.1), np.full(len(t_s), 0.01)))
 
 
-def test_headings_turn_it_the_short_way():
+def test_headings_correct_the_yaw_along_the_shorter_way():
     recording = rotating_recording()
     attitude = level_attitude(recording)
     attitude = replace(attitude, euler_rad=attitude.euler_rad + np.array([0.0, 0.0, 3.0]))
@@ -267,7 +250,7 @@ def test_headings_turn_it_the_short_way():
 
 
 def drifting(seed=3, length_s=30.0):
-    """A body at rest whose accelerometer drifts away without fixes."""
+    """A body at rest without fixes, whose position drifts because of its accelerometer."""
     rest = recording_at_rest(duration_s=length_s, velocity=None, static_start_s=2.0)
     rng = np.random.default_rng(seed)
     n = len(rest.imu.t_s)
@@ -279,22 +262,17 @@ def drifting(seed=3, length_s=30.0):
     return GnssOutage(windows_s=((10.0, length_s),)).apply(replace(rest, imu=imu), 0)
 
 
-def test_zero_velocity_holds_a_body_that_stands():
+def test_zero_velocity_updates_stop_the_drift_of_a_stationary_body_only(noisy_field):
     recording = drifting()
     free, held = (position_errors(Eskf15(zero_velocity=z), recording)[1].max() for z in (False, True))
-
     assert held < 0.2
     assert free > 5.0 * held
-
-
-def test_zero_velocity_leaves_a_moving_one_alone(noisy_field):
     free, held = (position_errors(Eskf15(zero_velocity=z), noisy_field)[1] for z in (False, True))
     moving = noisy_field.reference.t_s[-len(free) :] > 8.0
-
     np.testing.assert_allclose(held[moving], free[moving], atol=5e-3)
 
 
-def test_a_steady_ride_is_not_taken_for_a_stop():
+def test_a_constant_velocity_is_not_detected_as_a_stop():
     rest = recording_at_rest(duration_s=20.0)
     speed = np.array([5.0, 0.0, 0.0])
     fixes, velocity, truth = rest.position, rest.velocity, rest.reference
@@ -318,14 +296,10 @@ def test_the_non_holonomic_constraint_helps_through_an_outage(noisy_field):
     assert bound < 0.6 * without
 
 
-def test_the_fix_sigma_replaces_the_reported_covariance(noisy_field):
+def test_the_fix_sigma_replaces_the_covariance_that_an_adaptation_receives(noisy_field):
     estimate, _ = position_errors(Eskf15(position_sigma_m=0.5), noisy_field)
-
     np.testing.assert_allclose(estimate.updates.R_diagonal[:, :3], 0.25)
     np.testing.assert_allclose(estimate.updates.R_diagonal[:, 3:5], 0.03**2)
-
-
-def test_an_adaptation_sees_the_rows_of_position_and_velocity(noisy_field):
     fixes = noisy_field.position
     jump = fixes.enu_m.copy()
     jump[100] += [5.0, 0.0, 0.0]
@@ -334,22 +308,21 @@ def test_an_adaptation_sees_the_rows_of_position_and_velocity(noisy_field):
     none, mtf = (Eskf15().estimate(recording, attitude, a) for a in (NoAdaptation(), Mtf()))
     at = np.flatnonzero(recording.reference.t_s[mtf.index] == fixes.t_s[100])[0]
     hit = np.argmin(np.abs(mtf.updates.t_s - fixes.t_s[100]))
-
     assert mtf.updates.R_diagonal[hit, 0] > 20.0
     assert np.abs(mtf.position_m[at] - recording.reference.enu_m[mtf.index[at]]).max() < 0.1
     assert np.abs(none.position_m[at] - recording.reference.enu_m[none.index[at]]).max() > 0.3
 
 
-def test_the_yaw_of_the_track_is_enough_where_there_is_no_other(field):
+def test_the_yaw_of_the_track_is_sufficient(field):
     recording = replace(field, velocity=None, heading=None)
-    lost = Tilt().estimate(recording)  # no course and no heading: its yaw starts at 0
-    estimate = Eskf15(yaw_source="track", initial_yaw_sigma_rad=0.2).estimate(recording, lost, NoAdaptation())
+    attitude = Tilt().estimate(recording)  # without a course and a heading, its yaw starts at 0
+    estimate = Eskf15(yaw_source="track", initial_yaw_sigma_rad=0.2).estimate(recording, attitude, NoAdaptation())
     off = estimate.euler_rad[-1, 2] - recording.reference.euler_rad[estimate.index[-1], 2]
 
     assert abs(np.remainder(off + np.pi, 2 * np.pi) - np.pi) < 0.02
 
 
-def test_noise_comes_in_the_units_of_data_sheets():
+def test_noise_is_given_in_the_units_of_data_sheets():
     model = Eskf15(6.0, 1.8, gyro_instability_deg_per_h=20.0, accel_instability_mg=0.1, accel_correlation_s=100.0)
     noise = model.sensor_noise()
 
@@ -371,14 +344,14 @@ def test_it_reports_a_divergence(noisy_field):
 
 
 @pytest.mark.parametrize(
-    ("parameters", "sentence"),
+    ("parameters", "message"),
     [
         ({"yaw_source": "trak"}, "Did you mean 'track'"),
         ({"position_sigma_m": 0.0}, "position_sigma_m is 0.0; it must be positive"),
         ({"gyro_instability_deg_per_h": -1.0}, "it must be 0 .constant. or more"),
-        ({"antenna_m": (1.0, 2.0)}, "give three: forward, left, up"),
+        ({"antenna_m": (1.0, 2.0)}, "give three numbers: forward, left, up"),
     ],
 )
-def test_a_wrong_parameter_is_a_sentence(parameters, sentence):
-    with pytest.raises(PluginError, match=sentence):
+def test_an_invalid_parameter_raises(parameters, message):
+    with pytest.raises(PluginError, match=message):
         Eskf15(**parameters)

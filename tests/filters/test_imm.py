@@ -1,4 +1,4 @@
-"""Interacting multiple models against filterpy's own, and where the result is known without any."""
+"""Interacting multiple models against filterpy, and in cases with a known result."""
 
 from dataclasses import replace
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import IMMEstimator, KalmanFilter
 
-from jerkbench.adaptation.none import NoAdaptation
-from jerkbench.adaptation.oracle import Oracle
+from jerkbench.adaptation.none import NoAdaptation, Oracle
 from jerkbench.engines.filterpy_engine import FilterpyEngine
 from jerkbench.errors import PluginError
 from jerkbench.filters.imm import InteractingMultipleModels
@@ -17,7 +16,7 @@ from synthetic import level_attitude, recording_at_rest
 
 
 def noisy_recording(seed=1, **options):
-    """A body that rests, measured with the noise that is reported, and with a changing input."""
+    """A body at rest, with measurement noise as reported and with a varying input."""
     recording = recording_at_rest(**options)
     rng = np.random.default_rng(seed)
     n = len(recording.position.t_s)
@@ -32,7 +31,7 @@ def noisy_recording(seed=1, **options):
 
 
 def filterpy_filter(model, timeline, extra=None):
-    """A filterpy filter of one step length, its matrices written out axis by axis."""
+    """A filterpy filter for one step length, with its matrices built axis by axis."""
     dt = float(timeline.dt_s[1])
     A, b, Q = model.axis_model(dt, timeline.dt0_s)
     if extra is not None:
@@ -49,7 +48,7 @@ def filterpy_filter(model, timeline, extra=None):
     return kf
 
 
-def test_it_agrees_with_filterpy_where_each_step_has_an_update():
+def test_it_agrees_with_filterpy_if_each_step_has_an_update():
     recording, attitude = noisy_recording(duration_s=12.0, imu_rate_hz=5, gnss_rate_hz=5)
     timeline = build_timeline(recording, attitude)
     filters = [filterpy_filter(Baseline(0.2), timeline, extra=400.0), filterpy_filter(Jerk(), timeline)]
@@ -69,39 +68,35 @@ def test_it_agrees_with_filterpy_where_each_step_has_an_update():
     np.testing.assert_allclose(estimate.covariance[1:], [P for _, P in expected], rtol=1e-8, atol=1e-13)
 
 
-def without_some_rows(recording):
+def test_two_equal_models_equal_the_single_model_with_absent_rows():
+    recording, attitude = noisy_recording(duration_s=10.0)
     masked = recording.velocity.mps.copy()
     masked[10:20], masked[20:, 2] = np.nan, np.nan
-    return replace(recording, velocity=replace(recording.velocity, mps=masked))
-
-
-def test_one_model_twice_is_that_model_alone_with_rows_absent_too():
-    recording, attitude = noisy_recording(duration_s=10.0)
-    recording = without_some_rows(recording)
-    alone = FilterpyEngine().run(build_timeline(recording, attitude), Baseline(0.3), NoAdaptation())
+    recording = replace(recording, velocity=replace(recording.velocity, mps=masked))
+    single = FilterpyEngine().run(build_timeline(recording, attitude), Baseline(0.3), NoAdaptation())
     twice = InteractingMultipleModels("baseline", "baseline", first_accel_mps2=0.3, second_accel_mps2=0.3)
     estimate = twice.estimate(recording, attitude, NoAdaptation())
 
-    np.testing.assert_allclose(estimate.position_m, alone.position_m, atol=1e-10)
-    np.testing.assert_allclose(estimate.covariance, alone.covariance, rtol=1e-8, atol=1e-14)
-    np.testing.assert_allclose(estimate.updates.nis, alone.updates.nis, rtol=1e-8)
-    np.testing.assert_allclose(estimate.updates.innovation, alone.updates.innovation, atol=1e-10)
+    np.testing.assert_allclose(estimate.position_m, single.position_m, atol=1e-10)
+    np.testing.assert_allclose(estimate.covariance, single.covariance, rtol=1e-8, atol=1e-14)
+    np.testing.assert_allclose(estimate.updates.nis, single.updates.nis, rtol=1e-8)
+    np.testing.assert_allclose(estimate.updates.innovation, single.updates.innovation, atol=1e-10)
 
 
 @pytest.mark.parametrize(("probability", "model"), [(1 - 1e-9, Baseline(0.2)), (1e-9, Jerk())])
-def test_a_model_that_is_certain_is_that_model_alone(probability, model):
+def test_a_model_with_probability_one_equals_the_single_model(probability, model):
     recording, _ = noisy_recording(duration_s=6.0)
-    attitude = level_attitude(recording)  # both explain this well: no likelihood outweighs the certainty
-    alone = FilterpyEngine().run(build_timeline(recording, attitude), model, NoAdaptation())
+    attitude = level_attitude(recording)  # both models fit, so the likelihoods do not change the probabilities
+    single = FilterpyEngine().run(build_timeline(recording, attitude), model, NoAdaptation())
     sure = InteractingMultipleModels(first_stays=probability, second_stays=1 - probability)
     sure = replace(sure, first_probability=probability)
     estimate = sure.estimate(recording, attitude, NoAdaptation())
 
-    np.testing.assert_allclose(estimate.position_m, alone.position_m, atol=1e-6)
+    np.testing.assert_allclose(estimate.position_m, single.position_m, atol=1e-6)
 
 
 def test_the_model_that_fits_gets_the_weight():
-    recording, attitude = noisy_recording(duration_s=20.0)  # from 10 s on, 2 m/s2 of the input are false
+    recording, attitude = noisy_recording(duration_s=20.0)  # after 10 s the input has an error of 2 m/s2
     pair = InteractingMultipleModels("baseline", "baseline", first_accel_mps2=0.1, second_accel_mps2=5.0)
     estimate = pair.estimate(recording, attitude, NoAdaptation())
     sigma = np.sqrt(estimate.covariance[:, 4, 4])
@@ -124,12 +119,9 @@ def test_the_oracle_gets_the_true_covariance():
     np.testing.assert_allclose(estimate.updates.R_diagonal[:, :3], 1.0)
 
 
-def test_models_with_different_third_states_cannot_be_mixed():
+def test_invalid_models_and_probabilities_raise():
     with pytest.raises(PluginError, match=r"cannot mix jerk with bias"):
         InteractingMultipleModels("jerk", "bias")
-
-
-def test_a_wrong_name_or_probability_is_a_sentence():
     with pytest.raises(PluginError, match="Did you mean 'jerk'"):
         InteractingMultipleModels(second="jrk")
     with pytest.raises(PluginError, match="first_stays"):

@@ -1,4 +1,4 @@
-"""The compiled mixture against the NumPy one, over pairs of models and adaptations."""
+"""The compiled mixture against the NumPy mixture, for pairs of models and for adaptations."""
 
 from functools import cache
 
@@ -20,10 +20,10 @@ from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.noise import NoiseStep
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
-from jerkbench.filters.common import of_r_alone
+from jerkbench.filters.common import adaptations_of_r
 from jerkbench.filters.imm import InteractingMultipleModels
-from jerkbench.kinematic.mixture import mix_alone
-from jerkbench.kinematic.plugin_call import compiled_rule
+from jerkbench.kinematic.mixture import mix_single
+from jerkbench.kinematic.rules import compiled_rule
 from jerkbench.timeline import RecordedRun, build_timeline
 
 PAIRS = [("baseline", "jerk"), ("jerk", "baseline"), ("baseline", "baseline"), ("bias", "bias")]
@@ -38,14 +38,14 @@ def recorded():
 
 def compare(model, adaptation):
     timeline = build_timeline(*recorded())
-    wanted = model._mixture(timeline, adaptation).to_the_end()
+    requested = model._mixture(timeline, adaptation).run()
     got = model.estimate_compiled(*recorded(), adaptation)
 
     @cache
     def changed(seed):
-        return model._mixture(with_other_last_bits(timeline, seed), adaptation).to_the_end()
+        return model._mixture(with_other_last_bits(timeline, seed), adaptation).run()
 
-    return agree_runs(timeline, got, wanted, changed), wanted
+    return agree_runs(timeline, got, requested, changed), requested
 
 
 @pytest.mark.slow
@@ -54,12 +54,12 @@ def test_it_agrees_with_numpy_for_each_pair(first, second):
     compare(InteractingMultipleModels(first, second), Mtf())
 
 
-@pytest.mark.parametrize("name", of_r_alone())
+@pytest.mark.parametrize("name", adaptations_of_r())
 def test_it_agrees_with_numpy_with_each_adaptation(name):
     compare(InteractingMultipleModels(), plugins.create("adaptation", {"name": name}))
 
 
-def test_an_adaptation_changes_what_both_filters_take_for_noise():
+def test_an_adaptation_changes_the_noise_of_both_filters():
     model = InteractingMultipleModels()
     (_, plain), (_, adapted) = compare(model, NoAdaptation()), compare(model, Mtf())
 
@@ -68,25 +68,25 @@ def test_an_adaptation_changes_what_both_filters_take_for_noise():
 
 
 @pytest.mark.slow
-def test_its_sums_are_those_of_a_trajectory():
+def test_sums_agree_with_the_trajectory():
     (recording, attitude), model = recorded(), InteractingMultipleModels()
     timeline = build_timeline(recording, attitude)
     scene = prepare_reference(recording, timeline, 2.0)
     run = RecordedRun(recording, attitude, timeline, scene.scoring)
     one, _ = model.run_settings([run] * 2, [model] * 2, [Mtf()] * 2, updates=True, attitude=True, threads=2)
     estimate = model.estimate(recording, attitude, Mtf())
-    wanted = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
+    requested = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
     got = sums_from(one, scene, recording)
 
-    assert_same_sums(got, wanted)
+    assert_same_sums(got, requested)
     assert one.euler_rad is None
     np.testing.assert_allclose(one.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)
 
 
-def test_it_stops_where_numpy_stops():
+def test_it_diverges_at_the_same_time_as_numpy():
     timeline = with_a_negative_variance(build_timeline(*recorded()), 50)
     model = InteractingMultipleModels()
-    got = mix_alone(timeline, model.start(timeline), compiled_rule(Mtf()))
-    wanted = model._mixture(timeline, Mtf()).to_the_end()
+    got = mix_single(timeline, model.start(timeline), compiled_rule(Mtf()))
+    requested = model._mixture(timeline, Mtf()).run()
 
-    assert_same_until_it_stops(got, wanted)
+    assert_same_until_it_stops(got, requested)

@@ -1,6 +1,6 @@
-"""The smoother against filterpy's, and against one least-squares solution of the whole run."""
+"""The smoother against filterpy, and against the least-squares solution of the complete run."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def start(timeline, model):
 
 
 def smoothed_by_filterpy(timeline, model, fade=1.0):
-    """The states and covariances after filterpy's smoother, with P- times ``fade`` at each update."""
+    """States and covariances of filterpy's smoother, with P- multiplied by ``fade`` at each update."""
     x, P = start(timeline, model)
     kf = KalmanFilter(dim_x=len(x), dim_z=6)
     kf.x, kf.P, kf.H = x[:, None], P, np.eye(6, len(x))
@@ -59,16 +59,16 @@ def smoothed_by_filterpy(timeline, model, fade=1.0):
         kf.predict(F=F, Q=Q)
         if update >= 0:
             kf.update(timeline.measurements.z[update][:, None], R=timeline.measurements.R[update])
-        for kept, value in zip((xs, Ps, Fs, Qs), (kf.x.copy(), kf.P.copy(), F, Q), strict=True):
-            kept.append(value)
+        for values, value in zip((xs, Ps, Fs, Qs), (kf.x.copy(), kf.P.copy(), F, Q), strict=True):
+            values.append(value)
     xs, Ps, _, _ = kf.rts_smoother(np.array(xs), np.array(Ps), Fs, Qs)
     at = np.flatnonzero(timeline.reference >= 0)
     return xs[at, :, 0], Ps[at]
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_it_agrees_with_filterpy_over_a_whole_run(name):
-    recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)  # u = 0: filterpy's smoother knows no input
+def test_it_agrees_with_filterpy_over_a_complete_run(name):
+    recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)  # u = 0, because filterpy's smoother has no input
     attitude, smoother = level_attitude(recording), smoother_of(name)
     xs, Ps = smoothed_by_filterpy(build_timeline(recording, attitude), smoother.kinematic_filter())
 
@@ -79,7 +79,7 @@ def test_it_agrees_with_filterpy_over_a_whole_run(name):
 
 
 def batch_solution(timeline, model):
-    """The mean and covariance of all states at once, given all measurements."""
+    """Mean and covariance of the states of all steps, given all measurements."""
     x, P = start(timeline, model)
     n, s = len(timeline.dt_s), len(x)
     mean, joint = np.zeros((n, s)), np.zeros((n * s, n * s))
@@ -103,7 +103,7 @@ def batch_solution(timeline, model):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_it_is_the_batch_solution_of_all_measurements_with_input_and_rows_absent(name):
+def test_it_equals_the_batch_solution_with_input_and_absent_rows(name):
     recording = noisy_recording(duration_s=4.0, imu_rate_hz=10, gnss_rate_hz=2)
     masked = recording.velocity.mps.copy()
     masked[3:6, 1], masked[5] = np.nan, np.nan
@@ -127,7 +127,7 @@ def test_it_is_the_batch_solution_of_all_measurements_with_input_and_rows_absent
         np.testing.assert_allclose(covariance, covariances[k][:6, :6], rtol=1e-4, atol=1e-8)
 
 
-def test_at_the_end_it_is_the_filter_and_before_it_is_surer():
+def test_it_equals_the_filter_at_the_end_and_has_a_smaller_covariance_before():
     recording = noisy_recording(duration_s=6.0)
     attitude, smoother = level_attitude(recording), RauchTungStriebel("jerk")
     timeline = build_timeline(recording, attitude)
@@ -142,54 +142,44 @@ def test_at_the_end_it_is_the_filter_and_before_it_is_surer():
     assert estimate.covariance[100, 0, 0] < 0.7 * filtered.covariance[100, 0, 0]
 
 
-@dataclass(frozen=True)
-class Spoil(NoAdaptation):
-    def adapt(self, innovation, HPHt, R, rows, memory):
-        return -R
+def adapting(**methods):
+    return type("Adapting", (NoAdaptation,), methods)()
 
 
 def test_a_forward_pass_that_diverges_is_smoothed_up_to_there():
     recording = noisy_recording(duration_s=2.0)
-    estimate = RauchTungStriebel().estimate(recording, level_attitude(recording), Spoil())
+    estimate = RauchTungStriebel().estimate(
+        recording, level_attitude(recording), adapting(adapt=lambda self, y, HPHt, R, *_: -R)
+    )
 
     assert estimate.failure == "the covariance is no longer positive definite at 0.40 s"
     assert recording.reference.t_s[estimate.index[-1]] == pytest.approx(0.39)
 
 
-def test_it_takes_all_adaptations_but_those_that_choose_the_prior_or_the_gain():
+def test_it_supports_all_valid_models_and_adaptations_except_of_the_prior_or_the_gain():
     accepted = set(RauchTungStriebel().adaptations)
     choosers = {
         n for n in plugins.names("adaptation") if {"adapt_prior", "adapt_gain"} & set(dir(plugins.get("adaptation", n)))
     }
-
     assert accepted == set(plugins.names("adaptation")) - choosers
     assert {"none", "mtf", "oracle", "scalar_q"} <= accepted
-
-
-@dataclass(frozen=True)
-class Doubles(NoAdaptation):
-    def fade(self, innovation, HPHt, R, rows, memory):
-        return 2.0
-
-
-def test_a_faded_covariance_is_a_larger_process_noise_of_the_step_before():
-    """The smoother of the same run with Q + P-: the least squares of all measurements knows no more than that."""
-    recording = noisy_recording(duration_s=2.0, imu_rate_hz=10, gnss_rate_hz=2)
-    attitude, smoother = level_attitude(recording), RauchTungStriebel("baseline")
-    xs, Ps = smoothed_by_filterpy(build_timeline(recording, attitude), smoother.kinematic_filter(), fade=2.0)
-
-    estimate = smoother.estimate(recording, attitude, Doubles())
-    np.testing.assert_allclose(estimate.position_m, xs[:, :3], atol=1e-9)
-    np.testing.assert_allclose(estimate.covariance, Ps, rtol=1e-6, atol=1e-12)
-
-
-def test_a_wrong_model_is_a_sentence():
     with pytest.raises(PluginError, match="Did you mean 'jerk'"):
         RauchTungStriebel("jrk")
     with pytest.raises(PluginError, match=r"filter=rts_fixes filter\.model=acceleration"):
         RauchTungStriebel("acceleration")
     with pytest.raises(PluginError, match="Did you mean 'constant_turn'"):
         SmoothedFixes("constant_tun")
+
+
+def test_a_faded_covariance_is_a_larger_process_noise_of_the_step_before():
+    """Fading P- by 2 is equivalent to adding P- to Q in the step before."""
+    recording = noisy_recording(duration_s=2.0, imu_rate_hz=10, gnss_rate_hz=2)
+    attitude, smoother = level_attitude(recording), RauchTungStriebel("baseline")
+    xs, Ps = smoothed_by_filterpy(build_timeline(recording, attitude), smoother.kinematic_filter(), fade=2.0)
+
+    estimate = smoother.estimate(recording, attitude, adapting(fade=lambda self, *update: 2.0))
+    np.testing.assert_allclose(estimate.position_m, xs[:, :3], atol=1e-9)
+    np.testing.assert_allclose(estimate.covariance, Ps, rtol=1e-6, atol=1e-12)
 
 
 def fixes_of_a_circle(radius_m=40.0, speed_mps=8.0, gap_s=(20.0, 26.0), sigma_m=0.01):
@@ -208,7 +198,7 @@ def smoothed_circle(**settings):
     return estimate, np.linalg.norm(estimate.position_m - recording.reference.enu_m, axis=1)
 
 
-def test_over_a_turn_that_is_none_it_is_the_smoother_of_a_constant_velocity():
+def test_without_a_turn_it_equals_the_smoother_over_constant_velocity():
     straight, _ = smoothed_circle()
     turning, _ = smoothed_circle(model="constant_turn", turn_walk_radps_per_sqrt_s=1e-8, initial_turn_radps=1e-7)
 
@@ -217,7 +207,7 @@ def test_over_a_turn_that_is_none_it_is_the_smoother_of_a_constant_velocity():
 
 
 def test_an_update_without_rows_neither_fades_nor_adapts():
-    """The innovation of an outlier makes `scalar_q` fade by hundreds; the rows behind it are not there."""
+    """`scalar_q` fades by a factor of hundreds after an outlier, but the rows of the next update are absent."""
     recording = noisy_recording(duration_s=6.0, imu_rate_hz=50)
     timeline = build_timeline(recording, level_attitude(recording))
     at = len(timeline.measurements.z) // 2

@@ -1,4 +1,4 @@
-"""The compiled smoother against the NumPy one, over models and adaptations, alone and side by side."""
+"""The compiled smoother against the NumPy smoother, for models and adaptations, separately and in batches."""
 
 from dataclasses import replace
 from functools import cache
@@ -23,7 +23,7 @@ from jerkbench.engines.compiled_engine import CompiledEngine
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
 from jerkbench.filters.rts import RauchTungStriebel, SmoothedFixes
-from jerkbench.kinematic.plugin_call import compiled_rule
+from jerkbench.kinematic.rules import compiled_rule
 from jerkbench.kinematic.smoother import smooth_one
 from jerkbench.timeline import RecordedRun, build_timeline
 
@@ -32,7 +32,7 @@ MODELS = ("baseline", "bias", "jerk")
 
 @cache
 def recorded(gap_s=(0.0, 0.0)):
-    """A drive whose receiver is worse for a while, with rows missing, and all of them within ``gap_s``."""
+    """A drive with a time of larger receiver noise, with missing rows, and with no rows within ``gap_s``."""
     recording = NoiseStep().apply(Field(duration_s=12.0).load(4), 0)
     velocity, position = recording.velocity, recording.position
     mps, enu_m = velocity.mps.copy(), position.enu_m.copy()
@@ -45,14 +45,14 @@ def recorded(gap_s=(0.0, 0.0)):
 
 def compare(model, adaptation):
     timeline = build_timeline(*recorded())
-    wanted = model.smooth(timeline, adaptation)
+    requested = model.smooth(timeline, adaptation)
     got = smooth_one(timeline, model.kinematic_filter(), compiled_rule(adaptation))
 
     @cache
     def changed(seed):
         return model.smooth(with_other_last_bits(timeline, seed), adaptation)
 
-    return agree_runs(timeline, got, wanted, changed), got, wanted
+    return agree_runs(timeline, got, requested, changed), got, requested
 
 
 @pytest.mark.slow
@@ -63,7 +63,7 @@ def test_it_agrees_with_numpy_with_each_model(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["constant_velocity", "acceleration"])
-def test_it_agrees_with_numpy_over_fixes_alone(name):
+def test_it_agrees_with_numpy_without_the_imu(name):
     compare(SmoothedFixes(name), NoAdaptation())
 
 
@@ -73,22 +73,22 @@ def test_it_agrees_with_numpy_with_each_adaptation(name):
 
 
 @pytest.mark.parametrize("name", [pytest.param("baseline", marks=pytest.mark.slow), *MODELS[1:]])
-def test_in_a_gap_the_covariance_has_the_digits_that_the_difference_of_two_large_ones_leaves(name):
+def test_in_a_gap_the_covariance_agrees_within_the_rounding_error_of_a_difference(name):
     recording, attitude = recorded((6.0, 10.0))
     model = RauchTungStriebel(name)
-    wanted = model.estimate(recording, attitude, NoAdaptation())
+    requested = model.estimate(recording, attitude, NoAdaptation())
     got = model.estimate_compiled(recording, attitude, NoAdaptation())
     filtered = CompiledEngine().run(build_timeline(recording, attitude), model.kinematic_filter(), NoAdaptation())
 
-    np.testing.assert_allclose(got.position_m, wanted.position_m, rtol=0.0, atol=1e-9)
-    variances = (np.einsum("nii->ni", estimate.covariance) for estimate in (got, wanted, filtered))
+    np.testing.assert_allclose(got.position_m, requested.position_m, rtol=0.0, atol=1e-9)
+    variances = (np.einsum("nii->ni", estimate.covariance) for estimate in (got, requested, filtered))
     mine, theirs, prior = variances
     assert (prior / theirs).max() > 100.0
     assert np.abs((mine - theirs) / prior).max() < 1e-12
 
 
 @pytest.mark.slow
-def test_its_sums_are_those_of_a_trajectory_with_settings_side_by_side():
+def test_sums_of_a_batch_agree_with_the_trajectories():
     models = [RauchTungStriebel("jerk", accel_mps2=0.1 * (1 + k)) for k in range(3)]
     (recording, attitude), timeline = recorded(), build_timeline(*recorded())
     scene = prepare_reference(recording, timeline, 2.0)
@@ -97,15 +97,15 @@ def test_its_sums_are_those_of_a_trajectory_with_settings_side_by_side():
 
     for model, result in zip(models, results, strict=True):
         estimate = model.estimate(recording, attitude, Mtf())
-        wanted = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
+        requested = sums_of(estimate, recording, counted_rows(estimate, recording, 2.0))
         got = sums_from(result, scene, recording)
-        assert_same_sums(got, wanted)
+        assert_same_sums(got, requested)
         np.testing.assert_allclose(result.updates.nis_used, estimate.updates.nis_used, rtol=1e-7)
 
 
-def test_where_the_filter_stops_what_comes_before_is_smoothed():
+def test_if_the_filter_diverges_the_steps_before_are_smoothed():
     timeline = with_a_negative_variance(build_timeline(*recorded()), 50)
     model, rule = RauchTungStriebel("jerk"), compiled_rule(Mtf())
-    got, wanted = smooth_one(timeline, model.kinematic_filter(), rule), model.smooth(timeline, Mtf())
+    got, requested = smooth_one(timeline, model.kinematic_filter(), rule), model.smooth(timeline, Mtf())
 
-    assert_same_until_it_stops(got, wanted)
+    assert_same_until_it_stops(got, requested)

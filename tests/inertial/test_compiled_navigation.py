@@ -14,9 +14,8 @@ from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
-from jerkbench.filters.common import of_r_alone
-from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.iekf import InvariantEkf
+from jerkbench.filters.common import adaptations_of_r
+from jerkbench.filters.eskf15 import Eskf15, InvariantEkf
 from jerkbench.geometry import dcm_from_euler
 from jerkbench.inertial.compiled_runs import solve_compiled
 from jerkbench.inertial.run import InertialRun
@@ -68,7 +67,7 @@ def recorded(kind):
 
 
 def reference_run(journey, adaptation):
-    return InertialRun(journey, adaptation).over(journey.events)
+    return InertialRun(journey, adaptation).solve()
 
 
 class RoundedRun(InertialRun):
@@ -81,8 +80,8 @@ class RoundedRun(InertialRun):
         super().__init__(journey, adaptation)
         self.rng = np.random.default_rng(seed)
 
-    def _grow(self, Phi, Q):
-        super()._grow(Phi, Q)
+    def _propagate_covariance(self, Phi, Q):
+        super()._propagate_covariance(Phi, Q)
         sigma = np.sqrt(np.diag(self.P))
         units = np.tril(self.rng.integers(-1, 2, self.P.shape))
         self.P = self.P + 2.0 * np.finfo(float).eps * np.outer(sigma, sigma) * (units + np.tril(units, -1).T)
@@ -109,14 +108,14 @@ def with_other_inputs(journey, seed):
 
 def compare(kind, fields, adaptation, model=Eskf15):
     recording, attitude = recorded(kind)
-    journey = model(**fields).journey(recording, attitude)
+    journey = model(**fields).inputs(recording, attitude)
     wanted = reference_run(journey, adaptation)
     got = solve_compiled(journey, adaptation)
 
     @cache
     def changed(seed):
         other = with_other_inputs(journey, seed)
-        return RoundedRun(seed, other, adaptation).over(other.events).estimate
+        return RoundedRun(seed, other, adaptation).solve().estimate
 
     agreement = agree_runs(journey.timeline, got.estimate, wanted.estimate, changed)
     if agreement.flip is None:
@@ -141,7 +140,7 @@ def test_the_invariant_one_agrees_with_numpy_too(case):
     compare(kind, {**fields, "initial_yaw_sigma_rad": 0.5}, Mtf(), InvariantEkf)
 
 
-@pytest.mark.parametrize("name", of_r_alone())
+@pytest.mark.parametrize("name", adaptations_of_r())
 def test_it_agrees_with_numpy_with_each_adaptation(name):
     compare("enu", {}, plugins.create("adaptation", {"name": name}))
 
@@ -156,7 +155,7 @@ def test_what_is_estimated_of_the_sensors_agrees():
 
 def test_it_stops_where_numpy_stops():
     recording, attitude = recorded("enu")
-    journey = Eskf15().journey(recording, attitude)
+    journey = Eskf15().inputs(recording, attitude)
     journey = journey._replace(timeline=with_a_negative_variance(journey.timeline, 40))
     wanted = reference_run(journey, NoAdaptation()).estimate
     got = solve_compiled(journey, NoAdaptation()).estimate

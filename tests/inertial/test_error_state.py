@@ -9,10 +9,10 @@ from stepping import mechanise, transition
 from jerkbench.inertial.mechanisation import FLAT, SensorNoise, calibrated, process_noise
 from jerkbench.inertial.state import NavigationState, corrected
 from jerkbench.inertial.update import (
-    carried_over,
     heading,
     point_in_enu,
     reset,
+    transformed,
     velocity_in_body,
     wheel_speed,
 )
@@ -88,7 +88,7 @@ def test_an_error_beside_a_correction_has_the_numbers_of_the_new_state():
 
     np.testing.assert_allclose(G, numeric, atol=2e-4)
     assert np.abs(G - np.eye(15)).max() > 2e-3
-    np.testing.assert_allclose(carried_over(P, G), G @ P @ G.T, atol=1e-12)
+    np.testing.assert_allclose(transformed(P, G), G @ P @ G.T, atol=1e-12)
 
 
 def test_phi_is_the_derivative_of_the_mechanisation():

@@ -15,7 +15,7 @@ from jerkbench.datasets.field import FieldWhite
 from jerkbench.disturbances.outages import GnssOutage
 from jerkbench.filters.eskf15 import Eskf15, Eskf15Smoother
 from jerkbench.inertial.mechanisation import FLAT, process_noise
-from jerkbench.inertial.smoother import ForwardRun, backward
+from jerkbench.inertial.smoother import ForwardRun, smooth_backward
 from synthetic import level_attitude, recording_at_rest
 
 
@@ -79,14 +79,14 @@ def batch_solution(journey):
 def test_it_is_the_least_squares_solution_of_the_whole_run():
     recording = noisy_rest()
     model = Eskf15Smoother(**SMALL)
-    journey = model.journey(recording, level_attitude(recording))
+    journey = model.inputs(recording, level_attitude(recording))
     assert len(journey.events.dt_s) < 70
     assert journey.events.dt_s[0] == 0.0
     open_loop, errors, joint = batch_solution(journey)
     estimate = model.estimate(recording, level_attitude(recording), NoAdaptation())
     run = ForwardRun(journey, NoAdaptation())
-    run.over(journey.events)
-    nodes = backward(run.nodes)
+    run.solve()
+    nodes = smooth_backward(run.nodes)
 
     at = np.flatnonzero(journey.events.reference >= 0)
     assert [node.reference for node in run.nodes] == journey.events.reference[at].tolist()

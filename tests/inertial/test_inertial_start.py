@@ -106,7 +106,7 @@ def test_an_accelerometer_without_gravity_is_a_sentence():
     recording = recording_at_rest(duration_s=3.0, static_start_s=2.0)
     imu = replace(recording.imu, accel_mps2=np.zeros_like(recording.imu.accel_mps2))
 
-    with pytest.raises(RecordingError, match="cannot be levelled"):
+    with pytest.raises(RecordingError, match="must contain gravity"):
         start_of(replace(recording, imu=imu))
 
 

@@ -12,8 +12,7 @@ from test_error_state import STATE, WORN, derivative, difference
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.attitude.tilt import Tilt
 from jerkbench.datasets.field import FieldWhite
-from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.iekf import InvariantEkf
+from jerkbench.filters.eskf15 import Eskf15, InvariantEkf
 from jerkbench.inertial.mechanisation import FLAT, advance_navigation
 from jerkbench.inertial.update import corrected_on_group
 
@@ -108,7 +107,7 @@ def test_a_whole_run_agrees_with_the_filter_of_the_paper(drive):
     recording, attitude = drive
     model = InvariantEkf(initial_yaw_sigma_rad=0.5)
     solution = model.solve(recording, attitude, NoAdaptation())
-    journey = model.journey(recording, attitude)
+    journey = model.inputs(recording, attitude)
     start, P0 = journey.start
     T = np.eye(15)
     T[:9, :9] = numbers(start)

@@ -12,9 +12,8 @@ from jerkbench.adaptation.mtf import Mtf
 from jerkbench.adaptation.none import NoAdaptation
 from jerkbench.evaluation.counted_rows import counted_rows
 from jerkbench.evaluation.evaluated_run import prepare_reference, sums_from, sums_of
-from jerkbench.filters.eskf15 import Eskf15
-from jerkbench.filters.iekf import InvariantEkf
-from jerkbench.inertial.compiled_runs import stream_journeys
+from jerkbench.filters.eskf15 import Eskf15, InvariantEkf
+from jerkbench.inertial.compiled_runs import run_many_inertial
 from jerkbench.timeline import build_timeline
 
 
@@ -24,7 +23,7 @@ def scene_of(recording, attitude):
 
 def together(journeys, scenes, adaptations):
     scorings = [scene.scoring for scene in scenes]
-    return stream_journeys(journeys, scorings, adaptations, updates=True, attitude=True, threads=1)
+    return run_many_inertial(journeys, scorings, adaptations, updates=True, attitude=True, threads=1)
 
 
 def assert_same(result, scene, recording, estimate):
@@ -45,7 +44,7 @@ def test_each_run_has_its_own_settings_headings_and_missing_rows():
     recordings = [recording, torn, silent, recording]
     models = [Eskf15(), Eskf15(), Eskf15(), Eskf15(accel_turn_on_mg=30.0, velocity_random_walk_mps_per_sqrt_h=0.5)]
     adaptations = [Mtf(), Mtf(), NoAdaptation(), plugins.create("adaptation", {"name": "chi2"})]
-    journeys = [model.journey(own, attitude) for model, own in zip(models, recordings, strict=True)]
+    journeys = [model.inputs(own, attitude) for model, own in zip(models, recordings, strict=True)]
     scenes = [scene_of(own, attitude) for own in recordings]
 
     results = together(journeys, scenes, adaptations)
@@ -59,7 +58,7 @@ def test_each_run_has_its_own_settings_headings_and_missing_rows():
 @pytest.mark.parametrize("name", Eskf15().adaptations)
 def test_it_agrees_with_numpy_with_each_adaptation(name):
     (recording, attitude), adaptation = recorded("enu"), plugins.create("adaptation", {"name": name})
-    journey, scene = Eskf15().journey(recording, attitude), scene_of(recording, attitude)
+    journey, scene = Eskf15().inputs(recording, attitude), scene_of(recording, attitude)
 
     (result,) = together([journey], [scene], [adaptation])
 
@@ -68,7 +67,7 @@ def test_it_agrees_with_numpy_with_each_adaptation(name):
 
 def test_a_turn_of_more_than_a_tenth_of_a_radian_in_a_step():
     recording, attitude = recorded("enu")
-    journey, scene = Eskf15(use_heading=False).journey(recording, attitude), scene_of(recording, attitude)
+    journey, scene = Eskf15(use_heading=False).inputs(recording, attitude), scene_of(recording, attitude)
     gyro = journey.imu.gyro_radps.copy()
     gyro[300:310, 2] += 30.0
     gyro[310:320, 2] -= 30.0
@@ -94,7 +93,7 @@ MEASURED = {
 @pytest.mark.parametrize(("kind", "fields"), MEASURED.values(), ids=MEASURED)
 def test_whatever_it_measures(kind, fields):
     (recording, attitude), model = recorded(kind), Eskf15(**fields)
-    journey, scene = model.journey(recording, attitude), scene_of(recording, attitude)
+    journey, scene = model.inputs(recording, attitude), scene_of(recording, attitude)
 
     (result,) = together([journey], [scene], [Mtf()])
 
@@ -104,7 +103,7 @@ def test_whatever_it_measures(kind, fields):
 def test_runs_of_one_vector_have_their_own_lever_arms_constraints_and_earth():
     recording, attitude = recorded("enu")
     fields = [{}, ARMS, HELD, EARTH, {**ARMS, **HELD, **EARTH}]
-    journeys = [Eskf15(**own).journey(recording, attitude) for own in fields]
+    journeys = [Eskf15(**own).inputs(recording, attitude) for own in fields]
     scene = scene_of(recording, attitude)
 
     results = together(journeys, [scene] * 5, [Mtf()] * 5)
@@ -119,7 +118,7 @@ def test_runs_of_one_vector_have_their_own_lever_arms_constraints_and_earth():
 def test_the_invariant_one_too(case):
     kind, fields = CASES[case]
     (recording, attitude), model = recorded(kind), InvariantEkf(**fields, initial_yaw_sigma_rad=0.5)
-    journey, scene = model.journey(recording, attitude), scene_of(recording, attitude)
+    journey, scene = model.inputs(recording, attitude), scene_of(recording, attitude)
 
     (result,) = together([journey], [scene], [Mtf()])
 

@@ -100,7 +100,7 @@ def test_it_learns_a_yaw_that_is_wrong_by_sixty_degrees(field):
     [
         ({"alpha": 0.0}, "above 0 and at most 1"),
         ({"kappa": -15.0}, "above -15"),
-        ({"wheel_scale": True}, "the filter ukf has none"),
+        ({"wheel_scale": True}, "ukf does not support this parameter"),
     ],
 )
 def test_a_wrong_parameter_is_a_sentence(parameters, sentence):

@@ -8,7 +8,7 @@ from given import kitti
 from mistakes import MISTAKES, OTHERS, in_axes, is_found, ned, of_imu, of_sigmas
 
 from jerkbench.datasets.field import FieldWhite
-from jerkbench.inspection.doctor import IDENTITY, PLANE, diagnoses, first_diagnoses
+from jerkbench.inspection.diagnostics import IDENTITY, PLANE, diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
 from jerkbench.io.frames import axes_matrix
 
@@ -64,7 +64,7 @@ def test_mirrored_axes_without_a_track_are_mended_in_the_columns(field):
 
 def test_the_factor_of_sigmas_is_told(field):
     (diagnosis,) = first_diagnoses(of_sigmas(field, 0.1))
-    assert "Scale them by 10" in diagnosis.remedy or "Scale them by 11" in diagnosis.remedy
+    assert "Multiply them by 10" in diagnosis.remedy or "Multiply them by 11" in diagnosis.remedy
 
 
 def test_a_gyro_whose_z_is_reversed(field):
@@ -143,3 +143,31 @@ def test_late_fixes_are_blamed_and_not_the_sensors_that_agree():
     clocks = [one for one in diagnoses(late) if one.name.startswith("clock")]
     assert [one.name for one in clocks] == ["clock of position"]
     assert "position_latency_s=0.6" in clocks[0].remedy
+
+
+def turned_heading(recording, convention):
+    return replace(recording, heading=replace(recording.heading, yaw_rad=convention(recording.heading.yaw_rad)))
+
+
+@pytest.mark.parametrize(
+    ("convention", "name", "told"),
+    [
+        (lambda yaw: yaw - np.pi / 2, "heading rotated", "0 in the north instead of the east"),
+        (lambda yaw: yaw + np.pi, "heading rotated", "180 deg"),
+        (lambda yaw: np.pi / 2 - yaw, "heading clockwise", "is 90 deg"),
+    ],
+)
+def test_a_heading_of_another_convention_is_told_by_the_course(field, convention, name, told):
+    (found,) = [one for one in first_diagnoses(turned_heading(field, convention)) if one.name.startswith("heading")]
+    assert (found.name, told in found.measured) == (name, True), found.measured
+    assert not [one for one in first_diagnoses(field) if one.name.startswith("heading")]
+
+
+def test_stamps_of_arrival_in_bunches_are_told_with_the_rate_of_the_sensor(field):
+    t_s = field.imu.t_s
+    bunch = np.arange(len(t_s)) // 5
+    arrived = t_s[np.minimum(5 * bunch + 4, len(t_s) - 1)] + 1e-4 * (np.arange(len(t_s)) % 5)
+    bunched = replace(field, imu=replace(field.imu, t_s=arrived))
+    (found,) = [one for one in first_diagnoses(bunched) if one.name == "stamps in bunches"]
+    assert "about 5 stamps at once" in found.measured
+    assert "at 100 Hz" in found.remedy

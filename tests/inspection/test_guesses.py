@@ -136,7 +136,7 @@ def test_names_that_say_nothing_are_not_guessed(drive, tmp_path):
     log = ned_degrees(drive, units=True)
     log.columns = [f"c{k}" for k in range(len(log.columns))]
 
-    with pytest.raises(RecordingError, match=r"has the columns c0, c1, .*no three of them are called a place"):
+    with pytest.raises(RecordingError, match=r"has the columns c0, c1, .*Neither the three columns of a position"):
         guessed(log, tmp_path)
 
 
@@ -197,14 +197,14 @@ def test_files_by_two_clocks_are_a_sentence(tmp_path):
     table["timestamp"] -= table["timestamp"][0]
     table.to_csv(paths[0], index=False)
 
-    with pytest.raises(RecordingError, match="write the times of all files by one clock"):
+    with pytest.raises(RecordingError, match="use the same clock in all files"):
         guess_tables(*paths)
 
 
 def test_two_imus_are_a_sentence(tmp_path):
     paths = car_log(tmp_path).paths
 
-    with pytest.raises(RecordingError, match="give one file with an IMU, one with fixes"):
+    with pytest.raises(RecordingError, match="Give one file with an IMU, one with fixes"):
         guess_tables(paths[0], paths[0], paths[1])
 
 

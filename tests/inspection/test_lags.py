@@ -9,7 +9,7 @@ from mistakes import of_imu
 
 from jerkbench.datasets.field import FieldWhite
 from jerkbench.datasets.rtklib import RtklibDrive
-from jerkbench.inspection.doctor import diagnoses
+from jerkbench.inspection.diagnostics import diagnoses
 from jerkbench.inspection.facts import findings_text
 from jerkbench.inspection.lags import estimated_lags, late_imu
 from jerkbench.recording import Imu, Position, Recording, Reference, Velocity
@@ -80,7 +80,7 @@ def test_a_lag_beyond_those_that_are_tried_is_said_to_be_at_the_edge():
     lag = estimated_lags(recording)[0]
     assert np.isnan(lag.lag_s)
     assert lag.edge_s == pytest.approx(3.0)
-    assert "+3.00 s, at their edge, fits best" in findings_text(recording)
+    assert "+3.00 s, the limit of the search" in findings_text(recording)
 
 
 @pytest.mark.parametrize("known", ["velocity", "places", "fixes"])
@@ -139,7 +139,7 @@ def test_a_lag_that_fits_many_is_none():
     assert np.isnan(lag.lag_s)
     assert lag.within_s > 0.1
     text = findings_text(dataclasses.replace(recording, velocity=short))
-    assert f"{lag.best_s:+.2f} s fits best" in text
+    assert f"best {lag.best_s:+.2f} s" in text
     assert "to imu_shift_s" not in text  # no advice inside the interval
 
 
@@ -166,7 +166,9 @@ def test_a_hand_that_turns_before_its_walker_has_no_late_stamps_and_no_mirror(le
     recording = in_a_hand(lead_s, waypoints_m)
     assert diagnoses(recording) == []
     assert late_imu(recording).lag_s == pytest.approx(-lead_s, abs=0.1)
-    assert "not sure: the stamps are off, or the sensor turns before or after it goes" in findings_text(recording)
+    assert "not certain: either the stamps are wrong, or the sensor turns before or after it moves" in findings_text(
+        recording
+    )
 
 
 @pytest.mark.parametrize("late_s", [-1.0, 1.0])
@@ -202,4 +204,4 @@ def test_the_interval_has_room_for_the_filter_of_a_sensor(car, late_s):
     assert abs(lag.lag_s - late_s) <= lag.within_s < 0.1
     assert lag.lag_s - as_it_is.lag_s == pytest.approx(late_s, abs=0.005)
     assert as_it_is.lag_s == pytest.approx(0.050, abs=0.005)
-    assert "to mend it" not in findings_text(car(0.0))
+    assert "to correct it" not in findings_text(car(0.0))

@@ -5,6 +5,8 @@ import pandas as pd
 import pytest
 from logs import FRD, car_log, columns
 
+from jerkbench.datasets.table import Tables
+from jerkbench.errors import RecordingError
 from jerkbench.inspection.guessing import guess_tables
 from jerkbench.io.column_names import parse_name
 
@@ -130,7 +132,7 @@ def test_fixes_that_a_logger_repeats_are_one_and_zeros_are_none(car, tmp_path):
 
     assert len(recording.position.t_s) == pytest.approx((fix_s >= 3).sum(), abs=2)
     assert any("held until the next measurement: dropped" in note for note in recording.notes)
-    assert any("a place of zeros (no fix): dropped" in note for note in recording.notes)
+    assert any("a position of zeros (no fix): dropped" in note for note in recording.notes)
 
 
 def test_doubled_and_unordered_rows_are_repaired_and_counted(car, tmp_path):
@@ -142,7 +144,31 @@ def test_doubled_and_unordered_rows_are_repaired_and_counted(car, tmp_path):
 
     np.testing.assert_allclose(recording.position.t_s, fix_s - fix_s[0], atol=1e-9)
     assert any("2 of" in note and "the stamp of another row: dropped" in note for note in recording.notes)
-    assert any("1 of" in note and "sorted in" in note for note in recording.notes)
+    assert any("1 of" in note and ": sorted." in note for note in recording.notes)
+
+
+def test_different_rows_with_the_same_whole_second_are_refused_with_the_reason(car, tmp_path):
+    t_s, force, rate, *_ = car
+    table = {"t": np.floor(1.7e9 + t_s)} | columns(["ax", "ay", "az"], force) | columns(["gx", "gy", "gz"], rate)
+    with pytest.raises(RecordingError, match=r"rounded to whole seconds \(about 100 different rows with each\)"):
+        Tables(**guessed(tmp_path, imu=table).settings).load(0)
+
+
+def test_columns_of_standard_deviations_that_are_all_zero_are_named_with_the_remedy(car, tmp_path):
+    *_, fix_s, places = car
+    table = pd.DataFrame({"t": fix_s, "sd": 0.0} | columns(["lat", "lon", "alt"], places))
+    table.to_csv(tmp_path / "gps.csv", index=False)
+    given = {"imu_file": "", "position_file": "gps.csv", "position_time": "t"}
+    given |= {"position_columns": ("lat", "lon", "alt"), "position_sigma": ("sd",), "epoch": "none"}
+    with pytest.raises(
+        RecordingError, match=r"none of the \d+ rows has a standard deviation above 0 in the columns sd;"
+    ):
+        Tables(str(tmp_path), **given).load(0)
+    table.loc[3:, "sd"] = 2.0
+    table.to_csv(tmp_path / "gps.csv", index=False)
+    recording = Tables(str(tmp_path), **given, position_sigma_m=5.0).load(0)
+    np.testing.assert_allclose(recording.position.covariance_m2[[0, 5], 0, 0], [25.0, 4.0])
+    assert any("3 of" in note and "no standard deviation: 5 is used" in note for note in recording.notes)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Noise that was drawn, against what is stated of it."""
+"""The noise of a recording compared with what it states."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from given import kitti
 
-from jerkbench.inspection.doctor import diagnoses, first_diagnoses
+from jerkbench.inspection.diagnostics import diagnoses, first_diagnoses
 from jerkbench.inspection.facts import findings_text
 from jerkbench.inspection.noise import _REFERENCE, REST, stated_against_real_sigma
 from jerkbench.recording import Position, Reference, Velocity
@@ -74,9 +74,9 @@ def test_sigmas_that_may_be_too_large_are_told(stated_m, told):
     assert diagnoses(recording) == []
     assert ("to check: The standard deviations of position may be too large" in text) == told
     if told:
-        assert "4.84 m is stated, 0.087 m measured" in text
+        assert "stated 4.84 m, measured 0.087 m" in text
         assert "the scatter at rest" in text
-        assert "scale them by 0.018: r_scale.position=0.00033" in text
+        assert "multiply them by 0.018: r_scale.position=0.00033" in text
 
 
 def test_a_slow_error_that_the_reference_shows_is_no_sigma_that_is_too_large():
@@ -101,4 +101,4 @@ def test_the_bends_of_a_road_are_no_noise(shared_folder, name, sigma_m, stated, 
     found = first_diagnoses(dataclasses.replace(white, position=position))
     assert [one.name for one in found] == (["sd of position too small"] if told else [])
     if told:
-        assert "Scale them by 1" in found[0].remedy  # by 10 to 19
+        assert "Multiply them by 1" in found[0].remedy  # by 10 to 19

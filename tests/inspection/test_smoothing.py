@@ -105,6 +105,7 @@ def test_the_track_of_a_real_journey_is_read_again_and_beats_its_fixes(name, sha
     latitude, longitude, height = json.loads((folder / "meta.json").read_text())["origin"]
     for file in ("fixes", "reference"):
         table = pd.read_parquet(folder / f"{file}.parquet")
+        table = table[table["t_s"] < table["t_s"].iloc[0] + 300.0]
         table = table[table["t_s"].diff().fillna(1.0) > 0]
         table.assign(t_s=table["t_s"] + 1.7e9).to_csv(tmp_path / f"{file}.csv", index=False)
     (tmp_path / "dataset").mkdir()

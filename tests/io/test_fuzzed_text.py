@@ -68,7 +68,7 @@ def loads_or_says_why(dataset):
         assert np.isfinite(recording.imu.accel_mps2).all()
 
 
-FUZZED = settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+FUZZED = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 
 
 def rtklib(folder, *, pos, imu):
@@ -102,7 +102,7 @@ def test_a_damaged_imu_log(imu):
 
 @pytest.mark.parametrize("header", [True, False])
 @pytest.mark.parametrize("separator", [",", ""])
-@settings(FUZZED, max_examples=80)
+@settings(FUZZED, max_examples=30)
 @given(content=damaged(table_text()))
 def test_a_damaged_table(header, separator, content):
     columns = {} if header else {"imu_time": "1", "imu_accel": ("2", "3", "4"), "imu_gyro": ("5", "6", "7")}

@@ -33,11 +33,11 @@ def test_the_tag_stretches_the_sensors_clock(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        (["1,2,3,4,5,6,0", "1,2,3,4"], "imu.csv, line 2 has 4 fields; it must have 7"),
+        (["1,2,3,4,5,6,0", "1,2,3,4"], "imu.csv, line 2 has 4 fields, but needs 7"),
         (["1,2,3,4,5,6,0", "1,2,3,4,5,NaN,10"], "imu.csv, line 2, field 6 is 'NaN'"),
         (["ax,ay,az,gx,gy,gz,t"], "imu.csv, line 1, field 1 is 'ax'"),
         (["1,2,3,4,5,6,10", "1,2,3,4,5,6,2", "1,2,3,4,5,6,20"], "imu.csv, line 2: the time (field 7)"),
-        (["1,2,3,4,5,6,0", "1,2,3,4,5,6,900"], "covers 0.900 s, its time tag imu.csv.tag 1.000 s"),
+        (["1,2,3,4,5,6,0", "1,2,3,4,5,6,900"], "covers 0.900 s, but its time tag imu.csv.tag covers 1.000 s"),
         ([], "imu.csv is empty"),
     ],
 )
@@ -52,11 +52,11 @@ def test_a_damaged_log_is_named(tmp_path, rows, said):
     [
         (b"", "is empty"),
         (tag_bytes(1000, magic=b"PK\x03\x04"), "does not begin with 'TIMETAG RTKLIB'"),
-        (tag_bytes(1000)[:-3], "has 89 bytes; 76 and then 8 for each record are expected"),
+        (tag_bytes(1000)[:-3], "has 89 bytes, but a time tag has 76 bytes and 8 more bytes for each record"),
         (tag_bytes(1000)[:76], "has 76 bytes"),
         (tag_bytes(1000)[:40], "has 40 bytes"),
-        (tag_bytes(1000, fraction=float("nan")), "the fraction of the start's second is nan"),
-        (tag_bytes(0), "its last record is at 0 ms"),
+        (tag_bytes(1000, fraction=float("nan")), "the fractional second of the start is nan"),
+        (tag_bytes(0), "the last record is at 0 ms"),
     ],
 )
 def test_a_damaged_tag_is_named(tmp_path, content, said):
@@ -71,10 +71,10 @@ def test_a_damaged_tag_is_named(tmp_path, content, said):
 @pytest.mark.parametrize(
     ("first", "last", "said"),
     [
-        ("5,6,40", "1,2,3,4,5,6,100", "the first row is not whole"),
-        ("1,2,3,4,5,6,40", "1,2,3,4", "the last row is not whole"),
-        ("1,2,3,4,5,6,40", "1,2,3,4,5,6,10", "the last row is not whole"),
-        ("5,6,40", "1,", "the first and the last rows are not whole, as where a log was cut: 2 dropped"),
+        ("5,6,40", "1,2,3,4,5,6,100", "the first row is truncated"),
+        ("1,2,3,4,5,6,40", "1,2,3,4", "the last row is truncated"),
+        ("1,2,3,4,5,6,40", "1,2,3,4,5,6,10", "the last row is truncated"),
+        ("5,6,40", "1,", "the first and the last rows are truncated: 2 dropped"),
     ],
 )
 def test_cut_ends_are_dropped_and_counted(tmp_path, first, last, said):

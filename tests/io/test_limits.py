@@ -1,4 +1,4 @@
-"""One check for all readers: places on the Earth, dates between 1980 and 2100, and files that promise too much."""
+"""Limits of all readers: places, dates, sizes of files, and singular covariances."""
 
 import json
 import math
@@ -14,10 +14,10 @@ import pymap3d
 import pytest
 from scipy.io import savemat
 
-from jerkbench.arrays import FloatArray
+from commands import SHORT, verb
+from jerkbench.arrays import positive_definite
 from jerkbench.datasets.broad import Broad
 from jerkbench.datasets.rosbag import RosBag
-from jerkbench.datasets.rtklib import RtklibDrive
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import JerkbenchError, PluginError, RecordingError
 from jerkbench.inspection.evidence import common_edges
@@ -28,6 +28,7 @@ from jerkbench.io.columns import read_columns
 from jerkbench.io.rtklib import _COLUMNS, read_time_tag
 from jerkbench.io.sanitiser import off_earth
 from jerkbench.io.text import TextFormat
+from jerkbench.jobs.preflight import reason_of
 from jerkbench.recording import Imu, Position, Recording, Reference
 
 ROWS, START = 6, 1_715_688_000  # 2024-05-14 12:00:00 UTC
@@ -53,6 +54,10 @@ def dms(degrees):
     return f"{100 * whole + 60 * (abs(degrees) - whole):.4f}", "SW"[0] if degrees < 0 else "N"
 
 
+def nmea_line(body):
+    return f"${body}*{reduce(lambda a, b: a ^ b, body.encode()):02X}\n"
+
+
 def nmea(folder, table):
     lines = []
     for t, lat, lon, height in table.to_numpy():
@@ -62,9 +67,7 @@ def nmea(folder, table):
             f"GPRMC,{time},A,{place},0,0,{date[2]}{date[1]}{date[0]},,",
             f"GPGGA,{time},{place},1,8,1,{height},M,,M,,",
         ]
-    (folder / "a.txt").write_text(
-        "".join(f"${line}*{reduce(lambda a, b: a ^ b, line.encode()):02X}\n" for line in lines)
-    )
+    (folder / "a.txt").write_text("".join(map(nmea_line, lines)))
 
 
 def gpx(folder, table):
@@ -85,14 +88,12 @@ def gpsd(folder, table):
 
 def rtklib(folder, table):
     """RTKLIB's times are in GPS time here, 18 s ahead."""
+    rest = "1 9 .1 .1 .1 0 0 0 0 0" + 6 * " .1" + 3 * " 0"
     rows = [
-        f"{stamp(t + 18).replace('-', '/').replace('T', ' ')}.000 {lat} {lon} {height} 1 9 .1 .1 .1 0 0 0 0 0"
-        + 6 * " .1"
-        + 3 * " 0"
+        f"{stamp(t + 18).replace('-', '/').replace('T', ' ')}.000 {lat} {lon} {height} {rest}"
         for t, lat, lon, height in table.to_numpy()
     ]
-    (folder / "a.txt").write_text("\n".join([f"% {_COLUMNS}", *rows, ""]))
-    (folder / "a.txt").rename(folder / "a.pos")
+    (folder / "a.pos").write_text("\n".join([f"% {_COLUMNS}", *rows, ""]))
     return {"position_file": "a.pos"}
 
 
@@ -124,11 +125,10 @@ def ecef(folder, table):
 
 
 READERS = (csv, parquet, matlab, hdf5, gpx, gpsd, nmea, rtklib)
-CASES = [(write, fault) for write in READERS for fault in (*PLACES, *DATES)] + [(ecef, "height")]
-CASES.remove((rtklib, "early"))  # its times have to increase, which says the same in other words
-CASES.remove((rtklib, "late"))
-CASES.remove((nmea, "late"))  # a receiver's two digits of the year are 2000 to 2099
-CASES.remove((nmea, "early"))
+DATED = [reader for reader in READERS if reader not in (rtklib, nmea)]
+"""Times of RTKLIB have to increase, which says the same in other words; NMEA's two digits are 2000 to 2099."""
+CASES = [(write, fault) for write in READERS for fault in PLACES] + [(ecef, "height")]
+CASES += [(write, fault) for write in DATED for fault in DATES]
 
 
 @pytest.mark.parametrize(("write", "fault"), CASES)
@@ -139,7 +139,7 @@ def test_an_impossible_row_is_dropped_and_counted_by_every_reader(tmp_path, writ
     np.testing.assert_allclose(recording.position.t_s, np.delete(np.arange(ROWS), WILD), atol=1e-6)
     np.testing.assert_allclose(recording.position.enu_m, 0.0, atol=1e-6)
     assert recording.start_utc.timestamp() == START
-    what = "a place that is not on Earth" if fault in PLACES else "a date that is not between 1980 and 2100"
+    what = "a position that is not on Earth" if fault in PLACES else "a date that is not between 1980 and 2100"
     (note,) = [note for note in recording.notes if what in note]
     assert f"1 of {ROWS} rows" in note
 
@@ -147,23 +147,22 @@ def test_an_impossible_row_is_dropped_and_counted_by_every_reader(tmp_path, writ
 @pytest.mark.parametrize("write", READERS)
 def test_a_file_without_a_possible_row_is_refused(tmp_path, write):
     parameters = {"position_file": "a.txt"} | (write(tmp_path, rows_of("latitude").assign(latitude=1e9)) or {})
-    with pytest.raises(RecordingError, match=rf"all {ROWS} rows have a place that is not on Earth"):
+    with pytest.raises(RecordingError, match=rf"all {ROWS} rows have a position that is not on Earth"):
         Tables(str(tmp_path), imu_file="", **parameters).load(0)
 
 
-def test_a_reference_is_checked_too(tmp_path):
+def test_a_reference_and_a_time_tag_are_checked_too_and_what_was_not_measured_is_no_fault(tmp_path):
     csv(tmp_path, rows_of("longitude"))
     names = tuple(PLACES)
     table = Tables(str(tmp_path), imu_file="", position_file="a.txt", reference_file="a.txt", reference_position=names,
                    reference_frame="geodetic")  # fmt: skip
     assert len(table.load(0).reference.t_s) == ROWS - 1
-
-
-def test_a_time_tag_before_1980_is_refused(tmp_path):
     path = tmp_path / "a.tag"
     path.write_bytes(b"TIMETAG RTKLIB".ljust(60, b"\0") + bytes(4) + (5).to_bytes(4, "little") + bytes(8) + b"\x01" * 8)
     with pytest.raises(RecordingError, match="a date that is not between 1980 and 2100"):
         read_time_tag(path)
+    places = np.array([[48.0, 11.5, np.nan], [np.nan, 11.5, 1e6], [-90.0, 360.0, -1000.0]])
+    np.testing.assert_array_equal(off_earth(places, "geodetic"), [False, True, False])
 
 
 @pytest.mark.parametrize("origin", [(91.0, 0.0, 0.0), (0.0, 361.0, 0.0), (0.0, 0.0, -2e3), (math.nan, 0.0, 0.0)])
@@ -173,28 +172,7 @@ def test_an_origin_off_the_earth_is_refused(made, origin):
         made(origin)
 
 
-def test_a_coordinate_that_was_not_measured_is_no_fault():
-    places = np.array([[48.0, 11.5, np.nan], [np.nan, 11.5, 1e6], [-90.0, 360.0, -1000.0]])
-    np.testing.assert_array_equal(off_earth(places, "geodetic"), [False, True, False])
-
-
 # What a file promises is compared with its size before anything is allocated.
-
-
-def promise(file):
-    file.create_dataset("t", (3 * 10**8, 3), "f8", chunks=(10_000, 3), compression="gzip")
-
-
-def one_chunk(file):
-    file.create_dataset("t", (3, 3), "f8", chunks=(10**8, 3), maxshape=(None, 3))
-
-
-def link(file):
-    file["t"] = h5py.ExternalLink("other.h5", "/t")
-
-
-def outside(file):
-    file.create_dataset("t", (9, 3), "f8", external=[("other.raw", 0, 1000)])
 
 
 def virtual(file):
@@ -212,12 +190,17 @@ def virtual(file):
 )
 @pytest.mark.parametrize(
     ("damage", "said"),
-    [(promise, "promises 9e\\+08 numbers"), (one_chunk, "promises 3e\\+08"),
-     *((one, "t refers to another file") for one in (link, outside, virtual))],
-)  # fmt: skip
+    [
+        ({"shape": (3 * 10**8, 3), "chunks": (10_000, 3), "compression": "gzip"}, "declares 9e\\+08 numbers"),
+        ({"shape": (3, 3), "chunks": (10**8, 3), "maxshape": (None, 3)}, "declares 3e\\+08"),
+        ({"shape": (9, 3), "external": [("other.raw", 0, 1000)]}, "t refers to another file"),
+        (lambda file: file.update(t=h5py.ExternalLink("other.h5", "/t")), "t refers to another file"),
+        (virtual, "t refers to another file"),
+    ],
+)
 def test_an_hdf5_file_that_promises_too_much_or_leads_elsewhere_is_refused(tmp_path, name, read, damage, said):
     with h5py.File(tmp_path / name, "w") as file:
-        damage(file)
+        damage(file) if callable(damage) else file.create_dataset("t", dtype="f8", **damage)
     with pytest.raises(RecordingError, match=said):
         read(tmp_path / name)
 
@@ -240,23 +223,18 @@ def repeated(folder):
 
 @pytest.mark.parametrize("write", [zeros, padding, repeated])
 def test_a_compressed_file_that_promises_too_much_is_refused(tmp_path, write):
-    with pytest.raises(RecordingError, match="promises"):
+    with pytest.raises(RecordingError, match=r"declares .* numbers, which need"):
         read_columns((write(tmp_path),), TextFormat())
 
 
-def test_unsigned_numbers_of_64_bits_are_read(tmp_path):
+def test_unsigned_numbers_of_64_bits_are_read_and_a_counter_from_its_highest_bit(tmp_path):
     most = 2**64 - 1
     savemat(tmp_path / "a.mat", {"t": np.array([1, 2**53 + 1], np.uint64), "x": np.array([3, most], np.uint64)})
     columns = read_columns((tmp_path / "a.mat",), TextFormat())
-
     assert columns.stamps_ns("t", "ns").tolist() == [1, 2**53 + 1]
     np.testing.assert_array_equal(columns.numbers(["x"], most=1e20)[:, 0], [3.0, float(most)])
-
-
-def test_a_counter_that_started_at_its_highest_bit_is_read(tmp_path):
     savemat(tmp_path / "a.mat", {"t": 2**63 + np.array([0, 1, 5], np.uint64)})
     columns = read_columns((tmp_path / "a.mat",), TextFormat())
-
     assert columns.stamps_ns("t", "s").tolist() == [0, 1_000_000_000, 5_000_000_000]
     np.testing.assert_array_equal(columns.numbers(["t"], most=1e20)[:, 0], [2.0**63] * 3)
 
@@ -274,35 +252,25 @@ def test_quaternions_of_zeros_are_no_attitude(tmp_path):
 # A clock that was set under way: the time span is years, and the rows are few.
 
 
-def set_under_way(n: int) -> FloatArray:
-    return np.concatenate([np.arange(n) / 100, 1.7e9 + np.arange(n) / 100])
-
-
 def test_a_clock_that_was_set_under_way_is_named_and_needs_no_memory():
-    t_s = set_under_way(200)
+    t_s = np.concatenate([np.arange(200) / 100, 1.7e9 + np.arange(200) / 100])
     enu_m = np.column_stack([np.arange(400.0), np.zeros((400, 2))])
     imu = Imu(t_s, np.tile([0.1, 0.0, 9.81], (400, 1)), np.full((400, 3), 0.01))
     truth = Reference(t_s, "x", independent=True, enu_m=enu_m + 0.1, euler_rad=np.zeros((400, 3)))
     fixes = Position(t_s, enu_m + np.random.default_rng(0).normal(0, 0.1, (400, 3)), np.tile(np.eye(3), (400, 1, 1)))
     recording = Recording("x", imu, truth, fixes)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
     assert "the IMU has 1 gap of up to 16999999" in facts_text(recording)
     errors = receiver_errors(recording)
     assert not len(errors.lags_s)
     receiver_figure(recording, errors)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000
-
-
-def test_a_gap_of_days_still_has_windows():
     assert len(common_edges(0.5, np.concatenate([np.arange(100_000) / 100, 3e5 + np.arange(100_000) / 100]))) > 600_000
+    guess = guess_time_unit(np.zeros(5), "")
+    assert (guess.value, guess.grade) == ("s", "unsure")
 
 
 # Fields of tracks that are of another kind than they should be.
-
-
-def nmea_line(body):
-    return f"${body}*{reduce(lambda a, b: a ^ b, body.encode()):02X}\n"
 
 
 GGA, RMC = "GPGGA,12{:04d},{},N,01131.0,E,1,8,1,5,M,,M,,", "GPRMC,12{:04d},A,4807.0,N,01131.0,E,0,0,{},,"
@@ -315,7 +283,7 @@ GGA, RMC = "GPGGA,12{:04d},{},N,01131.0,E,1,8,1,5,M,,M,,", "GPRMC,12{:04d},A,480
         ([RMC.format(5, "000000"), "GPZDA,120006,01,01,99999999999,00,00"], "2 sentences have no valid time or date"),
         ([RMC.format(9999, "140524")], "1 sentences have no valid time or date"),
         ([GGA.format(5, "9" * 60_000)], "1 of 4 reports have no fix"),
-        ([GGA.format(5, "9" * 20)], "1 of 4 rows have a place that is not on Earth"),
+        ([GGA.format(5, "9" * 20)], "1 of 4 rows have a position that is not on Earth"),
     ],
 )
 def test_a_damaged_sentence_is_dropped_and_counted(tmp_path, lines, dropped):
@@ -327,19 +295,14 @@ def test_a_damaged_sentence_is_dropped_and_counted(tmp_path, lines, dropped):
     assert dropped in " ".join(recording.notes)
 
 
-def test_a_number_of_400_digits_is_named(tmp_path):
+def test_a_number_of_400_digits_and_a_report_nested_too_deeply_are_named(tmp_path):
     (tmp_path / "a.csv").write_text("t,x\n0,1\n1,x\n2," + "9" * 400 + "\n")
     columns = read_columns((tmp_path / "a.csv",), TextFormat())
-    with pytest.raises(RecordingError, match="row 2, column x: 'x' is no number"):
+    with pytest.raises(RecordingError, match="row 2, column x: 'x' is not a number"):
         columns.numbers(["x"])
-
-
-def test_stamps_that_do_not_change_have_no_rate():
-    guess = guess_time_unit(np.zeros(5), "")
-    assert (guess.value, guess.grade) == ("s", "unsure")
-
-
-DEEP = "[" * 30_000
+    (tmp_path / "a.txt").write_text('{"class":"TPV"}\n' + "[" * 30_000 + "\n{}\n")
+    with pytest.raises(JerkbenchError, match="line 2 is not valid JSON"):
+        Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
 
 
 @pytest.mark.parametrize(
@@ -352,26 +315,16 @@ def test_a_damaged_report_is_dropped_and_counted(tmp_path, changed):
     recording = Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
 
     np.testing.assert_allclose(recording.position.t_s, [0.0, 2.0, 3.0])
-    assert "a.txt: 1 of 4 reports have no fix or no time: they are dropped." in recording.notes
-
-
-def test_a_report_that_is_nested_too_deeply_is_a_sentence(tmp_path):
-    (tmp_path / "a.txt").write_text('{"class":"TPV"}\n' + DEEP + "\n{}\n")
-    with pytest.raises(JerkbenchError, match="line 2 is no JSON"):
-        Tables(str(tmp_path), imu_file="", position_file="a.txt").load(0)
+    assert "a.txt: 1 of 4 reports have no fix or no time and are dropped." in recording.notes
 
 
 def test_an_imu_table_beside_a_solution_is_dated(tmp_path):
     rtklib(tmp_path, rows_of("latitude"))
-    t = START + 18 + np.arange(0, ROWS, 0.01)
+    t = START + np.arange(0, ROWS, 0.01)
     t[7] = 5e9
     imu = pd.DataFrame({"t": t, "ax": 0.0, "ay": 0.0, "az": 1.0, "gx": 0.0, "gy": 0.0, "gz": 0.0})
     imu.to_csv(tmp_path / "a.csv", index=False)
-    columns = {"imu_accel": ("ax", "ay", "az"), "imu_gyro": ("gx", "gy", "gz"), "imu_axis_signs": (1.0, 1.0, 1.0)}
-    still = {"rest_s": 0.0, "remove_gyro_bias": False, "scale_accel_to_gravity": False}
-    recording = RtklibDrive(
-        str(tmp_path), imu_time="t", imu_epoch="unix", gpst_minus_utc_s=0.0, **columns, **still
-    ).load()
+    recording = Tables(str(tmp_path), imu_file="a.csv", position_file="a.pos", accel_unit="g").load()
 
     assert len(recording.inertial.t_s) == len(t) - 1
     assert any("1 of 600 rows have a date" in note for note in recording.notes)
@@ -385,3 +338,48 @@ def test_text_that_a_dictionary_codes_does_not_fill_the_memory(tmp_path):
     columns = read_columns([tmp_path / "a.parquet"], TextFormat())
     assert len(columns) == rows
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000  # kB; as plain text it is 20 GB
+
+
+AXES = np.random.default_rng(0).normal(0, 0.5, (1000, 3))
+RANK_ONE = AXES[:, :, None] * AXES[:, None, :]
+TABLE = (
+    *("dataset=table", "dataset.folder=.", "dataset.position_file=fix.csv", "dataset.position_time=t"),
+    *("dataset.position_columns=[e,n,u]", "dataset.position_frame=enu", "dataset.epoch=none", "dataset.imu_file=''"),
+    *("dataset.position_covariance=[a,b,c,d,e1,f,g,h,i]", "filter=constant_velocity", "disturbance=withhold"),
+)
+
+
+def test_a_matrix_of_rank_one_or_two_is_not_definite_and_a_singular_one_in_a_run_a_sentence():
+    rank_two = RANK_ONE + RANK_ONE[::-1]
+    assert not positive_definite(np.concatenate([RANK_ONE, rank_two, 1e8 * RANK_ONE, np.full((1, 3, 3), np.nan)])).any()
+    assert positive_definite(RANK_ONE + 1e-6 * np.eye(3)).all()
+    with pytest.raises(np.linalg.LinAlgError) as caught:
+        np.linalg.inv(np.zeros((2, 2)))
+    assert "check the covariances" in reason_of(caught.value)
+    assert "line" not in reason_of(caught.value)
+
+
+def recorded(folder, covariances):
+    rng = np.random.default_rng(1)
+    rows = (
+        ",".join(f"{x:.17g}" for x in (0.2 * k, 0.6 * k, 0.4 * k, rng.normal(), *C.ravel()))
+        for k, C in enumerate(covariances)
+    )
+    (folder / "fix.csv").write_text("t,e,n,u,a,b,c,d,e1,f,g,h,i\n" + "\n".join(rows) + "\n")
+
+
+def test_rank_one_in_a_table_is_counted_and_its_variances_are_used(tmp_path):
+    recorded(tmp_path, RANK_ONE[:200])
+    done = verb("run", *SHORT[1:], *TABLE, "adaptation=student_t_r", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "fix.csv: 200 of 200 rows have a covariance that is not positive definite" in " ".join(done.stdout.split())
+
+
+@pytest.mark.parametrize("variance", [5e-324, 1e-300, 0.0])
+def test_variances_that_are_practically_zero_are_one_message(tmp_path, variance):
+    recorded(tmp_path, np.tile(variance * np.eye(3), (200, 1, 1)))
+    done = verb("run", *SHORT[1:], *TABLE, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    none = "none of the 200 rows has a standard deviation above 0"
+    assert ("the covariance is not positive definite" if variance else none) in done.stderr

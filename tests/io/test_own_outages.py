@@ -10,7 +10,7 @@ from jerkbench.datasets.rosbag import RosBag
 from jerkbench.datasets.table import Tables
 from jerkbench.errors import PluginError, RecordingError
 from jerkbench.io.bag_writing import write_bag
-from jerkbench.io.clocks import with_own_outages
+from jerkbench.io.clocks import with_recorded_outages
 
 FIX_S = np.concatenate([np.arange(0, 20, 0.5), np.arange(28, 40, 0.5), np.arange(46, 60, 0.5)])
 START_S = 1_715_695_200
@@ -46,13 +46,9 @@ def test_those_of_a_bag_too_and_none_is_counted_twice(log, tmp_path):
         np.testing.assert_allclose(recording.outages_s, GAPS_S, atol=1e-6)
 
 
-def test_gaps_in_which_the_reference_knows_nothing_are_refused(log):
+def test_gaps_in_which_the_reference_knows_nothing_and_negative_gaps_are_refused(log):
     own = dataclasses.replace(log, reference_file="", reference_position=())
-
-    with pytest.raises(RecordingError, match="the reference has no place in any of the 2 gaps"):
-        with_own_outages(own.load(), 5.0)
-
-
-def test_a_negative_gap_is_none(log):
+    with pytest.raises(RecordingError, match="the reference has no position in any of the 2 gaps"):
+        with_recorded_outages(own.load(), 5.0)
     with pytest.raises(PluginError, match="outage_s"):
         dataclasses.replace(log, outage_s=-1.0)

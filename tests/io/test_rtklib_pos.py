@@ -6,7 +6,7 @@ import pytest
 
 from jerkbench.errors import RecordingError
 from jerkbench.io.columns import read_columns
-from jerkbench.io.rtklib import _COLUMNS, POS_COVARIANCE, POS_PLACE, POS_VELOCITY, POS_VELOCITY_COVARIANCE, read_pos
+from jerkbench.io.rtklib import _COLUMNS, POS_COVARIANCE, POS_POSITION, POS_VELOCITY, POS_VELOCITY_COVARIANCE, read_pos
 from jerkbench.io.text import TextFormat
 
 HEADER = f"% program : RTKLIB\n%  {_COLUMNS.replace(' ', '   ')}\n"
@@ -34,17 +34,14 @@ def covariances(columns, names=POS_COVARIANCE):
     return columns.numbers(names)[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3)
 
 
-def test_north_east_up_of_the_file_becomes_east_north_up(tmp_path):
+def test_north_east_up_becomes_east_north_up_and_roots_have_signs(tmp_path):
     solution = read(written(tmp_path, HEADER + ROW.format(ms=499) + ROW.format(ms=749)))
     start = datetime(2025, 7, 8, 19, 34, 0, 499000, tzinfo=UTC)
     first = int(start.timestamp() * 1000) * 10**6
     assert stamps_ns(solution) == [first, first + 250 * 10**6]
-    np.testing.assert_array_equal(solution.numbers(POS_PLACE)[0], [40.5, -105.25, 1601.5])
+    np.testing.assert_array_equal(solution.numbers(POS_POSITION)[0], [40.5, -105.25, 1601.5])
     assert solution.numbers(["quality"]).ravel().tolist() == [2, 2]
     np.testing.assert_array_equal(solution.numbers(POS_VELOCITY)[0], [-2.5, 1.5, 0.25])
-
-
-def test_covariances_take_sign_and_square_of_the_roots(tmp_path):
     solution = read(written(tmp_path, HEADER + ROW.format(ms=499)))
     # written out by hand: ee, nn, uu squared; ne = -.005^2, eu = .003^2, un = -.002^2
     position = [[1e-4, -25e-6, 9e-6], [-25e-6, 4e-4, -4e-6], [9e-6, -4e-6, 16e-4]]
@@ -105,12 +102,12 @@ def test_whatever_rtklib_was_told_to_write_is_the_same_solution(tmp_path, kind, 
     solution = read(written(tmp_path, solution_text(kind, time, separator)))
     start = datetime(2025, 7, 8, 19, 34, 0, 500000, tzinfo=UTC)
     assert stamps_ns(solution) == [int(start.timestamp() * 10) * 10**8 + k * 10**9 for k in range(3)]
-    enu = np.column_stack(pymap3d.geodetic2enu(*solution.numbers(POS_PLACE).T, *AT))
+    enu = np.column_stack(pymap3d.geodetic2enu(*solution.numbers(POS_POSITION).T, *AT))
     np.testing.assert_allclose(enu, NEAR, atol=5e-6)
     np.testing.assert_allclose(solution.numbers(POS_VELOCITY), [[-2.5, 1.5, 0.25]] * 3, atol=5e-4)  # at each fix
 
 
-def test_covariances_of_every_frame(tmp_path):
+def test_covariances_of_every_frame_and_minutes_south_of_the_equator(tmp_path):
     """The same six roots mean other axes in each; turned by hand with the rotation of the place."""
     a, b, c, ab, bc, ca = (s * abs(s) for s in SD)
     own = np.array([[a, ab, ca], [ab, b, bc], [ca, bc, c]])
@@ -119,6 +116,8 @@ def test_covariances_of_every_frame(tmp_path):
     for kind, turn in turns.items():
         solution = read(written(tmp_path, solution_text(kind)))
         np.testing.assert_allclose(covariances(solution)[0], turn @ own @ turn.T, atol=1e-11)
+    text = solution_text("dms").replace(dms(AT[0]), "-0 30 36.0")
+    assert read(written(tmp_path, text)).numbers(["latitude"])[0, 0] == pytest.approx(-0.51, abs=1e-12)
 
 
 def cut(tmp_path, kind, *parts, **how):
@@ -140,22 +139,14 @@ def test_files_one_after_the_other_are_the_whole_solution(tmp_path, kind, parts)
     np.testing.assert_allclose(joined.numbers(names), whole.numbers(names), atol=1e-10)
 
 
-def test_files_that_cannot_be_joined_are_a_sentence(tmp_path):
+def test_files_that_cannot_be_joined_and_a_baseline_from_nowhere_are_sentences(tmp_path):
     first, _ = cut(tmp_path, "deg", [0, 1], [2])
     text = solution_text("deg", velocity=False).splitlines()
     (tmp_path / "b.pos").write_text("\n".join([*text[:2], text[4]]))
     with pytest.raises(RecordingError, match="different numbers of columns"):
         read_columns((first, tmp_path / "b.pos"), TextFormat())
-
-
-def test_south_of_the_equator_minutes_go_south_too(tmp_path):
-    text = solution_text("dms").replace(dms(AT[0]), "-0 30 36.0")
-    assert read(written(tmp_path, text)).numbers(["latitude"])[0, 0] == pytest.approx(-0.51, abs=1e-12)
-
-
-def test_a_baseline_from_nowhere_says_what_to_write(tmp_path):
     text = solution_text("baseline").split("\n", 1)[1]
-    with pytest.raises(RecordingError, match="degrees or ECEF"):
+    with pytest.raises(RecordingError, match="degrees or in ECEF"):
         read_pos(written(tmp_path, text))
 
 
@@ -166,7 +157,7 @@ GOOD = ROW.format(ms=499)
     ("text", "said"),
     [
         ("", "is empty"),
-        (GOOD, "line 1: the header is 'no line that begins with %'"),
+        (GOOD, "line 1: the header is 'no line that starts with %'"),
         (HEADER.replace("GPST", "BDT") + GOOD, "line 2: the header is '% BDT latitude(deg)"),
         (
             HEADER.replace("latitude(deg)", "x-ecef(m)") + GOOD,
@@ -174,12 +165,12 @@ GOOD = ROW.format(ms=499)
         ),
         (HEADER.replace(" Q ", " ") + GOOD, "line 2: the header lacks Q; let RTKLIB write"),
         (HEADER, "has no rows of data"),
-        (HEADER + GOOD + "2025/07/08 19:34:18.749 40.5 -105.25\n", "line 4 has 2 fields; it must have 22"),
+        (HEADER + GOOD + "2025/07/08 19:34:18.749 40.5 -105.25\n", "line 4 has 2 fields, but needs 22"),
         (HEADER + GOOD + "2025/07/08\n", "line 4 has 0 fields"),
         (HEADER + GOOD.replace("40.5", "nan"), "line 3, field 1 is 'nan'"),
         (HEADER + GOOD.replace("1601.5", "16#1.5"), "line 3, field 3 is '16#1.5'"),
-        (HEADER + GOOD.replace("19:34", "19:99"), "line 3: '2025/07/08 19:99:18.499' is no GPST stamp"),
-        (HEADER + GOOD.replace("2025/07/08 19:34:18.499", "2374 8e5"), "line 3: '2374 8e5' is no GPST stamp"),
+        (HEADER + GOOD.replace("19:34", "19:99"), "line 3: '2025/07/08 19:99:18.499' is not a GPST stamp"),
+        (HEADER + GOOD.replace("2025/07/08 19:34:18.499", "2374 8e5"), "line 3: '2374 8e5' is not a GPST stamp"),
         (HEADER + GOOD + GOOD, "line 4: the time does not increase"),
     ],
 )

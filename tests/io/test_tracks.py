@@ -60,45 +60,35 @@ def test_the_printed_example_of_nmea_is_the_place_the_time_and_the_speed_that_it
     np.testing.assert_allclose(table.velocity.mps[0, :2], expected, rtol=1e-12)
 
 
-def test_a_sentence_that_was_damaged_is_dropped_and_counted_and_so_is_a_report_without_a_fix(tmp_path):
+def test_a_damaged_sentence_is_dropped_and_counted_and_a_log_goes_on_over_midnight(tmp_path):
     wrong = nmea("GPGGA,123520,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,").replace("4807", "4907")
     lost = nmea("GPGGA,123521,,,,,0,,,,M,,M,,")
     good = nmea("GPGGA,123522,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,")
     (tmp_path / "log.txt").write_text(PRINTED + wrong + lost + good)
     recording = loaded(tmp_path, "log.txt")
-
     np.testing.assert_allclose(recording.position.t_s, [0.0, 3.0])
-    assert "log.txt: 1 sentences have a wrong checksum: they are dropped." in recording.notes
-    assert "log.txt: 1 of 3 reports have no fix or no time: they are dropped." in recording.notes
-
-
-def test_a_log_over_midnight_goes_on_with_the_next_day(tmp_path):
+    assert "log.txt: 1 sentences have a wrong checksum and are dropped." in recording.notes
+    assert "log.txt: 1 of 3 reports have no fix or no time and are dropped." in recording.notes
     times = ("235959.000", "000000.500", "000001.000")
     lines = [nmea(f"GPGGA,{time},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,") for time in times]
     lines.insert(2, nmea("GPZDA,000000.500,29,02,2024,,"))
     (tmp_path / "log.nmea").write_text("".join(lines))
     recording = loaded(tmp_path, "log.nmea")
-
     np.testing.assert_allclose(recording.position.t_s, [0.0, 1.5, 2.0])
     assert recording.start_utc.isoformat() == "2024-02-28T23:59:59+00:00"
 
 
-def test_a_gpx_track_is_read_and_a_point_without_time_dropped(tmp_path):
+def test_a_gpx_track_and_gpsd_reports_are_read_with_their_errors_and_velocity(tmp_path):
     (tmp_path / "track.gpx").write_text(GPX)
     recording = loaded(tmp_path, "track.gpx", origin=(48.1173, 11.5167, 545.4))
-
     np.testing.assert_allclose(recording.position.t_s, [0.0, 1.5])
     np.testing.assert_allclose(recording.position.enu_m[0], 0, atol=1e-6)
     assert recording.start_utc.isoformat() == "2024-05-14T12:35:19+00:00"
     assert any("1 of 3 reports" in note for note in recording.notes)
-
-
-def test_gpsd_reports_are_read_with_their_errors_and_velocity(tmp_path):
     lines = [json.dumps(report) for report in GPSD]
     (tmp_path / "gpsd.json").write_text("\n".join([*lines, lines[-1][:40]]))
     recording = loaded(tmp_path, "gpsd.json", position_sigma=("sigma_east", "sigma_north", "sigma_up"),
                        velocity_file="gpsd.json", origin=(48.1173, 11.5167, 592.3))  # fmt: skip
-
     expected = geodetic_to_enu(np.array([48.1173, 48.1174]), np.array([11.5167] * 2), np.array([592.3, 592.0]),
                                recording.origin)  # fmt: skip
     np.testing.assert_allclose(recording.position.enu_m, expected, atol=1e-6)
@@ -111,10 +101,10 @@ def test_gpsd_reports_are_read_with_their_errors_and_velocity(tmp_path):
     [
         ("a.nmea", PRINTED.splitlines()[0], "has no date"),
         ("a.gpx", "<gpx><trk>", "cannot be read as GPX"),
-        ("a.gpx", "<gpx></gpx>", "has no fix with a time"),
-        ("a.gpx", "<!DOCTYPE a [<!ENTITY b 'c'>]><gpx></gpx>", "has entities of XML"),
-        ("a.json", '{"class": "TPV"\n{}', "line 1 is no JSON"),
-        ("a.json", '{"class": "SKY"}', "has no fix with a time"),
+        ("a.gpx", "<gpx></gpx>", "no report has both a position and a time"),
+        ("a.gpx", "<!DOCTYPE a [<!ENTITY b 'c'>]><gpx></gpx>", "has XML entities"),
+        ("a.json", '{"class": "TPV"\n{}', "line 1 is not valid JSON"),
+        ("a.json", '{"class": "SKY"}', "no report has both a position and a time"),
     ],
 )
 def test_what_is_no_track_is_a_sentence(tmp_path, name, text, said):
@@ -144,23 +134,18 @@ def test_stamps_as_dates_as_week_and_time_and_as_seconds_are_the_same(tmp_path, 
         np.testing.assert_allclose(recording.position.t_s, np.arange(4), atol=1e-6)
 
 
-def test_a_file_without_a_line_of_names_stands_beside_one_with_names(tmp_path):
+def test_a_file_without_names_and_a_reference_with_sigmas_of_zero_are_taken(tmp_path):
     (tmp_path / "imu.csv").write_text("\n".join(f"{k / 100},0,0,9.8,0,0,0" for k in range(200)))
     (tmp_path / "fix.csv").write_text("t,latitude,longitude,height\n" + "\n".join(f"{k},48,11,5" for k in range(2)))
     columns = {"imu_time": "1", "imu_accel": ("2", "3", "4"), "imu_gyro": ("5", "6", "7")}
     recording = Tables(str(tmp_path), position_file="fix.csv", **columns).load(0)
-
     assert (len(recording.imu.t_s), len(recording.position.t_s)) == (200, 2)
-
-
-def test_a_reference_of_rtklib_with_sigmas_of_zero_is_taken(tmp_path):
     header = "% GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age ratio"
     rows = [f"2024/05/14 12:35:{19 + k}.000 48.1 11.5 500 1 9 0 0 0 0 0 0 0 0" for k in range(3)]
     (tmp_path / "truth.pos").write_text("\n".join([header, *rows]))
     dates = "\n".join(f"2024-05-14T12:35:0{k}Z,48.1,11.5,500" for k in range(3))
     (tmp_path / "fix.csv").write_text("t,latitude,longitude,height\n" + dates)
     recording = loaded(tmp_path, "fix.csv", reference_file="truth.pos")
-
     np.testing.assert_allclose(recording.reference.enu_m, 0, atol=1e-6)
 
 

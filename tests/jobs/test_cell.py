@@ -6,17 +6,9 @@ from jerkbench.errors import PluginError
 from jerkbench.jobs import key as keys_of_cells
 from jerkbench.jobs.job import Protocol, build
 from jerkbench.jobs.names import refusal
+from jerkbench.jobs.plan import planned
 from jerkbench.report.labels import joined
-from made_jobs import with_data
-
-SPEC = {
-    "dataset": {"name": "field"},
-    "disturbance": [{"name": "none"}],
-    "attitude": {"name": "tilt"},
-    "filter": {"name": "baseline"},
-    "adaptation": {"name": "none"},
-    "engine": {"name": "filterpy"},
-}
+from made_jobs import SPEC, with_data
 
 
 def cell(protocol=None, **changed):
@@ -32,14 +24,29 @@ def test_noise_that_is_set_replaces_the_filters_own_and_the_rest_is_left_alone()
     assert cell(noise=noise, filter={"name": "gnss_only"}).spec["filter"] == {"name": "gnss_only"}
 
 
-def test_a_random_cell_has_its_seeds_and_a_deterministic_one_its_phases():
+def test_a_random_cell_has_its_seeds_a_deterministic_one_its_phases_and_a_label_its_disturbances():
     drive = {"name": "rtklib", "folder": "anywhere"}
-
     assert list(cell(Protocol(seeds=3, first_seed=7)).draws) == [7, 8, 9]
     assert list(cell(dataset=drive).draws) == [0]
     assert list(cell(dataset=drive, disturbance=[{"name": "withhold", "every": 4}]).draws) == [0, 1, 2, 3]
     assert not cell(dataset=drive).scenario.seeded
     assert cell(dataset=drive, disturbance=[{"name": "imu_bias"}]).scenario.seeded
+    assert refusal(cell(filter={"name": "gnss_only"})) == ""
+    assert "does not support adaptation=mtf; supported: none" in refusal(
+        cell(filter={"name": "gnss_only"}, adaptation={"name": "mtf"})
+    )
+    both = [{"name": "imu_bias"}, {"name": "gnss_outage"}]
+    assert cell(disturbance=both).labels.disturbance == "imu_bias+gnss_outage"
+    assert with_data(cell(disturbance=both), "").key != with_data(cell(disturbance=both[::-1]), "").key
+    assert joined(["none", "imu_bias"]) == "imu_bias"
+    assert joined(["none"]) == "none"
+
+
+def test_one_line_lists_all_adaptations_that_a_filter_does_not_support():
+    plan = planned(cell(filter={"name": "gnss_only"}, adaptation={"name": name}) for name in ("none", "mtf", "huber"))
+
+    refused = "the filter gnss_only does not support adaptation=mtf, huber; supported: none."
+    assert plan.refused == (f"Left out 2 combinations: {refused}",)
 
 
 def test_the_cell_can_be_made_again_from_its_own_specification():
@@ -68,22 +75,6 @@ def test_the_key_depends_on_everything_that_the_rows_depend_on(monkeypatch):
 
     assert len(set(keys)) == len(keys)
     assert with_data(cell(Protocol(seeds=20, first_seed=2)), "data").key == keys[-1]
-
-
-def test_the_order_of_disturbances_matters_and_the_label_names_them():
-    both = [{"name": "imu_bias"}, {"name": "gnss_outage"}]
-
-    assert cell(disturbance=both).labels.disturbance == "imu_bias+gnss_outage"
-    assert with_data(cell(disturbance=both), "").key != with_data(cell(disturbance=both[::-1]), "").key
-    assert joined(["none", "imu_bias"]) == "imu_bias"
-    assert joined(["none"]) == "none"
-
-
-def test_an_estimator_refuses_what_it_cannot_use_with_a_sentence():
-    assert refusal(cell(filter={"name": "gnss_only"})) == ""
-    assert "takes no adaptation 'mtf', only: none" in refusal(
-        cell(filter={"name": "gnss_only"}, adaptation={"name": "mtf"})
-    )
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,17 @@
-"""Dask's workers and scheduler die, and Ctrl-C: nothing that is finished is lost, and the same command ends it."""
+"""Workers and the scheduler of Dask that die, and Ctrl-C: no finished run is computed again."""
 
+import contextlib
 import importlib.util
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
-from dask_site import dask_site
 
 from commands import environment, swept
 from jerkbench.jobs.store import Store
@@ -35,7 +37,7 @@ def rows(folder):
 
 
 def done_already(sweep):
-    return int(re.search(rf"(\d+) of {CELLS} cells are done already", sweep.stderr)[1])
+    return int(re.search(rf"(\d+) of {CELLS} combinations are already complete", sweep.stderr)[1])
 
 
 def started(folder, *words):
@@ -74,7 +76,7 @@ def test_a_scheduler_that_is_killed_ends_the_sweep_in_a_sentence_and_a_table(exp
 
     assert sweep.returncode == 1, told
     done = (rows(tmp_path).count(b"\n") - 1) // 2
-    assert "the sweep ends here: The Dask scheduler tcp://127.0.0.1" in told
+    assert "the sweep was stopped: The Dask scheduler tcp://127.0.0.1" in told
     assert "Traceback" not in told
     assert "Position RMSE" in table
     assert done_already(swept(*WORDS, cwd=tmp_path)) >= done  # a worker may have stored more, after the sweep's end
@@ -87,8 +89,40 @@ def test_after_ctrl_c_the_table_is_printed_and_the_same_command_goes_on(expected
     table, told = sweep.communicate(timeout=300)
 
     assert sweep.returncode == 130, told
-    assert "Interrupted. What is done is stored" in told
+    assert "Interrupted. Finished runs are stored" in told
     assert "Traceback" not in told
     assert "Position RMSE" in table
     assert done_already(swept(*WORDS, "cluster=dask", cwd=tmp_path)) > 0
     assert rows(tmp_path) == expected
+
+
+@contextlib.contextmanager
+def dask_site(folder, workers=2):
+    """Start them; yields the scheduler's address, its process, and the workers' processes."""
+    with contextlib.ExitStack() as stack:
+        address_file = Path(folder) / "scheduler.json"
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder, "env": environment()}
+
+        def start(*words):
+            process = subprocess.Popen([sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]], **quiet)
+            stack.callback(_end, process)
+            return process
+
+        common = ("--scheduler-file", str(address_file), "--no-dashboard")
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", *common)
+        alone = ("--nthreads", "1", "--no-nanny", "--death-timeout", "120", "--local-directory", folder)
+        several = [start("worker", *alone, *common) for _ in range(workers)]
+        yield _address(address_file, scheduler), scheduler, several
+
+
+def _address(file, scheduler):
+    while scheduler.poll() is None:
+        with contextlib.suppress(FileNotFoundError, ValueError):
+            return json.loads(file.read_text())["address"]
+        time.sleep(0.05)
+    raise AssertionError("The scheduler has ended.")
+
+
+def _end(process):
+    process.kill()
+    process.wait()

@@ -1,22 +1,22 @@
-"""Chunks of tasks come back complete, whatever happens to the workers."""
+"""Chunks of tasks when workers end, and the progress of a sweep."""
 
 import pickle
+import re
+import time
 from collections import deque
 from concurrent.futures import CancelledError, Executor, Future
+from functools import partial
 
 import pytest
 
+from jerkbench.jobs import progress as progress_module
 from jerkbench.jobs.executors import ClusterError, Pool
-from jerkbench.jobs.run import MAX_DEATHS, outcomes, run_chunk
+from jerkbench.jobs.progress import Progress, duration, pulse
+from jerkbench.jobs.run import outcomes, run_chunk
 
 
 class FakeExecutor(Executor):
-    """An executor without processes. Waiting makes it run the oldest chunk.
-
-    Attributes:
-        deaths: how many workers each task ends.
-        sent: the tasks of each chunk that was run.
-    """
+    """An executor without processes; waiting runs the oldest chunk. ``deaths``: how many workers each task ends."""
 
     def __init__(self, deaths=(), *, error=None):
         self.deaths, self.error, self.sent, self.waiting = dict(deaths), error, [], deque()
@@ -74,13 +74,6 @@ def done(chunks, executor, work=tenfold, slots=2):
     return found
 
 
-def test_every_task_is_done_once():
-    executor = FakeExecutor()
-
-    assert done([[1, 2], [3], [4, 5]], executor) == {task: task * 10 for task in range(1, 6)}
-    assert executor.sent == [[1, 2], [3], [4, 5]]
-
-
 @pytest.mark.parametrize("pool", [None, Pool(FakeExecutor(), lambda: 1)])
 def test_the_rest_of_a_chunk_is_run_again(pool):
     found = [(tuple(tasks), result) for tasks, result in outcomes(only_two, [[1, 2, 3, 4, 5], [6]], pool)]
@@ -89,33 +82,12 @@ def test_the_rest_of_a_chunk_is_run_again(pool):
     assert all(result == [10 * task for task in tasks] for tasks, result in found)
 
 
-def test_two_workers_share_the_rest_of_the_last_chunk():
-    executor = FakeExecutor()
-
-    assert done([[1, 2, 3, 4, 5, 6]], executor, only_two) == {task: task * 10 for task in range(1, 7)}
-    assert executor.sent == [[1, 2, 3, 4, 5, 6], [3, 4], [5, 6]]
-
-
 @pytest.mark.parametrize(("deaths", "sent"), [(1, []), (2, [[3], [2], [1]])])
 def test_a_chunk_that_loses_its_worker_is_run_alone_and_then_task_by_task(deaths, sent):
     executor = FakeExecutor({2: deaths})
 
     assert done([[1, 2, 3], [11]], executor) == {task: task * 10 for task in (1, 2, 3, 11)}
     assert executor.sent == [[1, 2, 3], [11], [1, 2, 3], *sent]
-
-
-def test_workers_that_never_return_anything_end_the_sweep():
-    with pytest.raises(ClusterError, match="end before they return anything"):
-        done([[task] for task in range(200)], FakeExecutor(error=RuntimeError("no memory")))
-
-
-def test_a_task_that_ends_each_worker_is_given_up_and_the_others_are_done():
-    executor = FakeExecutor({2: 99})
-    found = done([[1, 2, 3], [11]], executor)
-
-    assert str(found.pop(2)) == "its worker process died (killed)"
-    assert found == {task: task * 10 for task in (1, 3, 11)}
-    assert sum(2 in chunk for chunk in executor.sent) == MAX_DEATHS
 
 
 @pytest.mark.parametrize("error", [ClusterError("different code"), CancelledError()])
@@ -129,13 +101,44 @@ class Unpackable(int):
         raise TypeError("it holds a file")
 
 
-def test_a_task_that_cannot_be_pickled_costs_the_others_of_its_chunk_nothing():
+def test_what_cannot_run_costs_the_others_nothing_or_ends_the_sweep(monkeypatch):
+    monkeypatch.setattr("jerkbench.jobs.run.MAX_FIRST_DEATHS", 10)
     found = done([[1, Unpackable(2), 3]], FakeExecutor())
-
     assert str(found.pop(2)) == "it holds a file"
     assert found == {1: 10, 3: 30}
-
-
-def test_a_worker_with_different_code_does_not_read_its_tasks():
     with pytest.raises(ClusterError, match="another version of jerkbench"):
         run_chunk(b"no pickle", "", (), ("0" * 64, ()))
+    with pytest.raises(ClusterError, match="end before they return a result"):
+        done([[task] for task in range(20)], FakeExecutor(error=RuntimeError("no memory")))
+
+
+def test_what_is_left_is_counted_and_without_anything_left_there_is_no_bar(capsys):
+    progress = Progress(4)
+    progress.skip(1)
+    with progress:
+        for _ in range(3):
+            progress.advance(["ok", "diverged"])
+    err = capsys.readouterr().err
+    for line in ("1 of 4 combinations are already complete.", "3/3 combinations", "3 runs diverged"):
+        assert line in err
+    progress = Progress(3)
+    progress.skip(3)
+    with progress:
+        pass
+    assert capsys.readouterr().err == "3 of 3 combinations are already complete.\n"
+
+
+def test_a_pipe_hears_how_far_it_is(capsys, monkeypatch):
+    monkeypatch.setattr(progress_module, "pulse", partial(pulse, first_s=0.01, every_s=0.01))
+    with Progress(4) as progress:
+        progress.advance(["diverged"])
+        err = ""
+        while not (line := re.search("Sweep: 1 of 4 combinations after .*", err)):
+            time.sleep(0.01)
+            err += capsys.readouterr().err
+    assert line[0].endswith("left; 1 runs diverged.")
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(40.4, "40 s"), (180, "3 min"), (9000, "2.5 h")])
+def test_times_are_said_as_people_do(seconds, said):
+    assert duration(seconds) == said

@@ -10,7 +10,7 @@ from jerkbench.datasets.field import Field
 from jerkbench.filters.gnss_only import GnssOnly
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.job import Protocol, build
-from jerkbench.jobs.rows import Task, job_rows, notes_of, work
+from jerkbench.jobs.rows import Task, job_rows, notes_of, task_rows
 from jerkbench.recording import Imu
 from made_jobs import with_method, with_scenario
 
@@ -54,7 +54,7 @@ def test_settings_that_run_side_by_side_have_the_notes_that_each_has_alone():
     job = with_scenario(cell_of(), dataset=Telling(duration_s=8.0))
     for model in (Jerk, Talking):
         cells = tuple(with_method(job, filter=model(accel_mps2=sigma)) for sigma in (0.2, 0.4))
-        notes = [result.notes for result in work(Task(cells, (0, 1)))]
+        notes = [of_job for _, of_job in task_rows(Task(cells, (0, 1)))]
         for own, cell in zip(notes, cells, strict=True):
             each = [note for seed in (0, 1) for note in notes_of(cell, cell.scenario.dataset.load(seed))]
             assert own == list(dict.fromkeys(each))
@@ -64,11 +64,7 @@ def test_settings_that_run_side_by_side_have_the_notes_that_each_has_alone():
 
 @dataclass(frozen=True)
 class Indefinite:
-    """An estimator whose error is finite, with a covariance of one's choice.
-
-    Attributes:
-        variance: on the diagonal.
-    """
+    """An estimator whose error is finite, with this variance on the diagonal of its covariance."""
 
     variance: float = -1.0
     adaptations: ClassVar[tuple[str, ...]] = ("none",)
@@ -84,5 +80,5 @@ def test_a_covariance_that_is_not_positive_definite_is_noted(variance, noted):
     (row,), notes = job_rows(replace(job, draws=[0]))
 
     assert row["status"] == "ok"
-    assert any("not positive definite" in note for note in notes) == noted
+    assert any("Its covariance is not always positive definite" in note for note in notes) == noted
     assert np.isfinite(row["position_rmse_m"])

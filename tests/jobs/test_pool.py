@@ -29,11 +29,7 @@ def where(tasks):
 
 @dataclass(frozen=True)
 class Meeting:
-    """Work that is done only while another process does some: each chunk waits until two processes have come.
-
-    Attributes:
-        folder: where each process leaves its number.
-    """
+    """Work that waits until two processes have left their numbers in the folder."""
 
     folder: Path
 
@@ -50,20 +46,12 @@ def die_on_three(tasks):
     return len(tasks), tuple(tasks)
 
 
-def test_one_worker_is_this_process():
+def test_workers_are_this_process_or_others_and_a_death_costs_its_own_task_only(tmp_path):
     assert list(run(where, [[1, 2], [3]], workers=1)) == [(task, os.getpid()) for task in (1, 2, 3)]
-
-
-def test_two_workers_are_two_other_processes(tmp_path):
     done = list(run(Meeting(tmp_path), [[1, 2], [11, 12], [13]], workers=2))
-
     assert sorted(task for task, _ in done) == [1, 2, 11, 12, 13]
     assert len({process for _, process in done} - {os.getpid()}) == 2
-
-
-def test_a_process_that_dies_costs_its_own_task_only():
     done = dict(run(die_on_three, [[1, 2, 3, 4], [5, 6]], workers=2))
-
     assert isinstance(done.pop(3), ChildProcessError)
     assert sorted(done) == [1, 2, 4, 5, 6]
     assert all(task in result for task, result in done.items())
@@ -104,20 +92,16 @@ def talk(tasks):
     return where(tasks)
 
 
-def test_a_message_of_all_processes_is_printed_once(capfd, monkeypatch):
+def test_workers_print_a_message_once_and_have_one_thread_and_the_garbage_limits_of_a_command(capfd, monkeypatch):
     monkeypatch.setattr("jerkbench.notices._GIVEN", set())
     list(run(talk, [[1, 2, 3], [4, 5, 6]], workers=2))
-
     assert capfd.readouterr().err.count("compiling something") == 1
+    assert set(dict(run(habits, [[1], [2]], workers=2)).values()) == {(1, (50_000, 20, 100))}
 
 
 def habits(tasks):
     threads = max((library["num_threads"] for library in threadpool_info()), default=1)
     return len(tasks), (threads, gc.get_threshold())
-
-
-def test_a_worker_has_one_thread_and_collects_garbage_as_rarely_as_a_command():
-    assert set(dict(run(habits, [[1], [2]], workers=2)).values()) == {(1, (50_000, 20, 100))}
 
 
 def hold_interpreter(tasks):

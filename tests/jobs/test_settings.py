@@ -1,4 +1,4 @@
-"""Many settings at once give the rows that each gives by itself."""
+"""Runs in one batch give the rows of single runs, whichever engine and estimator."""
 
 import dataclasses
 from typing import ClassVar
@@ -6,17 +6,19 @@ from typing import ClassVar
 import pytest
 
 from jerkbench.adaptation.mtf import Mtf
+from jerkbench.errors import PluginError
 from jerkbench.filters.eskf15 import Eskf15
 from jerkbench.filters.imm import InteractingMultipleModels
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.filters.rts import RauchTungStriebel
-from jerkbench.jobs.inputs import Inputs
+from jerkbench.jobs import rows as run
+from jerkbench.jobs.inputs import shared_inputs
 from jerkbench.jobs.job import Protocol
 from jerkbench.jobs.names import job_of_parts
-from jerkbench.jobs.rows import Task, job_rows, work
+from jerkbench.jobs.rows import Task, job_rows, task_rows
 from jerkbench.parameters import Column
 from jerkbench.r_scale import RScale
-from made_jobs import with_method
+from made_jobs import job_with, with_method
 
 FIELD = {"name": "field", "duration_s": 12.0}
 DRAWS = (3, 4, 5)
@@ -32,8 +34,9 @@ def alone(cell):
 
 
 def together(cells):
-    results = work(Task(tuple(cells), DRAWS), inputs=Inputs())
-    return [[(row["status"], row["position_rmse_m"]) for row in result.rows] for result in results]
+    shared_inputs.cache_clear()
+    results = task_rows(Task(tuple(cells), DRAWS))
+    return [[(row["status"], row["position_rmse_m"]) for row in rows] for rows, _ in results]
 
 
 def settings_of(cell):
@@ -79,17 +82,11 @@ class Pace:
         raise AssertionError("a run without a trajectory is enough")
 
 
-def test_a_metric_that_does_not_say_what_it_reads_gets_all_of_it():
+def test_a_metric_that_does_not_say_what_it_reads_gets_all_of_it_and_a_lost_run_is_a_row():
     cell = cell_of()
-    strange = dataclasses.replace(cell, evaluation=dataclasses.replace(cell.evaluation, metrics=(Pace(),)))
-
+    strange = dataclasses.replace(cell, metrics={"pace": Pace()})
     assert all(row["pace_m2ps2"] > 0.0 for row in job_rows(strange, DRAWS)[0])
-
-
-def test_a_lost_run_is_a_row_that_says_so():
-    cell = cell_of()
-    lost = dataclasses.replace(cell, evaluation=dataclasses.replace(cell.evaluation, divergence_limit_m=1e-3))
-
+    lost = dataclasses.replace(cell, protocol=dataclasses.replace(cell.protocol, divergence_limit_m=1e-3))
     assert {status for status, _ in together([lost])[0]} == {"diverged"}
 
 
@@ -120,3 +117,84 @@ def test_what_does_not_run_side_by_side_runs_one_after_the_other(model, engine):
     told = with_method(cell, r_scale=RScale(position=4.0))
 
     assert together([cell, told]) == [alone(cell), alone(told)]
+
+
+PARTS = {
+    "dataset": {"name": "field", "duration_s": 20.0},
+    "disturbance": "imu_bias",
+    "filter": "baseline",
+    "adaptation": "scalar_r",
+}
+
+
+def rows_of(limit_m, **changed):
+    job = job_with(Protocol(seeds=3, divergence_limit_m=limit_m), **{**PARTS, **changed})
+    rows, notes = run.job_rows(job)
+    assert notes == ["Reference of field: simulated truth; independent of the measurements."]
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("filter_", "limit_m"), [("baseline", 1000.0), ("baseline", 0.05), ("imm", 0.05), ("rts", 0.03), ("eskf15", 0.05)]
+)
+def test_a_run_that_goes_too_far_has_the_row_that_it_has_alone(monkeypatch, filter_, limit_m):
+    """The sentence too; `rts` meets its errors from the last one on."""
+    together = rows_of(limit_m, filter=filter_)
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "single_run", lambda *_, **__: pytest.fail("a run that came to its end was repeated"))
+        assert len(rows_of(limit_m, filter=filter_)) == len(together)
+    monkeypatch.setattr(run, "streams", lambda _: False)
+    alone = rows_of(limit_m, filter=filter_)
+
+    for one, other in zip(together, alone, strict=True):
+        assert one["status"] == ("ok" if limit_m == 1000.0 else "diverged")
+        assert (one["reason"] != "") == (limit_m < 1000.0)
+        assert one.keys() == other.keys()
+        for name, value in one.items():
+            assert value == (
+                pytest.approx(other[name], rel=1e-9, nan_ok=True) if isinstance(value, float) else other[name]
+            )
+
+
+def test_what_the_engine_raises_is_a_failed_row_and_no_slower_run(monkeypatch):
+    from jerkbench.engines.compiled_engine import CompiledEngine
+
+    def broken(*_, **__):
+        raise ArithmeticError("the engine is broken")
+
+    alone = []
+    monkeypatch.setattr(CompiledEngine, "run_settings", broken)
+    monkeypatch.setattr(CompiledEngine, "run", lambda *given: alone.append(given))
+    cell = job_with(Protocol(seeds=3), **PARTS)
+    rows, _ = run.job_rows(cell)
+
+    assert [row["status"] for row in rows] == ["failed"] * 3
+    assert all("the engine is broken" in row["reason"] for row in rows)
+    with pytest.raises(PluginError, match="the engine is broken"):
+        run.job_rows(cell, strict=True)
+    assert alone == []
+
+
+def rows_by(engine):
+    rows, _ = job_rows(job_with(Protocol(seeds=2), filter="imm", adaptation="mtf", engine=engine))
+    return rows
+
+
+def refuse(*_, **__):
+    raise AssertionError
+
+
+@pytest.mark.slow
+def test_the_engine_decides_which_way_an_estimator_takes(monkeypatch):
+    with monkeypatch.context() as without:
+        for name in ("estimate_compiled", "run_settings"):
+            without.setattr(InteractingMultipleModels, name, refuse)
+        plain = rows_by("filterpy")
+    monkeypatch.setattr(InteractingMultipleModels, "estimate", refuse)
+    quick = rows_by("compiled")
+
+    assert [row["status"] for row in plain + quick] == ["ok"] * 4
+    for reference, row in zip(plain, quick, strict=True):
+        for name, value in reference.items():
+            if isinstance(value, float):
+                assert row[name] == pytest.approx(value, rel=1e-7, abs=1e-9, nan_ok=True), name

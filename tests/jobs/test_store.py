@@ -29,7 +29,7 @@ def files(store):
     return sorted(store.folder.iterdir())
 
 
-def test_what_is_written_is_read_to_the_bit(store):
+def test_what_is_written_is_read_to_the_bit_and_what_two_processes_stored_is_there_once(store):
     store_cell(store, "abc", ROWS, ABOUT)
     (cell,), broken = store.read()
 
@@ -38,6 +38,9 @@ def test_what_is_written_is_read_to_the_bit(store):
     assert cell.metadata == ABOUT
     assert broken == []
     assert (done(store), done(store, "abd")) == ([0], [])
+    store_cell(store, "abc", ROWS, ABOUT)  # by another process
+    assert len(files(store)) == 2
+    assert store.read()[0][0].rows.to_dict("records") == ROWS
 
 
 def test_many_cells_of_one_part_keep_their_own_columns_in_their_own_order(store):
@@ -85,15 +88,6 @@ def test_a_cell_with_a_failed_run_is_there_but_not_done_until_that_run_went_well
     assert done(store) == [0, 1]
     (cell,), _ = store.read()
     assert list(cell.rows["position_rmse_m"]) == [0.1 + 0.2, 0.7]
-
-
-def test_a_run_that_two_processes_stored_is_there_once(store):
-    for _ in range(2):
-        store_cell(store, "abc", ROWS, ABOUT)
-    (cell,), _ = store.read()
-
-    assert cell.rows.to_dict("records") == ROWS
-    assert len(files(store)) == 2
 
 
 @pytest.mark.parametrize("size", [0, 4, 300])

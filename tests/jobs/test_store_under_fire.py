@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from commands import PATIENCE_S, SHORT, environment, swept, verb
+from commands import PATIENCE_S, SHORT, alive, children_of, environment, swept, verb
 from jerkbench.jobs.store import Store
-from processes import alive, children_of
 from stored_cells import drop
 
 CELLS = ["filter=baseline,jerk,gnss_only", "disturbance=none,imu_bias", "noise.accel_mps2=0.1,0.2"]
@@ -97,10 +96,10 @@ def test_a_damaged_cell_is_run_again_and_that_is_said(tmp_path):
     data[200] ^= 255
     path.write_bytes(data)
     shown = verb("table", "results/adhoc", cwd=tmp_path)
-    assert f"1 damaged file of cells is left out: {path.stem}." in shown.stdout
+    assert f"1 damaged file of results is left out: {path.stem}." in shown.stdout
     again = swept(*CELLS[:1], cwd=tmp_path)
-    assert f"1 damaged file of cells is set aside, its cells run again: {path.stem}." in again.stderr
-    assert re.search("[12] of 3 cells are done already", again.stderr)
+    assert f"1 damaged file of results is renamed to *.damaged: {path.stem}." in again.stderr
+    assert re.search("[12] of 3 combinations are already complete", again.stderr)
     assert "damaged" not in verb("table", "results/adhoc", cwd=tmp_path).stdout
 
 
@@ -123,7 +122,7 @@ def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path
     cells = tmp_path / "results" / "adhoc" / "cells"
     for blocks, sentence in (
         (4, "Results cannot be written"),  # not even the sweep's own configuration
-        (16, "the sweep ends here, because a result cannot be stored"),
+        (16, "the sweep was stopped, because a result cannot be stored"),
         (40, "the tables cannot be written"),  # a cell has room, the manifest has not
     ):
         full = limited(blocks, *words, cwd=tmp_path)
@@ -133,7 +132,7 @@ def test_where_there_is_no_room_nothing_finished_is_lost_and_it_is_said(tmp_path
         assert not [path for path in cells.glob("*") if path.suffix != ".parquet"]
     assert len(Store(cells.parent).keys_from("")) == 15
     again = swept(*CELLS, "disturbance=none,imu_bias,gnss_outage", cwd=tmp_path)
-    assert "15 of 15 cells are done already" in again.stderr
+    assert "15 of 15 combinations are already complete" in again.stderr
     assert len(rows_of(tmp_path)) == 15
 
 

@@ -10,10 +10,11 @@ from jerkbench.jobs.manifest import write_manifest
 from jerkbench.jobs.plan import planned
 from jerkbench.jobs.store import RowBlock, Store
 from jerkbench.jobs.study import load_study, write_study
+from jerkbench.report.changes import other_methods, require_alike
 from jerkbench.report.findings import findings
-from jerkbench.report.selection import other_methods, require_alike
 from jerkbench.report.study_verdicts import study_verdicts
 from jerkbench.report.summary import summarise
+from made_jobs import SPEC
 from stored_cells import LABELS, about, put, row, store_cell, write_blocks
 
 KEYS_OF_TWO = ("a" * 20, "b" * 20)
@@ -72,97 +73,68 @@ def test_what_was_not_measured_alike_is_never_compared_and_that_is_said(tmp_path
     assert any(words in note and "not compared" in note for note in table.footnotes)
 
 
-def test_parameters_of_a_method_that_its_label_does_not_say_are_said(tmp_path):
+def test_parameters_that_a_label_does_not_say_are_said_and_the_same_data_are_the_same_anywhere(tmp_path):
     for key, adaptation, sigma in (("1", "none", 0.1), ("2", "mtf", 1.0)):
         spec = {"filter": {"name": "jerk", "accel_mps2": sigma}}
         put(tmp_path, key, sigma, adaptation=adaptation, seeds=8, conditions={"spec": spec})
     study = load_study(tmp_path)
-
     assert set(study.rows["filter"]) == {"jerk(accel_mps2=0.1)", "jerk(accel_mps2=1.0)"}
     (sentence,) = sentences(study.rows, "position_rmse_m")
     assert sentence.startswith("jerk(accel_mps2=1.0)+mtf is 10.0 times worse than jerk(accel_mps2=0.1)+none")
-
-
-def test_the_same_data_in_another_place_are_the_same(tmp_path):
-    put(tmp_path, "1", 3.0, filter="baseline", seeds=8, conditions=drive("A"))
-    put(tmp_path, "2", 4.0, filter="jerk", seeds=8, conditions={**drive("B"), "data": "hash of A"})
-    study = load_study(tmp_path)
-
+    put(tmp_path / "b", "1", 3.0, filter="baseline", seeds=8, conditions=drive("A"))
+    put(tmp_path / "b", "2", 4.0, filter="jerk", seeds=8, conditions={**drive("B"), "data": "hash of A"})
+    study = load_study(tmp_path / "b")
     assert set(study.rows["dataset"]) == {"field"}
     assert len(sentences(study.rows, "position_rmse_m")) == 1
 
 
-def test_what_is_not_shown_is_said(tmp_path):
+def test_notes_belong_to_their_cells_and_say_what_is_not_shown(tmp_path):
     put(tmp_path, "01d", 0.1)
     put(tmp_path, "4e", 0.2, created="2026-02-01T00:00:00Z")
     put(tmp_path, "07", 0.3, code="b", filter="bias")
     (tmp_path / "cells" / "b0.parquet").write_bytes(b"PAR1")
     notes = load_study(tmp_path).notes
-
     assert "1 result of the same name with other settings, code or data is left out." in notes
     assert "These results come from 2 versions of the code or its libraries." in notes
-    assert "1 damaged file of cells is left out: b0." in notes
-
-
-def test_notes_belong_to_the_cells_that_they_were_given_for(tmp_path):
-    put(tmp_path, "1", 0.1)
-    write_manifest(tmp_path, {"1": [0]}, ["a first note"], ["jerkbench"])
-    write_manifest(tmp_path, {"1": [0]}, ["a corrected note"], ["jerkbench"])
-    put(tmp_path, "2", 0.2, filter="bias")
-    write_manifest(tmp_path, {"2": [0]}, ["a note on bias"], ["jerkbench"])
-
-    assert list(load_study(tmp_path).keys) == ["1", "2"]
-    told = "Not as published: simplified: bias. `jerkbench show` says what differs."
-    notes = load_study(tmp_path).notes
+    assert "1 damaged file of results is left out: b0." in notes
+    put(tmp_path / "b", "1", 0.1)
+    write_manifest(tmp_path / "b", {"1": [0]}, ["a first note"], ["jerkbench"])
+    write_manifest(tmp_path / "b", {"1": [0]}, ["a corrected note"], ["jerkbench"])
+    put(tmp_path / "b", "2", 0.2, filter="bias")
+    write_manifest(tmp_path / "b", {"2": [0]}, ["a note on bias"], ["jerkbench"])
+    assert list(load_study(tmp_path / "b").keys) == ["1", "2"]
+    told = "Not as published: simplified: bias. `jerkbench show` describes the differences."
+    notes = load_study(tmp_path / "b").notes
     assert notes == ("a corrected note", "a note on bias", "recording of 1", "recording of 2", told)
 
 
-def test_a_folder_in_which_nothing_can_be_written_is_a_sentence(tmp_path):
+def test_what_cannot_be_written_or_told_apart_is_refused_before_anything_runs(tmp_path):
     (tmp_path / "cells").write_text("a file where the folder should be")
-
     with pytest.raises(JerkbenchError, match="Results cannot be written to"):
         Store(tmp_path).prepare()
-
-
-SPEC = {
-    "dataset": {"name": "field"},
-    "disturbance": [{"name": "none"}],
-    "attitude": {"name": "tilt"},
-    "filter": {"name": "baseline"},
-    "adaptation": {"name": "none"},
-    "engine": {"name": "filterpy"},
-}
+    cells = [build({**SPEC, "engine": {"name": name}}, Protocol()) for name in ("filterpy", "compiled")]
+    with pytest.raises(PluginError, match="differ in engine"):
+        planned(cells)
 
 
 def shards(*first_seeds, seeds=2, **changed):
     return [build({**SPEC, **changed}, Protocol(seeds=seeds, first_seed=first)) for first in first_seeds]
 
 
-def test_shards_of_one_cell_are_planned_as_one_and_no_seed_runs_twice():
+def test_shards_of_one_cell_are_planned_as_one_and_their_rows_joined(tmp_path):
     assert [list(one.draws) for one in planned(shards(0, 2, 7)).jobs] == [[0, 1, 2, 3, 7, 8]]
     assert [list(one.draws) for one in planned(shards(0, 2, seeds=4)).jobs] == [list(range(6))]
-
-
-def test_rows_of_shards_are_joined_and_other_seeds_are_left_out_and_said(tmp_path):
     store = Store(tmp_path)
     for seeds in ((2, 3), (0, 1), (3, 4, 5)):
         write_blocks(store, [RowBlock("a", len(seeds), [row(float(seed), seed) for seed in seeds], about(notes=[]))])
         write_manifest(tmp_path, {"a": seeds}, [], ["jerkbench"])
     store_cell(store, "d", [row(9.0, 9)], about(notes=[], created="2025-01-01T00:00:00Z"))
     study = load_study(tmp_path)
-
     assert list(study.rows["seed"]) == [0, 1, 3, 4, 5]
     assert set(study.keys) == {"a"}
     assert study.combinations == 1
-    assert "1 stored run is left out: the last command asked for other seeds." in study.notes
+    assert "1 stored run is left out: the last command used other seeds." in study.notes
     assert "1 result of the same name with other settings, code or data is left out." in study.notes
-
-
-def test_two_combinations_that_the_table_could_not_tell_apart_are_refused_before_anything_runs():
-    cells = [build({**SPEC, "engine": {"name": name}}, Protocol()) for name in ("filterpy", "compiled")]
-
-    with pytest.raises(PluginError, match="differ in engine"):
-        planned(cells)
 
 
 @pytest.mark.parametrize("name", ["tilt", "gyro_only"])
@@ -201,21 +173,16 @@ def test_results_of_several_kinds_of_processors_say_so(tmp_path):
     for key, kind in zip(KEYS_OF_TWO, ("znver4: avx fma", "haswell: avx"), strict=True):
         put(tmp_path, key, 1.0, processor=kind, filter=f"filter{key[0]}")
     notes = load_study(tmp_path).notes
-
     assert "These results come from 2 kinds of processors (haswell, znver4): last bits may differ." in notes
-
-
-def test_a_cell_whose_blocks_were_run_on_two_processors_names_both(tmp_path):
-    store = Store(tmp_path)
+    store = Store(tmp_path / "b")
     store.prepare()
     for seed, kind in enumerate(("znver4: avx fma", "haswell: avx")):
         write_blocks(store, [RowBlock(KEYS_OF_TWO[0], 2, [row(seed=seed)], about(processor=kind))])
     (stored,), _ = store.read([KEYS_OF_TWO[0]])
-
     assert stored.metadata["processor"] == "haswell: avx and znver4: avx fma"
 
 
-def test_a_method_that_loses_to_the_fixes_alone_is_told_with_what_to_try(tmp_path):
+def test_a_method_that_loses_to_the_fixes_alone_or_diverged_is_told_with_what_to_try(tmp_path):
     moving = {"spec": {"dataset": {"name": "table", "static_start_s": 0.0}}}
     errors = {"gnss_only": 5.0, "baseline": 11.9, "eskf15": 0.7, "bias": 5.2}
     for attitude, factor in (("real", 1.0), ("reference", 0.1)):
@@ -223,27 +190,20 @@ def test_a_method_that_loses_to_the_fixes_alone_is_told_with_what_to_try(tmp_pat
             scaled = error if name == "gnss_only" else error * factor
             key = f"{name}{attitude}".encode().hex()
             put(tmp_path, key, scaled, filter=name, attitude=attitude, conditions={**moving, "data": "a hash"})
-
     losing, advice = load_study(tmp_path).notes[-2:]
-
     assert "gnss_only (5 m)" in losing
     assert "real: baseline (11.9 m)." in losing
     assert "static_start_s=0" in advice
     assert "attitude=reference" in advice
-
-
-def test_a_run_that_diverged_loses_to_the_fixes_and_one_that_failed_is_not_compared(tmp_path):
-    put(tmp_path, "a1", 5.0, filter="gnss_only")
-    put(tmp_path, "b1", 0.1, filter="jerk")
+    put(tmp_path / "b", "a1", 5.0, filter="gnss_only")
+    put(tmp_path / "b", "b1", 0.1, filter="jerk")
     for key, name, status in (("c1", "bias", "diverged"), ("d1", "imm", "failed")):
         lost = [row(float("nan"), status=status, filter=name)]
-        store_cell(Store(tmp_path), key, lost, about(labels={**LABELS, "filter": name}))
-
-    told = [note for note in load_study(tmp_path).notes if "gnss_only" in note]
-
+        store_cell(Store(tmp_path / "b"), key, lost, about(labels={**LABELS, "filter": name}))
+    told = [note for note in load_study(tmp_path / "b").notes if "gnss_only" in note]
     assert len(told) == 1
     assert "bias (inf m)" not in told[0]
-    assert "bias (lost)" in told[0]
+    assert "bias (failed)" in told[0]
     assert "imm" not in told[0]
 
 

@@ -10,15 +10,15 @@ import pytest
 
 from jerkbench.filters.kinematic import Jerk
 from jerkbench.jobs.executors import Pool, Workers
-from jerkbench.jobs.inputs import KEPT_INPUTS
+from jerkbench.jobs.inputs import MAX_CACHED_INPUTS
 from jerkbench.jobs.job import Protocol
-from jerkbench.jobs.plan import MAX_TASKS, Plan, chunks_of, planned
+from jerkbench.jobs.plan import Plan, chunks_of, planned
 from jerkbench.jobs.rows import job_rows
 from jerkbench.jobs.run import MAX_DEATHS, run_missing
 from jerkbench.jobs.store import Store
 from made_jobs import job_with, with_method
 
-SEEDS = KEPT_INPUTS + 3
+SEEDS = MAX_CACHED_INPUTS + 3
 
 
 def cell(adaptation, seeds=SEEDS):
@@ -35,52 +35,31 @@ def settings(adaptation, count):
     return [with_method(first, filter=Jerk(accel_mps2=1.0 + k)) for k in range(count)]
 
 
+def all_seeds(jobs):
+    return {job.key: set(job.draws) for job in jobs}
+
+
 def runs(chunks):
     return sorted((job.key, draw) for chunk in chunks for task in chunk for job in task.jobs for draw in task.draws)
-
-
-def test_a_chunk_has_as_many_seeds_as_a_process_caches_recordings_and_all_methods(plan):
-    assert [[len(task.draws) for task in chunk] for chunk in chunks_of(plan.jobs)] == [[KEPT_INPUTS] * 2, [3] * 2]
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5, 64])
 @pytest.mark.parametrize("seeds", [1, 3, SEEDS, 200])
 def test_every_run_is_in_one_chunk_and_every_worker_has_work(seeds, workers):
     jobs = [cell(name, seeds) for name in ("none", "mtf", "huber")]
-    chunks = chunks_of(jobs, workers=workers)
+    chunks = chunks_of(jobs, all_seeds(jobs), workers)
 
     assert runs(chunks) == sorted((job.key, draw) for job in jobs for draw in job.draws)
     assert len(chunks) >= min(workers, 3 * seeds) / 2
-    grid = chunks_of(settings("none", 64), workers=workers)  # which share a call
+    sharing = settings("none", 64)  # one call
+    grid = chunks_of(sharing, all_seeds(sharing), workers)
     assert len(grid) >= min(workers, 64)
     for chunk in chunks:
-        assert len({draw for task in chunk for draw in task.draws}) <= KEPT_INPUTS
-
-
-def test_only_the_remaining_runs_are_in_chunks(plan):
-    first, second = plan.jobs
-    remaining = {first.key: {5, 30}, second.key: set()}
-
-    assert runs(chunks_of(plan.jobs, remaining)) == [(first.key, 5), (first.key, 30)]
-
-
-def test_settings_of_a_method_share_a_call_wherever_the_plan_has_them():
-    turns = [job for pair in zip(settings("none", 3), settings("mtf", 3), strict=True) for job in pair]
-    (tasks,) = chunks_of(turns)
-
-    assert [[(job.labels.adaptation, job.method.filter.accel_mps2) for job in task.jobs] for task in tasks] == [
-        [(name, 1.0 + k) for k in range(3)] for name in ("none", "mtf")
-    ]
-    assert max(len(task.jobs) for chunk in chunks_of(settings("none", MAX_TASKS + 1)) for task in chunk) == MAX_TASKS
+        assert len({draw for task in chunk for draw in task.draws}) <= MAX_CACHED_INPUTS
 
 
 class Fragile(Executor):
-    """A cluster without processes, on which some tasks lose their worker.
-
-    Attributes:
-        dies: whether a task does.
-        sizes: how many jobs each chunk had.
-    """
+    """A cluster without processes, on which tasks that ``dies`` chooses lose their worker."""
 
     def __init__(self, dies=lambda task: False):
         self.dies, self.sizes = dies, []
@@ -115,8 +94,8 @@ def test_a_task_whose_workers_die_has_failed_rows_and_runs_again_in_the_next_swe
     (stored,), _ = store.read([first.key])
 
     assert list(stored.rows["seed"]) == list(range(4, 4 + SEEDS))
-    assert list(stored.rows["status"]) == ["ok"] * KEPT_INPUTS + ["failed"] * 3
-    assert set(stored.rows["reason"][KEPT_INPUTS:]) == {"ChildProcessError: its worker process died (it died)"}
+    assert list(stored.rows["status"]) == ["ok"] * MAX_CACHED_INPUTS + ["failed"] * 3
+    assert set(stored.rows["reason"][MAX_CACHED_INPUTS:]) == {"ChildProcessError: its worker process died (it died)"}
 
     run_missing(plan, store)
     (again,), _ = store.read([first.key])

@@ -1,6 +1,6 @@
-"""The choice of figures: few, all or none; the scenarios and methods that carry a finding."""
+"""The choice of figures, and their titles and file names."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -9,11 +9,14 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.errors import JerkbenchError, PluginError
+from jerkbench.jobs.job import Protocol, build
+from jerkbench.jobs.rows import run_seed
 from jerkbench.jobs.store import Stored
 from jerkbench.jobs.study import load_study, named_part
 from jerkbench.report import Choice, figures_choice
 from jerkbench.report.drawings import by_difference, telling_scenes
-from jerkbench.report.study_figures import _chosen, ranked
+from jerkbench.report.study_figures import _selected, file_stem, ranked, with_title
+from made_jobs import SPEC
 from stored_cells import put
 
 SCENES = {f"field, {disturbance}, tilt": disturbance for disturbance in ("none", "imu_bias", "outliers", "gnss_outage")}
@@ -45,7 +48,7 @@ def test_another_word_is_refused_with_what_there_is():
         figures_choice("fwe")
 
 
-def test_few_are_the_scenarios_where_a_finding_is_most_certain_with_its_methods():
+def test_few_are_the_scenarios_where_a_finding_is_most_certain_or_the_first():
     rows = rows_of(
         {
             ("baseline", "none"): (1.0, 1.0, 1.0, 1.0),
@@ -58,9 +61,6 @@ def test_few_are_the_scenarios_where_a_finding_is_most_certain_with_its_methods(
         "field, imu_bias, tilt": {("baseline", "none"), ("jerk", "none")},
         "field, outliers, tilt": {("jerk", "none"), ("jerk", "mtf")},
     }
-
-
-def test_without_a_finding_it_is_the_first_scenario_with_the_usual_methods():
     rows = rows_of({("baseline", "none"): (1.0,) * 4, ("jerk", "none"): (1.0,) * 4})
     assert telling_scenes(by_difference(rows, "position_rmse_m", list(SCENES))) == {"field, none, tilt": ()}
     assert telling_scenes(by_difference(rows, "position_rmse_m", [])) == {}
@@ -103,23 +103,17 @@ def cell_of(place, filter_name, adaptation, **labels):
 
 
 def drawn(cells, wanted=()):
-    return list(_chosen(ranked(cells, "position_rmse_m"), wanted))
+    return list(_selected(ranked(cells, "position_rmse_m"), wanted))
 
 
-def test_the_users_own_method_is_drawn_however_bad_it_is(mine):
+def test_the_users_own_method_is_drawn_however_bad_and_what_is_wanted_whatever_its_number(mine):
     others = [cell_of(place, "jerk", name) for place, name in enumerate(METHODS)]
     own = [cell_of(90, "jerk", "mine(x=1)"), cell_of(80, "baseline", "mine(x=2)"), cell_of(99, "command", "none")]
-
     assert "baseline + mine(x=2)" in drawn([*others, *own[:2]])
     assert drawn([*others, *own])[:3] == ["jerk + mtf", "baseline + mine(x=2)", "command + none"]
     assert len(drawn([*others, *own])) == 5
     few = drawn([*others, *own], wanted=[("jerk", "huber_r")])
     assert few == ["jerk + mtf", "baseline + mine(x=2)", "command + none", "jerk + huber_r"]
-
-
-def test_what_is_wanted_by_name_is_drawn_whatever_its_number():
-    others = [cell_of(place, "jerk", name) for place, name in enumerate(METHODS)]
-
     assert drawn(others, wanted=[("jerk", name) for name in METHODS]) == [f"jerk + {name}" for name in METHODS]
 
 
@@ -158,3 +152,54 @@ def test_scenarios_are_named_with_their_parameters_or_without(study, name):
 def test_a_name_that_nothing_has_is_told_with_those_that_there_are(study):
     with pytest.raises(JerkbenchError, match=r"There is no method 'mft'. Did you mean 'mtf'\? Available: baseline, "):
         named_part(study, ["mft"], ("filter", "adaptation", "noise"))
+
+
+FIELD = {"name": "field", "duration_s": 20.0}
+DRIVE = {"name": "rtklib", "folder": "anywhere"}
+
+
+def cell(dataset, *disturbances):
+    return build({**SPEC, "dataset": dataset, "disturbance": list(disturbances)}, Protocol(seeds=3, first_seed=7))
+
+
+@pytest.mark.parametrize(
+    ("one", "said"),
+    [
+        (cell(FIELD, {"name": "none"}), "a, seed 7"),
+        (cell(FIELD, {"name": "imu_bias"}), "a, imu_bias, seed 7"),
+        (cell(DRIVE, {"name": "none"}), "a"),
+        (cell(DRIVE, {"name": "withhold", "every": 4}), "a, withhold, phase 7"),
+    ],
+)
+def test_a_title_says_data_set_disturbance_and_seed(one, said, make_short):
+    assert with_title(make_short("a"), one, 7).name == said
+
+
+def test_a_long_title_and_one_with_many_parameters_have_a_few_lines(make_short):
+    name = with_title(make_short("a " * 50), cell(FIELD, {"name": "imu_bias"}), 7).name
+    assert name.endswith("imu_bias, seed 7")
+    assert max(map(len, name.split("\n"))) <= 70
+    labels = cell(FIELD, {"name": "none"}).labels._replace(disturbance=f"gnss_outage(windows_s={MANY['windows_s']})")
+    name = with_title(make_short("field"), replace(cell(FIELD, MANY), labels=labels), 7).name
+    assert name == "field, gnss_outage, seed 7"
+    assert with_title(make_short("word " * 200), cell(FIELD, MANY), 7).name.count("\n") < 4
+
+
+@pytest.fixture(scope="module")
+def make_short():
+    recording, _ = run_seed(cell(FIELD, {"name": "none"}), 7)
+    return lambda name: replace(recording, name=name)
+
+
+MANY = {"name": "gnss_outage", "windows_s": [[10.0 * k, 10.0 * k + 5.0] for k in range(38)]}
+
+
+def test_names_of_files_are_short_and_the_same_for_the_same_labels():
+    plain = cell(FIELD, {"name": "imu_bias"}).labels
+    long = plain._replace(dataset=f"table({', '.join(f'column_{k}=name_{k}' for k in range(40))})")
+
+    assert file_stem(plain) == "field-imu_bias-tilt-baseline-none-default"
+    assert file_stem(long) == file_stem(long)
+    assert file_stem(long).startswith("table-imu_bias-tilt-baseline-none-default-")
+    assert file_stem(long) != file_stem(long._replace(dataset=long.dataset.replace("name_3", "name_4")))
+    assert len(file_stem(plain._replace(disturbance="+".join(["gnss_outage"] * 30)))) < 120

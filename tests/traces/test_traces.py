@@ -41,15 +41,12 @@ def noise(rows=50, seed=0):
     return np.random.default_rng(seed).normal(size=(rows, 3))
 
 
-def test_errors_are_fix_less_reference_without_their_median():
+def test_errors_are_fix_less_reference_between_its_stamps_and_without_their_median():
     error = noise() + np.array([5.0, 0.0, -7.0])
     trace = trace_of(recording(error))
     np.testing.assert_allclose(trace.error_m, error - np.median(error, axis=0), atol=1e-12)
     np.testing.assert_allclose(trace.about.offset_m, np.median(error, axis=0))
     np.testing.assert_allclose(trace_of(recording(error), centred=False).error_m, error, atol=1e-12)
-
-
-def test_the_reference_is_taken_between_its_stamps_but_not_over_its_gaps():
     own_s = np.concatenate([np.arange(0.05, 4, 0.1), np.arange(6.05, 9.9, 0.1)])
     error = noise()
     trace = trace_of(recording(error, reference_s=own_s), centred=False)
@@ -61,11 +58,11 @@ def test_the_reference_is_taken_between_its_stamps_but_not_over_its_gaps():
 
 @pytest.mark.parametrize("error", [np.zeros((50, 3)), np.ones((5, 3))])
 def test_what_has_no_errors_makes_no_trace(error):
-    with pytest.raises(RecordingError, match=r"own fixes|are needed"):
+    with pytest.raises(RecordingError, match=r"copy of its fixes|are needed"):
         trace_of(recording(error))
 
 
-def test_a_trace_survives_its_file(tmp_path):
+def test_a_trace_survives_its_file_and_an_invalid_one_raises(tmp_path):
     covariance = np.tile([[4.0, 1.0, -0.5], [1.0, 9.0, 2.0], [-0.5, 2.0, 1.0]], (50, 1, 1))
     trace = Trace(np.arange(50) * 0.2, noise(), covariance)
     write_trace(trace, tmp_path / "a.parquet")
@@ -73,27 +70,21 @@ def test_a_trace_survives_its_file(tmp_path):
     np.testing.assert_allclose(again.error_m, trace.error_m, atol=6e-5)
     np.testing.assert_allclose(again.covariance_m2, covariance, rtol=2e-3, atol=5e-3)
     assert again.about == trace.about
-
-
-def test_what_is_no_trace_is_a_sentence(tmp_path):
     (tmp_path / "a.parquet").write_text("no")
-    with pytest.raises(RecordingError, match="no trace"):
+    with pytest.raises(RecordingError, match="not a trace"):
         read_trace(tmp_path / "a.parquet")
     with pytest.raises(RecordingError, match="tokyo_1105"):
         trace_path("tokio")
-    with pytest.raises(RecordingError, match="no file"):
+    with pytest.raises(RecordingError, match="does not exist"):
         trace_path(str(tmp_path / "gone.parquet"))
 
 
-def test_the_local_moment_is_the_mean_square_near_by():
+def test_the_local_moment_and_the_autocorrelation():
     trace = Trace(np.array([*range(10), 30.0]), noise(11), np.tile(np.eye(3), (11, 1, 1)))
     moment = trace.local_moment_m2(4.0)
     expected = np.mean([np.outer(e, e) for e in trace.error_m[3:8]], axis=0)
     np.testing.assert_allclose(moment[5], expected)
     np.testing.assert_allclose(moment[10], np.outer(trace.error_m[10], trace.error_m[10]))
-
-
-def test_the_autocorrelation_of_a_gauss_markov_process_is_an_exponential():
     random = np.random.default_rng(1)
     error = random.normal(size=(20000, 3))
     for k in range(1, len(error)):
@@ -143,11 +134,11 @@ def test_a_trace_of_any_recording_can_be_replayed(tmp_path, typed):
     words = ["filter=baseline", "dataset.duration_s=20", "seeds=1", "study=replayed"]
     done = typed("run", *words, "disturbance=replayed_gnss", "disturbance.replayed_gnss.trace=own.parquet")
     assert done.returncode == 0, done.stderr
-    assert "The errors of its fixes are replayed: those of field" in done.stdout
+    assert "Its fixes have replayed errors: the errors of field" in done.stdout
     assert len(pd.read_parquet(tmp_path / "own.parquet")) == 150
 
 
-@pytest.mark.parametrize(("target", "word"), [("own.parquet", "there already"), ("a.csv", "suffix")])
+@pytest.mark.parametrize(("target", "word"), [("own.parquet", "already exists"), ("a.csv", "suffix")])
 def test_what_cannot_be_written_is_a_sentence(tmp_path, typed, target, word):
     (tmp_path / "own.parquet").touch()
     done = typed("data", "trace", "field", target)

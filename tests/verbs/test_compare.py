@@ -8,13 +8,15 @@ import pytest
 
 from commands import verb
 from jerkbench.jobs.store import Store
-from stored_cells import LABELS, about, drop, row, store_cell
+from stored_cells import LABELS, about, row, store_cell
 
 
-def put(folder, rmse_m, rmse_mps=1.0, **labels):
-    """Store a cell with the errors of three runs."""
+def put(folder, rmse_m, rmse_mps=1.0, changes=None, **labels):
+    """Store a cell with the errors of three runs; ``changes`` has other values of some seeds."""
     key = hashlib.sha256(str(labels).encode()).hexdigest()[:16]
     rows = [row(rmse_m * (1 + seed / 10), seed, **labels) | {"velocity_rmse_mps": rmse_mps} for seed in range(3)]
+    for seed, values in (changes or {}).items():
+        rows[seed].update(values)
     store_cell(Store(folder), key, rows, about(labels={**LABELS, **labels}))
 
 
@@ -34,17 +36,12 @@ def before(tmp_path):
 @pytest.fixture
 def ruined(before, tmp_path):
     """A later version in which seed 2 of one combination is 50 times as wrong, and seed 1 of another diverged."""
-    study(tmp_path / "after")
-    for disturbance, change in (
-        ("none", {"position_rmse_m": 2.0 * 1.2 * 50}),
-        ("gnss_outage", {"status": "diverged", "reason": "x"}),
+    for disturbance, changes in (
+        ("none", {2: {"position_rmse_m": 2.0 * 1.2 * 50}}),
+        ("gnss_outage", {1: {"status": "diverged", "reason": "x"}}),
     ):
-        labels = {"adaptation": "mtf", "disturbance": disturbance}
-        rows = [row(2.0 * (1 + seed / 10), seed, **labels) | {"velocity_rmse_mps": 1.0} for seed in range(3)]
-        rows[2 if disturbance == "none" else 1].update(change)
-        key = hashlib.sha256(str(labels).encode()).hexdigest()[:16]
-        drop(Store(tmp_path / "after"), [key])
-        store_cell(Store(tmp_path / "after"), key, rows, about(labels={**LABELS, **labels}))
+        put(tmp_path / "after", 2.0, adaptation="none", disturbance=disturbance)
+        put(tmp_path / "after", 2.0, changes=changes, adaptation="mtf", disturbance=disturbance)
     return ["compare", "before", "after", "--fail-above", "1000", "--format"]
 
 
@@ -86,7 +83,7 @@ def test_the_gate_fails_for_studies_without_a_common_seed(before, tmp_path):
     done = verb("compare", "one", "two", "--fail-above", "3", cwd=tmp_path)
 
     assert done.returncode == 4
-    assert "1 of the 1 combinations of A cannot be judged: 1 because A and B have no seed in common." in done.stdout
+    assert "1 of the 1 combinations of A cannot be compared: 1 because A and B have no seed in common." in done.stdout
 
 
 def test_one_method_is_compared_with_another_on_the_scenarios_of_both(before, tmp_path):
@@ -97,7 +94,7 @@ def test_one_method_is_compared_with_another_on_the_scenarios_of_both(before, tm
     ratios = {change["combination"]["disturbance"]: change["ratio"] for change in answer["changes"]}
 
     assert ratios == {"gnss_outage": pytest.approx(1.5), "none": pytest.approx(0.5)}
-    assert "mine + none of B is compared with jerk + mtf of A, and stands under its name." in answer["notes"]
+    assert "mine + none of B is compared with jerk + mtf of A, and has the name of A here." in answer["notes"]
     assert verb(*words, "--fail-above", "40", cwd=tmp_path).returncode == 3
     assert verb(*words, "--fail-above", "60", cwd=tmp_path).returncode == 0
 
@@ -113,11 +110,11 @@ def test_a_factor_that_is_not_named_has_to_be_the_same_in_both(before, tmp_path)
     ("a", "b", "sentence"),
     [
         ("before:jerky", "before", "Did you mean 'jerk'?"),
-        ("before:jerk+mtf", "before", "has 2 values of the adaptation: mtf, none. Say which one to compare"),
-        ("before:jerk+filter=jerk", "before", "names the filter twice"),
-        ("before:jerk+none+own+field", "before", "has more words than filter, adaptation, noise"),
+        ("before:jerk+mtf", "before", "has 2 values of the adaptation: mtf, none. Select one"),
+        ("before:jerk+filter=jerk", "before", "contains two values of the filter"),
+        ("before:jerk+none+own+field", "before", "has more names than filter, adaptation, noise"),
         ("before:colour=red", "before", "There is no factor 'colour'"),
-        ("nothing:jerk", "before", "nothing holds no results"),
+        ("nothing:jerk", "before", "nothing has no results"),
     ],
 )
 def test_a_method_that_is_not_clear_is_refused(before, tmp_path, a, b, sentence):

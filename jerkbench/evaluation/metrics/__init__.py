@@ -1,1 +1,1 @@
-"""The metrics: each gives columns of rows.csv from an estimate and its recording; one file for each kind."""
+"""The metrics. Each metric computes columns of rows.csv from an estimate and its recording."""

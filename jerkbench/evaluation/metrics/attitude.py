@@ -1,4 +1,4 @@
-"""Attitude errors."""
+"""Metrics of the attitude error."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
 _MAX_ANGLE_RAD = np.radians(75.0)
-"""Up to this pitch of the reference, roll and yaw are angles of their own."""
+"""Maximum pitch of the reference at which the roll and yaw errors are computed."""
 
 
 @register("metric", "attitude_rmse")
@@ -30,15 +30,14 @@ _MAX_ANGLE_RAD = np.radians(75.0)
 class AttitudeRmse:
     """Root mean square error of roll, pitch and yaw.
 
-    With e_i the difference of the angles wrapped to (-pi, pi] [rad], over the N counted rows whose reference knows
-    that angle::
+    Let e_i be the error of an angle, wrapped to (-pi, pi] [rad], at the N counted rows at which the reference of this
+    angle is known::
 
-        roll_rmse_rad = sqrt(1/N sum e_roll,i^2)        pitch_rmse_rad, yaw_rmse_rad likewise
+        roll_rmse_rad = sqrt(1/N sum e_roll,i^2)        pitch_rmse_rad, yaw_rmse_rad the same
 
-    Rows whose reference is pitched by more than 75 degrees do not count for roll and yaw, which are one angle at 90
-    degrees; `inclination` has no such hole.
-
-    NaN without a single such row.
+    For roll and yaw, rows with a reference pitch of more than 75 degrees in size are left out, because roll and yaw
+    cannot be distinguished at a pitch of 90 degrees. The metric `inclination` has no such limit. A value is NaN without
+    a counted row.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -50,7 +49,7 @@ class AttitudeRmse:
     reads: ClassVar[str] = "attitude"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values by column name."""
+        """Return the three values of the metric by column name."""
         error = euler_error_rad(estimate, recording)
         truth = recording.reference.euler_rad
         steep = np.zeros(len(error), dtype=bool) if truth is None else np.abs(truth[estimate.index, 1]) > _MAX_ANGLE_RAD
@@ -61,16 +60,15 @@ class AttitudeRmse:
         return values
 
 
-# The error of the tilt as one angle, and the accuracy of the reference's own level.
+# The error of roll and pitch as one angle, and the accuracy of its reference.
 
 _WINDOW_S = 1.0
-"""Over how long the accelerometer is averaged for the floor."""
+"""Length of the windows in which the specific force is averaged for the inclination floor."""
 
 STILL_RANGE_RADPS = 0.05
 STILL_MIDDLE_RADPS = 0.02
 _STILL_BELOW_MPS = 0.1
-"""A window is still where the gyro's range on each axis and the middle of it are not above the first
-two, and the speed, where there is any, not above the third."""
+"""Limits for a stationary window: the range of the angular rate on each axis, the midpoint of this range, the speed."""
 
 
 @register("metric", "inclination")
@@ -78,20 +76,23 @@ two, and the speed, where there is any, not above the third."""
 class Inclination:
     """Root mean square error of the inclination: the angle between the estimated and the true vertical.
 
-    With x = Omega' e3 = (-sin(pitch), cos(pitch) sin(roll), cos(pitch) cos(roll)), the vertical seen from the body,
-    and a_i = atan2(|x_i x x_ref,i|, x_i' x_ref,i), over the N counted rows whose roll and pitch are known::
+    Let x = Omega' e3 = (-sin(pitch), cos(pitch) sin(roll), cos(pitch) cos(roll)) be the vertical in the body frame. Let
+    a_i = atan2(|x_i x x_ref,i|, x_i' x_ref,i) be the error angle at the N counted rows whose reference roll and pitch
+    are known::
 
         inclination_rmse_rad   = sqrt(1/N sum a_i^2)            inclination_rmse_deg: the same in degrees
         inclination_max_deg    = max a_i
         inclination_floor_deg  = median over windows of 1 s of the angle between the mean specific force and the mean
                                  x_ref
 
-    The angle is defined at every attitude; roll and yaw say nothing where the pitch is 90 degrees. The floor takes the
-    windows in which the body is still (gyro, each axis: range up to 0.05, its middle up to 0.02 rad/s; and, where the
-    recording has velocities or places, a speed up to 0.1 m/s: straight driving is no rest) and the reference is known,
-    scored or not. There the accelerometer shows the vertical, so what it says is an error of the
-    reference, of its alignment with the IMU, or of the accelerometer: no error far below the floor means anything. NaN
-    where there is nothing.
+    The angle is defined at every attitude, whereas roll and yaw are undefined at a pitch of 90 degrees.
+
+    The floor uses windows in which the body is stationary and the reference is known, even if it is not scored. A
+    window is stationary if, on each axis, the range of the angular rate is at most 0.05 rad/s, and the midpoint of this
+    range is at most 0.02 rad/s. If the recording has velocities or positions, the speed must also be at most 0.1 m/s. A
+    stationary accelerometer measures the vertical. The floor is therefore an error of the reference, of its alignment
+    with the IMU, or of the accelerometer. Errors far below the floor are meaningless. A value is NaN without counted
+    rows or stationary windows.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -106,7 +107,7 @@ class Inclination:
     reads: ClassVar[str] = "attitude"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the four values by column name."""
+        """Return the four values of the metric by column name."""
         rows = counted & known(recording.reference.euler_rad, estimate, (0, 1))
         angle = inclination_error_rad(estimate, recording)[rows, None]
         rmse_rad = rms_norm(angle)
@@ -119,19 +120,19 @@ class Inclination:
 
 
 def _floor_rad(recording: Recording) -> float:
-    """Median angle between specific force and the reference's vertical over the windows that are still."""
+    """Return the median angle [rad] between the specific force and the reference vertical over stationary windows."""
     reference, imu = recording.reference, recording.imu
     if reference.euler_rad is None or imu is None:
         return float("nan")
     known = np.isfinite(reference.euler_rad[:, :2]).all(axis=1)
     truth = vertical_in_body(np.nan_to_num(reference.euler_rad[known]))
-    sampled_windows = np.floor(imu.t_s / _WINDOW_S)  # a gap is one long window without a sample
+    sampled_windows = np.floor(imu.t_s / _WINDOW_S)  # a gap becomes one long window
     windows = np.union1d(sampled_windows, sampled_windows + 1)
     windows = windows[windows <= np.ceil(imu.t_s[-1] / _WINDOW_S)] * _WINDOW_S
     vertical, known_rows = _means(truth, np.searchsorted(windows, reference.t_s[known], side="right"), len(windows))
     starts = np.searchsorted(imu.t_s, windows[:-1])
     force, sampled = _means(imu.accel_mps2, np.searchsorted(windows, imu.t_s, side="right"), len(windows))
-    starts = np.minimum(starts, len(imu.t_s) - 1)  # an empty window does not count anyway
+    starts = np.minimum(starts, len(imu.t_s) - 1)  # an index past the end belongs to an empty window, which is ignored
     high, low = np.maximum.reduceat(imu.gyro_radps, starts), np.minimum.reduceat(imu.gyro_radps, starts)
     calm = ((high - low) <= STILL_RANGE_RADPS).all(axis=1)
     calm &= np.abs(high + low).max(axis=1) / 2 <= STILL_MIDDLE_RADPS
@@ -142,7 +143,10 @@ def _floor_rad(recording: Recording) -> float:
 
 
 def _moving(recording: Recording, windows: FloatArray) -> BoolArray:
-    """Whether it moves from each of ``windows`` to the next, or nobody knows; without velocity and places: nowhere."""
+    """Return whether each window has motion or an unknown speed.
+
+    No window has motion if the recording has neither velocities nor positions.
+    """
     track = _speed(recording)
     if track is None:
         return np.zeros(len(windows) - 1, dtype=bool)
@@ -155,7 +159,10 @@ def _moving(recording: Recording, windows: FloatArray) -> BoolArray:
 
 
 def _speed(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
-    """Times and speeds (k,): the reference's, the measured one, or that from place to place; None without any."""
+    """Return times (k,) [s] and speeds (k,) [m/s] from the first source that exists, or None without a source.
+
+    The sources are the reference velocity, the measured velocity, the fixes, and the reference position.
+    """
     reference, velocity, position = recording.reference, recording.velocity, recording.position
     t_s, enu_m = (reference.t_s, reference.enu_m) if position is None else (position.t_s, position.enu_m)
     if reference.velocity_mps is not None:
@@ -171,7 +178,10 @@ def _speed(recording: Recording) -> tuple[FloatArray, FloatArray] | None:
 
 
 def _means(rows: FloatArray, window: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Mean of (n, 3) rows in each of the windows 0 ... count, and how many rows it has."""
+    """Return the mean (count + 1, 3) of the (n, 3) rows in each window, and the number of rows in each window.
+
+    ``window`` (n,) is the index of the window of each row, from 0 to ``count``.
+    """
     number = np.bincount(window, minlength=count + 1).astype(np.float64)
     total = np.column_stack([np.bincount(window, weights=rows[:, i], minlength=count + 1) for i in range(3)])
     return total / np.maximum(number, 1)[:, None], number

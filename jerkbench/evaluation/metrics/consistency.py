@@ -1,4 +1,4 @@
-"""Consistency of errors and innovations with what the filter claims of them, and proper scores of both."""
+"""Metrics of consistency: errors and innovations against the covariances of the filter, and proper scores."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,24 +16,25 @@ from jerkbench.plugins import register
 from jerkbench.recording import Recording
 
 EXPECTED_ANEES = 6.0
-"""Of position and velocity: as many as there are."""
+"""Expected ANEES of position and velocity: the number of these states."""
 
 
 @register("metric", "consistency")
 @dataclass(frozen=True)
 class Consistency(Summed):
-    """Average NEES and NIS: more than expected is overconfident, less is too cautious.
+    """Average NEES and NIS. Above the expected value a filter is overconfident, below it too cautious.
 
-    With e_i the errors of position and velocity and P_i their covariance, over the N counted rows whose reference is
-    known, and with the M updates from the first counted row on, of m_u rows each::
+    Let e_i be the errors of position and velocity, and P_i the covariance of the filter, at the N counted rows whose
+    reference is known. Update u of the M updates from the first counted row on measures m_u rows::
 
         anees              = 1/N sum e_i' P_i^-1 e_i         position and velocity together, expect 6
         anees_position     = the same with position alone, expect 3
         anis_per_row       = 1/M sum nis_u / m_u             nis = y' (H P- H' + R)^-1 y, reported R, expect 1
-        anis_used_per_row  = the same with the S that was used and the m_u rows that were not dropped, expect 1
+        anis_used_per_row  = the same with the used S and the m_u rows that were not dropped, expect 1
 
-    A filter that inflates R always looks consistent by the last one; judge it by ``anis_per_row``. NaN where there is
-    no such row or update, or where a covariance is not positive definite.
+    A filter that inflates R can make ``anis_used_per_row`` consistent for any innovations. Such a filter should be
+    judged by ``anis_per_row``. A value is NaN without a counted row or update, or if a covariance is not positive
+    definite.
 
     Source: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 5.4.
     """
@@ -46,7 +47,7 @@ class Consistency(Summed):
     }
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the four values by column name."""
+        """Return the four values of the metric by column name."""
         return {
             "anees": mean(sums.nees, sums.nees_rows),
             "anees_position": mean(sums.nees_position, float(sums.position_rows[0])),
@@ -61,13 +62,14 @@ _SIGMAS = (1, 2, 3)
 @register("metric", "coverage")
 @dataclass(frozen=True)
 class Coverage:
-    """Share of the position errors within one, two and three sigmas.
+    """Fraction of the position errors within one, two and three sigmas of the filter.
 
-    With e_ia the error of axis a at counted row i and P_i the covariance, over the N rows and three axes::
+    Let e_ia be the position error along axis a at row i, and P_i the covariance of the filter. The fraction is computed
+    over the N counted rows and three axes::
 
         coverage_k_sigma_percent = 100/(3 N) |{i, a: |e_ia| <= k sqrt(P_i,aa)}|     expect 68.3, 95.4, 99.7
 
-    NaN without a row. Not computed unless asked for: ``metrics=[coverage]``.
+    The values are NaN without a counted row. The metric is computed only on request: ``metrics=[coverage]``.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -79,7 +81,7 @@ class Coverage:
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values by column name."""
+        """Return the three values of the metric by column name."""
         rows, error = counted_errors(estimate, recording, counted)
         with np.errstate(invalid="ignore"):
             sigma = np.sqrt(np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)[:, :3])
@@ -88,22 +90,22 @@ class Coverage:
 
 
 RULED_OUT = 3.0
-"""Sigmas, in three dimensions: a consistent filter is beyond them in 2.9 % of the rows."""
+"""Limit of a silent error in sigmas. In three dimensions, a consistent filter exceeds it in 2.9 % of the rows."""
 
 
 @register("metric", "silent_error")
 @dataclass(frozen=True)
 class SilentError(Summed):
-    """Share and longest time of position errors beyond three sigmas of the filter's own covariance.
+    """Fraction and longest duration of position errors that exceed three sigmas of the filter.
 
-    With e_i the position error [m] and P_i its covariance [m2], over the N rows that are the first counted one of a
-    second, row i is silent where sqrt(e_i' P_i^-1 e_i) > 3::
+    Only the first counted row of each second is used (N rows). Let e_i be the position error [m] and P_i its covariance
+    in the filter [m2]. Row i has a silent error if sqrt(e_i' P_i^-1 e_i) > 3::
 
         silent_error_percent = 100/N |{i: silent}|          expect 2.9: chi-square with 3 degrees of freedom beyond 9
-        silent_error_s       = the most silent rows in a row, one a second [s]
+        silent_error_s       = the largest number of consecutive silent rows, one for each second [s]
 
-    A filter may be accurate on average and wild for a minute without saying so. NaN without a row, or where a
-    covariance is not positive definite.
+    A filter may be accurate on average, but have a large error and a small covariance for a minute. The values are NaN
+    without a counted row, or if a covariance is not positive definite.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -112,8 +114,8 @@ class SilentError(Summed):
     }
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the two values by column name."""
-        nees = _squared_distances(sums.sampled_m, sums.sampled_covariance_m2)
+        """Return the two values of the metric by column name."""
+        nees = squared_distances(sums.sampled_m, sums.sampled_covariance_m2)
         if not np.isfinite(nees).all() or not len(nees):
             return {"silent_error_percent": np.nan, "silent_error_s": np.nan}
         silent = nees > RULED_OUT**2
@@ -121,27 +123,32 @@ class SilentError(Summed):
         return {"silent_error_percent": 100 * float(silent.mean()), "silent_error_s": float(longest)}
 
 
-def _squared_distances(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return (k,) e' P^-1 e; NaN where a covariance is not finite and positive definite."""
+def squared_distances(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return e' P^-1 e (k,) of errors (k, m) and covariances (k, m, m).
+
+    The result is NaN for a covariance that is not finite or not positive definite.
+    """
     finite: BoolArray = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
-    solvable = np.where(finite[:, None, None], covariance, np.eye(3))
+    identity = np.eye(error.shape[1])
+    solvable = np.where(finite[:, None, None], covariance, identity)
     definite = np.linalg.eigvalsh(solvable)[:, 0] > 0
-    white = np.linalg.solve(np.where(definite[:, None, None], solvable, np.eye(3)), error[:, :, None])[:, :, 0]
+    white = np.linalg.solve(np.where(definite[:, None, None], solvable, identity), error[:, :, None])[:, :, 0]
     return np.where(finite & definite, np.sum(error * white, axis=1), np.nan)
 
 
 @register("metric", "innovation")
 @dataclass(frozen=True)
 class Innovation:
-    """Correlation of successive innovations: those of an optimal filter have none.
+    """Correlation of successive innovations. The innovations of an optimal filter are uncorrelated.
 
-    With rho_a(1) the autocorrelation at lag 1 of row a of the innovations, from the first counted row on, and p_a the
-    p of the Ljung-Box test over 20 lags::
+    Let rho_a(1) be the autocorrelation at lag 1 of row a of the innovations, and p_a the p value of its Ljung-Box test
+    over 20 lags. Updates from the first counted row on are used::
 
         innovation_correlation   = mean over the rows of rho_a(1)               expect 0
-        innovation_white_percent = share of the rows with p_a >= 0.05           expect 95
+        innovation_white_percent = fraction of the rows with p_a >= 0.05        expect 95
 
-    Above 0 the filter lags behind: its process noise is too small for what happens. NaN with fewer than 30 updates.
+    A positive correlation means that the filter lags behind, because its process noise is too small. The values are NaN
+    for fewer than 30 updates.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -158,7 +165,7 @@ class Innovation:
     reads: ClassVar[str] = "updates"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the two values by column name."""
+        """Return the two values of the metric by column name."""
         start_s = first_counted_s(recording.reference, estimate.index, counted)
         late = estimate.updates.innovation[estimate.updates.t_s >= start_s]
         tests = [test for test in whiteness_of_rows(late) if not np.isnan(test.first)]
@@ -171,16 +178,16 @@ class Innovation:
 @register("metric", "innovation_likelihood")
 @dataclass(frozen=True)
 class InnovationLikelihood:
-    """Mean negative log-likelihood of the innovations; the lowest is the best.
+    """Mean negative log-likelihood of the innovations; lower is better.
 
-    With y_k the innovation of m_k rows and S_k = H P- H' + R, R as the filter is told it, over the N updates from the
-    first counted row on::
+    Let y_k be the innovation of update k (m_k rows), and S_k = H P- H' + R its covariance with the reported R (scaled
+    by ``r_scale``). The mean is computed over the N updates from the first counted row on::
 
-        innovation_log_loss = 1/(2 N) sum (y_k' S_k^-1 y_k + log det S_k + m_k log 2 pi)      [nats an update]
+        innovation_log_loss = 1/(2 N) sum (y_k' S_k^-1 y_k + log det S_k + m_k log 2 pi)      [nats per update]
 
-    It needs no reference: a log of one's own will do. S is that before any adaptation has looked at the innovation: an
-    R that was fitted to y_k itself foretells nothing. Between methods with other rows of z it cannot be compared. NaN
-    without an update, or from an estimator that does not keep det S. Not computed unless asked for:
+    The metric does not need a reference. The R in S_k is the R before the adaptation, because an R that was fitted to
+    y_k does not predict y_k. Only methods that measure the same rows can be compared. The value is NaN without an
+    update, or if the estimator does not store det S. The metric is computed only on request:
     ``metrics=[innovation_likelihood]``.
 
     Source: the prediction error decomposition (F. C. Schweppe, 1965, doi:10.1109/TIT.1965.1053737).
@@ -194,7 +201,7 @@ class InnovationLikelihood:
     reads: ClassVar[str] = "updates"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the value by column name."""
+        """Return the value of the metric by column name."""
         updates = estimate.updates
         late = updates.t_s >= first_counted_s(recording.reference, estimate.index, counted)
         rows = updates.rows[late]
@@ -205,16 +212,16 @@ class InnovationLikelihood:
 @register("metric", "log_score")
 @dataclass(frozen=True)
 class LogScore(Summed):
-    """Mean negative log-density of the true position under the filter's own Gaussian; the lowest is the best.
+    """Mean negative log-density of the true position under the Gaussian of the filter; lower is better.
 
-    With e_i the position error [m] and P_i its covariance [m2], over the N rows that are the first counted one of a
-    second::
+    Let e_i be the position error [m] and P_i its covariance in the filter [m2]. The mean is computed over the first
+    counted row of each second (N rows)::
 
         position_log_score = 1/(2 N) sum (e_i' P_i^-1 e_i + log det P_i + 3 log 2 pi)         [nats, of metres]
 
-    It is a proper score: no filter can improve it by claiming another covariance than that of its errors. Where the
-    reference is made of withheld fixes, it is the score of the predicted measurement. NaN without a row, or where a
-    covariance is not positive definite.
+    The score is proper: its expected value is lowest if the filter reports the true covariance of its errors. If the
+    reference consists of withheld fixes, the metric is the score of the predicted fixes. The value is NaN without a
+    counted row, or if a covariance is not positive definite.
 
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007).
     """
@@ -224,31 +231,24 @@ class LogScore(Summed):
     }
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the value by column name."""
-        return {"position_log_score": _mean_score(sums.sampled_m, sums.sampled_covariance_m2)}
-
-
-def _mean_score(error: FloatArray, covariance: FloatArray) -> float:
-    if len(error) == 0:
-        return np.nan
-    try:
-        root = np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError:
-        return np.nan
-    white = np.linalg.solve(root, error[:, :, None])[:, :, 0]
-    log_det = 2 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.mean(np.sum(white**2, axis=1) + log_det + 3 * np.log(2 * np.pi)) / 2)
+        """Return the value of the metric by column name."""
+        error, covariance = sums.sampled_m, sums.sampled_covariance_m2
+        if not len(error):
+            return {"position_log_score": np.nan}
+        with np.errstate(over="ignore", invalid="ignore"):
+            losses = squared_distances(error, covariance) + np.linalg.slogdet(covariance)[1] + 3 * np.log(2 * np.pi)
+            return {"position_log_score": float(np.mean(losses) / 2)}
 
 
 def crps(error: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return the continuous ranked probability score of Gaussians that are wrong by ``error``, in its unit.
+    """Return the continuous ranked probability score of Gaussians with standard deviation ``sigma``.
 
-    With z = error/sigma, phi and Phi of the standard normal::
+    ``error`` is the mean of the Gaussian minus the true value. The score has the unit of ``error``. Let z =
+    error/sigma, and let phi and Phi be the density and the distribution function of the standard normal distribution::
 
         CRPS = sigma (z (2 Phi(z) - 1) + 2 phi(z) - 1/sqrt(pi))
 
-    Without a sigma it is |error|. The lowest is the best; 0.234 sigma is the least that a sigma promises.
+    For a sigma of 0, the score is |error|. A lower score is better, and the minimum for a given sigma is 0.234 sigma.
 
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), (21).
     """
@@ -262,14 +262,15 @@ def crps(error: FloatArray, sigma: FloatArray) -> FloatArray:
 
 
 def credibility(nees: FloatArray, ideal: FloatArray) -> tuple[float, float]:
-    """Return two indices [dB] of (n,) NEES, beside those (n,) with the true mean square errors.
+    """Return the non-credibility index and the inclination indicator [dB] of the filter.
 
-    ::
+    ``nees`` (n,) are computed with the covariances of the filter, and ``ideal`` (n,) with the true mean square errors::
 
         NCI = 10/n sum |log10(nees_i/ideal_i)|
 
-    The non-credibility index NCI: 0 is credible; 10 says that the covariances are wrong by a factor of ten on average,
-    either way. The inclination indicator is the same without the absolute value, above 0 overconfident.
+    The non-credibility index NCI is 0 for a credible filter. An index of 10 means that the covariances are wrong by a
+    factor of ten on average, in either direction. The inclination indicator has the same equation without the absolute
+    value. If the inclination indicator is above 0, the filter is overconfident.
 
     Source: Li, Zhao and Li, "Estimator's credibility and its measures", IFAC World Congress (2002).
     """
@@ -281,15 +282,16 @@ def credibility(nees: FloatArray, ideal: FloatArray) -> tuple[float, float]:
 @register("metric", "crps")
 @dataclass(frozen=True)
 class Crps(Summed):
-    """Mean continuous ranked probability score of the filter's own Gaussian of the position; the lowest is the best.
+    """Mean continuous ranked probability score of the position under the Gaussian of the filter; lower is better.
 
-    With e_ia the error of axis a (east, north, up) [m], sigma_ia what the filter's covariance says of it, z = e/sigma,
-    phi and Phi of the standard normal, over the N rows that are the first counted one of a second::
+    Let e_ia be the position error along axis a (east, north, up) [m], sigma_ia its standard deviation in the filter
+    [m], and z = e/sigma. Let phi and Phi be the density and the distribution function of the standard normal
+    distribution. The mean is computed over the axes and over the first counted row of each second (N rows)::
 
         position_crps_m = 1/(3 N) sum sigma (z (2 Phi(z) - 1) + 2 phi(z) - 1/sqrt(pi))
 
-    A proper score, as `log_score` is, but in metres, and a single error that the filter had ruled out does not decide
-    it. NaN without a row, or where a variance is negative.
+    The score is proper, like `log_score`. The score has the unit metre, and is not dominated by a single error of many
+    sigmas. The value is NaN without a counted row, or if a variance is negative.
 
     Source: Gneiting and Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102 (2007), (21).
     """
@@ -299,7 +301,7 @@ class Crps(Summed):
     }
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the value by column name."""
+        """Return the value of the metric by column name."""
         error, variance = sums.sampled_m, sums.sampled_m2[:, [0, 3, 5]]
         if len(error) == 0 or not (variance >= 0).all():
             return {"position_crps_m": np.nan}
@@ -312,16 +314,17 @@ class Crps(Summed):
 class Credibility(Summed):
     """Non-credibility index and inclination indicator of the position.
 
-    With e_i the position error, P_i its covariance and S = 1/N sum e_i e_i' over the N rows that are the first counted
-    one of a second, which stands for the true mean square error::
+    Let e_i be the position error, P_i its covariance in the filter, and S = 1/N sum e_i e_i' an estimate of the true
+    mean square error, at the first counted row of each second (N rows)::
 
         rho_i = e_i' P_i^-1 e_i / (e_i' S^-1 e_i)
-        non_credibility_db = 10/N sum |log10 rho_i|     0 is credible, 10 a factor of ten either way
+        non_credibility_db = 10/N sum |log10 rho_i|     0 is credible, 10 a factor of ten in either direction
         inclination_db     = 10/N sum log10 rho_i       above 0 overconfident, below it too cautious
 
-    A single large error does not decide them, as it does ANEES. S is over the rows of one run, not over runs at one
-    time: where the errors grow and shrink within a run, some of the index is that. NaN of fewer than four rows. Not
-    computed unless asked for: ``metrics=[credibility]``.
+    In contrast to ANEES, a single large error does not dominate these metrics. S is the mean over the rows of one run,
+    not over several runs at the same time. Errors whose size varies within a run therefore increase the non-credibility
+    index. The values are NaN for fewer than four rows. The metric is computed only on request:
+    ``metrics=[credibility]``.
 
     Source: Li, Zhao and Li, "Estimator's credibility and its measures", IFAC World Congress (2002).
     """
@@ -334,11 +337,11 @@ class Credibility(Summed):
     default: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the two values by column name."""
+        """Return the two values of the metric by column name."""
         error = sums.sampled_m
         square = error.T @ error / max(1, len(error))
         if len(error) < 4 or not np.isfinite(square).all() or np.linalg.matrix_rank(square) < 3:
             return {"non_credibility_db": np.nan, "inclination_db": np.nan}
-        nees = _squared_distances(error, sums.sampled_covariance_m2)
-        ideal = _squared_distances(error, np.broadcast_to(square, (len(error), 3, 3)))
+        nees = squared_distances(error, sums.sampled_covariance_m2)
+        ideal = squared_distances(error, np.broadcast_to(square, (len(error), 3, 3)))
         return dict(zip(("non_credibility_db", "inclination_db"), credibility(nees, ideal), strict=True))

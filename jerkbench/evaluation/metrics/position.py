@@ -1,4 +1,4 @@
-"""Errors of position and velocity: root mean square, its accuracy and floor, percentiles, over a distance."""
+"""Metrics of position and velocity errors: RMSE with its interval and floor, percentiles, relative error."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,15 +30,16 @@ from jerkbench.recording import Recording
 class PositionRmse(Summed):
     """Root mean square and largest position error, without any alignment.
 
-    With e_i = p_i - p_ref,i [m], ENU, over the N counted rows whose reference is known on the axes in question::
+    Let e_i = p_i - p_ref,i be the position error in ENU [m], at the N counted rows whose reference is known on the axes
+    of the value::
 
         position_rmse_m             = sqrt(1/N sum |e_i|^2)                  east, north and up
         position_rmse_horizontal_m  = sqrt(1/N sum (e_east^2 + e_north^2))
-        position_rmse_east_m, _north_m, _up_m                                each axis alone
-        position_rmse_whole_m       = the first, over all scored rows: the burn-in counts too
+        position_rmse_east_m, _north_m, _up_m                                separate axes
+        position_rmse_whole_m       = position_rmse_m over all scored rows, including the burn-in
         position_max_m              = max |e_i|
 
-    NaN without a single such row.
+    A value is NaN if no counted row has a known reference.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -53,10 +54,10 @@ class PositionRmse(Summed):
     reads_velocity: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the seven values by column name."""
+        """Return the seven values of the metric by column name."""
         each = zip(POSITION_AXES, sums.position_m2.tolist(), sums.position_rows.tolist(), strict=True)
         values = {f"position_rmse{name}_m": rms(square, rows) for name, square, rows in each}
-        values["position_rmse_whole_m"] = rms(sums.whole_m2, sums.whole_rows)
+        values["position_rmse_whole_m"] = rms(sums.with_burn_in_m2, sums.rows_with_burn_in)
         values["position_max_m"] = sums.position_max_m
         return values
 
@@ -66,13 +67,14 @@ class PositionRmse(Summed):
 class VelocityRmse(Summed):
     """Root mean square velocity error.
 
-    With e_i = v_i - v_ref,i [m/s], ENU, over the N counted rows whose reference is known on the axes in question::
+    Let e_i = v_i - v_ref,i be the velocity error in ENU [m/s], at the N counted rows whose reference is known on the
+    axes of the value::
 
         velocity_rmse_mps             = sqrt(1/N sum |e_i|^2)                  east, north and up
         velocity_rmse_horizontal_mps  = sqrt(1/N sum (e_east^2 + e_north^2))
         velocity_rmse_up_mps          = sqrt(1/N sum e_up^2)
 
-    NaN without a single such row.
+    A value is NaN if no counted row has a known reference.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -82,7 +84,7 @@ class VelocityRmse(Summed):
     reads_covariance: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the three values by column name."""
+        """Return the three values of the metric by column name."""
         each = zip(VELOCITY_AXES, sums.velocity_m2ps2.tolist(), sums.velocity_rows.tolist(), strict=True)
         return {f"velocity_rmse{name}_mps": rms(square, rows) for name, square, rows in each}
 
@@ -95,16 +97,17 @@ PERCENTILES = (50, 68, 95, 99)
 class Percentiles:
     """Percentiles of the length of the position error.
 
-    With e_i = p_i - p_ref,i [m] over the N counted rows, position_pQ_m is the value that Q % of the |e_i| do not exceed
-    (linear between the order statistics). Horizontal likewise, with east and north.
+    Let e_i = p_i - p_ref,i be the position error [m]. The value position_pQ_m is the value that |e_i| does not exceed
+    at Q % of the counted rows (interpolated linearly between order statistics). The value position_horizontal_pQ_m uses
+    only east and north.
 
-    NaN without a row. Not computed unless asked for: ``metrics=[percentiles]``.
+    The values are NaN without a counted row. The metric is computed only on request: ``metrics=[percentiles]``.
     """
 
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the eight values by column name."""
+        """Return the eight values of the metric by column name."""
         values: dict[str, float] = {}
         for name, axes in (("", (0, 1, 2)), ("_horizontal", (0, 1))):
             rows = counted & known(recording.reference.enu_m, estimate, axes)
@@ -118,20 +121,21 @@ class Percentiles:
 @register("metric", "relative_error")
 @dataclass(frozen=True)
 class RelativeError(Limited):
-    """Error of the displacement over a fixed distance, relative to it.
+    """Error of the displacement over a fixed distance, relative to this distance.
 
-    With e_i = p_i - p_ref,i at the N counted rows, s_i the distance that the reference has driven up to row i, and j(i)
-    the first row with s_j >= s_i + d::
+    Let e_i = p_i - p_ref,i be the position error at the counted rows [m], s_i the distance that the reference has
+    covered up to row i [m], and j(i) the first row with s_j >= s_i + d::
 
         relative_error_percent = 100/d sqrt(mean over i of |e_j(i) - e_i|^2)
 
-    Nothing is rotated or aligned: attitude errors are errors of the displacement. Rows within the last d metres begin
-    no stretch; NaN without any. Not computed unless asked for: ``metrics=[relative_error]``.
+    The displacements are not rotated or aligned, so the metric includes the effect of attitude errors. Rows within the
+    last d metres of the drive are left out. The value is NaN if no row remains. The metric is computed only on request:
+    ``metrics=[relative_error]``.
 
     Source: Geiger, Lenz and Urtasun, "Are we ready for autonomous driving?", CVPR 2012, 3.2, without the alignment.
 
     Attributes:
-        distance_m: d [m].
+        distance_m: length d of the displacement [m].
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -143,7 +147,7 @@ class RelativeError(Limited):
     distance_m: Annotated[float, Limit(lambda distance: distance > 0, "it must be more than 0.")] = 50.0
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the value by column name."""
+        """Return the value of the metric by column name."""
         rows, error = counted_errors(estimate, recording, counted)
         driven = driven_m(recording.reference)[estimate.index[rows]]
         end = np.searchsorted(driven, driven + self.distance_m * (1 - 1e-12))
@@ -154,24 +158,26 @@ class RelativeError(Limited):
 @register("metric", "reference_floor")
 @dataclass(frozen=True)
 class ReferenceFloor:
-    """The position RMSE that a perfect estimate would have, as the reference is not perfect.
+    """The position RMSE that a perfect estimate would have, because of the errors of the reference.
 
-    With s_ia one standard deviation of the reference's position on axis a, over the N counted rows that have it::
+    Let s_ia be the standard deviation of the reference position on axis a at row i [m]. The sums include the N counted
+    rows whose reference is known::
 
         reference_floor_m = sqrt(1/N sum_i sum_a s_ia^2)
 
-    An RMSE near it says nothing about the filter, and differences of two RMSEs below it get no verdict. NaN where the
-    recording does not say how good its reference is (``reference_sigma`` of a table).
+    An RMSE near the floor contains no information about the filter. If the difference of two RMSEs is smaller than the
+    floor, the comparison of the methods is undecided. The floor is NaN if the recording does not contain the accuracy
+    of its reference (``reference_sigma`` of a table).
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "reference_floor_m": Column("Floor of the position RMSE (3-D): the reference's own sigma"),
+        "reference_floor_m": Column("Floor of the position RMSE (3-D): sigma of the reference"),
     }
 
     reads: ClassVar[str] = "attitude"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the value by column name."""
+        """Return the value of the metric by column name."""
         sigma_m = recording.reference.sigma_m
         rows = counted & known(recording.reference.enu_m, estimate)
         return {"reference_floor_m": np.nan if sigma_m is None else rms_norm(sigma_m[estimate.index[rows]])}
@@ -182,28 +188,29 @@ class ReferenceFloor:
 class OneRecording:
     """Interval of the position RMSE from one recording, by a moving-block bootstrap.
 
-    The blocks are at least twelve times as long as the correlation time of the squared errors, so that correlated
-    errors are not counted several times::
+    The errors of successive rows are correlated. The blocks of the bootstrap are therefore at least twelve times as
+    long as the correlation time of the squared errors::
 
         position_rmse_low_m, position_rmse_high_m   95 % interval of position_rmse_m
         error_correlation_rows                      rows that count as one: 1 + 2 sum of the autocorrelations of |e_i|^2
 
-    It speaks for other stretches of such a drive, not for other drives. NaN where the recording is too short to say:
-    fewer than 75 times as many rows as count as one. Computed by default where a cell has no seeds, and on request.
+    The interval is valid for other parts of such a drive, but not for other drives. The interval is NaN if the
+    recording is shorter than 75 times error_correlation_rows. By default, the metric is computed only for combinations
+    without seeds.
 
     Source: Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17 (1989).
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "position_rmse_low_m": Column("Position RMSE (3-D), lower end of the recording's own interval"),
-        "position_rmse_high_m": Column("Position RMSE (3-D), upper end of the recording's own interval"),
+        "position_rmse_low_m": Column("Position RMSE (3-D), lower end of the interval from one recording"),
+        "position_rmse_high_m": Column("Position RMSE (3-D), upper end of the interval from one recording"),
         "error_correlation_rows": Column(judged=False),
     }
 
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values by column name."""
+        """Return the three values of the metric by column name."""
         _, error = counted_errors(estimate, recording, counted)
         with np.errstate(over="ignore", invalid="ignore"):
             interval = block_interval(np.sum(error**2, axis=1))

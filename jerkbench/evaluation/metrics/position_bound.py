@@ -1,4 +1,4 @@
-"""The lowest position error that any filter can reach: Riccati's recursion behind noisy inputs."""
+"""The posterior Cramer-Rao bound of the position error, by Riccati's recursion with noisy inputs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from jerkbench.plugins import register
 from jerkbench.recording import Position, Recording, Velocity
 
 FLAT_M, FLAT_MPS = 1e4, 1e3
-"""One sigma of position and of velocity before anything was measured: nothing is known of them."""
+"""Initial sigmas of position [m] and velocity [m/s]. They are large, because the initial state is unknown."""
 
 
 class NoiseRows(NamedTuple):
-    """Noise of a measurement, one row an update.
+    """The noise of a measured position or velocity in m updates.
 
     Attributes:
-        white: (m, 3) variance of what is new each time; infinite: the axis was not measured.
-        lasting: (m, 3) standard deviation of the Gauss-Markov process; 0: there is none.
-        time_s: its correlation time.
+        white: (m, 3) variance of the white noise on each axis, infinite if the axis was not measured.
+        lasting: (m, 3) standard deviation of the Gauss-Markov noise on each axis, 0 without this noise.
+        time_s: correlation time of the Gauss-Markov noise [s].
     """
 
     white: FloatArray
@@ -32,12 +32,14 @@ class NoiseRows(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Four states an axis, each axis alike: position, velocity, and the lasting noise of each in its own sigmas.
+    """Model of one axis with four states: position, velocity, and the Gauss-Markov noises of their measurements.
+
+    The states of the noises are normalised by their standard deviations. The input is the acceleration.
 
     Attributes:
-        dt_s: interval of the input.
-        accel_sigma_mps2: one sigma of the white noise of an input.
-        times_s: correlation times of the lasting noise of position and velocity.
+        dt_s: interval between inputs [s].
+        accel_sigma_mps2: standard deviation of the white noise of an input [m/s2].
+        times_s: correlation times of the Gauss-Markov noises of position and velocity [s].
     """
 
     dt_s: float
@@ -45,20 +47,23 @@ class Motion(NamedTuple):
     times_s: tuple[float, float]
 
     def over(self, steps: int) -> tuple[FloatArray, FloatArray]:
-        """Return A (4, 4) and Q (4, 4) of as many inputs."""
+        """Return the transition matrix A (4, 4) and the noise covariance Q (4, 4) over ``steps`` inputs."""
         t, A, Q = steps * self.dt_s, np.eye(4), np.zeros((4, 4))
-        keep = np.exp(-t / np.array(self.times_s))
+        decay = np.exp(-t / np.array(self.times_s))
         A[0, 1] = t
-        A[[2, 3], [2, 3]] = keep
+        A[[2, 3], [2, 3]] = decay
         power = self.accel_sigma_mps2**2 * self.dt_s
         Q[0, 0] = self.grown(np.array(steps))
         Q[0, 1] = Q[1, 0] = power * t**2 / 2
         Q[1, 1] = power * t
-        Q[[2, 3], [2, 3]] = 1 - keep**2
+        Q[[2, 3], [2, 3]] = 1 - decay**2
         return A, Q
 
     def grown(self, steps: IntArray) -> FloatArray:
-        """Return the variance of the position that as many inputs bring; their sum, done: the squares of j + 1/2."""
+        """Return the variance of the position [m2] that the noise of the number ``steps`` of inputs causes.
+
+        The formula contains the closed form of the sum of (j + 1/2)^2 over the inputs.
+        """
         squares = steps**3 / 3 - steps / 12
         return np.asarray(self.accel_sigma_mps2**2 * self.dt_s**4 * squares)
 
@@ -66,23 +71,27 @@ class Motion(NamedTuple):
 def position_variances(
     motion: Motion, updates: IntArray, position: NoiseRows, velocity: NoiseRows, steps: int
 ) -> FloatArray:
-    """Return (steps + 1, 3): the variance of each axis's position after each input, and after the update there.
+    """Return the variances of the position on each axis [m2], shape (steps + 1, 3): at the start and after each input.
 
-    Between updates P = A P A' + Q; at one, for position and then velocity, with h = [1, 0, l, 0] or [0, 1, 0, l]::
+    If an update follows an input, the variance is the variance after the update. Between updates, the covariance is
+    propagated by P = A P A' + Q. An update with the position has h = [1, 0, l, 0], and the following update with the
+    velocity has h = [0, 1, 0, l]::
 
         P = P - P h' h P/(h P h' + r)
 
-    It asks nothing of the measured values, for the recursion is linear; l is the sigma of the lasting noise.
+    Here r is the variance of the white noise, and l is the standard deviation of the Gauss-Markov noise. The measured
+    values are not needed, because the system is linear.
 
     Args:
-        motion: the model.
-        updates: (m,) after how many inputs each update is, increasing.
-        position: noise of position in each update.
-        velocity: alike.
-        steps: how many inputs there are.
+        motion: linear model of each axis.
+        updates: (m,) number of inputs before each update, in increasing order.
+        position: noise of the position in each update.
+        velocity: noise of the velocity in each update.
+        steps: number of inputs.
 
     Source: Tichavsky, Muravchik and Nehorai, "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering", IEEE
-    Transactions on Signal Processing 46 (1998), doi:10.1109/78.668800: of a linear system it is Riccati's recursion.
+    Transactions on Signal Processing 46 (1998), doi:10.1109/78.668800. For a linear system, the bound is given by
+    Riccati's recursion.
     """
     variances = np.empty((steps + 1, 3))
     P = np.tile(np.diag([FLAT_M**2, FLAT_MPS**2, 1.0, 1.0]), (3, 1, 1))
@@ -97,7 +106,7 @@ def position_variances(
 
 
 def _carried(variances: FloatArray, motion: Motion, P: FloatArray, begin: int, end: int) -> FloatArray:
-    """Return P after the inputs up to ``end``, and put the variances on the way into their places."""
+    """Return P after the inputs ``begin`` to ``end``, and store the position variances after each input."""
     steps = np.arange(end - begin + 1)
     t_s = (steps * motion.dt_s)[:, None]
     ways = P[:, 0, 0] + 2 * t_s * P[:, 0, 1] + t_s**2 * P[:, 1, 1]
@@ -107,7 +116,7 @@ def _carried(variances: FloatArray, motion: Motion, P: FloatArray, begin: int, e
 
 
 def _updated(P: FloatArray, state: int, white: FloatArray, lasting: FloatArray) -> FloatArray:
-    """Return P (3, 4, 4) after a scalar measurement of each axis."""
+    """Return P (3, 4, 4) of the axes after a scalar measurement of the position (``state`` 0) or the velocity (1)."""
     gathered = P[:, :, state] + lasting[:, None] * P[:, :, state + 2]
     S = gathered[:, state] + lasting * gathered[:, state + 2] + white
     return np.asarray(P - gathered[:, :, None] * gathered[:, None, :] / S[:, None, None])
@@ -116,33 +125,34 @@ def _updated(P: FloatArray, state: int, white: FloatArray, lasting: FloatArray) 
 # The posterior Cramer-Rao bound of the position.
 
 NEAR_STEPS = 1e-6
-"""A stamp that is so near to a sample of the IMU, in its intervals, is at it."""
+"""Tolerance for a stamp that coincides with an IMU sample, in IMU intervals per sample of the recording."""
 
 
 @register("metric", "position_bound")
 @dataclass(frozen=True)
 class PositionBound:
-    """Posterior Cramer-Rao bound on the position RMSE: what no filter can expect to beat, from the true noises alone.
+    """Posterior Cramer-Rao bound of the position RMSE, from the true noises. No filter is better on average.
 
-    A simulation knows what the errors of its sensors were drawn from. Each axis then is the linear system
+    The distributions of the sensor errors of a simulation are known. Each axis is then the following linear system::
 
         p' = p + dt v + dt^2/2 (u - w),   v' = v + dt (u - w),   w ~ N(0, sigma_a^2) in each sample of the IMU
-        z_p = p + sqrt(1 - s) n + sqrt(s) b,   z_v alike,   b' = exp(-dt/T) b + sqrt(1 - exp(-2 dt/T)) n'
+        z_p = p + sqrt(1 - s) n + sqrt(s) b,   same for z_v,   b' = exp(-dt/T) b + sqrt(1 - exp(-2 dt/T)) n'
 
-    with the noise of position and velocity as in `field` (s = 0: white), and its posterior covariance P, by Riccati's
-    recursion over the recording's own stamps, bounds every error. Over the counted rows i::
+    The noise of position and velocity is modelled as in the data set `field`, and is white for s = 0. The posterior
+    covariance P of this system, computed by Riccati's recursion over the stamps of the recording, is a lower bound of
+    the mean square error. The metric is computed over the N counted rows i::
 
         position_bound_m = sqrt(1/N sum tr P_pos,i),   mean square of position_rmse_m over seeds >= position_bound_m^2
 
-    Nothing of an estimate enters: all methods of a scenario have the same. At the start nothing is known of position
-    and velocity. The attitude, a latency and a lever arm count as known, so that it is the lower for those. It bounds
-    estimators without hindsight that take the motion for unknown; a smoother, or one that knows how the vehicle drives,
-    may be below it. A single run may be, too, by chance.
+    The bound does not depend on the estimate, so it is the same for all methods of a scenario. Position and velocity
+    are unknown at the start. Attitude, latency and lever arm are assumed to be known, which makes the bound lower. The
+    bound is valid for causal estimators without a model of the motion. The RMSE of a smoother, or of an estimator that
+    models the motion of the vehicle, may be below the bound. The RMSE of a single run may be below the bound by chance.
 
-    NaN where the true noises are not known, or the system is not linear and Gaussian: real recordings, IMU grades,
-    false forces (ruts, impacts), samples that were cut off, and disturbances that change what a sensor measured.
-    Outages, and fixes that are left out, it takes into account. Not computed unless asked for:
-    ``metrics=[position_rmse,position_bound]``; the table of the position RMSE then has it as a row.
+    The bound is NaN if the true noises are unknown, or if the system is not linear and Gaussian. These conditions occur
+    for real recordings, IMU grades, false forces (ruts, impacts), clipped samples, and disturbances that change the
+    measurements of a sensor. Outages and missing fixes are taken into account. The metric is computed only on request:
+    ``metrics=[position_rmse,position_bound]``. The table of the position RMSE then contains the bound as a row.
 
     Source: doi:10.1109/78.668800 (Tichavsky, Muravchik and Nehorai, 1998).
     """
@@ -165,19 +175,26 @@ class PositionBound:
 
 
 def _variances(recording: Recording) -> FloatArray | None:
-    """Return (n + 1, 3) after each sample of the IMU; None where the system is not known."""
-    law, position, velocity = recording.drawn, recording.position, recording.velocity
-    if law is None or recording.imu is not law.imu:
+    """Return the bound of the position variances [m2], shape (n + 1, 3): at the start and after each of n IMU samples.
+
+    Return None if the true noises are unknown, or if the system is not linear and Gaussian.
+    """
+    true_noise, position, velocity = recording.drawn, recording.position, recording.velocity
+    if true_noise is None or recording.imu is not true_noise.imu:
         return None
     streams = [stream for stream in (position, velocity) if stream is not None]
     t_s = np.unique(np.concatenate([stream.t_s for stream in streams] or [np.empty(0)]))
-    steps = _steps(t_s, law.imu.t_s)
-    of_position = _noise(law.position, law.position_share, law.position_time_s, position, t_s)
-    of_velocity = _noise(law.velocity, law.velocity_share, law.velocity_time_s, velocity, t_s)
+    steps = _steps(t_s, true_noise.imu.t_s)
+    of_position = _noise(true_noise.position, true_noise.position_share, true_noise.position_time_s, position, t_s)
+    of_velocity = _noise(true_noise.velocity, true_noise.velocity_share, true_noise.velocity_time_s, velocity, t_s)
     if steps is None or of_position is None or of_velocity is None:
         return None
-    motion = Motion(_interval_s(law.imu.t_s), law.accel_sigma_mps2, (law.position_time_s, law.velocity_time_s))
-    return position_variances(motion, steps, of_position, of_velocity, len(law.imu.t_s))
+    motion = Motion(
+        _interval_s(true_noise.imu.t_s),
+        true_noise.accel_sigma_mps2,
+        (true_noise.position_time_s, true_noise.velocity_time_s),
+    )
+    return position_variances(motion, steps, of_position, of_velocity, len(true_noise.imu.t_s))
 
 
 def _interval_s(t_s: FloatArray) -> float:
@@ -185,7 +202,7 @@ def _interval_s(t_s: FloatArray) -> float:
 
 
 def _steps(t_s: FloatArray, imu_s: FloatArray) -> IntArray | None:
-    """Return how many samples of the IMU have ended by each time; None where one has not just ended."""
+    """Return the number of IMU samples up to each time, or None if a time is not the stamp of a sample."""
     places = (t_s - imu_s[0]) / _interval_s(imu_s) + 1
     steps = np.round(places).astype(np.int64)
     at_samples = np.abs(places - steps) < NEAR_STEPS * len(imu_s)
@@ -195,7 +212,10 @@ def _steps(t_s: FloatArray, imu_s: FloatArray) -> IntArray | None:
 def _noise(
     drawn: Position | Velocity, share: float, time_s: float, stream: Position | Velocity | None, t_s: FloatArray
 ) -> NoiseRows | None:
-    """Return the noise of ``stream`` at ``t_s`` (m,); None where a value in it is not one that was ``drawn``."""
+    """Return the noise of the measurements ``stream`` at the times ``t_s`` (m,) of the updates.
+
+    Return None if the measurements contain values that differ from the simulated values ``drawn``.
+    """
     white, lasting = np.full((len(t_s), 3), np.inf), np.zeros((len(t_s), 3))
     if stream is None:
         return NoiseRows(white, lasting, time_s)

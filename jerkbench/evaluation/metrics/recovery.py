@@ -1,4 +1,4 @@
-"""Faults: errors in outages, how an estimate comes back after one, and fixes that are not believed."""
+"""Metrics of the response to faults: errors in outages, recovery after faults, and rejected fixes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,15 +24,16 @@ from jerkbench.recording import MeasuredVectors, Recording
 from jerkbench.timeline import VARIANCE_FLOOR
 
 LARGER = 4.0
-"""So many times its reported variance is the true one of a measurement at fault: two sigma stand for one."""
+"""A measurement is faulty if its true variance exceeds this factor times the reported one (two times in sigma)."""
 
 
 def fault_windows_s(recording: Recording) -> FloatArray:
-    """Return (k, 2) begin and end of each fault, by their begins: outages, and measurements worse than they say.
+    """Return the start and end (k, 2) [s] of each fault in ascending order.
 
-    A measurement is at fault where the true variance of an axis, which simulated and disturbed recordings carry, is
-    `LARGER` times the reported one; such measurements of a stream that follow each other are one fault, which ends with
-    the first that is none. Windows that overlap are one.
+    Faults are outages, and periods with faulty measurements. A measurement is faulty if the true variance of an axis
+    (known in simulated and disturbed recordings) exceeds `LARGER` times the reported variance. Consecutive faulty
+    measurements of the same sensor are one fault, which ends at the first measurement that is not faulty. Overlapping
+    faults are merged.
     """
     windows = [recording.outages_s]
     for stream in (recording.position, recording.velocity):
@@ -43,13 +44,13 @@ def fault_windows_s(recording: Recording) -> FloatArray:
 
 
 def _at_fault(stream: MeasuredVectors) -> BoolArray:
-    """Return (m,) whether each measurement is at fault; none is where the true covariance is not known."""
+    """Return a mask (m,) of the faulty measurements, which is False if the true covariance is unknown."""
     reported, true = (np.diagonal(covariance, axis1=1, axis2=2) for covariance in (stream.reported, stream.true))
     return np.asarray(np.any(true > LARGER * reported, axis=1))
 
 
 def _joined(windows_s: FloatArray) -> FloatArray:
-    """Return windows that do not overlap, from windows (k, 2)."""
+    """Return the windows (k, 2) [s] with overlapping windows merged."""
     joined: list[list[float]] = []
     for begin, end in windows_s[np.argsort(windows_s[:, 0], kind="stable")].tolist():
         if joined and begin <= joined[-1][1]:
@@ -60,11 +61,12 @@ def _joined(windows_s: FloatArray) -> FloatArray:
 
 
 class StepResponse(NamedTuple):
-    """The error after a fault.
+    """The response of an error to a fault.
 
     Attributes:
-        peak: the largest error from its beginning on.
-        halved_s: time from the peak until the error is at most halfway back and stays there; NaN where it never does.
+        peak: largest error from the start of the fault on.
+        halved_s: time from the peak until the error has recovered as defined in `step_response` [s]. ``halved_s`` is
+            NaN if the error does not recover.
     """
 
     peak: float
@@ -72,9 +74,16 @@ class StepResponse(NamedTuple):
 
 
 def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: float) -> StepResponse:
-    """Return how (n,) errors at ``t_s`` answer a fault at ``begin_s``, looked at before ``end_s``.
+    """Return the response of an error to a fault.
 
-    With e0 the error before the fault, halfway back is (peak + e0)/2, or half of the peak where e0 is no smaller.
+    Let e0 be the root mean square error before the fault. The error has recovered when it stays at or below the limit
+    (peak + e0)/2. If e0 is not smaller than the peak, the limit is peak/2.
+
+    Args:
+        t_s: (n,) times of the errors [s].
+        error: (n,) errors at these times.
+        begin_s: start of the fault [s].
+        end_s: errors from this time on are ignored [s].
     """
     earlier, during = t_s < begin_s, (t_s >= begin_s) & (t_s < end_s)
     before = float(np.sqrt(np.mean(error[earlier] ** 2))) if earlier.any() else np.nan
@@ -91,7 +100,10 @@ def step_response(t_s: FloatArray, error: FloatArray, begin_s: float, end_s: flo
 
 
 def step_responses(t_s: FloatArray, error: FloatArray, begins_s: FloatArray) -> list[StepResponse]:
-    """Return the response to each fault, up to the begin of the next one."""
+    """Return the response of (n,) errors to each of the faults that start at ``begins_s`` (k,).
+
+    The response to a fault ends at the start of the next fault.
+    """
     ends_s = [*begins_s[1:].tolist(), np.inf]
     return [step_response(t_s, error, *span) for span in zip(begins_s.tolist(), ends_s, strict=False)]
 
@@ -99,31 +111,33 @@ def step_responses(t_s: FloatArray, error: FloatArray, begins_s: FloatArray) -> 
 @register("metric", "recovery")
 @dataclass(frozen=True)
 class Recovery:
-    """Answer of the position error to the recording's faults.
+    """Response of the position error to the faults of the recording.
 
-    Faults are the outages, and, where the true covariances are known (simulated and disturbed recordings), fixes and
-    velocities with more than twice the sigma that they report; those that follow each other are one. Of each, from its
-    begin to the begin of the next, over the counted rows whose reference is known, with |e| the position error, e0 its
-    root mean square before the fault and peak its largest value::
+    Faults are outages, and fixes and velocities whose true sigma is more than twice the reported sigma. True sigmas are
+    known in simulated and disturbed recordings. Consecutive faulty measurements are one fault. The response to a fault
+    lasts until the start of the next fault, and is evaluated at counted rows whose reference is known. Let |e| be the
+    length of the position error, e0 its root mean square before the fault, and peak its largest value from the start of
+    the fault on::
 
         recovery_s         median time from the peak until |e| is at most halfway back, (peak + e0)/2, and stays there
         recovery_peak_m    median peak
         faults_counted     faults that begin after the first counted row
 
-    Where the error does not come back before the next fault, the time is longer than every other. NaN without a fault,
-    and where half of the errors or more do not come back. Not computed unless asked for: ``metrics=[recovery]``.
+    If the error does not recover before the next fault, the time counts as infinite. The values recovery_s and
+    recovery_peak_m are NaN without a fault, and recovery_s is also NaN if the error does not recover after half of the
+    faults or more. The metric is computed only on request: ``metrics=[recovery]``.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
         "recovery_s": Column("Time until the error (3-D) after a fault is halfway back, median over the faults"),
-        "recovery_peak_m": Column("Largest position error (3-D) after the begin of a fault, median over the faults"),
-        "faults_counted": Column("Faults that begin after the burn-in", judged=False),
+        "recovery_peak_m": Column("Largest position error (3-D) after the start of a fault, median over the faults"),
+        "faults_counted": Column("Faults that start after the burn-in", judged=False),
     }
 
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values by column name."""
+        """Return the three values of the metric by column name."""
         t_s, _, error = timed_errors(estimate, recording, counted)
         begins = fault_windows_s(recording)[:, 0]
         answers = step_responses(t_s, error, begins[begins > t_s[0]] if len(t_s) else begins[:0])
@@ -135,7 +149,7 @@ class Recovery:
 
 
 def median_time_s(values: Sequence[float]) -> float:
-    """Return the median of values of which NaN is the largest; NaN where that is one, or of none."""
+    """Return the median of ``values``, where NaN counts as infinite, or NaN for no values or an infinite median."""
     if not values:
         return np.nan
     middle = float(np.median(np.where(np.isnan(values), np.inf, values)))
@@ -145,10 +159,10 @@ def median_time_s(values: Sequence[float]) -> float:
 @register("metric", "outage")
 @dataclass(frozen=True)
 class Outage(Summed):
-    """Position error inside the recording's outages, and at their ends.
+    """Position error inside the outages of the recording, and at the ends of the outages.
 
-    With e_i = p_i - p_ref,i [m], ENU, over rows whose reference is known, and row i inside outage j if
-    begin_j <= t_i < end_j (at the end itself a fix may already have come)::
+    Let e_i = p_i - p_ref,i be the position error in ENU [m] at rows whose reference is known. Row i is inside outage j
+    if begin_j <= t_i < end_j. The time end_j is excluded, because a fix may be available at this time::
 
         outage_rmse_m     = sqrt(1/N sum |e_i|^2)       over the N counted rows inside any outage
         l(j)              = the last row inside outage j, scored or not, from the first counted row on
@@ -156,11 +170,11 @@ class Outage(Summed):
         outage_end_m      = mean over j in J of |e_l(j)|
         outage_end_max_m  = max over j in J of |e_l(j)|
         outage_end_percent = 100 sum over J of |e_l(j)| / sum over J of d_j
-        outages_counted   = how many outages J has
+        outages_counted   = number of outages in J
 
-    with d_j the way of the reference from the first row inside outage j to the last. An outage whose end the reference
-    or the run does not reach is thus left out, and seen to be. Errors are NaN without such a row or outage, the part of
-    the distance also where all stood still; all five without any outage.
+    The reference covers the distance d_j from the first to the last row inside outage j. An outage is not in J if the
+    reference or the run ends before the end of the outage. An error is NaN if no row or outage contributes to the
+    error. The percentage is also NaN without motion. All five values are NaN if the recording has no outages.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -174,7 +188,7 @@ class Outage(Summed):
     reads_velocity: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the five values by column name."""
+        """Return the five values of the metric by column name."""
         ends, driven_m = sums.outage_ends_m, float(sums.outage_driven_m.sum())
         return {
             "outage_rmse_m": rms(sums.outage_m2, sums.outage_rows),
@@ -188,14 +202,16 @@ class Outage(Summed):
 @register("metric", "outage_axes")
 @dataclass(frozen=True)
 class OutageAxes:
-    """Position error inside the recording's outages, horizontal and vertical apart.
+    """Horizontal and vertical position error inside the outages of the recording.
 
-    With e_i = p_i - p_ref,i [m], ENU, over the N counted rows inside any outage, as in `outage`::
+    Let e_i = p_i - p_ref,i be the position error in ENU [m], at the N counted rows inside any outage, as in the metric
+    `outage`::
 
         outage_rmse_horizontal_m  = sqrt(1/N sum (e_east^2 + e_north^2))
         outage_rmse_up_m          = sqrt(1/N sum e_up^2)
 
-    A wheel's speed holds the one and leaves the other to the attitude. NaN without such a row.
+    The measured wheel speed limits the horizontal error, whereas the vertical error depends on the attitude. The values
+    are NaN if no counted row is inside an outage.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -206,7 +222,7 @@ class OutageAxes:
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the two values by column name."""
+        """Return the two values of the metric by column name."""
         inside = counting(estimate.index, recording, counted).outage
         error = position_error_m(estimate, recording)[inside]
         return {"outage_rmse_horizontal_m": rms_norm(error[:, :2]), "outage_rmse_up_m": rms_norm(error[:, 2:])}
@@ -217,11 +233,12 @@ class OutageAxes:
 class OutageDrift(Summed):
     """Growth of the position error over an outage, per second.
 
-    With f(j) and l(j) the first and the last row inside outage j, as in the metric `outage`, and e_i the error [m]::
+    Let f(j) and l(j) be the first and the last row inside outage j, as in the metric `outage`, and e_i the position
+    error at row i [m]::
 
         outage_drift_mps = mean over j of |e_l(j) - e_f(j)|/(t_l(j) - t_f(j))
 
-    The error with which the outage began does not count. NaN without an outage of two rows.
+    The error at the start of an outage is subtracted. The value is NaN if no outage contains two rows.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -232,29 +249,30 @@ class OutageDrift(Summed):
     reads_velocity: ClassVar[bool] = False
 
     def summarise(self, sums: Sums) -> dict[str, float]:
-        """Return the value by column name."""
+        """Return the value of the metric by column name."""
         drifts = sums.outage_drifts_mps[~np.isnan(sums.outage_drifts_mps)]
         return {"outage_drift_mps": mean(float(drifts.sum()), float(drifts.size))}
 
 
 INFLATED = 4.0
-"""A variance that is so many times the reported one: twice the sigma."""
+"""A variance is inflated if it exceeds this factor times the reported variance (two times in sigma)."""
 
 
 @register("metric", "lockout")
 @dataclass(frozen=True)
 class Lockout:
-    """Updates of which a position was inflated or rejected, and the longest streak of them.
+    """Fraction of updates with an inflated or rejected position, and duration of their longest streak.
 
-    With R_ua the variance used for position axis a in update u and r_ua the one that the fix reported, over the updates
-    with a position, from the first counted row on::
+    Let R_ua be the variance that was used for position axis a in update u, and r_ua the reported variance of the fix.
+    The metric includes the updates with a position from the first counted row on::
 
         inflated  any a: R_ua > 4 r_ua        rejected  all a: R_ua infinite (such an update is inflated too)
 
-        inflated_percent, rejected_percent       share of the updates
+        inflated_percent, rejected_percent       fraction of the updates
         lockout_s                                longest time from the first inflated update of a streak to its last
 
-    A filter that drifts away and rejects every fix has a long lock-out. NaN without such an update.
+    A filter that has drifted away and rejects all fixes has a long lockout. The values are NaN without an update that
+    has a position.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
@@ -266,7 +284,7 @@ class Lockout:
     reads: ClassVar[str] = "updates"
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values by column name."""
+        """Return the three values of the metric by column name."""
         updates = estimate.updates
         used, reported = used_and_reported(updates, recording)
         start_s = first_counted_s(recording.reference, estimate.index, counted)
@@ -284,14 +302,14 @@ class Lockout:
 
 
 def longest_streak_s(flags: BoolArray, t_s: FloatArray) -> float:
-    """Return the longest time between the first and the last of flags that are set without a gap; 0 without any."""
+    """Return the longest time [s] from the first to the last of consecutive true ``flags``, or 0 if no flag is true."""
     begin, end = streaks(flags).T
     return float(np.max(t_s[end - 1] - t_s[begin], initial=0.0))
 
 
 def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Return (3, m) the variances used and reported of the position in each update; NaN where it had none."""
-    used = np.ascontiguousarray(updates.R_diagonal[:, :3].T)  # over short rows NumPy is slow
+    """Return the used and the reported position variances [m2] of each update, both (3, m), NaN without a position."""
+    used = np.ascontiguousarray(updates.R_diagonal[:, :3].T)  # NumPy is slow for arrays with short rows
     reported = np.full_like(used, np.nan)
     position = recording.position
     if position is None or len(position.t_s) == 0 or used.size == 0:
@@ -304,13 +322,13 @@ def used_and_reported(updates: Updates, recording: Recording) -> tuple[FloatArra
 
 
 class _Displaced(NamedTuple):
-    """Successive fixes that are at fault.
+    """A sequence of successive faulty fixes.
 
     Attributes:
-        fixes: number of fixes.
-        begin_s: time of the first one.
-        end_s: time of the first fix after them; infinite if there is none.
-        size_m: largest root of trace(R_true - R).
+        fixes: number of faulty fixes.
+        begin_s: time of the first faulty fix [s].
+        end_s: time of the next fix that is not faulty [s], or infinity without such a fix.
+        size_m: size of the fault: the largest square root of trace(R_true - R) over these fixes [m].
     """
 
     fixes: int
@@ -333,26 +351,26 @@ def _displaced(recording: Recording) -> list[_Displaced]:
 @register("metric", "gate")
 @dataclass(frozen=True)
 class Gate:
-    """Which single displaced fixes a filter takes, what they do to it, and how long it takes to recover.
+    """Size of the single displaced fixes that a filter accepts, their effect, and the recovery time.
 
-    A spike is one fix whose true variance on an axis is more than four times the reported one (the fixes beside it are
-    sound); its size is the root of trace(R_true - R). It is taken unless the update with it was dropped on all axes, or
-    its R was made more than four times the reported one on one of them. With e the position error [m], over the spikes
-    after the first counted row::
+    A spike is a single faulty fix between fixes that are not faulty. The true variance of a faulty fix on an axis is
+    more than four times the reported variance. The size of a spike is the square root of trace(R_true - R). A spike is
+    accepted if the update used at most four times the reported variance on every axis. Let e be the position error [m].
+    The metric includes the spikes after the first counted row::
 
-        spike_taken_m       the largest spike that was taken; 0 where none was
-        spike_refused_m     the smallest spike that was not taken; NaN where all were
+        spike_taken_m       the largest accepted spike; 0 without one
+        spike_refused_m     the smallest spike that was not accepted; NaN without one
         spike_step_m        the largest |e(t+) - e(t-)|: the counted rows next to a spike, before and at or after it
         spike_recovery_s    median time from the peak after a spike until |e| is halfway back and stays there
 
-    A gate that never works takes the largest spike of all. A sharp gate has both limits at the same size; the noise of
-    the fixes spreads them. NaN without a spike. Not computed unless asked for: ``metrics=[gate]``, with the disturbance
-    `spike_sweep`.
+    A filter without a gate accepts the largest spike. For a sharp gate, spike_taken_m and spike_refused_m are almost
+    equal. The two values are not exactly equal, because the fixes are noisy. The values are NaN without a spike. The
+    metric is computed only on request: ``metrics=[gate]``, with the disturbance `spike_sweep`.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
-        "spike_taken_m": Column("Largest displaced fix that was taken"),
-        "spike_refused_m": Column("Smallest displaced fix that was not taken"),
+        "spike_taken_m": Column("Largest accepted displaced fix"),
+        "spike_refused_m": Column("Smallest rejected displaced fix"),
         "spike_step_m": Column("Largest step of the position at a displaced fix"),
         "spike_recovery_s": Column("Time until the error (3-D) after a displaced fix is halfway back, median"),
     }
@@ -360,7 +378,7 @@ class Gate:
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the four values by column name."""
+        """Return the four values of the metric by column name."""
         t_s, error, length_m = timed_errors(estimate, recording, counted)
         spikes = [d for d in _displaced(recording) if d.fixes == 1 and len(t_s) and d.begin_s > t_s[0]]
         if not spikes:
@@ -379,43 +397,45 @@ class Gate:
 
 
 def _taken(estimate: Estimate, recording: Recording, at_s: FloatArray) -> BoolArray:
-    """Whether the updates at the times ``at_s`` (s,) used the position as it was reported, or nearly so."""
+    """Return a mask (s,) of the fixes at the times ``at_s`` (s,) that were accepted without an inflated variance."""
     updates = estimate.updates
     if not len(updates.t_s):
         return np.ones(len(at_s), dtype=np.bool_)
     used, reported = used_and_reported(updates, recording)
     update = np.clip(np.searchsorted(updates.t_s, at_s - 1e-6), 0, len(updates.t_s) - 1)
-    kept = np.isfinite(used[:, update]) & (used[:, update] <= INFLATED * reported[:, update])
+    accepted = np.isfinite(used[:, update]) & (used[:, update] <= INFLATED * reported[:, update])
     same = np.abs(updates.t_s[update] - at_s) < 1e-5
-    return np.asarray(kept.all(axis=0) & same, dtype=np.bool_)
+    return np.asarray(accepted.all(axis=0) & same, dtype=np.bool_)
 
 
 @register("metric", "capture")
 @dataclass(frozen=True)
 class Capture:
-    """What a filter does with fixes that agree with each other in a wrong place, and with the right ones after them.
+    """Response of a filter to several fixes with a common false position, and to the correct fixes after them.
 
-    A false stretch is two or more successive fixes whose true variance on an axis is more than four times the reported
-    one; its size d is the largest root of trace(R_true - R) in it. With |e| the position error [m] at counted rows::
+    A false stretch consists of two or more successive fixes whose true variance on an axis is more than four times the
+    reported variance. The size d of a stretch is the largest square root of trace(R_true - R) over these fixes. Let |e|
+    be the length of the position error [m] at counted rows::
 
-        captured_percent    share of the stretches at whose last row |e| > d/2: the filter followed
-        returned_percent    share after which |e| <= d/2 by the next stretch or the end, and stays: it came back
-        return_s            median time from the first right fix until then; longer than all others where it never is
+        captured_percent    fraction of the stretches at whose last row |e| > d/2: the filter followed
+        returned_percent    fraction after which |e| <= d/2 before the next stretch or the end, permanently
+        return_s            median time from the first correct fix until the return; infinite without a return
 
-    A filter that rejects for ever is not captured, and does not return where it has drifted away. NaN without a false
-    stretch. Not computed unless asked for: ``metrics=[capture]``, with the disturbance `false_return`.
+    A filter that rejects all fixes is not captured. If such a filter has drifted away, it does not return. The values
+    are NaN without a false stretch. The metric is computed only on request: ``metrics=[capture]``, with the disturbance
+    `false_return`.
     """
 
     columns: ClassVar[Mapping[str, Column]] = {
         "captured_percent": Column("False returns that the filter followed"),
         "returned_percent": Column("False returns after which the filter came back", judged=False),
-        "return_s": Column("Time from the first right fix until the filter is back, median"),
+        "return_s": Column("Time from the first correct fix until the filter is back, median"),
     }
 
     default: ClassVar[bool] = False
 
     def evaluate(self, estimate: Estimate, recording: Recording, counted: BoolArray) -> dict[str, float]:
-        """Return the three values by column name."""
+        """Return the three values of the metric by column name."""
         t_s, _, length_m = timed_errors(estimate, recording, counted)
         stretches = [d for d in _displaced(recording) if d.fixes > 1]
         nexts_s = [*(stretch.begin_s for stretch in stretches[1:]), np.inf]

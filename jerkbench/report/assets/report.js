@@ -28,10 +28,10 @@ function sort(header) {
   rows.sort((a, b) => {
     const [x, y] = [value(a, column), value(b, column)];
     if (x === y) return 0;
-    if (x === Infinity || y === Infinity) return x === Infinity ? 1 : -1; // what has no number comes last both ways
+    if (x === Infinity || y === Infinity) return x === Infinity ? 1 : -1; // rows without a number are last in both directions
     return (x < y ? -1 : 1) * (ascending ? 1 : -1);
   });
-  table.classList.add("sorted"); // the rules between groups mean nothing now
+  table.classList.add("sorted"); // hides the rules between groups
   body.append(...rows);
 }
 
@@ -46,7 +46,7 @@ function filter() {
     row.hidden = !fits;
     count += fits ? 1 : 0;
   }
-  document.getElementById("shown").textContent = `${count} of ${body.rows.length} cells`;
+  document.getElementById("shown").textContent = `${count} of ${body.rows.length} combinations`;
 }
 
 function element(name, text, ...children) {
@@ -69,20 +69,14 @@ function fold(summary, ...children) {
   return element("details", null, element("summary", summary), ...children);
 }
 
-function entries(shared) {
-  return Object.fromEntries(Object.entries(shared).map(([name, place]) => [name, details.shared[place]]));
-}
-
 function content(key) {
   const cell = details.cells[key];
-  const spread = cell.metrics.map(([title, ...values]) => [details.shared[title], ...values]);
-  const record = { spec: entries(cell.spec), ...entries(cell.told) };
-  const again = element("p", `Cell ${key}; once more: jerkbench rerun FOLDER ${key}`);
+  const again = element("p", `Combination ${key}. Run it again with: jerkbench rerun FOLDER ${key}`);
   again.className = "muted";
   return [
-    grid(["metric", "median", "lowest", "highest"], spread),
+    grid(["metric", "median", "lowest", "highest"], cell.metrics),
     fold(`Each run (${cell.runs.length})`, grid(["run", "status", "reason", ...details.seeds], cell.runs)),
-    fold("Configuration (JSON)", element("pre", JSON.stringify(record, null, 1))),
+    fold("Configuration (JSON)", element("pre", JSON.stringify(cell.record, null, 1))),
     again,
   ];
 }
@@ -107,6 +101,6 @@ body.addEventListener("click", (event) => {
   else if (button) unpacking.then(() => open(button.dataset.key));
 });
 window.addEventListener("beforeprint", () => {
-  for (const one of document.querySelectorAll("#section-figures details, #section-comparisons details")) one.open = true;
+  for (const one of document.querySelectorAll("#section-figures details, #section-findings details")) one.open = true;
 });
 filter();

@@ -118,8 +118,8 @@
     draw.scenario = scenario;
     const apart = Math.max(...quotient.filter((value) => value > 0).map((value) => Math.abs(Math.log(value))));
     const same = a !== b && apart < 0.01 ? "The two lines coincide within 1 %. " : "";
-    byId("trace-note").textContent = `${same}${scenario.draw[0].toUpperCase()}${scenario.draw.slice(1)}; of each ${short(scenario.step)} s the largest error. Shaded: outages. `
-      + "Drag to zoom, in both at once; double click, or 0, for the whole; with the keyboard arrows, + and -.";
+    byId("trace-note").textContent = `${same}${scenario.draw[0].toUpperCase()}${scenario.draw.slice(1)}; largest error of each ${short(scenario.step)} s. Shaded: outages. `
+      + "Drag to zoom both plots; double-click to reset. Keyboard: arrows, +, -, and 0 to reset.";
   }
 
   function fill(select, names, place) {
@@ -172,7 +172,7 @@
       box.append(note);
       plotted(box, scenario, [{ ...line, values: error(line) }], "Position error [m]", { log: true, height: 220 });
     }
-    if (!box.hasChildNodes()) box.textContent = "This cell's error over time is not in this file.";
+    if (!box.hasChildNodes()) box.textContent = "The error of this combination over time is not in this file.";
   }
 
   document.addEventListener("cell", (event) => {

@@ -1,1 +1,1 @@
-"""Figures, one function each: data in, figure out."""
+"""Functions that draw Matplotlib figures. Each function returns one figure."""

@@ -1,6 +1,5 @@
-"""Figures of the runs of a scenario: errors over time, of position and inclination, and the trajectory from above."""
+"""Figures of the runs of a scenario: position and inclination errors over time, and the trajectory from above."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -20,25 +19,23 @@ from jerkbench.evaluation.counted_rows import (
 from jerkbench.recording import Recording
 from jerkbench.report.plots.style import (
     BAND_COLOUR,
+    LOGARITHMIC_FROM,
     MEASURED,
     REFERENCE,
     SHADE,
     Palette,
     coinciding,
-    end_with,
+    finished,
     legend_below,
     literal,
     method_styles,
     new_figure,
+    panels_over_time,
     say,
     shade_outages,
     style_axes,
-    thinned,
 )
 from jerkbench.report.table_model import number
-
-_LOGARITHMIC_FROM = 30.0
-"""The error's axis is logarithmic where the largest error is so many times the best filter's median."""
 
 BAND = "±3σ"  # noqa: RUF001 - sigma is the sign of a standard deviation
 
@@ -49,60 +46,52 @@ def error_figure(
     panels: int | None = None,
     *,
     burn_in_s: float = 0.0,
-    window_s: tuple[float, float] | None = None,
     palette: Palette | None = None,
 ) -> Figure:
-    """Draw the length of the position error [m] over time [s], with each estimate's RMSE.
+    """Draw the length of the position error [m] over time [s]. The legend contains the RMSE of each estimate.
 
-    Lines that coincide are drawn once, with all their names. A single estimate also gets its errors east, north and
-    up, with the three sigmas that it claims, unless ``panels`` is 1.
+    Lines that coincide are drawn once, with the names of all their methods. For a single estimate, three more panels
+    contain the east, north and up errors with their three-sigma bands, unless ``panels`` is 1.
 
     Args:
-        recording: with its reference.
-        estimates: by the names of their methods.
-        panels: how many; None: as many as there is something to show.
-        burn_in_s: the RMSE counts from then on: that of the protocol gives the tables' `position_rmse_m`.
-        window_s: begin and end of what is shown; None: all.
-        palette: of the study.
+        recording: recording with the reference.
+        estimates: estimates by the name of the method.
+        panels: number of panels. If ``panels`` is 1, only the length of the error is drawn. If ``panels`` is None, all
+            available panels are drawn.
+        burn_in_s: time from which on errors count for the RMSE [s]. With the burn-in of the protocol, the RMSE is equal
+            to `position_rmse_m` in the tables.
+        palette: palette of the study.
     """
     single = len(estimates) == 1 and recording.reference.enu_m is not None and panels != 1
-    panels = 4 if single else 1
-    figure = new_figure(7.5 if single else 3.2)
-    ratios = [1.5, 1.0, 1.0, 1.0][:panels]
-    top, *below = figure.subplots(panels, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
-    top.set(title=literal(recording.name), ylabel="Position error [m]")
-    looks = dict(method_styles(estimates, palette))
+    ratios, height_in = ([1.5, 1.0, 1.0, 1.0], 7.5) if single else ([1.0], 3.2)
+    figure, (top, *below) = panels_over_time(recording.name, height_in, len(ratios), height_ratios=ratios)
+    top.set_ylabel("Position error [m]")
+    styles = dict(method_styles(estimates, palette))
     if recording.reference.enu_m is None:
         say(top, "The recording has no position reference.")
     else:
-        norms = {name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()}
-        begin_s, end_s = window_s or (-np.inf, np.inf)
-        for place, names in enumerate(coinciding(norms)):
-            t_s = recording.reference.t_s[estimates[names[0]].index]
-            seen = (t_s >= begin_s) & (t_s <= end_s)
+        t_s = recording.reference.t_s
+        norms = {name: position_error_length_m(one, recording) for name, one in estimates.items()}
+        for position, names in enumerate(coinciding(norms)):
             rmses = dict.fromkeys(_rmse(recording, estimates[each], burn_in_s) for each in names)
-            curve = thinned(t_s[seen], norms[names[0]][seen])
             label = f"{' = '.join(names)}: {', '.join(rmses)}"
-            order = 3 - 0.01 * place  # the first on top
-            top.plot(*curve, **looks[names[0]].stroke, linewidth=1.0, label=label, zorder=order)
-        if _spread(norms) > _LOGARITHMIC_FROM:
+            order = 3 - 0.01 * position  # draw the first line on top
+            stroke = styles[names[0]].stroke
+            top.plot(
+                t_s[estimates[names[0]].index], norms[names[0]], **stroke, linewidth=1.0, label=label, zorder=order
+            )
+        if _spread(norms) > LOGARITHMIC_FROM:
             lowest = [np.percentile(norm[norm > 0], 1) for norm in norms.values() if (norm > 0).any()]
             top.set_yscale("log")
             top.set_ylim(bottom=0.5 * min(lowest))
         else:
             top.set_ylim(bottom=0.0)
-    for name, look in looks.items():
+    for name, style in styles.items():
         for axis, axes in enumerate(below):
-            _draw_axis(axes, recording, estimates[name], axis, look.colour)
-    if window_s is None:
-        end_with(top, recording.reference.t_s)
+            _draw_axis(axes, recording, estimates[name], axis, style.colour)
     for axes in (top, *below):
         shade_outages(axes, recording.outages_s, "outage" if axes is top else None)
-        style_axes(axes)
-    (below or [top])[-1].set_xlabel("Time [s]")
-    figure.align_ylabels()
-    legend_below(figure)
-    return figure
+    return finished(figure, recording.reference.t_s)
 
 
 def _rmse(recording: Recording, estimate: Estimate, burn_in_s: float) -> str:
@@ -113,22 +102,24 @@ def _rmse(recording: Recording, estimate: Estimate, burn_in_s: float) -> str:
 
 
 def _spread(norms: Mapping[str, FloatArray]) -> float:
-    """Return how many times the best median the largest error is."""
-    kept = [norm[np.isfinite(norm) & (norm > 0)] for norm in norms.values()]
-    kept = [norm for norm in kept if len(norm)]
-    return max(norm.max() for norm in kept) / min(float(np.median(norm)) for norm in kept) if kept else 1.0
+    """Return the ratio of the largest error of all methods to the smallest median error of a method."""
+    positive = [norm[np.isfinite(norm) & (norm > 0)] for norm in norms.values()]
+    positive = [norm for norm in positive if len(norm)]
+    return max(norm.max() for norm in positive) / min(float(np.median(norm)) for norm in positive) if positive else 1.0
 
 
 def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int, colour: str) -> None:
-    """Draw the error of one axis and the band of three sigmas; the error decides what is shown."""
+    """Draw the position error along one axis and its three-sigma band.
+
+    The vertical range contains all errors and the median of the three-sigma band.
+    """
     t_s = recording.reference.t_s[estimate.index]
     error = position_error_m(estimate, recording)[:, axis]
     error = np.where(np.isfinite(error), error, np.nan)
     with np.errstate(invalid="ignore"):
         three_sigma = 3 * np.sqrt(estimate.covariance[:, axis, axis])
-    edge_s, edge = thinned(t_s, three_sigma)
-    axes.fill_between(edge_s, -edge, edge, color=BAND_COLOUR, linewidth=0, label=BAND if axis == 0 else None)
-    axes.plot(*thinned(t_s, error), color=colour, linewidth=0.9)
+    axes.fill_between(t_s, -three_sigma, three_sigma, color=BAND_COLOUR, linewidth=0, label=BAND if axis == 0 else None)
+    axes.plot(t_s, error, color=colour, linewidth=0.9)
     axes.set_ylabel(f"{('East', 'North', 'Up')[axis]} error [m]")
     seen = [1.3 * np.abs(error[~np.isnan(error)]).max(initial=0.0)]
     seen += [1.6 * float(np.median(sigma)) for sigma in (three_sigma[np.isfinite(three_sigma)],) if len(sigma)]
@@ -136,120 +127,79 @@ def _draw_axis(axes: Axes, recording: Recording, estimate: Estimate, axis: int, 
         axes.set_ylim(-max(seen), max(seen))
 
 
-HALF_WIDTH_S = 10.0
-
-
-def zoomed_error_figure(
-    recording: Recording,
-    estimates: Mapping[str, Estimate],
-    window_s: tuple[float, float],
-    *,
-    burn_in_s: float = 0.0,
-    palette: Palette | None = None,
-) -> Figure:
-    """Draw the length of the position error [m] within ``window_s``; the vertical axis fits what is seen there."""
-    figure = error_figure(recording, estimates, 1, burn_in_s=burn_in_s, window_s=window_s, palette=palette)
-    axes = figure.axes[0]
-    axes.set_xlim(*window_s)
-    axes.set_title(f"{literal(recording.name)}, {window_s[0]:.1f} to {window_s[1]:.1f} s")
-    seen = [
-        values[(line.get_xdata() >= window_s[0]) & (line.get_xdata() <= window_s[1])]  # type: ignore[operator]  # arrays
-        for line in axes.get_lines()
-        for values in [np.asarray(line.get_ydata(), dtype=np.float64)]
-    ]
-    finite = np.concatenate([np.empty(0), *(norm[np.isfinite(norm) & (norm > 0)] for norm in seen)])
-    if len(finite):
-        bottom = 0.5 * float(np.percentile(finite, 1)) if axes.get_yscale() == "log" else 0.0
-        axes.set_ylim(bottom, 1.1 * float(finite.max()))
-    return figure
-
-
-def disturbed_window_s(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[float, float]:
-    """Return the first outage with some room, or else the time around the moment at which the estimates differ most."""
-    if len(recording.outages_s):
-        begin, end = recording.outages_s[0]
-        return float(begin - HALF_WIDTH_S / 2), float(end + HALF_WIDTH_S)
-    t_s = recording.reference.t_s  # what is drawn ends with it
-    norms = np.full((max(len(estimates), 1), len(t_s)), np.nan)
-    for row, estimate in zip(norms, estimates.values(), strict=False):
-        row[estimate.index] = position_error_length_m(estimate, recording)
-    known = np.isfinite(norms).all(axis=0) & recording.reference.scored & (t_s >= t_s[0] + HALF_WIDTH_S)
-    if not known.any():
-        return float(t_s[0]), float(t_s[-1])
-    spread = np.where(known, np.nanmax(np.where(known, norms, 0.0), axis=0), -1.0)
-    centre = float(t_s[int(np.argmax(spread))])
-    return max(float(t_s[0]), centre - HALF_WIDTH_S), min(float(t_s[-1]), centre + HALF_WIDTH_S)
-
-
 def inclination_figure(
     recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
 ) -> Figure:
-    """Draw the error of the inclination [deg] over time [s]; thin where it is not scored, RMSE over what is."""
-    figure = new_figure(3.2)
-    axes = figure.add_subplot()
-    for name, look in method_styles(estimates, palette):
+    """Draw the inclination error [deg] over time [s]. Rows that are not scored are thin, and excluded from the RMSE."""
+    figure, (axes,) = panels_over_time(recording.name, 3.2, 1)
+    axes.set_ylabel("Inclination error [deg]")
+    for name, style in method_styles(estimates, palette):
         index = estimates[name].index
         t_s, scored = recording.reference.t_s[index], recording.reference.scored[index]
         error_deg = np.degrees(inclination_error_rad(estimates[name], recording))
         rmse_deg = rms_norm(error_deg[scored & np.isfinite(error_deg), None])
-        axes.plot(t_s, error_deg, **look.stroke, linewidth=0.5, alpha=0.6)
+        axes.plot(t_s, error_deg, **style.stroke, linewidth=0.5, alpha=0.6)
         shown = np.where(scored, error_deg, np.nan)
-        axes.plot(t_s, shown, **look.stroke, linewidth=1.2, label=f"{name}: RMSE {number(rmse_deg)} deg")
-    axes.set(xlabel="Time [s]", ylabel="Inclination error [deg]", title=literal(recording.name))
+        axes.plot(t_s, shown, **style.stroke, linewidth=1.2, label=f"{name}: RMSE {number(rmse_deg)} deg")
     axes.set_ylim(bottom=0.0)
-    end_with(axes, recording.reference.t_s)
-    style_axes(axes)
-    legend_below(figure)
-    return figure
+    return finished(figure, recording.reference.t_s)
 
 
-# The figure of a trajectory seen from above, also with a part of it enlarged (the paper's Fig. 5).
+# The figure of a trajectory from above, with or without an enlarged part (Fig. 5 of the paper).
 
 
 WIDTH_IN = 7.0
 LABELS_IN = 0.7
-"""Height that title and labels take [inch]."""
+"""Height of the title and the axis labels [inch]."""
 
 
 def trajectory_figure(
     recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
 ) -> Figure:
-    """Draw reference, fixes, outages and every estimate in the plane of east and north [m], to scale.
+    """Draw the reference, fixes, outages and all estimates in the plane of east and north [m], with equal scales.
 
-    The reference decides what is shown: an estimate that diverged leaves the picture, and the legend says so. Lines
-    whose errors coincide are drawn once, with all their names.
+    The range of the axes fits the reference. The legend marks estimates that leave this range. Estimates whose errors
+    coincide are drawn once, with the names of all their methods.
     """
     low, high = _window(recording, estimates)
     span = high - low
     map_in = float(np.clip(WIDTH_IN * span[1] / span[0], 2.5, 7.5))
     figure = new_figure(map_in + LABELS_IN, WIDTH_IN, layout="compressed")
-    axes = figure.add_subplot()
-    _draw_recording(axes, recording)
-    look_of = dict(method_styles(estimates, palette))
-    for names in distinct(recording, estimates):
-        name, look = " = ".join(names), look_of[names[0]]
-        path = estimates[names[0]].position_m[:, :2]
-        inside = ((path >= low) & (path <= high)).all()
-        label = name if inside else f"{name} (leaves the picture)"
-        shown = np.where(np.isfinite(path) & (np.abs(path - low) < 1e3 * span), path, np.nan)
-        axes.plot(*shown.T, **look.stroke, linewidth=1.2, label=label, zorder=4)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="East [m]", ylabel="North [m]")
-    axes.set_title(literal(recording.name))
-    axes.set_aspect("equal", adjustable="box")
-    style_axes(axes)
+    _draw_map(figure.add_subplot(title=literal(recording.name)), recording, estimates, palette, (low, high))
     legend_below(figure)
     return figure
 
 
+def _draw_map(
+    axes: Axes,
+    recording: Recording,
+    estimates: Mapping[str, Estimate],
+    palette: Palette | None,
+    corners: tuple[FloatArray, FloatArray],
+) -> None:
+    """Draw the recording and the estimates inside the lower left and the upper right corner [m]."""
+    low, high = corners
+    _draw_recording(axes, recording)
+    style_of = dict(method_styles(estimates, palette))
+    for names in distinct(recording, estimates):
+        path = estimates[names[0]].position_m[:, :2]
+        inside = ((path >= low) & (path <= high)).all()
+        label = " = ".join(names) + ("" if inside else " (leaves the picture)")
+        shown = np.where(np.isfinite(path) & (np.abs(path - low) < 1e3 * (high - low)), path, np.nan)
+        axes.plot(*shown.T, **style_of[names[0]].stroke, linewidth=1.2, label=label, zorder=4)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="East [m]", ylabel="North [m]", aspect="equal")
+    style_axes(axes)
+
+
 def distinct(recording: Recording, estimates: Mapping[str, Estimate]) -> list[list[str]]:
-    """Return the names of the estimates in groups whose position errors coincide; without a reference each alone."""
+    """Return groups of names whose position errors coincide. Without a reference, each name is a separate group."""
     if recording.reference.enu_m is None:
         return [[name] for name in estimates]
     return coinciding({name: position_error_length_m(estimate, recording) for name, estimate in estimates.items()})
 
 
 def _draw_recording(axes: Axes, recording: Recording) -> None:
-    """Draw the fixes, the reference, and where it was without aiding."""
+    """Draw the fixes, the reference, and the parts of the reference inside outages."""
     if recording.position is not None:
         fixes = recording.position.enu_m[:, :2]
         axes.plot(*fixes.T, ".", color=MEASURED, markersize=2.5, alpha=0.5, label="measured", zorder=1)
@@ -267,7 +217,10 @@ def _draw_recording(axes: Axes, recording: Recording) -> None:
 
 
 def _window(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[FloatArray, FloatArray]:
-    """Return the corners (2,), (2,) of what is shown: where the reference was, and some room around it."""
+    """Return the lower left and the upper right corner [m] (2,) of the area with the reference and a margin around it.
+
+    Without a reference, the area contains all estimates.
+    """
     truth = recording.reference.enu_m
     paths = [estimate.position_m for estimate in estimates.values()] if truth is None else [truth]
     points = np.vstack([np.zeros((0, 3)), *paths])[:, :2]
@@ -275,76 +228,53 @@ def _window(recording: Recording, estimates: Mapping[str, Estimate]) -> tuple[Fl
     if len(points) == 0:
         points = np.zeros((1, 2))
     low, high = points.min(axis=0), points.max(axis=0)
-    room = max(0.08 * float((high - low).max()), 0.5)
-    return low - room, high + room
+    margin = max(0.08 * float((high - low).max()), 0.5)
+    return low - margin, high + margin
 
 
 INSET_IN = 3.5
-"""Height of the enlarged part, which is twice as wide as high [inch]."""
+"""Height of the panel with the enlarged part [inch]. The part is twice as wide as high."""
 
 MIN_HALF_WIDTH_M = 0.2
-"""Half the width of what is enlarged is five times the largest error, and at least this."""
+"""Minimum of half the width of the enlarged part [m], which otherwise is five times the largest error."""
 
 ENLARGED = 4.0
-"""It is enlarged so many times at least."""
+"""Minimum magnification of the enlarged part."""
 
 
 def inset_trajectory_figure(
     recording: Recording, estimates: Mapping[str, Estimate], palette: Palette | None = None
 ) -> Figure:
-    """Draw the trajectory from above, and below it enlarged where the horizontal errors are largest.
+    """Draw the trajectory from above, and below it an enlarged part around the largest horizontal error.
 
-    That is the largest error that is seen when the trajectory is enlarged `ENLARGED` times; larger ones are seen above.
+    Errors that are too large for a magnification of `ENLARGED` are ignored when the enlarged part is selected. These
+    errors are visible in the upper panel.
     """
-    figure = trajectory_figure(recording, estimates, palette)
-    main = figure.axes[0]
-    truth = recording.reference.enu_m
+    figure, truth = trajectory_figure(recording, estimates, palette), recording.reference.enu_m
     if truth is None:
         return figure
-    width_m = float(np.ptp(main.get_xlim()))
-    widest_m = width_m / (2 * ENLARGED)
-    middle, worst_m = _place(recording, truth, estimates, widest_m / 2)
-    half = min(max(MIN_HALF_WIDTH_M, 5.0 * worst_m), widest_m)
+    (main,) = figure.axes
     low, high = np.transpose([main.get_xlim(), main.get_ylim()])
-    room = np.array([half, half / 2])  # to each side of the middle, so that the box stays inside the axes
-    middle = np.clip(middle, low + room, high - room)
+    widest_m = (high - low)[0] / (2 * ENLARGED)
+    middle, worst_m = _worst_position(recording, truth, estimates, widest_m / 2)
+    half_size = min(max(MIN_HALF_WIDTH_M, 5.0 * worst_m), widest_m) * np.array([1.0, 0.5])
+    middle = np.clip(middle, low + half_size, high - half_size)  # the enlarged area remains inside the axes
     above_in = figure.get_figheight()
     figure.set_figheight(above_in + INSET_IN)
     figure.set_layout_engine("constrained")
     grid = figure.add_gridspec(2, 1, height_ratios=[above_in, INSET_IN])
     main.set_subplotspec(grid[0])
     inset = figure.add_subplot(grid[1])
-    if recording.position is not None:
-        inset.plot(*recording.position.enu_m[:, :2].T, ".", color=MEASURED, markersize=4.0, alpha=0.6, zorder=1)
-    look_of = dict(method_styles(estimates, palette))
-    for name, *_ in distinct(recording, estimates):
-        path, look = estimates[name].position_m[:, :2], look_of[name]
-        near = np.abs(path - middle).max(axis=1) < 20 * half
-        inset.plot(*np.where(near[:, None], path, np.nan).T, **look.stroke, linewidth=1.4, zorder=4)
-    inset.plot(*truth[:, :2].T, color=REFERENCE, linewidth=1.8, zorder=3)
-    inset.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half / 2, middle[1] + half / 2))
-    inset.set(xlabel="East [m]", ylabel="North [m]", aspect="equal")
-    inset.set_title(f"Enlarged {number(width_m / (2 * half))} times", fontsize="medium")
-    style_axes(inset)
-    _draw_scale(inset, 2 * half)
+    _draw_map(inset, recording, estimates, palette, (middle - half_size, middle + half_size))
+    inset.set_title(f"Enlarged {number((high - low)[0] / (2 * half_size[0]))} times", fontsize="medium")
     main.indicate_inset_zoom(inset, edgecolor="black")
     return figure
 
 
-def _draw_scale(axes: Axes, width_m: float) -> None:
-    """Draw a bar of a round length, about a fifth of the width, near the lower left corner."""
-    decade = 10.0 ** math.floor(math.log10(width_m / 5))
-    length_m = max(step * decade for step in (1, 2, 5) if step * decade <= width_m / 5)
-    left, bottom = axes.get_xlim()[0] + 0.03 * width_m, axes.get_ylim()[0] + 0.03 * width_m
-    axes.plot([left, left + length_m], [bottom, bottom], color=REFERENCE, linewidth=3.0, zorder=6, gid="scale")
-    place = {"xytext": (0, 4), "textcoords": "offset points", "zorder": 6}
-    axes.annotate(f"{length_m:g} m", (left, bottom), fontsize=8, **place)  # type: ignore[arg-type]  # as documented
-
-
-def _place(
+def _worst_position(
     recording: Recording, truth: FloatArray, estimates: Mapping[str, Estimate], largest_m: float
 ) -> tuple[FloatArray, float]:
-    """Return where the horizontal errors are largest, of those below ``largest_m``, and how large."""
+    """Return the position (2,) [m] and the length [m] of the largest horizontal error below ``largest_m``."""
     worst = np.zeros(len(truth))
     for estimate in estimates.values():
         with np.errstate(over="ignore", invalid="ignore"):

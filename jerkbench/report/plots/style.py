@@ -1,10 +1,9 @@
-"""The style of every figure: sizes, colours of methods, curves with gaps, files."""
+"""The common style of all figures: sizes, colours of methods, curves with gaps, and image files."""
 
-import io
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,25 +15,31 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from jerkbench.arrays import FloatArray
 from jerkbench.files import write_atomically
 
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's palette (2008) in an order that keeps neighbours apart; its yellow is too pale for a line."""
+"""The palette of Okabe and Ito (2008), ordered so that neighbours are distinct. Yellow is left out as too pale."""
 
 REFERENCE = "black"
 MEASURED = "#9A9A9A"
 SHADE = "#F0C27B"
 BAND_COLOUR = "#D3DEE8"
-"""Bands of what a filter claims, or of a consistent one; no filter has this colour."""
+"""Colour of three-sigma bands and of the NEES and NIS bands of a consistent filter. No filter has this colour."""
 
 DOTS_PER_INCH = 150
-"""Set when a figure is made, so that it is laid out as it is saved."""
+"""Resolution of figures. It is set when a figure is created, so that the layout is the same in the file."""
+
+LOGARITHMIC_FROM = 30.0
+"""An axis is logarithmic if the ratio of the largest value to a typical or the smallest value is above this limit."""
 
 STEPS = (1, 2, 2.5, 5, 10)
-"""Distances of ticks, in powers of ten."""
+"""Distances between ticks, as multiples of a power of ten."""
 
 LEGEND_CHARACTERS = 93
-"""How many characters fit beside each other under a figure of 7 inch."""
+"""Number of characters that fit into a line of the legend below a figure with a width of 7 inch."""
 HANDLE_CHARACTERS = 9
-"""How many of them the line before a label takes."""
+"""Width of the line symbol before a label of the legend, in characters."""
 
 LEGEND_ROW_IN = 0.22
 
@@ -42,20 +47,45 @@ LEGEND_ROW_IN = 0.22
 def new_figure(
     height_in: float, width_in: float = 7.0, layout: Literal["constrained", "compressed"] = "constrained"
 ) -> Figure:
-    """Return an empty figure of this size [inch]."""
+    """Return an empty figure with this height and width [inch]."""
     return Figure(figsize=(width_in, height_in), dpi=DOTS_PER_INCH, layout=layout)
 
 
+def panels_over_time(
+    title: str, height_in: float, rows: int, columns: int = 1, height_ratios: Sequence[float] | None = None
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a title and with panels that share their time axis, column by column."""
+    figure = new_figure(height_in)
+    panels = figure.subplots(rows, columns, sharex=True, squeeze=False, height_ratios=height_ratios)
+    figure.suptitle(literal(title), fontsize="medium")
+    for axes in panels[-1]:
+        axes.set_xlabel("Time [s]")
+    return figure, [*panels.T.ravel()]
+
+
+def finished(figure: Figure, t_s: FloatArray) -> Figure:
+    """Style the axes of a figure over time, set the limits to the times ``t_s``, and add a legend below the axes."""
+    for axes in figure.axes:
+        if axes.lines:
+            style_axes(axes)
+    if len(t_s) and t_s[0] < t_s[-1]:
+        figure.axes[0].set_xlim(float(t_s[0]), float(t_s[-1]))
+    figure.align_ylabels()
+    legend_below(figure)
+    return figure
+
+
 def shade_outages(axes: Axes, outages_s: FloatArray, label: str | None = None) -> None:
-    """Shade the outages; the first of them carries the label."""
+    """Shade the outages. ``label`` is assigned to the first outage only, so that the legend contains it once."""
     for k, (begin, end) in enumerate(outages_s):
         axes.axvspan(begin, end, color=SHADE, alpha=0.28, linewidth=0, label=label if k == 0 else None, zorder=0)
 
 
 def style_axes(axes: Axes) -> None:
-    """Take away the box, put a light grid behind the lines, and let the ticks depend on the limits alone.
+    """Remove the box, draw a light grid behind the lines, and make the number of ticks independent of the height.
 
-    Ticks that depend on the height too change after the layout has measured their labels, and labels get clipped.
+    If the ticks depended on the height of the axes, they could change after the layout has measured their labels, and
+    the new labels could be clipped.
     """
     if axes.get_yscale() == "linear":
         axes.yaxis.set_major_locator(MaxNLocator(5, steps=STEPS))
@@ -68,22 +98,26 @@ def style_axes(axes: Axes) -> None:
 
 
 def _plain(axis: Axis) -> None:
-    """Name the ticks of a logarithmic axis as one says them (0.02); within two decades also those between tens."""
+    """Label the ticks of a logarithmic axis with plain numbers (0.02).
+
+    Axes of less than two decades have ticks at 1, 2 and 5 times each power of ten. Longer axes have ticks only at the
+    powers of ten.
+    """
     low, high = sorted(axis.get_view_interval())
     between = (1.0, 2.0, 5.0) if low > 0 and high < 100 * low else (1.0,)
-    narrow = low > 0 and high < 4 * low  # there may be one power of ten, or none
+    narrow = low > 0 and high < 4 * low  # such a range contains at most one power of ten
     axis.set_major_locator(MaxNLocator(4, steps=STEPS) if narrow else LogLocator(subs=between, numticks=9))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def literal(text: str) -> str:
-    """Return a name as matplotlib has to be given it, so that a ``$`` in it begins no formula."""
+    """Return a name escaped for matplotlib, so that a ``$`` does not start a formula."""
     return text.replace("$", r"\$")
 
 
 def legend_below(figure: Figure) -> None:
-    """Put the legend under the axes, in as many columns as its labels allow, and make the figure taller for it."""
+    """Add a legend below the axes and increase the height of the figure. Long labels reduce the number of columns."""
     labels = [label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]]
     if not labels:
         return
@@ -98,36 +132,30 @@ def legend_below(figure: Figure) -> None:
             handle.set(markersize=6.0, alpha=1.0)
 
 
-def end_with(axes: Axes, t_s: FloatArray) -> None:
-    """Let the horizontal axis begin and end with the data."""
-    if len(t_s) and t_s[0] < t_s[-1]:
-        axes.set_xlim(float(t_s[0]), float(t_s[-1]))
-
-
 def draw_ticks(axes: Axes, t_s: FloatArray, height: float, colour: str, label: str | None = None) -> None:
-    """Draw a tick at each time, at a share of the height of the axes."""
-    look = {"color": colour, "markersize": 4.0, "transform": axes.get_xaxis_transform(), "label": label}
-    axes.plot(t_s, np.full(len(t_s), height), "|", **look)  # type: ignore[arg-type]  # as documented
+    """Draw a tick at each time. ``height`` is the vertical position of the ticks, as a fraction of the axes."""
+    style = {"color": colour, "markersize": 4.0, "transform": axes.get_xaxis_transform(), "label": label}
+    axes.plot(t_s, np.full(len(t_s), height), "|", **style)  # type: ignore[arg-type]  # as documented
 
 
-def say(axes: Axes, sentence: str) -> None:
-    """Write ``sentence`` where there is nothing to draw."""
+def say(axes: Axes, message: str) -> None:
+    """Draw the text ``message`` in the centre of axes that have no data."""
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set_color("#CCCCCC")
-    axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color="#555555")
+    axes.text(0.5, 0.5, message, transform=axes.transAxes, ha="center", va="center", color="#555555")
 
 
 COLOURS_OF_A_FILE = 128
-"""Of a PNG's palette: lines and areas need no more, and the file is a third as large."""
+"""Number of colours of a PNG file. It is enough for lines and areas, and reduces the file size to a third."""
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write ``figure`` to ``path`` (the ending says the format: png, pdf, svg), whole or not at all."""
+    """Write ``figure`` to ``path`` atomically. The extension of the file determines the format: png, pdf, svg."""
     write_atomically(path, figure.savefig)
 
 
-def png_bytes(figure: Figure) -> bytes:
-    """Return ``figure`` as a PNG with a palette; drawn once (`savefig` draws twice)."""
+def image_of(figure: Figure) -> "Image":
+    """Return ``figure`` as an image with a colour palette."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -135,52 +163,41 @@ def png_bytes(figure: Figure) -> bytes:
     canvas.draw()  # type: ignore[no-untyped-call]  # matplotlib's
     pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
     image = Image.fromarray(pixels).convert("RGB")
-    data = io.BytesIO()
-    image.quantize(COLOURS_OF_A_FILE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
-        data, format="png"
-    )
-    return data.getvalue()
+    return image.quantize(COLOURS_OF_A_FILE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
 
 
-def save_pdf(figure: Figure, path: Path) -> None:
-    """Write ``figure`` as it was laid out for its PNG: to lay it out again takes as long as to draw it."""
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf
-
-    figure.set_layout_engine("none")
-    write_atomically(path, FigureCanvasPdf(figure).print_pdf)
-
-
-# The look of each method: one colour a filter, one line style an adaptation, in every figure and on the page.
+# The style of a method in all figures and on the page: the filter defines the colour, the adaptation the line style.
 
 COLOURS = (*OKABE_ITO, "#332288", "#882255", "#117733", "#999933", "#661100", "#44AA99")
-"""Okabe and Ito's, then the darker ones of Paul Tol's muted palette (2021)."""
+"""Colours of filters: the palette of Okabe and Ito, then darker colours of Paul Tol's muted palette (2021)."""
 
 DASHES = ((), (8, 4), (2, 3), (10, 3, 2, 3), (4, 2), (1, 2))
-"""Lengths of dashes and gaps, in pixels; the first is a full line."""
+"""Line styles of adaptations: lengths of dashes and gaps on the page [pixels]. The first style is a solid line."""
 
 HATCHES = ("", "////", "....", "xxxx", "----", "\\\\\\\\")
-"""What stands for the dashes where a method is an area."""
+"""Hatches of adaptations in bars, in the order of `DASHES`."""
 
 NO_ADAPTATION = "none"
-"""The adaptation that has the full line, wherever it stands."""
+"""Name of the adaptation that always has the solid line."""
 
 _POINTS = 0.5
-"""Lengths of dashes in a figure, for one pixel of the page, in line widths."""
+"""Factor from a dash length on the page [pixels] to a dash length in a figure [line widths]."""
 
 BETWEEN = re.compile(r", *(?![^()]*\))")
-"""A comma that is in no parentheses."""
+"""Matches a comma outside of parentheses, and the spaces after it."""
 
 DrawnMethod = tuple[str, str]
-"""Filter and adaptation."""
+"""The labels of the filter and the adaptation of a method."""
 
 
 class MethodStyle(NamedTuple):
-    """How a method is drawn.
+    """The style of a method in figures.
 
     Attributes:
-        colour: of its filter.
-        dash: of its adaptation, as on the page.
-        hatch: of its adaptation, where it is an area.
+        colour: colour that represents the filter.
+        dash: lengths of dashes and gaps that represent the adaptation on the page [pixels]. ``dash`` is empty for a
+            solid line.
+        hatch: hatch that represents the adaptation in bars.
     """
 
     colour: str
@@ -189,17 +206,17 @@ class MethodStyle(NamedTuple):
 
     @property
     def stroke(self) -> dict[str, Any]:
-        """Colour and line style as matplotlib takes them."""
+        """The colour and line style as keyword arguments of `Axes.plot`."""
         dashes = (0.0, tuple(_POINTS * length for length in self.dash)) if self.dash else "-"
         return {"color": self.colour, "linestyle": dashes}
 
 
 class Palette(NamedTuple):
-    """The filters and adaptations of a study, in the order in which they take colours and line styles.
+    """The assignment of colours to filters, and of line styles to adaptations, in a study.
 
     Attributes:
-        filters: their labels.
-        adaptations: their labels.
+        filters: labels of the filters, in the order of `COLOURS`.
+        adaptations: labels of the adaptations, in the order of `DASHES` and `HATCHES`.
     """
 
     filters: tuple[str, ...]
@@ -207,24 +224,24 @@ class Palette(NamedTuple):
 
     @classmethod
     def of(cls, methods: Iterable[DrawnMethod]) -> "Palette":
-        """Return the palette of ``methods``."""
+        """Return the palette of ``methods``. The filters are in the given order, and the adaptation "none" is first."""
         methods = list(methods)
         adaptations = dict.fromkeys(adaptation for _, adaptation in methods)
-        plain = [NO_ADAPTATION] * (NO_ADAPTATION in adaptations)
-        return cls(
-            tuple(dict.fromkeys(filter_name for filter_name, _ in methods)),
-            tuple(dict.fromkeys([*plain, *adaptations])),
-        )
+        filters = tuple(dict.fromkeys(filter_name for filter_name, _ in methods))
+        return cls(filters, tuple(sorted(adaptations, key=lambda name: name != NO_ADAPTATION)))
 
-    def look(self, method: DrawnMethod) -> MethodStyle:
-        """Return the look of a method; one that the study has not comes after all others."""
+    def style(self, method: DrawnMethod) -> MethodStyle:
+        """Return the style of a method.
+
+        An unknown filter or adaptation gets the style that follows the style of the last known name.
+        """
         filter_name, adaptation = method
-        dash = _place(self.adaptations, adaptation) % len(DASHES)
-        return MethodStyle(COLOURS[_place(self.filters, filter_name) % len(COLOURS)], DASHES[dash], HATCHES[dash])
+        dash = _index(self.adaptations, adaptation) % len(DASHES)
+        return MethodStyle(COLOURS[_index(self.filters, filter_name) % len(COLOURS)], DASHES[dash], HATCHES[dash])
 
 
 def method_of(name: str) -> DrawnMethod:
-    """Return filter and adaptation of a method's name.
+    """Return the filter and the adaptation from the name of a method.
 
     >>> method_of("jerk(a=1, b=2) + mtf, accel_mps2=0.1")
     ('jerk(a=1, b=2)', 'mtf')
@@ -236,75 +253,38 @@ def method_of(name: str) -> DrawnMethod:
 
 
 def method_styles(names: Iterable[str], palette: Palette | None = None) -> Iterator[tuple[str, MethodStyle]]:
-    """Yield each method's name with its look; without a palette in the order of the names."""
+    """Yield the name of each method with its style. Without a palette, the order of the names defines the styles."""
     names = list(names)
     palette = palette or Palette.of(map(method_of, names))
-    return ((name, palette.look(method_of(name))) for name in names)
+    return ((name, palette.style(method_of(name))) for name in names)
 
 
-def _place(labels: tuple[str, ...], label: str) -> int:
+def _index(labels: tuple[str, ...], label: str) -> int:
     return labels.index(label) if label in labels else len(labels)
 
 
-# Curves over time: thinned to what a pixel shows, those that coincide found.
-
-_COLUMNS = 1000
-"""Pixels of a figure's width; of each the lowest and the highest value are kept."""
+# Curves over time: gaps, and curves that coincide.
 
 COINCIDE = 0.01
-"""Curves that are nowhere further apart than this share of the larger one are one line for the eye."""
-
-
-def thinned(t_s: FloatArray, values: FloatArray, columns: int = _COLUMNS) -> tuple[FloatArray, FloatArray]:
-    """Return times and values of a curve with at most two points a column: the lowest and the highest.
-
-    A value that is not known ends the line, and stays. What is short enough is returned as it is.
-    """
-    if len(t_s) <= 2 * columns:
-        return t_s, values
-    edges = np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], columns + 1)[:-1])
-    starts = np.unique(edges)
-    known = np.isfinite(values)
-    places = [
-        _extremes(np.where(known, values, fill), starts, function)
-        for fill, function in ((np.inf, np.minimum), (-np.inf, np.maximum))
-    ]
-    gaps = np.flatnonzero(~known & np.r_[True, known[:-1]])
-    kept = np.unique(np.concatenate([[0, len(t_s) - 1], *places, gaps]))
-    return t_s[kept], values[kept]
+"""Curves are drawn as one line if their relative difference is at most this value at all times."""
 
 
 def with_gaps(t_s: FloatArray, values: FloatArray, longest: float = 3.0) -> tuple[FloatArray, FloatArray]:
-    """Return a curve with an unknown value wherever two times are more than ``longest`` median steps apart."""
+    """Return times and values with NaN inserted into each gap of more than ``longest`` median time steps."""
     steps = np.diff(t_s)
     places = np.flatnonzero(steps > longest * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
     return np.insert(t_s, places, t_s[places - 1]), np.insert(values, places, np.nan)
 
 
-def _extremes(values: FloatArray, starts: np.ndarray, function: np.ufunc) -> np.ndarray:
-    """Return the first place of the extreme of each part that begins at ``starts``."""
-    extremes = function.reduceat(values, starts)
-    lengths = np.diff(np.r_[starts, len(values)])
-    hits = np.flatnonzero((values == np.repeat(extremes, lengths)) & np.isfinite(values))
-    parts = np.searchsorted(starts, hits, side="right") - 1
-    return hits[np.unique(parts, return_index=True)[1]]
-
-
 def coinciding(curves: Mapping[str, FloatArray]) -> list[list[str]]:
-    """Return the names of curves in groups that coincide within `COINCIDE`, each with the first of its group."""
+    """Return groups of names whose curves coincide within `COINCIDE` with the first curve of the group."""
     groups: list[list[str]] = []
     for name, values in curves.items():
-        group = next((names for names in groups if _coincide(curves[names[0]], values)), None)
-        if group is None:
-            groups.append(group := [])
-        group.append(name)
+        for names in groups:
+            first = curves[names[0]]
+            if first.shape == values.shape and np.allclose(first, values, rtol=COINCIDE, atol=0.0, equal_nan=True):
+                names.append(name)
+                break
+        else:
+            groups.append([name])
     return groups
-
-
-def _coincide(first: FloatArray, second: FloatArray) -> bool:
-    if first.shape != second.shape or not np.array_equal(np.isfinite(first), np.isfinite(second)):
-        return False
-    known = np.isfinite(first)
-    with np.errstate(over="ignore"):
-        largest = np.maximum(np.abs(first[known]), np.abs(second[known]))
-        return bool(np.all(np.abs(first[known] - second[known]) <= COINCIDE * largest))

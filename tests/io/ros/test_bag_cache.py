@@ -18,32 +18,25 @@ def bag(tmp_path, monkeypatch):
 
 
 def stored(folder):
-    return sorted((folder / "cache" / "bags").glob("*.npz"))
-
-
-def never(*_):
-    raise AssertionError
+    return sorted((folder / "cache" / "bags").glob("*.pickle"))
 
 
 def test_the_second_reading_decodes_nothing(bag, tmp_path, monkeypatch):
     first = Fixposition(str(bag)).load(0)
-    assert len(stored(tmp_path)) == 4  # the odometry twice: its positions alone show whether it is in ECEF
-    monkeypatch.setattr(bags._Columns, "append", never)
+    assert len(stored(tmp_path)) == 2  # the positions of the odometry alone show whether it is in ECEF
+    monkeypatch.delattr(bags._Columns, "append")
     assert identical(Fixposition(str(bag)).load(0), first)
     moved = bag.rename(tmp_path / "b.bag")  # it is the content that counts
     np.testing.assert_array_equal(Fixposition(str(moved)).load(0).imu.accel_mps2, first.imu.accel_mps2)
 
 
-def test_other_fields_are_decoded_again(bag, tmp_path):
+def test_other_fields_and_another_content_are_decoded_again(bag, tmp_path):
     Fixposition(str(bag)).load(0)
     Fixposition(str(bag), covariance_order="enu").load(0)
-    assert len(stored(tmp_path)) == 4
+    assert len(stored(tmp_path)) == 2
     Fixposition(str(bag), heading="odometry").load(0)
-    assert len(stored(tmp_path)) == 5
+    assert len(stored(tmp_path)) == 3
     assert RosBag(str(bag)).load(0).velocity is not None
-
-
-def test_another_content_is_another_reading(bag):
     before = Fixposition(str(bag)).load(0)
     bag.unlink()
     Drive(duration_s=3.0).write(bag)
@@ -64,15 +57,11 @@ def test_a_flipped_byte_in_the_cache_never_shows(bag, tmp_path):
     Fixposition(str(bag)).load(0)
     file = max(stored(tmp_path), key=lambda path: path.stat().st_size)
     whole, random = file.read_bytes(), np.random.default_rng(5)
-    expected = bags.read_stored(file)
     for place in [*range(0, 400, 9), *random.integers(len(whole), size=60), *range(len(whole) - 1500, len(whole), 60)]:
         content = bytearray(whole)
         content[place] ^= int(random.integers(1, 256))
         file.write_bytes(content)
-        found = bags.read_stored(file)
-        if found is not None:  # the byte was part of no number
-            for name, value in expected.values.items():
-                np.testing.assert_array_equal(found[name], value)
+        assert bags.read_stored(file) is None
 
 
 def test_a_cache_that_cannot_be_written_is_one_line(bag, tmp_path):

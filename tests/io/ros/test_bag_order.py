@@ -5,6 +5,9 @@ from operator import attrgetter
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
 
 from bag_maker import IMU_TYPE, ROS1, ROS2, START_NS, Drive, imu, odometry, write_bag
 from jerkbench.io.bag import open_bag
@@ -97,10 +100,6 @@ def test_bag_times_that_are_not_in_order_are_sorted(tmp_path):
     times = [5, 3, 4, 9, 8]
     for name, store in (("a.bag", ROS1), ("a.mcap", ROS2), ("a", ROS2)):
         path = tmp_path / name
-        from rosbags.rosbag1 import Writer as Writer1
-        from rosbags.rosbag2 import StoragePlugin
-        from rosbags.rosbag2 import Writer as Writer2
-
         plugin = StoragePlugin.MCAP if name == "a.mcap" else StoragePlugin.SQLITE3
         with Writer1(path) if store is ROS1 else Writer2(path, version=9, storage_plugin=plugin) as writer:
             to = writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
@@ -112,9 +111,7 @@ def test_bag_times_that_are_not_in_order_are_sorted(tmp_path):
 
 
 def test_two_publishers_of_one_topic_are_merged_by_time(tmp_path):
-    from rosbags.rosbag1 import Writer
-
-    with Writer(tmp_path / "a.bag") as writer:
+    with Writer1(tmp_path / "a.bag") as writer:
         both_of = [writer.add_connection("/imu", IMU_TYPE, typestore=ROS1, callerid=one) for one in ("a", "b")]
         for k in range(300):
             for connection, later in zip(both_of, (0, k % 3), strict=True):

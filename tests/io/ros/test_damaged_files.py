@@ -9,7 +9,6 @@ import pytest
 from bag_maker import IMU_TYPE, ROS1, ROS2, Drive, imu, write_bag
 from jerkbench.datasets.rosbag import Fixposition, RosBag
 from jerkbench.errors import RecordingError
-from jerkbench.io.bag import BagError
 
 FORMATS = {"none": (ROS1, "a.bag", None), "lz4": (ROS1, "a.bag", "lz4"), "bz2": (ROS1, "a.bag", "bz2")}
 FORMATS |= {"db3": (ROS2, "a", None), "mcap": (ROS2, "a.mcap", None), "zstd": (ROS2, "a.mcap", "storage")}
@@ -34,20 +33,20 @@ def harmed(path, folder, change):
     return str(target)
 
 
-@pytest.mark.parametrize("part", [0.0, 0.001, 0.05, 0.35, 0.6, 0.9, 0.99, 0.9999])
+@pytest.mark.parametrize("part", [0.001, 0.05, 0.6, 0.99, 0.9999])
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_file_that_was_cut_is_one_sentence(tmp_path, sound, name, part):
     path = harmed(sound[0][name], tmp_path, lambda content: content[: int(part * len(content))])
     try:
         recording = Fixposition(path).load(0)
-    except BagError as error:
-        assert re.search("[Cc]opy it again|record it again|is empty", str(error))  # noqa: PT017 - either is right
+    except RecordingError as error:
+        assert re.search("[Cc]opy the (file|bag) again|record the bag again|is empty", str(error))  # noqa: PT017 - either is right
     else:  # SQLite needs not the last bytes of its last page
         assert (name, part) == ("db3", 0.9999)
         np.testing.assert_array_equal(recording.imu.accel_mps2, sound[1].imu.accel_mps2)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("name", FORMATS)
 def test_flipped_bytes_end_in_a_sentence_or_in_the_same_drive_without_the_worst(tmp_path, sound, name, seed):
     """Twenty bytes somewhere. No format has a checksum for all its parts: only what is possible can be asked for."""
@@ -74,7 +73,7 @@ def test_flipped_bytes_end_in_a_sentence_or_in_the_same_drive_without_the_worst(
 
 @pytest.mark.parametrize("name", ["none", "db3", "mcap"])
 def test_an_empty_file(tmp_path, sound, name):
-    with pytest.raises(BagError, match="is empty; copy it again"):
+    with pytest.raises(RecordingError, match="is empty; copy the file again"):
         Fixposition(harmed(sound[0][name], tmp_path, lambda _: b"")).load(0)
 
 
@@ -82,55 +81,58 @@ def test_an_empty_file(tmp_path, sound, name):
 def test_a_wrong_suffix_is_named(tmp_path, sound, name, suffix):
     path = tmp_path / f"wrong{suffix}"
     shutil.copy(sound[0][name], path)
-    with pytest.raises(BagError, match=r"rename.*\.(bag|db3|mcap)"):
+    with pytest.raises(RecordingError, match=r"rename.*\.(bag|db3|mcap)"):
         Fixposition(str(path)).load(0)
 
 
-def test_what_is_no_bag(tmp_path):
+def test_what_is_no_bag_and_damaged_metadata_are_sentences(tmp_path):
     (tmp_path / "a.bag").write_text("stamp,x,y\n1,2,3\n")
-    with pytest.raises(BagError, match="begins neither"):
+    with pytest.raises(RecordingError, match="is neither a ROS 1 bag"):
         RosBag(str(tmp_path / "a.bag")).load(0)
-    with pytest.raises(BagError, match="There is no bag"):
+    with pytest.raises(RecordingError, match="There is no file"):
         RosBag(str(tmp_path / "b.bag")).load(0)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(BagError, match=r"holds no metadata\.yaml and no \.bag"):
+    with pytest.raises(RecordingError, match=r"contains no metadata\.yaml and no \.bag"):
         RosBag(str(tmp_path / "empty")).load(0)
+    path = Drive(ROS2, duration_s=3.0).write(tmp_path / "a")
+    metadata = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(metadata.replace("a.db3", "b.db3"))
+    with pytest.raises(RecordingError, match="Some database files are missing"):
+        Fixposition(str(path)).load(0)
+    for broken in (metadata[: len(metadata) // 2], "{[", "", metadata.replace("version: 9", "version: nine")):
+        (path / "metadata.yaml").write_text(broken)
+        with pytest.raises(RecordingError, match="ros2 bag reindex"):
+            Fixposition(str(path)).load(0)
+    (path / "metadata.yaml").unlink()
+    (path / "more.db3").write_bytes(next(path.glob("*.db3")).read_bytes())
+    with pytest.raises(RecordingError, match=r"2 files .*metadata\.yaml"):
+        Fixposition(str(path)).load(0)
 
 
 @pytest.mark.parametrize(("store", "name"), [(ROS1, "a.bag"), (ROS2, "a"), (ROS2, "a.mcap")])
 def test_no_topics_and_no_messages(tmp_path, store, name):
-    with pytest.raises(BagError, match=r"holds 0 topics and no message"):
+    with pytest.raises(RecordingError, match=r"contains 0 topics but no message"):
         RosBag(str(write_bag(tmp_path / name, {}, store))).load(0)
-
-
-@pytest.mark.parametrize(("store", "name"), [(ROS1, "a.bag"), (ROS2, "a"), (ROS2, "a.mcap")])
-def test_a_topic_without_messages(tmp_path, store, name):
-    path = write_bag(tmp_path / name, {}, store, empty={"/imu": IMU_TYPE})
-    with pytest.raises(BagError, match=r"no message|0 topics"):
+    path = write_bag(tmp_path / f"b{name}", {}, store, empty={"/imu": IMU_TYPE})
+    with pytest.raises(RecordingError, match=r"no message|0 topics"):
         RosBag(str(path)).load(0)
 
 
-def test_too_few_messages(tmp_path):
+def test_too_few_messages_another_time_and_another_type_are_sentences(tmp_path):
     drive = Drive(duration_s=3.0)
     del drive.rows["/fixposition/gnss1"][1:]
     with pytest.raises(RecordingError, match=r"gnss1\): 1 usable"):
         Fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)
-
-
-def test_metadata_that_is_damaged_or_gone(tmp_path):
-    path = Drive(ROS2, duration_s=3.0).write(tmp_path / "a")
-    metadata = (path / "metadata.yaml").read_text()
-    (path / "metadata.yaml").write_text(metadata.replace("a.db3", "b.db3"))
-    with pytest.raises(BagError, match="Some database files are missing"):
-        Fixposition(str(path)).load(0)
-    for broken in (metadata[: len(metadata) // 2], "{[", "", metadata.replace("version: 9", "version: nine")):
-        (path / "metadata.yaml").write_text(broken)
-        with pytest.raises(BagError, match="ros2 bag reindex"):
-            Fixposition(str(path)).load(0)
-    (path / "metadata.yaml").unlink()
-    (path / "more.db3").write_bytes(next(path.glob("*.db3")).read_bytes())
-    with pytest.raises(BagError, match=r"2 files .*metadata\.yaml"):
-        Fixposition(str(path)).load(0)
+    drive = Drive(duration_s=3.0)
+    for row in drive.rows["/fixposition/gnss1"]:
+        row[0] += 3600 * 10**9
+        row[2].header.stamp.sec += 3600
+    with pytest.raises(RecordingError, match="do not overlap in time"):
+        Fixposition(str(drive.write(tmp_path / "b.bag"))).load(0)
+    drive = Drive(duration_s=3.0)
+    drive.rows["/fixposition/gnss1"] = [[row[0], *imu(ROS1, row[0])] for row in drive.rows["/fixposition/gnss1"]]
+    with pytest.raises(RecordingError, match="sensor_msgs/msg/Imu"):
+        Fixposition(str(drive.write(tmp_path / "c.bag"))).load(0)
 
 
 def split(drive, folder, parts):
@@ -157,28 +159,11 @@ def test_bags_of_different_drives_in_one_folder_are_not_joined(tmp_path):
     drive = Drive(duration_s=3.0)
     for name in ("test1.bag", "xsens.bag"):
         drive.write(tmp_path / name)
-    with pytest.raises(BagError, match=r"test1\.bag, xsens\.bag"):
+    with pytest.raises(RecordingError, match=r"test1\.bag, xsens\.bag"):
         Fixposition(str(tmp_path)).load(0)
     (tmp_path / "test1.bag").rename(tmp_path / "drive_2023-11-14-22-13-20_0.bag")
     (tmp_path / "xsens.bag").rename(tmp_path / "other_2023-11-14-22-14-20_1.bag")
-    with pytest.raises(BagError, match=r"NAME_0\.bag"):
+    with pytest.raises(RecordingError, match=r"NAME_0\.bag"):
         Fixposition(str(tmp_path)).load(0)
     (tmp_path / "other_2023-11-14-22-14-20_1.bag").rename(tmp_path / "drive_2023-11-14-22-14-20_1.bag")
     assert len(Fixposition(str(tmp_path)).load(0).imu.t_s) == 150  # each stamp is there twice
-
-
-def test_a_topic_of_another_time_is_a_sentence(tmp_path):
-    drive = Drive(duration_s=3.0)
-    for row in drive.rows["/fixposition/gnss1"]:
-        row[0] += 3600 * 10**9
-        row[2].header.stamp.sec += 3600
-    path = str(drive.write(tmp_path / "a.bag"))
-    with pytest.raises(RecordingError, match="no time in common"):
-        Fixposition(path).load(0)
-
-
-def test_a_message_of_another_type_under_the_same_name(tmp_path):
-    drive = Drive(duration_s=3.0)
-    drive.rows["/fixposition/gnss1"] = [[row[0], *imu(ROS1, row[0])] for row in drive.rows["/fixposition/gnss1"]]
-    with pytest.raises(RecordingError, match="sensor_msgs/msg/Imu"):
-        Fixposition(str(drive.write(tmp_path / "a.bag"))).load(0)

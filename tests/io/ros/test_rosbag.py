@@ -11,13 +11,10 @@ SECOND = 10**9
 def twist(store, ns, v, covariance):
     body = message(store, "geometry_msgs/msg/Twist", vector(store, v), vector(store, (0, 0, 0)))
     both = message(store, "geometry_msgs/msg/TwistWithCovariance", body, np.asarray(covariance, dtype=float))
-    stamp = message(store, "std_msgs/msg/Header", *([0] if store is ROS1 else []), *_rest(store, ns))
+    stamp = message(store, "builtin_interfaces/msg/Time", ns // SECOND, ns % SECOND)
+    header = message(store, "std_msgs/msg/Header", *([0] if store is ROS1 else []), stamp, "")
     name = "geometry_msgs/msg/TwistWithCovarianceStamped"
-    return name, message(store, name, stamp, both)
-
-
-def _rest(store, ns):
-    return message(store, "builtin_interfaces/msg/Time", ns // SECOND, ns % SECOND), ""
+    return name, message(store, name, header, both)
 
 
 def rows(rate_hz, make, seconds=4.0, delay_ns=0):
@@ -31,6 +28,7 @@ def noisy(rng, value, sigma=1e-3):
 
 def bag(path, more=None, accel=(0, 0, 9.8), store=ROS1):
     """An IMU at 50 Hz, slower ones that are to be passed over, fixes and two odometries."""
+    path.unlink(missing_ok=True)
     rng = np.random.default_rng(1)
     topics = {
         "/imu": rows(50, lambda ns, t: imu(store, ns, noisy(rng, accel), noisy(rng, (0.1, 0.2, 0.3)))),
@@ -44,7 +42,7 @@ def bag(path, more=None, accel=(0, 0, 9.8), store=ROS1):
     return str(write_bag(path, topics | (more or {}), store))
 
 
-def test_without_a_map_topics_are_guessed_and_the_choice_is_said(tmp_path):
+def test_without_a_map_topics_are_guessed_and_said_and_a_map_is_followed_without_a_word(tmp_path):
     recording = RosBag(bag(tmp_path / "a.bag")).load(0)
     assert len(recording.imu.t_s) == 200
     assert len(recording.position.t_s) == 20
@@ -52,13 +50,10 @@ def test_without_a_map_topics_are_guessed_and_the_choice_is_said(tmp_path):
     assert recording.heading is None
     assert recording.reference.empty
     said = "\n".join(recording.notes)
-    assert "Topic of the IMU, guessed: /imu (200 messages; it feels 9.80 m/s2; not /imu_zeros, /imu_slow)." in said
+    assert "Topic of the IMU, guessed: /imu (200 messages; it measures 9.80 m/s2; not /imu_zeros, /imu_slow)." in said
     assert "Topic of the positions, guessed: /fix (20 messages; it has fixes; not /fix_none)." in said
     assert "Topic of the velocities, guessed: /odom (80 messages; the most messages; not /odom_slow)." in said
     np.testing.assert_allclose(recording.position.covariance_m2[0], np.diag([1.0, 4.0, 9.0]))  # east, north, up
-
-
-def test_a_map_is_followed_without_a_word(tmp_path):
     given = {"imu_topic": "/imu_slow", "position_topic": "/fix", "velocity_topic": "none"}
     recording = RosBag(bag(tmp_path / "a.bag"), **given).load(0)
     assert len(recording.imu.t_s) == 40
@@ -73,14 +68,13 @@ def test_a_map_is_followed_without_a_word(tmp_path):
     [
         (
             {"imu_topic": "/fix"},
-            r"is of type sensor_msgs/msg/NavSatFix, which gives no imu; .* the bag has /imu, /imu_s",
+            r"has the type sensor_msgs/msg/NavSatFix, which contains no imu. .* Topics of these types: /imu, /imu_s",
         ),
         ({"imu_topic": "/imuu"}, r"There is no topic '/imuu'\. Did you mean '/imu'\?"),
-        ({"reference_topic": "/imu"}, "which gives no reference"),
+        ({"reference_topic": "/imu"}, "which contains no reference"),
         ({"imu_topic": "/imu_zeros"}, r"imu \(/imu_zeros\): 0 usable messages are left.*frozen angular rate"),
         ({"lever_arm_m": (1.0, 0.0, 0.0)}, r"lever_arm_m needs the attitude of a reference"),
-        ({"course_over_s": 1.0}, "no two fixes are further apart"),
-        ({"remove_gyro_bias": True, "velocity_topic": "none"}, "stands still for 0.00 s"),
+        ({"remove_gyro_bias": True, "velocity_topic": "none"}, "stationary for 0.00 s"),
     ],
 )
 def test_what_does_not_fit_is_a_sentence(tmp_path, given, said):
@@ -107,7 +101,7 @@ def test_an_imu_in_g_and_deg_per_s_is_found_said_and_scaled(tmp_path):
     guessed = RosBag(path).load(0)
     scaled = RosBag(path, accel_unit="g", gyro_unit="deg/s").load(0)
 
-    assert any("it feels 1.00, which is gravity in g" in note for note in guessed.notes)
+    assert any("it measures 1.00, which is gravity in g" in note for note in guessed.notes)
     np.testing.assert_allclose(scaled.imu.accel_mps2, 9.80665 * guessed.imu.accel_mps2)
     np.testing.assert_allclose(scaled.imu.gyro_radps, np.radians(guessed.imu.gyro_radps))
 
@@ -122,20 +116,17 @@ def test_the_imu_is_turned_into_the_body(tmp_path):
     np.testing.assert_allclose(pitched.accel_mps2.mean(axis=0), [-half, 0, root], atol=2e-3)
 
 
-def test_poses_in_a_local_ned_become_enu_about_the_first(tmp_path):
+def test_poses_and_headings_in_a_local_ned_become_enu_about_the_first(tmp_path):
     given = {"position_topic": "/odom_slow", "velocity_topic": "/odom_slow", "position_frame": "ned"}
     recording = RosBag(bag(tmp_path / "a.bag"), velocity_frame="frd", **given).load(0)
     assert recording.origin is None
     np.testing.assert_allclose(recording.position.enu_m[-1], 3.5 * np.array([2, 1, 1]))
     np.testing.assert_array_equal(recording.velocity.mps[0], [1, -2, -3])
     assert recording.velocity.frame == "body"
-    assert any("Position and velocity are of one topic" in note for note in recording.notes)
+    assert any("Position and velocity are of the same topic" in note for note in recording.notes)
     ned = RosBag(str(tmp_path / "a.bag"), velocity_frame="ned", **given).load(0).velocity
     np.testing.assert_array_equal(ned.mps[0], [2, 1, -3])
     assert ned.frame == "enu"
-
-
-def test_a_heading_in_ned_is_turned(tmp_path):
     quarter = (0, 0, np.sqrt(0.5), np.sqrt(0.5))  # 90 degrees clockwise from north: east
     more = {"/ned": rows(5, lambda ns, t: odometry(ROS1, ns, (t, 0, 0), quarter))}
     given = {"position_topic": "/ned", "heading_topic": "/ned", "position_frame": "ned", "velocity_topic": "none"}
@@ -143,16 +134,13 @@ def test_a_heading_in_ned_is_turned(tmp_path):
     np.testing.assert_allclose(heading.yaw_rad, 0, atol=1e-12)
 
 
-def test_a_speed_along_the_course(tmp_path):
+def test_a_speed_along_the_course_and_an_axis_that_was_not_measured(tmp_path):
     velocity = (
         RosBag(bag(tmp_path / "a.bag"), velocity_frame="speed", velocity_latency_s=(0.1, 0.1, 0.1)).load(0).velocity
     )
     assert velocity.frame == "speed"
     np.testing.assert_array_equal(velocity.mps[0], [1, np.nan, np.nan])
     assert velocity.t_s[0] == pytest.approx(-0.1)
-
-
-def test_an_axis_with_a_negative_variance_was_not_measured(tmp_path):
     covariance = np.diag([0.04, 0.09, -1, 0, 0, 0]).ravel()
     more = {"/gnss_velocity": rows(5, lambda ns, t: twist(ROS1, ns, (1, 2, 0), covariance))}
     velocity = RosBag(bag(tmp_path / "a.bag", more), velocity_frame="enu").load(0).velocity
@@ -177,7 +165,14 @@ def test_times_are_the_headers_or_the_bags_less_their_latencies(tmp_path):
         RosBag(path, velocity_latency_s=(0.1, 0.1, 0.3)).load(0)
 
 
-def test_origin_and_reference_as_configured(tmp_path):
+def test_a_twist_that_is_never_filled_in_is_not_guessed_as_the_velocity(tmp_path):
+    """As /odometry/gps of robot_localization, which has only positions."""
+    still = rows(50, lambda ns, t: odometry(ROS1, ns, (t, 0, 0), (0, 0, 0, 1), (0, 0, 0)))
+    recording = RosBag(bag(tmp_path / "a.bag", {"/odometry/gps": still})).load(0)
+    assert any("velocities, guessed: /odom (80 messages" in note for note in recording.notes)
+
+
+def test_origin_and_reference_are_as_configured_and_never_guessed(tmp_path):
     path = bag(tmp_path / "a.bag")
     recording = RosBag(path, origin=(0.0, 10.0, 5.0), position_topic="/fix", reference_topic="/fix").load(0)
     np.testing.assert_allclose(recording.position.enu_m[0], [0, 0, 2], atol=1e-9)
@@ -188,30 +183,11 @@ def test_origin_and_reference_as_configured(tmp_path):
     assert (other.reference.source, other.reference.independent) == ("a total station", True)
     same = RosBag(path, position_topic="/odom", reference_topic="/odom", reference_independent=True).load(0)
     assert not same.reference.independent  # a topic is not independent of itself
-
-
-def test_courses_are_headings_from_fix_to_fix(tmp_path):
-    def north_east(ns, t):
-        return fix(ROS1, ns, np.degrees(3 * t / 6_335_439), 10.0 + np.degrees(4 * t / 6_378_137), 0.0, (0.01, 0.01, 1))
-
-    path = bag(tmp_path / "a.bag", {"/fix": rows(5, north_east)})
-    heading = RosBag(path, course_over_s=1.0).load(0).heading
-    np.testing.assert_allclose(heading.yaw_rad, np.arctan2(3, 4), atol=1e-4)
-    np.testing.assert_allclose(heading.t_s, [0.5, 1.5, 2.5], atol=1e-6)
-    np.testing.assert_allclose(heading.sigma_rad, np.sqrt(0.02) / 5, rtol=1e-3)
-    assert heading.source == "course"
-
-
-def test_a_given_origin_joins_a_local_reference_and_geodetic_fixes(tmp_path):
-    path = bag(tmp_path / "a.bag")
     given = {"position_topic": "/fix", "reference_topic": "/odom", "velocity_topic": "none"}
     recording = RosBag(path, origin=(0.0, 10.0, 7.0), **given).load(0)
     np.testing.assert_allclose(recording.reference.enu_m[:, 0], np.arange(80) / 20, atol=1e-9)
     np.testing.assert_allclose(recording.position.enu_m[-1, 0], 3.8 * 1e-5 * np.radians(1) * 6_378_144, rtol=1e-6)
-    with pytest.raises(RecordingError, match="without origin: give the latitude"):
+    with pytest.raises(RecordingError, match="To compare the topic and the fixes, give origin"):
         RosBag(path, **given).load(0)
-
-
-def test_the_topic_of_the_reference_is_never_guessed_as_a_measurement(tmp_path):
     recording = RosBag(bag(tmp_path / "a.bag"), reference_topic="/odom", origin=(0.0, 10.0, 7.0)).load(0)
     assert any("guessed: /odom_slow" in note for note in recording.notes)

@@ -64,9 +64,9 @@ def test_a_table_is_marked_by_the_same_judgement_as_the_page_from_either_side(ro
 
 def test_a_turned_comparison_is_what_judging_the_other_way_round_gives(rows, verdicts):
     """The bootstrap's t changes its sign with d, and nothing else."""
-    turned = study_verdicts(rows.iloc[::-1], METRIC)
+    swapped = study_verdicts(rows.iloc[::-1], METRIC)
     for pair, comparison in verdicts.judged.items():
-        (other,) = turned.compare([pair])
+        (other,) = swapped.compare([pair])
         assert other.verdict is comparison.verdict
         assert other.judgement.p == pytest.approx(comparison.judgement.p)
         assert other.judgement.low == pytest.approx(comparison.judgement.low)

@@ -13,6 +13,8 @@ CHROMIUM = (
     *("--disable-component-update", "--disable-sync", "--no-first-run", "--window-size=1500,1200"),
 )
 
+WIDE = {"width": 1500, "height": 1200, "deviceScaleFactor": 1, "mobile": False}
+
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
@@ -47,5 +49,11 @@ def browser(tmp_path_factory):
 
 @pytest.fixture
 def opened(browser, report):
+    """The report on a wide screen, whatever screen the test before had: Chromium resizes its page with a delay."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", WIDE)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
     browser.get(report.as_uri())
+    WebDriverWait(browser, 60).until(lambda page: page.execute_script("return innerWidth") == WIDE["width"])
     return browser

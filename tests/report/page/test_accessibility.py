@@ -28,9 +28,7 @@ def screen(request, opened):
     features = [{"name": "prefers-color-scheme", "value": scheme}]
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
     opened.refresh()
-    yield opened
-    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    return opened
 
 
 @pytest.mark.slow
@@ -84,9 +82,7 @@ def on_paper(opened):
     a4 = {"width": 718, "height": PAGE_PX, "deviceScaleFactor": 1, "mobile": False}
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", a4)
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    yield opened
-    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
-    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    return opened
 
 
 @pytest.mark.slow
@@ -113,7 +109,7 @@ def test_on_paper_the_table_stands_before_the_details_and_each_figure_fits_a_pag
         "const open = [...document.querySelectorAll('main details[open]')];"
         "return [top('section-table'), open.map((one) => one.getBoundingClientRect().top),"
         " [...document.querySelectorAll('figure')].map((one) => one.getBoundingClientRect().height),"
-        " document.querySelectorAll('#section-comparisons details:not([open])').length]"
+        " document.querySelectorAll('#section-findings details:not([open])').length]"
     )
     table, details, figures, closed = on_paper.execute_script(measured)
     assert closed == 0

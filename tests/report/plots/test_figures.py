@@ -23,11 +23,33 @@ def kicked_estimate():
     return moved(dataclasses.replace(one, covariance=4.0 * one.covariance), 150, [2.05, -1.2, 0.4 / 1.3])
 
 
-def test_the_rmse_in_the_legend_is_the_tables_and_says_from_when_on():
+def test_the_error_is_the_norm_and_three_axes_and_its_legend_the_tables_rmse():
     recording, estimate = make_recording(), make_estimate()
     (line,) = error_figure(recording, {"jerk": estimate}, 1, burn_in_s=25.0).axes[0].get_lines()
     values = evaluate_run(estimate, recording, 25.0, [plugins.create("metric", {"name": "position_rmse"})])
     assert line.get_label() == f"jerk: RMSE {values['position_rmse_m']:.3f} m from 25 s on"
+    index = np.arange(40, 300)
+    estimate = make_estimate(rows=index)
+    recording = make_recording()
+    scored = np.arange(N) >= 100
+    recording = dataclasses.replace(recording, reference=dataclasses.replace(recording.reference, scored=scored))
+    truth = recording.reference.enu_m
+    (line,) = error_figure(recording, {"jerk": estimate}).axes[0].get_lines()
+    norm = np.array([np.linalg.norm(p - q) for p, q in zip(estimate.position_m, truth[index], strict=True)])
+    np.testing.assert_array_equal(line.get_xdata(), T_S[index])
+    np.testing.assert_allclose(line.get_ydata(), norm, rtol=1e-12)
+    assert line.get_label() == f"jerk: RMSE {np.sqrt(np.mean(norm[60:] ** 2)):.3f} m"
+    recording, estimate = make_recording(), make_estimate()
+    first, *three = error_figure(recording, {"jerk": estimate}).axes
+    assert first.get_ylabel() == "Position error [m]"
+    for axis, (name, axes) in enumerate(zip(("East", "North", "Up"), three, strict=True)):
+        assert axes.get_ylabel() == f"{name} error [m]"
+        (line,), (band,) = axes.get_lines(), axes.collections
+        error = estimate.position_m[:, axis] - recording.reference.enu_m[:, axis]
+        np.testing.assert_allclose(line.get_ydata(), error, atol=1e-12)
+        assert band.get_paths()[0].get_extents().height == pytest.approx(2 * 3 * 0.1)
+    (axes,) = error_figure(bare_recording(), {"one": make_estimate()}).axes
+    assert [text.get_text() for text in axes.texts] == ["The recording has no position reference."]
 
 
 def test_lines_that_coincide_are_one_with_both_names():
@@ -44,7 +66,7 @@ def texts(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_the_trajectory_is_the_data_to_scale():
+def test_the_trajectory_is_the_data_to_scale_whoever_leaves_the_picture():
     recording, estimates = make_recording(), {"jerk + none": make_estimate(), "baseline + mtf": make_estimate(0.5)}
     axes = trajectory_figure(recording, estimates).axes[0]
     drawn = {line.get_label(): line for line in axes.get_lines()}
@@ -56,41 +78,12 @@ def test_the_trajectory_is_the_data_to_scale():
     assert drawn["jerk + none"].get_color() != drawn["baseline + mtf"].get_color()
     assert axes.get_aspect() == 1.0
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("East [m]", "North [m]")
-
-
-def test_a_run_that_leaves_the_picture_says_so_and_the_picture_stays():
     recording = make_recording()
     good, bad = {"jerk": make_estimate()}, {"jerk": make_estimate(), "mtf": broken_estimate()}
     assert "mtf (leaves the picture)" in texts(trajectory_figure(recording, bad))
     limits = [trajectory_figure(recording, estimates).axes[0].get_xlim() for estimates in (good, bad)]
     assert limits[0] == limits[1]
     assert limits[0][1] < 50
-
-
-def test_the_error_is_the_norm_at_the_estimates_own_stamps():
-    index = np.arange(40, 300)
-    estimate = make_estimate(rows=index)
-    recording = make_recording()
-    scored = np.arange(N) >= 100
-    recording = dataclasses.replace(recording, reference=dataclasses.replace(recording.reference, scored=scored))
-    truth = recording.reference.enu_m
-    (line,) = error_figure(recording, {"jerk": estimate}).axes[0].get_lines()
-    norm = np.array([np.linalg.norm(p - q) for p, q in zip(estimate.position_m, truth[index], strict=True)])
-    np.testing.assert_array_equal(line.get_xdata(), T_S[index])
-    np.testing.assert_allclose(line.get_ydata(), norm, rtol=1e-12)
-    assert line.get_label() == f"jerk: RMSE {np.sqrt(np.mean(norm[60:] ** 2)):.3f} m"
-
-
-def test_one_estimate_has_three_axes_with_three_sigmas():
-    recording, estimate = make_recording(), make_estimate()
-    first, *three = error_figure(recording, {"jerk": estimate}).axes
-    assert first.get_ylabel() == "Position error [m]"
-    for axis, (name, axes) in enumerate(zip(("East", "North", "Up"), three, strict=True)):
-        assert axes.get_ylabel() == f"{name} error [m]"
-        (line,), (band,) = axes.get_lines(), axes.collections
-        error = estimate.position_m[:, axis] - recording.reference.enu_m[:, axis]
-        np.testing.assert_allclose(line.get_ydata(), error, atol=1e-12)
-        assert band.get_paths()[0].get_extents().height == pytest.approx(2 * 3 * 0.1)
 
 
 @pytest.mark.parametrize(("estimate", "scale"), [(make_estimate(), "linear"), (broken_estimate(), "log")])
@@ -124,8 +117,3 @@ def test_odd_runs_are_drawn_without_a_warning(draw, estimate, recording, tmp_pat
     save_figure(draw(recording, {"one": estimate}), tmp_path / "new" / "figure.png")
     assert imread(tmp_path / "new" / "figure.png").std() > 0.01
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["figure.png"]
-
-
-def test_without_a_reference_it_says_so():
-    (axes,) = error_figure(bare_recording(), {"one": make_estimate()}).axes
-    assert [text.get_text() for text in axes.texts] == ["The recording has no position reference."]

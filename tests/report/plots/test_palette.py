@@ -8,13 +8,7 @@ from matplotlib.colors import to_hex
 
 from jerkbench.report.drawings import of_rows, palette_of
 from jerkbench.report.plots.consistency import adapted_r_figure, tilt_figure
-from jerkbench.report.plots.runs import (
-    error_figure,
-    inclination_figure,
-    inset_trajectory_figure,
-    trajectory_figure,
-    zoomed_error_figure,
-)
+from jerkbench.report.plots.runs import error_figure, inclination_figure, inset_trajectory_figure, trajectory_figure
 from jerkbench.report.plots.style import COLOURS, Palette, method_of
 
 METHODS = ("jerk + mtf", "jerk + none", "bias + mtf", "bias + none")
@@ -28,7 +22,6 @@ def figures(recording, estimates):
     given = recording, estimates
     return {
         "errors": error_figure(*given, palette=STUDY),
-        "zoom": zoomed_error_figure(*given, (3.0, 30.0), palette=STUDY),
         "trajectory": trajectory_figure(*given, STUDY),
         "inset": inset_trajectory_figure(*given, STUDY),
         "adapted-r": adapted_r_figure(*given, STUDY),
@@ -68,11 +61,10 @@ def test_every_figure_of_rows_draws_a_method_as_the_figures_of_runs_do(cell_rows
     rows = pd.DataFrame([row for cell in cells for row in cell])
     palette = palette_of(rows)
     seen = {drawing.name: drawing.figure for drawing in of_rows(rows)}
-    for kind in ("profile", "sensitivity"):
-        for name, (colour, full) in drawn(seen[kind]).items():
-            look = palette.look(method_of(name))
-            assert (colour, full) == (look.colour.upper(), not look.dash), kind
+    for name, (colour, full) in drawn(seen["sensitivity"]).items():
+        style = palette.style(method_of(name))
+        assert (colour, full) == (style.colour.upper(), not style.dash)
     bars = [bar for axes in seen["bars"].axes for bar in axes.patches if np.isfinite(bar.get_height())]
     assert {(to_hex(bar.get_facecolor()).upper(), bar.get_hatch() or "") for bar in bars} == {
-        (palette.look(method_of(name)).colour.upper(), palette.look(method_of(name)).hatch) for name in METHODS
+        (palette.style(method_of(name)).colour.upper(), palette.style(method_of(name)).hatch) for name in METHODS
     }

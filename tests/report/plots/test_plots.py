@@ -1,4 +1,4 @@
-"""The paper's figures and the others: what is drawn is the data, inside the picture, also of odd runs."""
+"""Figures of runs and of rows: the data, the layout, and unusual runs."""
 
 import dataclasses
 import html
@@ -11,32 +11,24 @@ from made_runs import T_S, N, bare_recording, broken_estimate, make_estimate, ma
 from matplotlib.image import imread
 from scipy.stats import chi2
 
-from jerkbench.estimate import Attitude
 from jerkbench.inspection.facts import overview_figure
 from jerkbench.report.drawings import of_rows
-from jerkbench.report.plots.bars import PALE, bars_figure, critical_difference_figure, heat_map_figure, profile_figure
 from jerkbench.report.plots.consistency import (
-    acceleration_figure,
     adapted_r_figure,
     consistency_figure,
     nees,
     tilt_figure,
 )
 from jerkbench.report.plots.runs import (
-    disturbed_window_s,
     error_figure,
     inclination_figure,
     inset_trajectory_figure,
     trajectory_figure,
-    zoomed_error_figure,
 )
-from jerkbench.report.plots.style import Palette, save_figure
-from jerkbench.report.plots.sweeps import sensitivity_figure, with_noise_sigma
+from jerkbench.report.plots.studies import PALE, SIZE, bars_figure, curves_figure, heat_map_figure, with_noise_sigma
+from jerkbench.report.plots.style import save_figure
 from jerkbench.report.summary import summarise
-from jerkbench.report.sweeps import at_best_noise, costs
 from jerkbench.report.table_model import number
-
-STYLES = [Palette.of([(name, "none") for name in "abcdef"]).look((name, "none")) for name in "abcdef"]
 
 
 @pytest.fixture
@@ -67,18 +59,9 @@ def texts(axes):
     return [text.get_text() for text in axes.texts]
 
 
-def make_attitude():
-    rng = np.random.default_rng(3)
-    seen = np.arange(N) % 4 == 0
-    return Attitude(T_S, np.tile(np.eye(3), (N, 1, 1)), np.zeros((N, 3)), rng.normal(size=(N, 3)), seen)
-
-
 def figures(recording, estimates):
-    window_s = disturbed_window_s(recording, estimates)
     return {
         "tilt": tilt_figure(recording, estimates),
-        "acceleration": acceleration_figure(recording, make_attitude()),
-        "zoom": zoomed_error_figure(recording, estimates, window_s),
         "inset": inset_trajectory_figure(recording, estimates),
         "consistency": consistency_figure([(recording, one) for one in estimates.values()], "jerk"),
         "adapted_r": adapted_r_figure(recording, estimates),
@@ -89,8 +72,9 @@ RECORDINGS = [make_recording(), make_recording(outages_s=np.array([[10.0, 15.0]]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("recording", RECORDINGS)
-@pytest.mark.parametrize("estimate", [make_estimate(), broken_estimate()])
+@pytest.mark.parametrize(
+    ("recording", "estimate"), [*zip(RECORDINGS, (broken_estimate(), make_estimate(), broken_estimate()), strict=True)]
+)
 def test_every_figure_of_runs_is_drawn_without_a_warning_and_inside(recording, estimate, tmp_path):
     for name, figure in figures(recording, {"jerk + mtf": estimate, "baseline + none": make_estimate(0.5)}).items():
         figure.draw_without_rendering()
@@ -102,37 +86,21 @@ def test_every_figure_of_runs_is_drawn_without_a_warning_and_inside(recording, e
         assert (tmp_path / f"{name}.pdf").stat().st_size > 2000
 
 
-def test_the_tilt_is_the_data_and_its_bars_the_rmse():
+def test_the_tilt_and_the_adapted_r_are_the_data():
     figure = tilt_figure(make_recording(), {"mtf": make_estimate()})
-    roll, pitch, first, second = figure.axes
+    roll, pitch = figure.axes
     estimated, truth = roll.get_lines()
     np.testing.assert_allclose(estimated.get_ydata(), np.degrees(make_estimate().euler_rad[:, 0]))
     np.testing.assert_allclose(truth.get_ydata(), np.degrees(make_recording().reference.euler_rad[:, 0]))
-    for axes in (first, second):
-        (bar,) = axes.patches
-        assert bar.get_height() == pytest.approx(np.degrees(0.01))
+    assert estimated.get_label() == "mtf: RMSE roll 0.573, pitch 0.573 deg"
     assert pitch.get_ylabel() == "Pitch [deg]"
-
-
-def test_the_acceleration_is_raw_and_compensated():
-    figure = acceleration_figure(make_recording(), make_attitude())
-    for axis, axes in enumerate(figure.axes):
-        raw, compensated, *_ = axes.get_lines()
-        np.testing.assert_array_equal(raw.get_ydata(), make_recording().imu.accel_mps2[:, axis])
-        np.testing.assert_array_equal(compensated.get_ydata(), make_attitude().accel_enu_mps2[:, axis])
-    assert "external acceleration seen (25 % of samples)" in [t.get_text() for t in figure.legends[0].get_texts()]
-
-
-def test_the_zoom_is_around_an_outage_or_the_largest_error():
-    recording, one = make_recording(), make_estimate()
-    assert disturbed_window_s(dataclasses.replace(recording, outages_s=np.array([[10.0, 15.0]])), {}) == (5.0, 25.0)
-    both = {"a": moved(one, 250, 5.0), "b": one}
-    low, high = disturbed_window_s(recording, both)
-    assert (low + high) / 2 == pytest.approx(T_S[250])
-    axes = zoomed_error_figure(recording, both, (low, high)).axes[0]
-    assert axes.get_xlim() == (low, high)
-    quiet = zoomed_error_figure(recording, both, (1.0, 5.0)).axes[0]
-    assert quiet.get_ylim()[1] < 1.0 < axes.get_ylim()[1]
+    axes = adapted_r_figure(make_recording(), {"a": make_estimate()}).axes[2]  # north position
+    sigma, dropped = axes.get_lines()
+    kept = np.r_[0:10, 20:80]
+    np.testing.assert_allclose(sigma.get_ydata()[kept], np.sqrt(make_estimate().updates.R_diagonal[kept, 1]))
+    assert np.isnan(sigma.get_ydata()[10:20]).all()
+    assert axes.get_ylabel() == "North position,\nsigma of R [m]"
+    np.testing.assert_allclose(dropped.get_xdata(), T_S[::5][10:20])
 
 
 @pytest.mark.parametrize("error_m", [0.001, 1.0, 20.0])
@@ -145,8 +113,6 @@ def test_the_inset_enlarges_and_its_box_is_inside_the_axes(error_m):
     times = np.ptp(main.get_xlim()) / np.ptp(inset.get_xlim())
     assert times >= 4.0
     assert inset.get_title() == f"Enlarged {number(times)} times"
-    (bar,) = [line for line in inset.get_lines() if line.get_gid() == "scale"]
-    assert f"{np.ptp(bar.get_xdata()):g} m" in texts(inset)
 
 
 def test_nees_is_the_naive_quadratic_form_and_its_band_chi_squares():
@@ -163,17 +129,7 @@ def test_nees_is_the_naive_quadratic_form_and_its_band_chi_squares():
     assert 90 <= inside <= 99  # the errors are drawn from their covariance
 
 
-def test_adapted_r_is_a_sigma_with_ticks_where_a_row_was_dropped():
-    axes = adapted_r_figure(make_recording(), {"a": make_estimate()}).axes[2]  # north position
-    sigma, dropped = axes.get_lines()
-    kept = np.r_[0:10, 20:80]
-    np.testing.assert_allclose(sigma.get_ydata()[kept], np.sqrt(make_estimate().updates.R_diagonal[kept, 1]))
-    assert np.isnan(sigma.get_ydata()[10:20]).all()
-    assert axes.get_ylabel() == "North position,\nsigma of R [m]"
-    np.testing.assert_allclose(dropped.get_xdata(), T_S[::5][10:20])
-
-
-def test_bars_are_the_means_with_their_intervals(study):
+def test_bars_and_the_heat_map_are_the_means_of_all_scenarios(study, tmp_path):
     table = summarise(study, "position_rmse_m")
     panels = bars_figure(table).axes
     heights = [bar.get_height() for axes in panels for bar in axes.patches if np.isfinite(bar.get_height())]
@@ -181,6 +137,10 @@ def test_bars_are_the_means_with_their_intervals(study):
     assert sorted(heights) == pytest.approx(sorted(means))  # one lost of two: the other's bar
     assert [axes.get_title() for axes in panels] == ["none", "bias"]
     assert [t.get_text() for t in panels[0].get_xticklabels()] == ["baseline", "jerk", "gnss\nonly"]
+    figure = heat_map_figure(summarise(study, "position_rmse_m", ["disturbance"], ["filter"]), [True] * 3)
+    assert sorted(texts(figure.axes[0])) == sorted(["2.10", "1.05", "52.4", "6.29", "3.15", "150\n1/2"])
+    save_figure(figure, tmp_path / "map.png")
+    assert imread(tmp_path / "map.png").std() > 0.01
 
 
 @pytest.mark.parametrize("floor", [{"reference_floor_m": 0.07}, {}])
@@ -190,17 +150,14 @@ def test_the_floor_of_the_reference_is_a_line_through_each_panel_of_the_position
     assert [line.get_ydata()[0] for line in lines if line.get_linestyle() == "--"] == [0.07] * 2 * len(floor)
 
 
-def test_of_several_noises_the_best_is_shown(swept):
-    def errors_of_jerk(rows):
-        kept = at_best_noise(rows, "position_rmse_m")
-        return kept.loc[kept["filter"] == "jerk", "position_rmse_m"].tolist()
-
-    assert errors_of_jerk(swept) == [0.1, 0.2, 0.12]
-    assert set(at_best_noise(swept, "position_rmse_m")["filter"]) == {"jerk", "gnss_only"}
-    last = swept["noise"] == "accel_mps2=0.5"
-    better = swept.assign(status="ok", position_rmse_m=swept["position_rmse_m"].where(~last, 0.01))
-    assert errors_of_jerk(better) == [0.01] * 3
-    assert errors_of_jerk(better.assign(status=np.where(last, "diverged", "ok"))) == [0.1, 0.2, 0.12]
+def test_the_sensitivity_is_the_mean_over_sigma(swept):
+    assert sorted(set(with_noise_sigma(swept)[SIZE])) == [0.1, 0.2, 0.5]
+    (axes,) = curves_figure(with_noise_sigma(swept), "position_rmse_m").axes
+    (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
+    np.testing.assert_allclose(line.get_xdata(), [0.1, 0.2, 0.5])
+    np.testing.assert_allclose(line.get_ydata(), [0.14, 0.28, 0.75])
+    hollow = [one for one in axes.get_lines() if one.get_marker() == "o" and one.get_markerfacecolor() == "white"]
+    assert sum(len(one.get_xdata()) for one in hollow) == 1
 
 
 def test_the_bars_and_the_heat_map_show_the_same_means(study):
@@ -215,18 +172,6 @@ def test_the_bars_and_the_heat_map_show_the_same_means(study):
     assert f"{np.exp(np.log(jerk).mean()):.2f}" in shown
 
 
-def test_the_heat_map_and_the_profile_are_of_all_scenarios(study, tmp_path):
-    values, _, methods, _ = costs(study, "position_rmse_m")
-    figure = heat_map_figure(summarise(study, "position_rmse_m", ["disturbance"], ["filter"]), [True] * 3)
-    assert sorted(texts(figure.axes[0])) == sorted(["2.10", "1.05", "52.4", "6.29", "3.15", "150\n1/2"])
-    save_figure(figure, tmp_path / "map.png")
-    assert imread(tmp_path / "map.png").std() > 0.01
-    (axes,) = profile_figure(values, methods, "RMSE", STYLES[: len(methods)]).axes
-    lines = {line.get_label().split(" (")[0]: line for line in axes.get_lines()}
-    assert lines["jerk"].get_ydata()[0] == 100.0
-    assert lines["gnss_only"].get_ydata()[-1] == 50.0
-
-
 def test_lost_runs_are_marked_in_bars_and_heat_map_beside_the_same_number(cell_rows):
     """Of five runs one was lost, of another method all: the table has the mean of the others, and none."""
     errors = {"none": [1.0] * 5, "mtf": [0.2, 0.3, 0.4, 0.5, 0.6], "scalar_r": [1.0] * 5}
@@ -236,7 +181,7 @@ def test_lost_runs_are_marked_in_bars_and_heat_map_beside_the_same_number(cell_r
     rows.loc[biased & ((rows["adaptation"] == "scalar_r") | (rows["position_rmse_m"] == 0.6)), "status"] = "diverged"
     bars, heat_map = (drawings(rows)[name].figure.axes for name in ("bars", "heat-map"))
     assert texts(bars[0]) == ["1.00", "0.373", "1.00"]
-    assert texts(bars[1]) == ["1.00", "1/5 lost", "0.331", "5/5 lost"]
+    assert texts(bars[1]) == ["1.00", "1/5 failed", "0.331", "5/5 failed"]
     assert [bar.get_alpha() for bar in bars[1].patches] == [1.0, PALE]
     weights = {text.get_text(): text.get_weight() for text in heat_map[0].texts}
     assert set(weights) == {"1.00", "0.373", "0.331\n1/5", "5/5"}
@@ -252,36 +197,6 @@ def test_references_are_shown_and_not_crowned(study, cell_rows):
     assert [text.get_text() for text in axes.texts if text.get_weight() == "bold"] == ["1.05", "3.15"]
     named = [text.get_text() for text in axes.get_yticklabels()]
     assert named == ["baseline + none", "jerk + none", "(jerk + oracle)", "(gnss_only + none)"]
-    labels = [line.get_label() for line in drawn["profile"].figure.axes[0].get_lines()]
-    assert sorted(labels) == ["baseline + none (mean rank 2.0)", "jerk + none (mean rank 1.0)"]
-
-
-def test_who_was_not_run_in_a_scenario_has_not_lost_it(study):
-    third = study[(study["disturbance"] == "none") & (study["filter"] != "jerk")].assign(disturbance="outage")
-    drawn = drawings(pd.concat([study, third]))
-    assert drawn["profile"].caption == (
-        "Performance profiles and mean ranks over the 2 scenarios in which every method was run (of 3). "
-        "References do not compete."
-    )
-    assert "jerk (mean rank 1.0)" in [line.get_label() for line in drawn["profile"].figure.axes[0].get_lines()]
-    assert "profiles" not in drawn["heat-map"].caption
-
-
-def test_without_two_scenarios_of_every_method_there_is_no_profile_and_that_is_said(study):
-    drawn = drawings(study[(study["disturbance"] == "none") | (study["filter"] != "jerk")])
-    assert "profile" not in drawn
-    said = "No performance profiles: they need two scenarios in which every method was run (of 2)."
-    assert said in drawn["heat-map"].caption
-
-
-def test_the_sensitivity_is_the_mean_over_sigma(swept):
-    assert sorted(set(with_noise_sigma(swept)["sigma_a"])) == [0.1, 0.2, 0.5]
-    (axes,) = sensitivity_figure(swept, "position_rmse_m").axes
-    (line,) = [one for one in axes.get_lines() if one.get_label() == "jerk + none"]
-    np.testing.assert_allclose(line.get_xdata(), [0.1, 0.2, 0.5])
-    np.testing.assert_allclose(line.get_ydata(), [0.14, 0.28, 0.75])
-    hollow = [one for one in axes.get_lines() if one.get_marker() == "o" and one.get_markerfacecolor() == "white"]
-    assert len(hollow) == 1
 
 
 FORMULA = r"$\frac{$"
@@ -309,18 +224,16 @@ def test_a_dollar_in_a_label_of_a_run_is_a_dollar(tmp_path):
     for name, figure in drawn.items():
         text = shown(figure, tmp_path / f"{name}.svg")
         assert f"A {FORMULA}" in text, name
-        assert f"jerk + {FORMULA}" in text or name in ("acceleration", "consistency", "overview"), name
+        assert f"jerk + {FORMULA}" in text or name in ("consistency", "overview"), name
 
 
 def test_a_dollar_in_a_label_of_rows_is_a_dollar(study, swept, tmp_path):
     rows = study.replace({"filter": {"jerk": FORMULA}, "disturbance": {"bias": f"bias({FORMULA})"}})
     noisy = swept.replace({"filter": {"jerk": FORMULA}, "disturbance": {"none": f"bias({FORMULA})"}})
     drawn = {name: one.figure for name, one in drawings(rows).items()}
-    assert {"bars", "heat-map", "profile"} <= set(drawn)
-    drawn["sensitivity"] = sensitivity_figure(noisy, "position_rmse_m")
-    ranks = np.array([1.0, 2.0]), 0.5, [FORMULA, "b"], STYLES[:2], "", 3
-    drawn["critical-difference"] = critical_difference_figure(*ranks)
+    assert {"bars", "heat-map"} <= set(drawn)
+    drawn["sensitivity"] = curves_figure(with_noise_sigma(noisy), "position_rmse_m")
     for name, figure in drawn.items():
         text = shown(figure, tmp_path / f"{name}.svg")
         assert FORMULA in text, name
-        assert f"bias({FORMULA})" in text or name in ("profile", "critical-difference"), name
+        assert f"bias({FORMULA})" in text, name

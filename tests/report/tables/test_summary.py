@@ -1,4 +1,4 @@
-"""From rows to cells: grouping, means, intervals, what is best, what went wrong."""
+"""From rows to cells: grouping, means, intervals, the best, failures and bounds."""
 
 import math
 
@@ -9,6 +9,7 @@ from scipy.stats import binomtest, gmean
 
 from jerkbench.errors import JerkbenchError
 from jerkbench.report.summary import summarise
+from jerkbench.report.writers import markdown
 from roots import mean_ends
 
 
@@ -16,25 +17,35 @@ def cell_of(table, row, column):
     return table.cells[table.rows.index(row)][table.columns.index(column)]
 
 
-def test_columns_are_adaptations_and_rows_what_else_varies(rows):
+def test_columns_are_adaptations_rows_what_else_varies_and_both_can_be_chosen(rows):
     table = summarise(rows, "position_rmse_m")
     assert (table.row_keys, table.column_keys) == (("filter",), ("adaptation",))
     assert table.rows == (("jerk",), ("baseline",))  # order of appearance, not of the alphabet
     assert table.columns == (("none",), ("sage_husa",))
     assert dict(table.constants) == {"dataset": "field", "disturbance": "none", "attitude": "tilt", "noise": "default"}
     assert "In every cell: dataset field, disturbance none, attitude tilt, noise default." in table.footnotes
+    table = summarise(rows, "position_rmse_m", notes=("sage_husa was left out for the baseline.",))
+    assert cell_of(table, ("baseline",), ("sage_husa",)) is None
+    assert "–: this combination was not run." in table.footnotes  # noqa: RUF001 - the sign itself
+    assert table.footnotes[-1] == "sage_husa was left out for the baseline."
+    table = summarise(rows, "position_rmse_m", row_keys=["adaptation"])
+    assert (table.row_keys, table.column_keys) == (("adaptation",), ("filter",))
+    table = summarise(rows, "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"])
+    assert table.header == ["dataset", "jerk / none", "jerk / sage_husa", "baseline / none"]
+    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(0.0225)
+    both = pd.concat([rows, rows.assign(disturbance="bias", position_rmse_m=rows["position_rmse_m"] * 10)])
+    table = summarise(both, "position_rmse_m", row_keys=["filter"])
+    assert table.row_keys == ("filter", "disturbance")
+    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(0.125)
 
 
-def test_a_cell_of_few_seeds_is_the_geometric_mean_of_those_that_went_well(rows):
+def test_a_cell_is_the_geometric_mean_of_few_seeds_and_from_six_on_the_median(rows):
     few = summarise(rows[rows["seed"] < 5], "position_rmse_m")
     good = cell_of(few, ("jerk",), ("none",))
     logs = np.log([0.011, 0.012, 0.014, 0.013, 0.011])
     assert (good.mean, good.low, good.high) == pytest.approx(tuple(np.exp([logs.mean(), *mean_ends(logs)])))
-    assert (good.runs, good.diverged, good.failed, good.beside) == (5, 0, 0, "")
+    assert (good.runs, good.diverged, good.failed, good.geometric_text) == (5, 0, 0, "")
     assert cell_of(few, ("baseline",), ("none",)).text.endswith("(1/5 diverged)")
-
-
-def test_from_six_seeds_on_a_cell_is_the_median_with_the_geometric_mean_beside_it(rows):
     table = summarise(rows, "position_rmse_m")
     good = cell_of(table, ("jerk",), ("none",))
     assert (good.mean, good.geometric) == pytest.approx((0.0125, gmean([0.011, 0.012, 0.013, 0.014])))
@@ -58,24 +69,17 @@ def test_the_name_of_a_cells_value_does_not_depend_on_a_failure(cell_rows, count
 def test_lost_runs_leave_the_median_of_all(rows, cell_rows):
     """Nobody's mean is over the survivors: of 4 lost of 8 runs the median is lost, of 2 of 7 it is the fourth."""
     half = cell_of(summarise(rows, "position_rmse_m"), ("baseline",), ("none",))
-    assert half.text == "lost [0.0310, lost] gm 0.0310 (4/8 diverged)"
+    assert half.text == "failed [0.0310, failed] gm 0.0310 (4/8 diverged)"
     frame = pd.DataFrame(cell_rows("jerk", "none", [5.0, 1.0, 2.0, 3.0, 4.0, 9.0, 9.0]))
     frame.loc[frame["position_rmse_m"] == 9.0, "status"] = "diverged"
     table = summarise(frame, "position_rmse_m")
     cell = table.cells[0][0]
     assert (cell.mean, cell.quartiles) == (4.0, (2.5, math.inf))
     assert cell.text.startswith("4.00 [1.")
-    assert cell.text.endswith(", lost] gm 2.61 (2/7 diverged)")
+    assert cell.text.endswith(", failed] gm 2.61 (2/7 diverged)")
     low, high = binomtest(2, 7).proportion_ci(0.95, method="exact")
-    share = f"Lost runs, 95 % (Clopper and Pearson): 2/7 {100 * low:.0f} to {100 * high:.0f} %."
+    share = f"Diverged or failed runs, 95 % interval (Clopper and Pearson): 2/7 {100 * low:.0f} to {100 * high:.0f} %."
     assert share in table.footnotes
-
-
-def test_a_missing_combination_is_none_and_said(rows):
-    table = summarise(rows, "position_rmse_m", notes=("sage_husa was left out for the baseline.",))
-    assert cell_of(table, ("baseline",), ("sage_husa",)) is None
-    assert "–: this combination was not run." in table.footnotes  # noqa: RUF001 - the sign itself
-    assert table.footnotes[-1] == "sage_husa was left out for the baseline."
 
 
 def test_rows_of_one_scenario_stand_together_whatever_was_run_first(cell_rows):
@@ -104,7 +108,10 @@ def test_the_whole_leading_group_of_a_row_is_best_but_for_what_lost_runs(cell_ro
     levels = {("jerk", "a"): 1.001, ("jerk", "b"): 1.0, ("jerk", "c"): 1.3}
     found, said = best(cell_rows, levels)
     assert found == [True, True, False]
-    assert "Bold: the leaders of the row: others were shown to be worse, they were not." in said
+    assert (
+        "Bold: best in the row. No other method is significantly better, and at least one is significantly worse."
+        in said
+    )
     assert best(cell_rows, levels, lost=[0])[0] == [False, True, False]
 
 
@@ -115,7 +122,7 @@ def test_references_never_lead(cell_rows, reference):
     assert found == [False, True, False]
 
 
-def test_the_references_own_attitude_never_leads(cell_rows):
+def test_the_references_own_attitude_and_scenarios_in_columns_never_lead(cell_rows):
     cells = {"tilt": 2.0, "gyro_only": 3.0, "reference": 1.0}
     made = [
         cell_rows("jerk", "none", scattered(value, 0.05, k), attitude=name)
@@ -124,28 +131,27 @@ def test_the_references_own_attitude_never_leads(cell_rows):
     rows = pd.DataFrame([row for cell in made for row in cell])
     table = summarise(rows, "position_rmse_m", column_keys=["attitude"])
     assert [cell.best for cell in table.cells[0]] == [True, False, False]
-
-
-def test_nobody_leads_where_nothing_was_shown(cell_rows):
+    easy = pd.DataFrame(cell_rows("jerk", "none", scattered(1.0, 0.05, 1)))
+    hard = pd.DataFrame(cell_rows("jerk", "none", scattered(9.0, 0.05, 2))).assign(disturbance="bias")
+    table = summarise(pd.concat([easy, hard]), "position_rmse_m", column_keys=["disturbance"])
+    assert not any(cell.best for cell in table.cells[0])
     assert not any(best(cell_rows, {("jerk", "a"): 1.0, ("jerk", "b"): 1.01}, scatter=0.3)[0])
     few = pd.DataFrame([*cell_rows("jerk", "a", [1.0, 1.1]), *cell_rows("jerk", "b", [9.0, 9.1])])
     assert not any(cell.best for cell in summarise(few, "position_rmse_m").cells[0])
 
 
-def test_scenarios_in_columns_are_no_rivals(cell_rows):
-    easy = pd.DataFrame(cell_rows("jerk", "none", scattered(1.0, 0.05, 1)))
-    hard = pd.DataFrame(cell_rows("jerk", "none", scattered(9.0, 0.05, 2))).assign(disturbance="bias")
-    table = summarise(pd.concat([easy, hard]), "position_rmse_m", column_keys=["disturbance"])
-    assert not any(cell.best for cell in table.cells[0])
-
-
-def test_nothing_is_best_alone_or_in_a_consistency(rows):
+def test_nothing_is_best_alone_or_in_a_consistency_and_a_metric_may_not_apply(rows):
     baseline = rows[(rows["filter"] == "jerk") & (rows["adaptation"] == "none")]
     assert not summarise(baseline, "position_rmse_m").cells[0][0].best
     assert not any(cell.best for row in summarise(rows, "anees").cells for cell in row if cell)
     assert (
         "A consistent filter gives 6; more is overconfident, less too cautious." in summarise(rows, "anees").footnotes
     )
+    table = summarise(rows.assign(outage_rmse_m=np.nan), "outage_rmse_m")
+    assert table.cells[0][0].text == "n/a"
+    assert not any(note.startswith("k/n n/a") for note in table.footnotes)
+    assert math.isnan(table.cells[0][0].mean)
+    assert "n/a: the metric does not apply." in table.footnotes
 
 
 def test_phases_have_a_range_and_no_confidence_interval(cell_rows):
@@ -153,7 +159,7 @@ def test_phases_have_a_range_and_no_confidence_interval(cell_rows):
     table = summarise(phases, "position_rmse_m")
     assert table.cells[0][0].text == "0.0361 {0.0344–0.0379}"  # noqa: RUF001 - a range
     said = " ".join(table.footnotes)
-    assert "range over the phases of one recording: not a confidence interval" in said
+    assert "range over the phases of one recording, not a confidence interval" in said
     assert "BCa" not in said
 
 
@@ -174,14 +180,6 @@ def test_what_went_wrong_is_in_the_cell(cell_rows, statuses, text):
     assert ("Failed: ValueError: no." in table.footnotes) == ("failed" in statuses)
 
 
-def test_a_metric_that_does_not_apply_is_said(rows):
-    table = summarise(rows.assign(outage_rmse_m=np.nan), "outage_rmse_m")
-    assert table.cells[0][0].text == "n/a"
-    assert not any(note.startswith("k/n n/a") for note in table.footnotes)
-    assert math.isnan(table.cells[0][0].mean)
-    assert "n/a: the metric does not apply." in table.footnotes
-
-
 def test_runs_without_the_metric_are_counted(cell_rows):
     frame = pd.DataFrame(
         [*cell_rows("jerk", "a", [1.0, 1.1, np.nan, np.nan, np.nan]), *cell_rows("jerk", "b", [3.0] * 5)]
@@ -193,8 +191,8 @@ def test_runs_without_the_metric_are_counted(cell_rows):
     assert (holed.used, holed.missing, holed.complete, holed.best) == (2, 3, False, False)
     assert (whole.used, whole.missing, whole.complete, whole.text) == (5, 0, True, "3.00 [3.00, 3.00]")
     said = " ".join(table.footnotes)
-    assert "Student's 95 % interval of the logarithms over 2 to 5 seeds" in said
-    assert "k/n n/a: k of n runs have no value of this metric, and the number is of the others." in said
+    assert "95 % interval (Student's t of the logarithms, 2 to 5 seeds)" in said
+    assert "k/n n/a: k of n runs have no value of this metric. The average is over the other runs." in said
     assert "n/a: the metric does not apply." not in table.footnotes
 
 
@@ -214,36 +212,18 @@ def test_only_runs_that_went_well_are_missing(cell_rows, statuses, values, text,
     assert told == text
 
 
-def test_a_factor_that_varies_is_never_averaged_over(rows):
-    both = pd.concat([rows, rows.assign(disturbance="bias", position_rmse_m=rows["position_rmse_m"] * 10)])
-    table = summarise(both, "position_rmse_m", row_keys=["filter"])
-    assert table.row_keys == ("filter", "disturbance")
-    assert cell_of(table, ("jerk", "bias"), ("none",)).mean == pytest.approx(0.125)
-
-
-def test_rows_and_columns_can_be_chosen(rows):
-    table = summarise(rows, "position_rmse_m", row_keys=["adaptation"])
-    assert (table.row_keys, table.column_keys) == (("adaptation",), ("filter",))
-    table = summarise(rows, "position_rmse_m", row_keys=["dataset"], column_keys=["filter", "adaptation"])
-    assert table.header == ["dataset", "jerk / none", "jerk / sage_husa", "baseline / none"]
-    assert cell_of(table, ("field",), ("jerk", "sage_husa")).mean == pytest.approx(0.0225)
-
-
-def test_wrong_names_are_sentences(rows):
+def test_wrong_names_and_rows_that_repeat_a_seed_are_sentences(rows):
     with pytest.raises(JerkbenchError, match="mean 'position_rmse_m'"):
         summarise(rows, "position_rmse")
     with pytest.raises(JerkbenchError, match=r"no factor 'filtr'. Did you mean 'filter'\?"):
         summarise(rows, "position_rmse_m", row_keys=["filtr"])
-    with pytest.raises(JerkbenchError, match="'filter' is asked for twice"):
+    with pytest.raises(JerkbenchError, match="'filter' is given twice"):
         summarise(rows, "position_rmse_m", row_keys=["filter"], column_keys=["filter"])
-
-
-def test_rows_that_repeat_a_seed_are_refused(rows):
     with pytest.raises(JerkbenchError, match="24 rows"):
         summarise(pd.concat([rows, rows]), "position_rmse_m")
 
 
-def test_beside_a_ratio_the_means_are_its_own(cell_rows):
+def test_beside_a_ratio_the_means_are_its_own_and_those_of_a_consistency_arithmetic(cell_rows):
     """The quotient of two numbers is the ratio beside them."""
     none, mtf = [0.1, 0.4, 0.8], [0.2, 0.5, 0.8]
     frame = pd.DataFrame([*cell_rows("jerk", "none", none), *cell_rows("jerk", "mtf", mtf)])
@@ -253,9 +233,46 @@ def test_beside_a_ratio_the_means_are_its_own(cell_rows):
     zero = frame.assign(position_rmse_m=frame["position_rmse_m"].where(frame["seed"] > 0, 0.0))
     table = summarise(zero, "position_rmse_m", baseline={"adaptation": "none"})
     assert (table.cells[0][0].mean, table.cells[0][0].kind) == (0.0, "geometric mean")
-
-
-def test_beside_what_a_consistent_filter_gives_the_mean_stays_arithmetic(cell_rows):
     frame = pd.DataFrame([*cell_rows("jerk", "none", [1.0] * 3), *cell_rows("jerk", "mtf", [1.0] * 3)])
     table = summarise(frame.assign(anees=[2.0, 6.0, 10.0] * 2), "anees", baseline={"adaptation": "none"})
     assert [cell.mean for cell in table.cells[0]] == [6.0, 6.0]
+
+
+@pytest.fixture
+def bounded(cell_rows):
+    """Two scenarios, a bound for the first alone; of a filter one run diverged early, with a bound of its own."""
+    rows = []
+    for disturbance, bounds in (("none", [0.007, 0.008, 0.009]), ("bias", [math.nan] * 3)):
+        for name in ("jerk", "baseline"):
+            for adaptation in ("none", "mtf"):
+                cell = cell_rows(name, adaptation, [0.011, 0.012, 0.013], disturbance=disturbance)
+                rows += [run | {"position_bound_m": bound} for run, bound in zip(cell, bounds, strict=True)]
+    rows[0] |= {"status": "diverged", "position_bound_m": 0.001}
+    return pd.DataFrame(rows)
+
+
+def test_a_bound_is_a_row_below_the_filters_of_its_scenario_of_the_position_error_alone(bounded):
+    table = summarise(bounded, "position_rmse_m")
+    assert table.row_keys == ("disturbance", "filter")
+    assert table.rows == (
+        *(("none", "jerk"), ("none", "baseline"), ("none", "bound")),
+        *(("bias", "jerk"), ("bias", "baseline")),
+    )
+    value = np.sqrt(np.mean(np.square([0.007, 0.008, 0.009])))
+    assert [cell.mean for cell in table.cells[2]] == pytest.approx([value, value])
+    assert not any(cell.best for cell in table.cells[2])
+    assert [cell.text for cell in table.cells[2]] == ["0.00804", "0.00804"]
+    assert "| bound | 0.00804 | 0.00804 |" in " ".join(markdown(table).split())
+    (note,) = [note for note in summarise(bounded, "position_rmse_m").footnotes if "Cramér-Rao" in note]
+    assert note.endswith("0.00804 (field, none), not known for 1 of 2 scenarios.")
+    unknown = summarise(bounded.assign(position_bound_m=np.nan), "position_rmse_m")
+    assert not any("bound" in row for row in unknown.rows)
+    assert any(note.endswith("not known for 2 of 2 scenarios.") for note in unknown.footnotes)
+    without = summarise(bounded.drop(columns="position_bound_m"), "position_rmse_m")
+    across = summarise(bounded, "position_rmse_m", column_keys=["disturbance"])
+    own = summarise(bounded, "position_bound_m")
+    for table in (without, across, own):
+        assert not any("bound" in row for row in table.rows)
+    assert not any("Cramér" in note for note in (*without.footnotes, *own.footnotes))
+    assert any("Cramér" in note for note in across.footnotes)
+    assert not any(cell.best for row in own.cells for cell in row)

@@ -1,7 +1,9 @@
-"""Markdown, LaTeX, CSV and terminal: what is written can be read back."""
+"""Markdown, LaTeX, CSV, JSON and terminal output."""
 
 import csv
 import io
+import json
+import math
 import re
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,55 +14,34 @@ import pytest
 
 from jerkbench import plugins
 from jerkbench.parameters import Column
-from jerkbench.report import terminal
-from jerkbench.report.columns import quantity
-from jerkbench.report.summary import summarise, write_tables
+from jerkbench.report import summary, terminal
+from jerkbench.report.columns import metric_columns, quantity
+from jerkbench.report.comparisons import parse_baseline
+from jerkbench.report.summary import main_metric, summarise, write_tables
 from jerkbench.report.table_model import number
 from jerkbench.report.terminal import print_run, print_table
-from jerkbench.report.writers import latex, markdown, tidy_csv
+from jerkbench.report.writers import latex, markdown, table_json, tidy_csv, write_rows_csv
+from made_rows import cell_rows
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.014, "0.0140"),
-        (0.09996, "0.100"),
-        (9.996, "10.0"),
-        (999.6, "1000"),
-        (140.2, "140"),
-        (4801.3, "4801"),
-        (0.00035, "0.000350"),
-        (2.5e-6, "2.50e-06"),
-        (3.2e9, "3.20e+09"),
-        (-0.5, "-0.500"),
-        (0.0, "0"),
-        (float("inf"), "inf"),
-    ],
-)
-def test_numbers_have_three_digits(value, text):
-    assert number(value) == text
+def test_numbers_have_three_digits():
+    values = [0.014, 0.09996, 9.996, 999.6, 140.2, 4801.3, 0.00035, 2.5e-6, 3.2e9, -0.5, 0.0, float("inf")]
+    texts = ["0.0140", "0.100", "10.0", "1000", "140", "4801", "0.000350", "2.50e-06", "3.20e+09", "-0.500", "0", "inf"]
+    assert list(map(number, values)) == texts
 
 
-@pytest.mark.parametrize(
-    ("column", "heading"),
-    [
-        ("position_rmse_m", "Position RMSE (3-D) [m]"),
-        ("velocity_rmse_horizontal_mps", "Velocity RMSE horizontal [m/s]"),
-        ("roll_rmse_rad", "Roll RMSE [rad]"),
-        ("anis_per_row", "ANIS per row, with the reported R"),
-        ("step_us", "Step [µs]"),
-        ("m", "M"),
-    ],
-)
-def test_a_columns_name_says_title_and_unit(column, heading):
-    assert quantity(column).heading == heading
-
-
-@pytest.mark.parametrize(
-    ("column", "judged"), [("captured_percent", True), ("returned_percent", False), ("rejected_percent", False)]
-)
-def test_what_is_the_better_the_higher_and_what_an_adaptation_did_is_not_judged_as_an_error(column, judged):
-    assert quantity(column).lowest_is_best == judged
+def test_a_columns_name_says_title_and_unit_and_what_is_the_better_the_higher_is_no_error():
+    headings = {
+        "position_rmse_m": "Position RMSE (3-D) [m]",
+        "velocity_rmse_horizontal_mps": "Velocity RMSE horizontal [m/s]",
+        "roll_rmse_rad": "Roll RMSE [rad]",
+        "anis_per_row": "ANIS per row, with the reported R",
+        "step_us": "Step [µs]",
+        "m": "M",
+    }
+    assert {column: quantity(column).heading for column in headings} == headings
+    judged = {"captured_percent": True, "returned_percent": False, "rejected_percent": False}
+    assert {column: quantity(column).lowest_is_best for column in judged} == judged
 
 
 @dataclass(frozen=True)
@@ -136,7 +117,7 @@ def test_csv_reads_back_with_all_digits(rows):
     assert (one["dataset"], one["adaptation"], one["noise"]) == ("field", "none", "default")
 
 
-def test_terminal_shows_brackets_and_says_a_row_header_once(rows, capsys):
+def test_the_terminal_shows_brackets_one_cell_and_the_metric_that_is_asked_for(rows, capsys):
     both = pd.concat([rows, rows.assign(disturbance="bias")])
     print_table(both, ("A note.",))
     out = capsys.readouterr().out
@@ -144,14 +125,13 @@ def test_terminal_shows_brackets_and_says_a_row_header_once(rows, capsys):
     assert "(4/8 diverged)" in out
     assert len(re.findall(r"^ *bias +(?:jerk|baseline) ", out, flags=re.MULTILINE)) == 1
     assert out.splitlines()[-1].rstrip() == "A note."
-
-
-def test_terminal_shows_one_cell_with_all_metrics_and_reasons(rows, capsys):
     print_run(rows[rows["filter"] == "baseline"].assign(outage_rmse_m=float("nan")))
     out = capsys.readouterr().out
     assert "ANEES of position and velocity" in out
     assert "outage" not in out
     assert "seed 4 diverged: The position error is 4000 m at 3.00 s; the limit is 1000 m." in out
+    print_table(rows, metric="anees")
+    assert capsys.readouterr().out.startswith("ANEES of position and velocity")
 
 
 def test_the_three_files(rows, tmp_path):
@@ -187,18 +167,6 @@ def test_without_the_main_metric_the_first_that_was_computed_leads(without_posit
     assert capsys.readouterr().out.startswith("ANEES of position and velocity")
 
 
-def test_the_terminal_shows_the_metric_that_is_asked_for(rows, capsys):
-    print_table(rows, metric="anees")
-    assert capsys.readouterr().out.startswith("ANEES of position and velocity")
-
-
-def test_the_same_rows_give_the_same_bytes(rows, tmp_path):
-    for name in ("a", "b"):
-        write_tables(rows, tmp_path / name, ())
-    for name in ("table.md", "table.csv", "table.tex"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
 def test_of_a_long_table_the_terminal_has_the_beginning(cell_rows, capsys, monkeypatch):
     frame = pd.DataFrame([row for name in "abcd" for row in cell_rows(name, "none", [1.0, 2.0])])
     monkeypatch.setattr(terminal, "MAX_ROWS", 3)
@@ -207,3 +175,102 @@ def test_of_a_long_table_the_terminal_has_the_beginning(cell_rows, capsys, monke
 
     assert "These are the first 3 of 4 rows; table.md has all." in out
     assert [line.split()[0] for line in out.splitlines() if line.split()[:1] and line.split()[0] in "abcd"] == [*"abc"]
+
+
+def test_every_kind_of_column_is_written_as_pandas_does_and_no_rows_are_a_header(tmp_path):
+    rng = np.random.default_rng(5)
+    numbers = np.r_[rng.standard_normal(20) * 10.0 ** rng.integers(-300, 300, 20), np.nan, np.inf, -np.inf, -0.0, 1e22]
+    texts = ["plain", 'with "quotes"', "a, b", "two\nlines", "a\rb", "", "é", None, " blanks "]
+    rows = pd.DataFrame(
+        {
+            "numbers": numbers,
+            "text": pd.Series([texts[k % len(texts)] for k in range(25)], dtype="str"),
+            "anything": [None if k % 3 else k / 7 for k in range(25)],
+            "strange, name": np.arange(25) * 10**12,
+            "flag": numbers > 0,
+            "empty": np.nan,
+        }
+    )
+    write_rows_csv(rows, tmp_path / "rows.csv")
+    rows["text"] = rows["text"].str.replace("\r", r"\r")  # what ends a line for some and not for others is written out
+    assert (tmp_path / "rows.csv").read_bytes() == rows.to_csv(index=False, lineterminator="\n").encode()
+    write_rows_csv(pd.DataFrame({"a": [1.0], "b": ["x"]}).iloc[:0], tmp_path / "rows.csv")
+    assert (tmp_path / "rows.csv").read_text(encoding="utf-8") == "a,b\n"
+
+
+def cell_of(content, **factors):
+    (cell,) = (cell for cell in content["cells"] if factors.items() <= cell["combination"].items())
+    return cell
+
+
+def test_json_has_all_factors_digits_ratios_and_what_is_lost(rows):
+    content = json.loads(table_json(summarise(rows, "position_rmse_m")))
+    cell = cell_of(content, filter="jerk", adaptation="none")
+    assert set(cell["combination"]) == {"dataset", "disturbance", "attitude", "filter", "adaptation", "noise"}
+    values = rows[(rows["filter"] == "jerk") & (rows["adaptation"] == "none")]["position_rmse_m"]
+    assert cell["geometric_mean"] == pytest.approx(math.exp(np.log(values).mean()), rel=1e-12)
+    assert cell["mean"] == pytest.approx(np.median(values), rel=1e-12)
+    assert (content["unit"], cell["runs"], cell["average"]) == ("m", 8, "median")
+    assert len(content["cells"]) == 3  # what was not run is not there
+    table = summarise(rows, "position_rmse_m", baseline=parse_baseline("adaptation=none"))
+    content = json.loads(table_json(table))
+    ratio = cell_of(content, filter="jerk", adaptation="sage_husa")["ratio"]
+    jerk = rows[rows["filter"] == "jerk"].pivot_table(index="seed", columns="adaptation", values="position_rmse_m")
+    assert content["baseline"] == {"adaptation": "none"}
+    assert ratio["value"] == pytest.approx(math.exp(np.log(jerk["sage_husa"] / jerk["none"]).mean()), rel=1e-9)
+    assert ratio["different"]
+    assert cell_of(content, filter="jerk", adaptation="none")["ratio"] is None
+    rows.loc[(rows["filter"] == "baseline") & (rows["seed"] > 1), "status"] = "diverged"
+    rows.loc[(rows["filter"] == "jerk") & (rows["adaptation"] == "none"), "status"] = "diverged"
+    text = table_json(summarise(rows, "position_rmse_m"))
+    most, every = (cell_of(json.loads(text), adaptation="none", filter=name) for name in ("baseline", "jerk"))
+    assert (most["diverged"], most["average"], most["mean"]) == (6, "median", "lost")
+    assert (every["diverged"], every["mean"]) == (8, None)
+    assert "NaN" not in text
+    assert "Infinity" not in text
+
+
+LABELS = [
+    ("drive,2", 'base"line', "none", "accel=0.1"),
+    ("drive,2", "jerk", "mtf", "accel=0.1"),
+    ("field", "jerk", "none", "accel=0.2"),
+    ("field", 'base"line', "mtf", "accel=0.1"),
+    ("field", "jerk", "mtf", "accel=0.1"),
+]
+
+
+def runs_of(count, replicate, seed):
+    """Runs of every ending, with metrics that some of them lack, that are negative, zero, huge or the same in all."""
+    rng, rows = np.random.default_rng(seed), []
+    for dataset, model, rule, noise in LABELS:
+        for row in cell_rows(model, rule, rng.lognormal(0, 1.5, count), dataset=dataset, noise=noise):
+            anees, drift, speed = rng.lognormal(0, 1.5, 3)
+            row |= {"replicate": replicate, "status": rng.choice(["ok", "diverged", "failed"], p=[0.8, 0.1, 0.1])}
+            row |= {"anees": anees if rng.random() < 0.7 else np.nan, "drift_mps": drift - 1, "step_us": 3}
+            rows.append(row | {"outage_end_m": np.nan, "velocity_rmse_mps": 1e300 * speed})
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(("count", "replicate"), [(1, "seed"), (3, "seed"), (6, "seed"), (21, "seed"), (4, "phase")])
+def test_each_metric_has_the_lines_of_its_own_table(count, replicate, tmp_path):
+    rows = runs_of(count, replicate, seed=count)
+    write_tables(rows, tmp_path)
+
+    first = main_metric(rows)
+    others = [metric for metric in metric_columns(rows) if metric != first]
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8") == tidy_csv(
+        [summarise(rows, metric, leaders=False) for metric in (first, *others)]
+    )
+
+
+def test_of_very_many_cells_the_markdown_has_the_first_table_alone(tmp_path, monkeypatch):
+    rows = runs_of(3, "seed", seed=3)
+    write_tables(rows, tmp_path / "few")
+    monkeypatch.setattr(summary, "MANY_CELLS", len(LABELS) - 1)
+    write_tables(rows, tmp_path / "many")
+
+    few, many = ((tmp_path / name / "table.md").read_text(encoding="utf-8") for name in ("few", "many"))
+    assert few.count("\n## ") > 0
+    assert many.count("\n## ") == 0
+    assert few.startswith(many)
+    assert (tmp_path / "few" / "table.csv").read_bytes() == (tmp_path / "many" / "table.csv").read_bytes()

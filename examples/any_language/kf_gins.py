@@ -1,0 +1,108 @@
+"""KF-GINS over a recording: python kf_gins.py PROGRAM recording.csv OUT.nav.
+
+Without OUT.nav, only the input files are written.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pymap3d import enu2geodetic
+from scipy.spatial.transform import Rotation
+
+GPS_EPOCH, WEEK_S, GPST_MINUS_UTC_S = datetime.fromisoformat("1980-01-06T00:00:00+00:00"), 604_800, 18
+FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+CONFIGURATION = """\
+imupath: "{folder}/imu.txt"
+gnsspath: "{folder}/gnss.txt"
+outputpath: "{folder}"
+imudatalen: 7
+imudatarate: {rate_hz} # [Hz]
+starttime: {start_s:.9f} # [s of the GPS week {week}]
+endtime: {end_s:.9f} # [s]
+initpos: {position} # latitude, longitude [deg], height [m]
+initvel: {velocity} # north, east, down [m/s]
+initatt: {attitude} # roll, pitch, yaw, NED and FRD [deg]
+initgyrbias: [0, 0, 0] # [deg/h]
+initaccbias: [0, 0, 0] # [mGal]
+initgyrscale: [0, 0, 0] # [ppm]
+initaccscale: [0, 0, 0] # [ppm]
+initposstd: {position_sd} # north, east, down [m]
+initvelstd: [0.1, 0.1, 0.1] # [m/s]
+initattstd: [1.0, 1.0, 3.0] # [deg]
+imunoise: # of a small consumer IMU; replace it by the noise of your IMU
+  arw: [0.3, 0.3, 0.3] # [deg/sqrt(h)]
+  vrw: [0.3, 0.3, 0.3] # [m/s/sqrt(h)]
+  gbstd: [30.0, 30.0, 30.0] # [deg/h]
+  abstd: [500.0, 500.0, 500.0] # [mGal]
+  gsstd: [300.0, 300.0, 300.0] # [ppm]
+  asstd: [300.0, 300.0, 300.0] # [ppm]
+  corrtime: 1.0 # [h]
+antlever: [0.0, 0.0, 0.0] # forward, right, down [m]
+"""
+
+
+def columns(table: pd.DataFrame, stream: str, unit: str, axes: str) -> pd.DataFrame:
+    """Return three columns of a stream in the rows that have all of them."""
+    return table[[f"{stream}_{axis}_{unit}" for axis in axes.split()]].dropna()
+
+
+def write_input(recording: Path, folder: Path) -> None:
+    """Write imu.txt (increments), gnss.txt and kf-gins.yaml; times are seconds of the GPS week of the start."""
+    table = pd.read_csv(recording, index_col="t_s")
+    about = json.loads(recording.with_suffix(".json").read_text(encoding="utf-8"))
+    since_s = (datetime.fromisoformat(about["time"]["start_utc"]) - GPS_EPOCH).total_seconds() + GPST_MINUS_UTC_S
+    week, zero_s = divmod(since_s, WEEK_S)
+
+    accel, gyro = columns(table, "accel", "mps2", "forward left up"), columns(table, "gyro", "radps", "forward left up")
+    interval_s = np.diff(accel.index)
+    interval_s = np.concatenate([[np.median(interval_s)], interval_s])[:, None]
+    increments = [values.to_numpy() @ FLU_FROM_FRD * interval_s for values in (gyro, accel)]
+    imu = np.column_stack([zero_s + accel.index, *increments])
+
+    fixes = columns(table, "position", "m", "east north up")
+    places = np.column_stack(enu2geodetic(*fixes.to_numpy().T, *about["origin"].values()))
+    sd = np.sqrt(table.loc[fixes.index, [f"position_variance_{axis}_m2" for axis in ("22", "11", "33")]].to_numpy())
+    gnss = np.column_stack([zero_s + fixes.index, places, sd])
+
+    begin = fixes.index[0]
+    angles = columns(table, "attitude", "rad", "yaw pitch roll").loc[begin:].iloc[0]
+    turn = ENU_FROM_NED.T @ Rotation.from_euler("ZYX", angles).as_matrix() @ FLU_FROM_FRD
+    velocity = np.zeros(3)
+    if "velocity_east_mps" in table:
+        known = columns(table, "velocity", "mps", "east north up").loc[:begin]
+        velocity = ENU_FROM_NED.T @ known.iloc[-1] if len(known) else velocity
+    text = CONFIGURATION.format(
+        folder=folder.resolve(),
+        rate_hz=round(1.0 / np.median(interval_s)),
+        week=int(week),
+        start_s=zero_s + begin,
+        end_s=zero_s + accel.index[-1],
+        position=[round(value, 10) for value in places[0].tolist()],
+        velocity=[round(value, 4) for value in velocity.tolist()],
+        attitude=[round(v, 6) for v in Rotation.from_matrix(turn).as_euler("ZYX", degrees=True)[::-1].tolist()],
+        position_sd=[round(value, 4) for value in sd[0].tolist()],
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savetxt(folder / "imu.txt", imu, "%.9f" + " %.12e" * 6)
+    np.savetxt(folder / "gnss.txt", gnss, "%.9f %.11f %.11f %.5f %.5f %.5f %.5f")
+    (folder / "kf-gins.yaml").write_text(text, encoding="utf-8")
+
+
+def main(program: str, recording: Path, out: Path | None = None) -> None:
+    """Write the input of KF-GINS beside the recording, run the program, and copy its trajectory to ``out``."""
+    folder = recording.parent / "kf_gins"
+    write_input(recording, folder)
+    if out is not None:
+        subprocess.run([program, str(folder / "kf-gins.yaml")], check=True)  # noqa: S603 - the program that the user names
+        shutil.copy(folder / "KF_GINS_Navresult.nav", out)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *map(Path, sys.argv[2:]))

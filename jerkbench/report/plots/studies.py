@@ -1,0 +1,376 @@
+"""Figures of all rows of a study (bars, heat map, curves over a parameter), and the figure of a parameter search."""
+
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from jerkbench.arrays import FloatArray
+from jerkbench.evaluation.over_seeds import Samples, mean_intervals
+from jerkbench.report.columns import SCENARIO_FACTORS, quantity
+from jerkbench.report.plots.style import (
+    LOGARITHMIC_FROM,
+    MEASURED,
+    NO_ADAPTATION,
+    OKABE_ITO,
+    MethodStyle,
+    Palette,
+    legend_below,
+    literal,
+    method_styles,
+    new_figure,
+    style_axes,
+)
+from jerkbench.report.table_model import Table, TableCell, number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NAMED = 8
+"""If a panel has at most this number of bars, the value of each bar is printed above the bar."""
+
+PALE = 0.35
+"""Opacity of the bars of combinations with failed runs."""
+
+_GAP = 0.8
+"""Distance between two groups of bars, in bar widths."""
+
+
+class Bar(NamedTuple):
+    """The bar of one combination: its panel, its group in the panel, its name in the legend, its style, its results."""
+
+    scene: str
+    group: str
+    column: str
+    style: MethodStyle
+    cell: TableCell
+
+
+def bars_figure(table: Table, palette: Palette | None = None, floor: float = 0.0) -> Figure:
+    """Draw a panel for each scenario of ``table``, with a group of bars for each row and a bar for each column.
+
+    The colour of a bar depends on the filter, and the hatch on the adaptation. Combinations that were not run are left
+    out. The bar of a combination with failed runs is pale, and the number of failed runs is printed at its foot. If the
+    median run failed, there is no bar. A dashed line shows the ``floor``: the value of the metric that the errors of
+    the reference alone would cause.
+    """
+    bars = _bars(table, palette)
+    scenes = list(dict.fromkeys(bar.scene for bar in bars))
+    columns = 1 if len(scenes) == 1 else 2
+    height = -(-len(scenes) // columns)
+    figure = new_figure(0.9 + 2.0 * height, 7.0 if columns == 1 else 9.0)
+    panels = figure.subplots(height, columns, sharey=True, squeeze=False).ravel()
+    for axes in panels[len(scenes) :]:
+        axes.set_axis_off()
+    for axes, scene in zip(panels, scenes, strict=False):
+        axes.set_title(literal(scene), fontsize=8)
+        _draw_groups(axes, [bar for bar in bars if bar.scene == scene])
+        if floor > 0:
+            label = "floor: sigma of the reference" if axes is panels[0] else None
+            axes.axhline(floor, color="black", linestyle="--", linewidth=0.8, label=label)
+    for name in (" / ".join(column) or "mean" for column in table.columns):  # invisible bars create the legend
+        styles = [bar.style for bar in bars if bar.column == name]
+        colours, hatches = {style.colour for style in styles}, {style.hatch for style in styles}
+        colour, hatch = colours.pop() if len(colours) == 1 else MEASURED, hatches.pop() if len(hatches) == 1 else ""
+        panels[0].bar([0], [np.nan], color=colour, hatch=hatch, edgecolor="white", label=name)
+    cells = [bar.cell for bar in bars if math.isfinite(bar.cell.mean) and bar.cell.mean > 0]
+    means = [cell.mean for cell in cells]
+    if means and max(means) > LOGARITHMIC_FROM * min(means):  # the panels share the vertical axis
+        panels[0].set_yscale("log")
+        highest = max([3.0 * max(means), *(1.5 * cell.high for cell in cells if math.isfinite(cell.high))])
+        panels[0].set_ylim(bottom=0.5 * min(means), top=highest)
+    else:
+        panels[0].margins(y=0.15)
+    for axes in panels[: len(scenes)]:
+        style_axes(axes)
+        axes.grid(visible=False, axis="x")
+    figure.supylabel(literal(table.title), fontsize=9)
+    legend_below(figure)
+    return figure
+
+
+def _bars(table: Table, palette: Palette | None) -> list[Bar]:
+    """Return a bar for each combination with an average or with failed runs, in the order of the table."""
+    placed = list(table.placed())
+    methods = [(labels.get("filter", ""), labels.get("adaptation", NO_ADAPTATION)) for labels, _ in placed]
+    palette = palette or Palette.of(methods)
+    bars = []
+    for (labels, cell), method in zip(placed, methods, strict=True):
+        scene = ", ".join(labels[key] for key in table.row_keys if key in SCENARIO_FACTORS)
+        group = ", ".join(labels[key] for key in table.row_keys if key not in SCENARIO_FACTORS)
+        column = " / ".join(labels[key] for key in table.column_keys) or "mean"
+        if math.isfinite(cell.mean) or cell.diverged + cell.failed:
+            bars.append(Bar(scene, group, column, palette.style(method), cell))
+    return bars
+
+
+def _draw_groups(axes: Axes, bars: Sequence[Bar]) -> None:
+    middles, position = {}, 0.0
+    for group, of_group in itertools.groupby(bars, key=lambda bar: bar.group):
+        places = []
+        for bar in of_group:
+            _draw_bar(axes, position, bar, named=len(bars) <= _NAMED)
+            places.append(position)
+            position += 1.0
+        middles[literal(group.replace("_", "\n", 1))] = np.mean(places)  # the groups are narrow, so break long names
+        position += _GAP
+    axes.set_xticks(list(middles.values()), list(middles), fontsize=7)
+    axes.tick_params(axis="x", length=0)
+    axes.set_xlim(-0.9, position - _GAP - 0.1)
+
+
+def _draw_bar(axes: Axes, position: float, bar: Bar, *, named: bool) -> None:
+    """Draw a bar with its interval, its value (if ``named``), and the number of failed runs at its foot."""
+    cell, style = bar.cell, bar.style
+    if failed := cell.diverged + cell.failed:
+        foot = {"transform": axes.get_xaxis_transform(), "rotation": 90, "ha": "center", "va": "bottom", "fontsize": 5}
+        axes.text(position, 0.03, f"{failed}/{cell.runs} failed", **foot)  # type: ignore[arg-type]  # as documented
+    if not math.isfinite(cell.mean):
+        return
+    known = math.isfinite(cell.low) and math.isfinite(cell.high)
+    ends = [[max(0.0, cell.mean - cell.low)], [max(0.0, cell.high - cell.mean)]] if known else None
+    alpha = 1.0 if cell.complete else PALE
+    axes.bar(
+        position, cell.mean, 0.9, color=style.colour, hatch=style.hatch, edgecolor="white", alpha=alpha, linewidth=0.3
+    )
+    if ends:
+        axes.errorbar([position], [cell.mean], yerr=ends, fmt="none", ecolor="black", elinewidth=0.8, capsize=1.5)
+    if named:
+        end = max(cell.mean, cell.high) if known else cell.mean
+        offset = {"xytext": (0, 2), "textcoords": "offset points"}
+        axes.annotate(number(cell.mean), (position, end), ha="center", fontsize=6, **offset)  # type: ignore[arg-type]  # as documented
+
+
+# The heat map of methods and scenarios: each error is coloured by its ratio to the best error of the scenario.
+
+WORST = 100.0
+"""Upper end of the colour scale, as a ratio to the best error of the scenario."""
+
+
+def heat_map_figure(table: Table, competing: Sequence[bool]) -> Figure:
+    """Draw the averages of ``table``, coloured by their ratio to the best average of the scenario.
+
+    The methods (columns of the table) are the rows of the figure, and the scenarios (rows of the table) are its
+    columns. A cell with failed runs has no colour and contains the number of failed runs. Cells of combinations that
+    were not run are empty. The names of references (methods that are not ``competing``) are in parentheses. Cells with
+    failed runs and references are not considered for the best average.
+    """
+    scenarios = [", ".join(values) for values in table.rows]
+    names = [" + ".join(values) for values in table.columns]
+    methods = [name if competes else f"({name})" for name, competes in zip(names, competing, strict=True)]
+    height = 1.3 + 0.085 * max(map(len, scenarios)) + 0.24 * len(methods)
+    figure = new_figure(height, 2.2 + 0.085 * max(map(len, methods)) + 0.56 * len(scenarios))
+    axes = figure.add_subplot()
+    complete = np.array([[cell.mean if cell and cell.complete else np.nan for cell in row] for row in table.cells])
+    best = np.where(np.isfinite(complete) & np.asarray(competing), complete, np.inf).min(axis=1, keepdims=True)
+    ratio = complete / best
+    image = axes.imshow(np.clip(ratio, 1.0, WORST).T, cmap="cividis_r", norm=LogNorm(1.0, WORST), aspect="auto")
+    for p, row in enumerate(table.cells):
+        for s, cell in enumerate(row):
+            if cell is None:
+                continue
+            style = {"color": "white" if ratio[p, s] > 10 else "black", "fontsize": 7.0}
+            if competing[s] and complete[p, s] == best[p]:
+                style["weight"] = "bold"
+            text = cell.number
+            if failed := cell.diverged + cell.failed:
+                text, style = f"{text}\n{failed}/{cell.runs}".strip(), {"color": "#555555", "fontsize": 6.0}
+            axes.text(p, s, text, ha="center", va="center", **style)  # type: ignore[arg-type]  # as documented
+    axes.set_xticks(range(len(scenarios)), map(literal, scenarios), rotation=90, fontsize=8)
+    axes.set_yticks(range(len(methods)), map(literal, methods), fontsize=8)
+    axes.set_title(literal(table.title), fontsize="medium")
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    bar = figure.colorbar(image, ax=axes, ticks=[1, 2, 5, 10, 20, 50, 100], format="%g")
+    bar.set_label(f"Times the best of the scenario (up to {WORST:g})", fontsize=8)
+    return figure
+
+
+# Curves over a parameter: the process noise, or the size of a fault.
+
+_SIGMA = re.compile(r"(?:^|[ (,])accel_mps2=([0-9.eE+-]+)")
+PARAMETER = re.compile(r"([A-Za-z_0-9]+)=(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?=[,)])")
+MIN_SIZES = 3
+"""Minimum number of sizes of a fault (values of a parameter) for which a curve is drawn."""
+
+SCENARIO, SIZE, NAME = "severity_of", "severity", "severity_name"
+"""Columns that `curves_figure` reads: the panel of a row, the value of the parameter, and the label of its axis."""
+
+
+def with_noise_sigma(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the rows whose noise label contains a value of accel_mps2, with the columns that `curves_figure` reads."""
+    sigma_a = rows["noise"].astype(str).str.extract(_SIGMA.pattern)[0].astype(float)
+    scenario = rows["dataset"].astype(str) + ": " + rows["disturbance"].astype(str)
+    columns: dict[str, Any] = {SIZE: sigma_a, SCENARIO: scenario, NAME: "sigma_a [m/s$^2$]"}
+    return rows.assign(**columns)[sigma_a.notna()]
+
+
+def with_severity(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the rows of disturbances that differ in only one parameter, with the columns that `curves_figure` reads.
+
+    A parameter with fewer than `MIN_SIZES` values is ignored.
+    """
+    import pandas as pd
+
+    rows = rows.assign(disturbance=rows["disturbance"].astype(str))
+    found = [
+        (label, f"{label[: match.start(2)]}...{label[match.end(2) :]}", match[1], float(match[2]))
+        for label in rows["disturbance"].unique()
+        for match in PARAMETER.finditer(label)
+    ]
+    places = pd.DataFrame(found, columns=["disturbance", SCENARIO, NAME, SIZE])
+    places["values"] = places.groupby([SCENARIO, NAME])[SIZE].transform("nunique")
+    most = places.loc[places.groupby("disturbance")["values"].idxmax()]  # select the parameter with the most values
+    swept = rows.merge(most[most["values"] >= MIN_SIZES].drop(columns="values"), on="disturbance")
+    swept[SCENARIO] = swept["dataset"].astype(str) + ": " + swept[SCENARIO]
+    return swept
+
+
+def curves_figure(swept: "pd.DataFrame", metric: str, palette: Palette | None = None) -> Figure:
+    """Draw the mean of ``metric`` and its interval as a function of a parameter, with a panel for each scenario.
+
+    A mean excludes runs that diverged or failed. A hollow point marks a mean that excludes at least one run.
+
+    Args:
+        swept: rows returned by `with_noise_sigma` or `with_severity`.
+        metric: column of the metric.
+        palette: palette of the study.
+    """
+    swept = swept.assign(method=swept["filter"].astype(str) + " + " + swept["adaptation"].astype(str))
+    scenes = list(swept.groupby(SCENARIO, sort=False))
+    figure = new_figure(0.6 + 2.8 * len(scenes))
+    panels = figure.subplots(len(scenes), 1, squeeze=False)[:, 0]
+    for axes, (name, scene) in zip(panels, scenes, strict=True):
+        for method, style in method_styles(swept["method"].unique(), palette):
+            runs = scene[scene["method"] == method]
+            _draw_means(axes, runs, np.sort(scene[SIZE].unique()), metric, style, method if axes is panels[0] else None)
+        axes.set(title=literal(str(name)), ylabel=literal(quantity(metric).heading), yscale="log")
+        axes.set_xlabel(scene[NAME].iloc[0])
+        if scene[SIZE].min() > 0:
+            axes.set_xscale("log")
+        style_axes(axes)
+    legend_below(figure)
+    return figure
+
+
+def _draw_means(
+    axes: Axes, runs: "pd.DataFrame", at: FloatArray, metric: str, style: MethodStyle, label: str | None
+) -> None:
+    """Draw the means of one method at the values ``at`` of the parameter."""
+    groups = [runs[runs[SIZE] == x] for x in at]
+    good = [group.loc[group["status"] == "ok", metric] for group in groups]
+    means, low, high = mean_intervals(Samples.of(good))
+    complete = np.array([len(values) == len(group) for values, group in zip(good, groups, strict=True)])
+    axes.plot(at, means, **style.stroke, linewidth=1.0, label=label)
+    axes.vlines(at, low, high, color=style.colour, linewidth=0.8)
+    for face, where in ((style.colour, complete), ("white", ~complete)):
+        axes.plot(at[where], means[where], "o", color=style.colour, markerfacecolor=face, markersize=4.0)
+
+
+# The figure of a search: losses over each parameter, map of two parameters, lowest loss over the number of settings.
+
+_COLUMNS = 3
+
+
+class Profile(NamedTuple):
+    """The trials of a search as a function of one parameter, whose range is divided into b bins.
+
+    Attributes:
+        name: name of the parameter.
+        values: (n,) value of the parameter in each trial.
+        middles: (b,) centres of the bins.
+        least: (b,) lowest loss of the trials in each bin. The loss is NaN for a bin without a trial.
+        selected: value of the parameter in the selected setting.
+        log: whether the axis of the parameter is logarithmic.
+    """
+
+    name: str
+    values: FloatArray
+    middles: FloatArray
+    least: FloatArray
+    selected: float
+    log: bool
+
+
+class Map(NamedTuple):
+    """The lowest loss of a search as a function of two parameters, whose ranges are divided into b bins each.
+
+    Attributes:
+        first: name of the parameter along the rows of the map.
+        second: name of the parameter along the columns of the map.
+        least: (b, b) lowest loss of the trials in each bin. The loss is NaN for a bin without a trial.
+        selected: position of the selected setting in the range of each parameter, from 0 to 1.
+    """
+
+    first: str
+    second: str
+    least: FloatArray
+    selected: tuple[float, float]
+
+
+def search_figure(
+    profiles: Sequence[Profile], losses: FloatArray, most: Map | None, curve: Sequence[tuple[int, float]], title: str
+) -> Figure:
+    """Draw the losses of a search.
+
+    Args:
+        profiles: losses as a function of each parameter. Each parameter has one panel.
+        losses: (n,) loss of each trial.
+        most: lowest loss as a function of two parameters. If ``most`` is None, the panel of the two parameters is left
+            out.
+        curve: numbers of evaluated settings, each with the lowest loss of these settings.
+        title: title of the figure.
+    """
+    count = len(profiles) + (most is not None) + 1
+    rows = -(-count // _COLUMNS)
+    figure = new_figure(2.7 * rows, 3.3 * min(count, _COLUMNS))
+    axes = list(np.ravel(figure.subplots(rows, min(count, _COLUMNS), squeeze=False)))
+    for panel, profile in zip(axes, profiles, strict=False):
+        _draw_profile(panel, profile, losses)
+    _draw_curve(axes[len(profiles)], curve)
+    if most is not None:
+        _draw_map(figure, axes[len(profiles) + 1], most)
+    for panel in axes[count:]:
+        panel.set_axis_off()
+    figure.suptitle(literal(title), fontsize="medium")
+    return figure
+
+
+def _draw_profile(axes: Axes, profile: Profile, losses: FloatArray) -> None:
+    known = np.isfinite(profile.least)
+    axes.plot(profile.values, losses, ".", color="#B0B0B0", markersize=3.0)
+    axes.plot(profile.middles[known], profile.least[known], "-o", color=OKABE_ITO[0], markersize=3.0, linewidth=1.2)
+    axes.axvline(profile.selected, color=OKABE_ITO[1], linewidth=1.0, linestyle="--")
+    if profile.log:
+        axes.set_xscale("log")
+    axes.set_xlabel(profile.name, fontsize=8)
+    axes.set_ylabel("loss", fontsize=8)
+    low = float(losses.min())
+    axes.set_ylim(low - 0.05, low + 1.5 * max(float(np.nanmax(profile.least)) - low, 0.1))
+    style_axes(axes)
+
+
+def _draw_curve(axes: Axes, curve: Sequence[tuple[int, float]]) -> None:
+    sizes, best = zip(*curve, strict=True)
+    axes.plot(sizes, best, "-o", color=OKABE_ITO[2], markersize=3.0, linewidth=1.2)
+    axes.set_xscale("log", base=4)
+    axes.set_xticks(sizes, [str(size) for size in sizes])
+    axes.set_xlabel("settings tried", fontsize=8)
+    axes.set_ylabel("least loss", fontsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(visible=True, color="#E4E4E4", linewidth=0.6)
+
+
+def _draw_map(figure: Figure, axes: Axes, most: Map) -> None:
+    image = axes.imshow(most.least, origin="lower", extent=(0.0, 1.0, 0.0, 1.0), aspect="auto", cmap="cividis")
+    axes.plot(most.selected[1], most.selected[0], "x", color="white", markersize=7.0)
+    axes.set_xlabel(f"{most.second}, low to high", fontsize=8)
+    axes.set_ylabel(f"{most.first}, low to high", fontsize=8)
+    axes.set(xticks=[], yticks=[])
+    figure.colorbar(image, ax=axes).set_label("least loss", fontsize=8)
