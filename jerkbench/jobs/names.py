@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from jerkbench import plugins
-from jerkbench.contracts import Estimator, PerSeed, is_attitude_only, preferred_attitude, uses_imu
+from jerkbench.contracts import is_attitude_only, preferred_attitude, uses_imu
 from jerkbench.errors import PluginError, require_known
 from jerkbench.jobs.job import Job, Noise, Protocol, build
 from jerkbench.presets import default_names, merged_values, preset, preset_names
@@ -182,14 +182,14 @@ def refusal(job: Job, adaptations: str = "") -> str:
         return _lacking(job, "positions", _filters(is_attitude_only))
     if getattr(dataset, "without_imu", False) and uses_imu(model):
         return _lacking(job, "IMU", _filters(lambda cls: not uses_imu(cls)))
-    if isinstance(model, PerSeed) and not model.for_each_seed and len(job.draws) > 1:
+    if getattr(model, "for_each_seed", True) is False and len(job.draws) > 1:
         files = f"the filter {job.labels.filter} has one file for {len(job.draws)} runs"
         return f"{files}; write {{seed}} instead of the seed in its name, or give seeds=1"
-    name = job.spec["adaptation"]["name"]
-    if not isinstance(model, Estimator) or name in model.adaptations:
+    name, supported = job.method.plain["adaptation"]["name"], getattr(model, "adaptations", None)
+    if supported is None or name in supported:
         return ""
     refused = f"the filter {job.spec['filter']['name']} does not support adaptation={adaptations or name}"
-    return f"{refused}; supported: {', '.join(model.adaptations)}"
+    return f"{refused}; supported: {', '.join(supported)}"
 
 
 def require_sensible(job: Job) -> None:

@@ -30,7 +30,7 @@ def require_inputs(job: Job, checked: set[tuple[object, object]]) -> None:
         JerkbenchError: The recording lacks an input, or the recording does not exist.
     """
     for part in (job.scenario.attitude, job.method.filter):
-        if isinstance(part, Requiring) and (job.scenario.dataset, part) not in checked:
+        if has_methods(part, Requiring) and (job.scenario.dataset, part) not in checked:
             try:
                 part.require(lambda: job.scenario.dataset.load(job.draws[0]))
             except JerkbenchError:
